@@ -1,0 +1,176 @@
+"""Cross-section curves as the format means them: samples, knots or a formula."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from msgspec import UNSET, UnsetType
+
+from terratool.definition import expression
+from terratool.definition.expression import Expression, ExpressionError
+from terratool.definition.findings import Remark
+from terratool.definition.model import CurveValue, Pair, Primitive
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Values at evenly spaced t from 0 to 1, linear in between; one value is a constant."""
+
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Knots:
+    """(t, z) knots, linear in between; two at one t are a vertical step."""
+
+    points: tuple[Pair, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """A named curve or an expression."""
+
+    expression: Expression
+
+
+Curve = Samples | Knots | Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A primitive with both of its curves known; `y` is None where x is turned (radial)."""
+
+    x: Curve
+    y: Curve | None
+    combine: str
+
+
+class CurveError(ValueError):
+    """A curve that means nothing; carries the remark, its pointer relative to the primitive."""
+
+    def __init__(self, code: str, pointer: str, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.remark = Remark(pointer, message, hint)
+
+
+def read_curve(value: CurveValue, key: str) -> Curve:
+    """The curve that a non-empty value of `x` or `y` stands for.
+
+    Raises:
+        CurveError: its expression or its knots are wrong.
+    """
+    if isinstance(value, str):
+        return _formula(value, key)
+    if all(isinstance(item, float) for item in value):
+        return Samples(value)  # type: ignore[arg-type]
+    return _knots(value, key)
+
+
+def _formula(text: str, key: str) -> Formula:
+    try:
+        parsed = expression.parse(text)
+    except ExpressionError as error:
+        raise CurveError("TT301", f"/{key}", f"{error.message}.", error.hint) from error
+    try:
+        expression.check(parsed)
+    except ExpressionError as error:
+        raise CurveError("TT302", f"/{key}", f"{error.message}.", error.hint) from error
+    return Formula(parsed)
+
+
+def _knots(value: tuple[float | Pair, ...], key: str) -> Knots:
+    for index, item in enumerate(value):
+        if isinstance(item, float):
+            raise CurveError(
+                "TT304",
+                f"/{key}/{index}",
+                "numbers and [t, z] knots are mixed in one curve.",
+                "Write numbers only, or knots only.",
+            )
+    points: tuple[Pair, ...] = value  # type: ignore[assignment]
+    for index, ((before, _), (after, _)) in enumerate(pairwise(points), 1):
+        if after < before:
+            raise CurveError(
+                "TT304",
+                f"/{key}/{index}/0",
+                f"the knot at t = {after:g} comes after the one at t = {before:g}.",
+                "Sort the knots by t; two at the same t make a vertical step.",
+            )
+    for index, wanted in ((0, 0.0), (len(points) - 1, 1.0)):
+        if points[index][0] != wanted:
+            raise CurveError(
+                "TT304",
+                f"/{key}/{index}/0",
+                f"the {'last' if index else 'first'} knot stands at t = {points[index][0]:g}.",
+                f"Let the knots reach from t = 0 to t = 1: it must be {wanted:g}.",
+            )
+    return Knots(points)
+
+
+def problems(primitive: Primitive) -> list[CurveError]:
+    """Everything that is wrong with the curves of a primitive."""
+    found = []
+    for key, value in (("x", primitive.x), ("y", primitive.y)):
+        if _given(value):
+            try:
+                read_curve(value, key)  # type: ignore[arg-type]
+            except CurveError as error:
+                found.append(error)
+    if primitive.combine == "radial":
+        found.extend(_radial_problems(primitive))
+    elif not _given(primitive.x) and not _given(primitive.y):
+        what = {
+            (True, True): 'both "x" and "y" are left out',
+            (False, False): 'both "x" and "y" are empty',
+        }.get((primitive.x is UNSET, primitive.y is UNSET), 'one curve is left out, the other empty')
+        found.append(
+            CurveError(
+                "TT303", "", f"{what}, so there is no curve.", "Give at least one of them values."
+            )
+        )
+    return found
+
+
+def _given(value: CurveValue | UnsetType) -> bool:
+    return value is not UNSET and value != ()
+
+
+def _radial_problems(primitive: Primitive) -> list[CurveError]:
+    found = []
+    if primitive.y is not UNSET:
+        found.append(
+            CurveError(
+                "TT305",
+                "/y",
+                'a radial primitive has only the curve "x".',
+                'Remove "y": "x" is turned about the middle.',
+            )
+        )
+    if not _given(primitive.x):
+        found.append(
+            CurveError(
+                "TT303",
+                "" if primitive.x is UNSET else "/x",
+                'a radial primitive needs the curve "x".',
+                'Give "x" values; its right half, from t = 0.5 to 1, is the profile.',
+            )
+        )
+    return found
+
+
+def shape_of(primitive: Primitive) -> Shape:
+    """The curves of a valid primitive, with copies and omissions resolved."""
+    combine = "product" if primitive.combine is UNSET else str(primitive.combine)
+    if combine == "radial":
+        return Shape(read_curve(primitive.x, "x"), None, combine)  # type: ignore[arg-type]
+    x = _resolve(primitive.x, primitive.y, "x")
+    y = _resolve(primitive.y, primitive.x, "y")
+    return Shape(x, y, combine)
+
+
+def _resolve(own: CurveValue | UnsetType, other: CurveValue | UnsetType, key: str) -> Curve:
+    if own is UNSET:
+        return Samples((1.0,))
+    return read_curve(own if own else other, key)  # type: ignore[arg-type]

@@ -1,0 +1,340 @@
+"""A strict RFC 8259 reader that knows where everything stands.
+
+It is used when there is something to say: the fast way through a clean file is typed decoding
+(`reader`). Iterative, so that nesting costs no stack.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from terratool.definition.findings import escape, unescape
+
+MAX_DEPTH = 10_000
+
+_space = re.compile(r"[ \t\n\r]*").match
+_number = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?").match
+_plain = re.compile(r'[^"\\\x00-\x1f]*').match
+_hex4 = re.compile(r"[0-9a-fA-F]{4}").match
+_word = re.compile(r"[A-Za-z_$][A-Za-z0-9_$-]*|.", re.DOTALL).match
+_ESCAPES = {
+    '"': '"', "\\": "\\", "/": "/", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t",
+}  # fmt: skip
+_LITERALS = {"true": True, "false": False, "null": None}
+
+
+class Misspelt(Exception):
+    """The text is no JSON; `offset` counts characters from 0."""
+
+    def __init__(self, code: str, offset: int, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.offset = offset
+        self.message = message
+        self.hint = hint
+
+
+@dataclass(slots=True)
+class JsonText:
+    """A parsed text.
+
+    Attributes:
+        text: the characters.
+        value: plain dicts, lists, strings, numbers, booleans and None; the first of duplicates.
+        duplicates: (pointer, offset) of each key that stood in its object before.
+    """
+
+    text: str
+    value: Any
+    duplicates: list[tuple[str, int]]
+    _places: dict[int, dict[str, tuple[int, int]] | list[int]]
+    _start: int
+
+    def offset(self, pointer: str, on_key: bool = False) -> int:
+        """Where the value (or its key) that a pointer names begins; its nearest parent if absent."""
+        value, offset = self.value, self._start
+        for token in pointer.split("/")[1:]:
+            places = self._places.get(id(value))
+            step: Any = unescape(token) if isinstance(places, dict) else token
+            if isinstance(places, dict) and step in places:
+                key, offset = places[step]
+                offset = key if on_key else offset
+            elif isinstance(places, list) and step.isdigit() and int(step) < len(places):
+                step = int(step)
+                offset = places[step]
+            else:
+                break
+            value = value[step]
+        return offset
+
+    def line_column(self, offset: int) -> tuple[int, int]:
+        """Line and column, both from 1, of an offset; CRLF, LF and CR end a line."""
+        return line_column(self.text, offset)
+
+
+def line_column(text: str, offset: int) -> tuple[int, int]:
+    """Line and column, both from 1, of an offset in a text; CRLF, LF and CR end a line."""
+    before = text[:offset].replace("\r\n", "\n").replace("\r", "\n")
+    return before.count("\n") + 1, offset - _line_start(text, offset) + 1
+
+
+def _line_start(text: str, offset: int) -> int:
+    return max(text.rfind("\n", 0, offset), text.rfind("\r", 0, offset)) + 1
+
+
+def parse(text: str) -> JsonText:
+    """Parse a text.
+
+    Raises:
+        Misspelt: at the first character that RFC 8259 does not allow, or that nests too deep.
+    """
+    start = _space(text, 0).end()  # type: ignore[union-attr]
+    if start == len(text):
+        raise Misspelt(
+            "TT101", start, "the file is empty.", "Write a terrain definition, a JSON object."
+        )
+    places: dict[int, Any] = {}
+    duplicates: list[tuple[str, int]] = []
+    stack: list[Any] = []
+    path: list[str] = []
+    container: Any = None
+    marks: Any = None
+    key: str | None = None
+    key_at = 0
+    value: Any
+    offset = start
+    while True:
+        # a value begins at offset
+        char = text[offset : offset + 1]
+        begin = offset
+        opened = False
+        if char == "{" or char == "[":
+            opened = True
+            value = {} if char == "{" else []
+            offset += 1
+            if len(stack) >= MAX_DEPTH:
+                raise Misspelt(
+                    "TT108",
+                    begin,
+                    f"the text nests deeper than {MAX_DEPTH} levels.",
+                    "Flatten the terrain: a level below the width of a grain has no meaning.",
+                )
+        else:
+            value, offset = _scalar(text, offset)
+        if isinstance(container, dict):
+            assert key is not None
+            if key in container:
+                duplicates.append(("".join(path) + "/" + escape(key), key_at))
+            else:
+                container[key] = value
+                marks[key] = (key_at, begin)
+        elif isinstance(container, list):
+            container.append(value)
+            marks.append(begin)
+        else:
+            top = value
+        if opened:
+            if container is not None:
+                token = key if isinstance(container, dict) else str(len(container) - 1)
+                path.append("/" + escape(token or ""))
+            stack.append((container, marks))
+            container = value
+            marks = places[id(value)] = {} if char == "{" else []
+            offset = _space(text, offset).end()  # type: ignore[union-attr]
+            closing = "}" if char == "{" else "]"
+            if not text.startswith(closing, offset):
+                if char == "{":
+                    key, key_at, offset = _key(text, offset)
+                continue
+        # after a value, or at the closing of an empty container
+        while True:
+            offset = _space(text, offset).end()  # type: ignore[union-attr]
+            if container is None:
+                if offset < len(text):
+                    raise Misspelt(
+                        "TT101",
+                        offset,
+                        "there is text after the end of the definition.",
+                        "Remove it; one file holds one JSON object.",
+                    )
+                return JsonText(text, top, duplicates, places, start)
+            char = text[offset : offset + 1]
+            closing = "}" if isinstance(container, dict) else "]"
+            if char == closing:
+                offset += 1
+                container, marks = stack.pop()
+                if path:
+                    path.pop()
+                continue
+            break
+        if char != ",":
+            raise _expected_comma(text, offset, closing)
+        comma = offset
+        offset = _space(text, offset + 1).end()  # type: ignore[union-attr]
+        if text.startswith(closing, offset):
+            raise Misspelt(
+                "TT101",
+                comma,
+                f'there is a comma before the closing "{closing}".',
+                "Remove the comma; JSON allows none after the last item.",
+            )
+        if closing == "}":
+            key, key_at, offset = _key(text, offset)
+
+
+def _key(text: str, offset: int) -> tuple[str, int, int]:
+    if not text.startswith('"', offset):
+        raise _unexpected(text, offset, 'a key in double quotes, or "}"')
+    key, end = _string(text, offset)
+    end = _space(text, end).end()  # type: ignore[union-attr]
+    if not text.startswith(":", end):
+        raise Misspelt(
+            "TT101",
+            end,
+            f'there is no ":" after the key "{key}".',
+            'Write the key, ":" and its value.',
+        )
+    return key, offset, _space(text, end + 1).end()  # type: ignore[union-attr]
+
+
+def _scalar(text: str, offset: int) -> tuple[Any, int]:
+    char = text[offset : offset + 1]
+    if char == '"':
+        return _string(text, offset)
+    match = _number(text, offset)
+    if match is not None:
+        end = match.end()
+        follow = text[end : end + 1]
+        if follow and (follow.isalnum() or follow in ".+-_"):
+            raise _bad_number(text, offset)
+        spelling = match.group()
+        if match.group(1) is None and match.group(2) is None and len(spelling) < 300:
+            return int(spelling), end
+        return float(spelling), end
+    word = _word(text, offset)
+    spelling = word.group() if word else ""
+    if spelling in _LITERALS:
+        return _LITERALS[spelling], offset + len(spelling)
+    if spelling in ("NaN", "Infinity") or text.startswith("-Infinity", offset):
+        raise Misspelt(
+            "TT107",
+            offset,
+            f"{'-Infinity' if char == '-' else spelling} is no number in JSON.",
+            "Write a finite number, or leave the key out.",
+        )
+    if char and char in "+-.":
+        raise _bad_number(text, offset)
+    raise _unexpected(text, offset, "a value")
+
+
+def _bad_number(text: str, offset: int) -> Misspelt:
+    end = offset
+    while end < len(text) and (text[end].isalnum() or text[end] in "+-._"):
+        end += 1
+    spelling = text[offset:end]
+    hint = "Write it like 12, -0.5 or 1e-3."
+    digits = spelling.lstrip("+-")
+    if digits[:1] == "0" and digits[1:2].isdigit():
+        hint = f"Write {spelling.lstrip('+').replace(digits, digits.lstrip('0') or '0')}: JSON allows no leading zeros."
+    return Misspelt("TT101", offset, f'"{spelling[:40]}" is no JSON number.', hint)
+
+
+def _string(text: str, offset: int) -> tuple[str, int]:
+    match = _plain(text, offset + 1)
+    end = match.end()  # type: ignore[union-attr]
+    if text.startswith('"', end):
+        return text[offset + 1 : end], end + 1
+    parts = [text[offset + 1 : end]]
+    while True:
+        char = text[end : end + 1]
+        if char == '"':
+            return "".join(parts), end + 1
+        if char == "\\":
+            part, end = _escaped(text, end)
+            parts.append(part)
+        elif char == "":
+            raise Misspelt(
+                "TT101", offset, "the text in quotes does not end.", 'Close it with ".'
+            )
+        else:
+            raise Misspelt(
+                "TT101",
+                end,
+                f"the character U+{ord(char):04X} stands bare inside a text.",
+                "Close the quotes on the same line, or write it as an escape such as \\n or \\t.",
+            )
+        match = _plain(text, end)
+        parts.append(match.group())  # type: ignore[union-attr]
+        end = match.end()  # type: ignore[union-attr]
+
+
+def _escaped(text: str, offset: int) -> tuple[str, int]:
+    char = text[offset + 1 : offset + 2]
+    if char in _ESCAPES:
+        return _ESCAPES[char], offset + 2
+    match = _hex4(text, offset + 2)
+    if char != "u" or match is None:
+        raise Misspelt(
+            "TT101",
+            offset,
+            f'"{text[offset : offset + 2]}" is no escape that JSON knows.',
+            "Use \\\" \\\\ \\/ \\b \\f \\n \\r \\t or \\u and four hexadecimal digits.",
+        )
+    unit = int(match.group(), 16)
+    end = offset + 6
+    if 0xD800 <= unit < 0xDC00 and text.startswith("\\u", end):
+        low = _hex4(text, end + 2)
+        if low is not None and 0xDC00 <= int(low.group(), 16) < 0xE000:
+            unit = 0x10000 + ((unit - 0xD800) << 10) + (int(low.group(), 16) - 0xDC00)
+            end += 6
+    if 0xD800 <= unit < 0xE000:
+        raise Misspelt(
+            "TT101",
+            offset,
+            f'"{text[offset : offset + 6]}" is half of a surrogate pair.',
+            "Write the character itself, or both halves.",
+        )
+    return chr(unit), end
+
+
+def _expected_comma(text: str, offset: int, closing: str) -> Misspelt:
+    char = text[offset : offset + 1]
+    if char == "":
+        return Misspelt(
+            "TT101",
+            offset,
+            f'the file ends before the closing "{closing}".',
+            "Complete the text; it may have been cut off.",
+        )
+    if char in '"{[' or char.isalnum() or char == "-":
+        # the comma belongs right behind the value before
+        behind = len(text[:offset].rstrip(" \t\r\n"))
+        return Misspelt(
+            "TT101", behind, "there is no comma between two items.", "Write a comma here."
+        )
+    return _unexpected(text, offset, f'"," or "{closing}"')
+
+
+def _unexpected(text: str, offset: int, wanted: str) -> Misspelt:
+    if offset >= len(text):
+        return Misspelt(
+            "TT101",
+            offset,
+            f"the file ends where {wanted} is expected.",
+            "Complete the text; it may have been cut off.",
+        )
+    found = _word(text, offset).group()  # type: ignore[union-attr]
+    hint = f"Write {wanted}."
+    if found == "'":
+        hint = "Use double quotes; JSON knows no single ones."
+    elif found in "/#":
+        hint = 'JSON has no comments: put the words in "descr" or in a key that begins with x-.'
+    elif found in ("True", "False", "None"):
+        hint = f"Write {'null' if found == 'None' else found.lower()}."
+    elif found[0].isalpha():
+        hint = "Put names in double quotes."
+    shown = found[:40] if found.isprintable() else f"U+{ord(found[0]):04X}"
+    return Misspelt("TT101", offset, f"{shown} stands where {wanted} is expected.", hint)
+

@@ -1,0 +1,103 @@
+"""What the user wrote, as frozen typed values; absent keys are `UNSET`.
+
+The classes mirror the text key by key (``cell_x`` is ``cellX``). Defaults are not filled in:
+they depend on the place in the tree, and `terratool.field` gives them their meaning.
+"""
+
+from __future__ import annotations
+
+import msgspec
+from msgspec import UNSET, Struct, UnsetType
+
+DEFAULT_CELLS = 10
+"""Cells of an element's grid along each axis where `cells` is absent."""
+
+Pair = tuple[float, float]
+CurveValue = tuple[float | Pair, ...] | str
+"""A vector, a list of knots (never both in one list; a rule sees to that), or a string."""
+
+
+class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """The micro-terrain: soil, friction, colour and sonar of a surface."""
+
+    descr: str | UnsetType = UNSET
+    cohesion: float | UnsetType = UNSET
+    fric_angle: float | UnsetType = UNSET
+    sinkage: float | UnsetType = UNSET
+    color: tuple[int, int, int] | UnsetType = UNSET
+    sonar_refl: float | UnsetType = UNSET
+    shear_modulus: float | UnsetType = UNSET
+    void: bool | UnsetType = UNSET
+
+
+class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """Two cross-section curves and how they combine."""
+
+    descr: str | UnsetType = UNSET
+    x: CurveValue | UnsetType = UNSET
+    y: CurveValue | UnsetType = UNSET
+    combine: str | UnsetType = UNSET
+
+
+class Element(
+    Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True, gc=False
+):
+    """A primitive placed in a cell, with the grid that divides that cell for its children."""
+
+    descr: str | UnsetType = UNSET
+    type: str | UnsetType = UNSET
+    surface: str | UnsetType = UNSET
+    cell_x: int | UnsetType = UNSET
+    cell_y: int | UnsetType = UNSET
+    span: tuple[int, int] | UnsetType = UNSET
+    v_scale: float | UnsetType = UNSET
+    v_offset: float | UnsetType = UNSET
+    turn_deg: float | UnsetType = UNSET
+    cells: int | tuple[int, int] | UnsetType = UNSET
+    children: tuple[Element, ...] | UnsetType = UNSET
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Cells of the grid for the children, along x and y."""
+        cells = self.cells
+        if type(cells) is int:
+            return cells, cells
+        return (DEFAULT_CELLS, DEFAULT_CELLS) if cells is UNSET else cells  # type: ignore[return-value]
+
+    @property
+    def block(self) -> tuple[int, int]:
+        """Cells that it occupies along x and y."""
+        return (1, 1) if self.span is UNSET else self.span  # type: ignore[return-value]
+
+
+class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """One terrain."""
+
+    schema: str | UnsetType = msgspec.field(default=UNSET, name="$schema")
+    descr: str | UnsetType = UNSET
+    size: float | Pair | UnsetType = UNSET
+    origin: Pair | UnsetType = UNSET
+    crs: str | int | dict[str, object] | UnsetType = UNSET
+    surf_types: dict[str, Surface] | UnsetType = UNSET
+    elem_types: dict[str, Primitive] | UnsetType = UNSET
+    elem_tree: Element | UnsetType = UNSET
+
+    @property
+    def extent(self) -> Pair:
+        """Side lengths along x and y."""
+        return self.size if isinstance(self.size, tuple) else (self.size, self.size)  # type: ignore[return-value]
+
+    @property
+    def corner(self) -> Pair:
+        """World position of the south-west corner."""
+        return (0.0, 0.0) if self.origin is UNSET else self.origin  # type: ignore[return-value]
+
+    @property
+    def surfaces(self) -> dict[str, Surface]:
+        """The dictionary of surfaces, empty where absent."""
+        return {} if self.surf_types is UNSET else self.surf_types  # type: ignore[return-value]
+
+    @property
+    def primitives(self) -> dict[str, Primitive]:
+        """The dictionary of primitives, empty where absent."""
+        return {} if self.elem_types is UNSET else self.elem_types  # type: ignore[return-value]

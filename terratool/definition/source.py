@@ -1,0 +1,77 @@
+"""The bytes of a definition: where they come from, and their text."""
+
+from __future__ import annotations
+
+import sys
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from terratool.errors import ReadError
+
+MAX_BYTES = 2 * 1024**3
+_GZIP = b"\x1f\x8b"
+_BOM = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A text under a name; gzip is already undone and a byte order mark taken off."""
+
+    name: str
+    data: bytes
+
+
+def read_source(path: str | Path) -> Source:
+    """Read a file, or standard input for ``-``.
+
+    Raises:
+        ReadError: the file is missing, unreadable, too large or broken gzip.
+    """
+    name = str(path)
+    try:
+        if name == "-":
+            data = sys.stdin.buffer.read(MAX_BYTES + 1)
+            name = "<stdin>"
+        else:
+            with open(path, "rb") as file:
+                data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise ReadError(
+            f"{name}: cannot be read ({(error.strerror or str(error)).lower()}).",
+            "Check the path and its permissions.",
+        ) from error
+    data = _within_limit(name, data)
+    if data.startswith(_GZIP):
+        data = _within_limit(name, _gunzip(name, data))
+    return Source(name, data.removeprefix(_BOM))
+
+
+def _within_limit(name: str, data: bytes) -> bytes:
+    if len(data) > MAX_BYTES:
+        raise ReadError(
+            f"{name}: holds more than {MAX_BYTES // 1024**3} GiB of text.",
+            "Split the terrain, or describe it by primitives rather than by points.",
+        )
+    return data
+
+
+def _gunzip(name: str, data: bytes) -> bytes:
+    parts = []
+    size = 0
+    try:
+        while data:
+            stream = zlib.decompressobj(wbits=31)
+            part = stream.decompress(data, MAX_BYTES + 1 - size)
+            parts.append(part)
+            size += len(part)
+            if size > MAX_BYTES:
+                break
+            if not stream.eof:
+                raise zlib.error("the stream ends too early")
+            data = stream.unused_data.lstrip(b"\0")  # padding is allowed between members
+    except zlib.error as error:
+        raise ReadError(
+            f"{name}: is broken gzip ({error}).", "Write or fetch the file again."
+        ) from error
+    return b"".join(parts)

@@ -1,0 +1,51 @@
+"""What can go wrong, as exceptions that carry one sentence, a hint and an exit code."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from terratool.definition.findings import Finding
+
+
+class TerratoolError(Exception):
+    """Base of all errors that a user can cause.
+
+    Args:
+        message: one sentence that says what is wrong and where.
+        hint: one sentence that says what to do; may be empty.
+    """
+
+    exit_code = 3
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message} {self.hint}".rstrip()
+
+
+class ReadError(TerratoolError):
+    """A file cannot be read."""
+
+
+class WriteError(TerratoolError):
+    """A file cannot be written, or may not be overwritten."""
+
+
+class RequestError(TerratoolError):
+    """What was asked for makes no sense for this terrain."""
+
+    exit_code = 2
+
+
+class DefinitionError(TerratoolError):
+    """The text was read, but it is no valid terrain; `findings` says why."""
+
+    exit_code = 1
+
+    def __init__(self, message: str, hint: str = "", findings: tuple[Finding, ...] = ()) -> None:
+        super().__init__(message, hint)
+        self.findings = findings

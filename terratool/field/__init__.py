@@ -1,0 +1,1 @@
+"""What a definition means: compiled once into flat arrays, asked by everything else."""

@@ -1,0 +1,178 @@
+"""Curves as cubic pieces: vectors and knots exactly, formulas to 1e-8.
+
+A formula gets as few evenly spaced pieces as keep the error below `TOLERANCE`; where evenly spaced
+ones cannot (a kink off the grid, the vertical tangent of the dome), pieces are halved where needed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.curves import Curve, Knots, Samples
+from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
+
+TOLERANCE = 1e-8
+_EVEN_LEVELS = 10
+_MAX_HALVINGS = 60
+_MAX_PIECES = 1 << 18
+_MAX_BINS = 4096
+
+Floats = NDArray[np.float64]
+
+_FUNCTIONS = {
+    "add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "pow": np.power,
+    "neg": np.negative, "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin,
+    "acos": np.arccos, "atan": np.arctan, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh,
+    "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
+    "min": lambda *values: np.minimum.reduce(np.broadcast_arrays(*values)),
+    "max": lambda *values: np.maximum.reduce(np.broadcast_arrays(*values)),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """A curve in pieces.
+
+    Attributes:
+        starts: (n,) t where each piece begins; the first is 0, two are equal where a piece has no
+            length (a step at t = 1).
+        coefficients: (n, 4); the value at t is c0 + s·(c1 + s·(c2 + s·c3)), with s = t − start for
+            knotted curves and s = n·t − i for evenly spaced ones.
+        even: whether the pieces are evenly spaced.
+        low, high: the range of the values at the ends and, for formulas, inside of the pieces.
+    """
+
+    starts: Floats
+    coefficients: Floats
+    even: bool
+    low: float
+    high: float
+
+
+def pieces_of(curve: Curve) -> Pieces:
+    """Cut a curve into pieces."""
+    if isinstance(curve, Samples):
+        return _samples(np.array(curve.values))
+    if isinstance(curve, Knots):
+        return _knots(np.array(curve.points))
+    return _formula(curve.expression)
+
+
+def _samples(values: Floats) -> Pieces:
+    if len(values) == 1:
+        values = np.repeat(values, 2)
+        if True:
+            coefficients = np.array([[values[0], 0.0, 0.0, 0.0]])
+            return Pieces(np.zeros(1), coefficients, True, values[0], values[0])
+    count = len(values) - 1
+    coefficients = np.zeros((count, 4))
+    coefficients[:, 0] = values[:-1]
+    coefficients[:, 1] = np.diff(values)
+    return Pieces(
+        np.arange(count) / count, coefficients, True, float(values.min()), float(values.max())
+    )
+
+
+def _knots(points: Floats) -> Pieces:
+    t, z = points[:, 0], points[:, 1]
+    length = np.diff(t)
+    keep = length > 0
+    starts, firsts = t[:-1][keep], z[:-1][keep]
+    with np.errstate(over="ignore"):
+        slopes = np.nan_to_num(np.diff(z)[keep] / length[keep])
+    if t[-2] == 1.0:  # a step at the very end: a piece of no length holds the value on its right
+        starts, firsts, slopes = (
+            np.append(starts, 1.0),
+            np.append(firsts, z[-1]),
+            np.append(slopes, 0.0),
+        )
+    coefficients = np.zeros((len(starts), 4))
+    coefficients[:, 0] = firsts
+    coefficients[:, 1] = slopes
+    return Pieces(starts, coefficients, False, float(z.min()), float(z.max()))
+
+
+def values_of(expression: Expression, t: Floats) -> Floats:
+    """Evaluate an expression at `t`; what is not finite between the checked points is bounded."""
+    with np.errstate(all="ignore"):
+        values = np.broadcast_to(np.asarray(evaluate(expression, t, _FUNCTIONS), float), t.shape)
+    return np.clip(np.nan_to_num(values, nan=0.0), -MAX_VALUE, MAX_VALUE)
+
+
+def _formula(expression: Expression) -> Pieces:
+    t = np.linspace(0.0, 1.0, CHECK_POINTS)
+    values = values_of(expression, t)
+    # below one part in 1e12 of the largest value lies the rounding of the values themselves
+    tolerance = TOLERANCE + 1e-12 * float(np.abs(values).max())
+    low, high = float(values.min()), float(values.max())
+    for level in range(_EVEN_LEVELS + 1):
+        starts = np.arange(1 << level) / (1 << level)
+        coefficients = _cubics(expression, starts, np.full(1 << level, 1.0 / (1 << level)))
+        if _error(coefficients, values) <= tolerance:
+            return Pieces(starts, coefficients, True, low, high)
+    starts, lengths, coefficients = _halve(expression, tolerance)
+    coefficients = coefficients / lengths[:, None] ** np.arange(4)
+    return Pieces(starts, coefficients, False, low, high)
+
+
+_THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
+_TO_CUBIC = np.linalg.inv(np.vander(_THIRDS, 4, increasing=True))
+
+
+def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
+    """(n, 4) coefficients in s from 0 to 1 of the cubics through four points of each piece."""
+    t = np.minimum(starts[:, None] + lengths[:, None] * _THIRDS, 1.0)
+    values = values_of(expression, t)
+    coefficients = values @ _TO_CUBIC.T
+    coefficients[:, 0] = values[:, 0]
+    return coefficients
+
+
+def _at(coefficients: Floats, s: Floats) -> Floats:
+    c = coefficients
+    return c[:, :1] + s * (c[:, 1:2] + s * (c[:, 2:3] + s * c[:, 3:]))
+
+
+def _error(coefficients: Floats, values: Floats) -> float:
+    per_piece = (len(values) - 1) // len(coefficients)
+    s = np.arange(per_piece) / per_piece
+    if per_piece < 8:  # too few known values inside: the next level is compared instead
+        return math.inf
+    return float(np.abs(_at(coefficients, s[None, :]) - values[:-1].reshape(-1, per_piece)).max())
+
+
+def _halve(expression: Expression, tolerance: float) -> tuple[Floats, Floats, Floats]:
+    inside = np.array([0.02, 0.1, 0.2, 0.45, 0.5, 0.55, 0.8, 0.9, 0.98])
+    starts = np.arange(512) / 512
+    lengths = np.full(512, 1 / 512)
+    done: list[tuple[Floats, Floats, Floats]] = []
+    total = 0
+    for halving in range(_MAX_HALVINGS):
+        coefficients = _cubics(expression, starts, lengths)
+        t = np.minimum(starts[:, None] + lengths[:, None] * inside, 1.0)
+        miss = np.abs(_at(coefficients, inside[None, :]) - values_of(expression, t)).max(axis=1)
+        # a piece that doubles cannot halve is left as it is
+        good = (miss <= tolerance) | (starts + lengths / 2 <= starts)
+        if halving == _MAX_HALVINGS - 1 or total + 2 * len(starts) > _MAX_PIECES:
+            good[:] = True
+        done.append((starts[good], lengths[good], coefficients[good]))
+        total += int(good.sum())
+        starts, lengths = starts[~good], lengths[~good] / 2
+        if not len(starts):
+            break
+        starts = np.concatenate([starts, starts + lengths])
+        lengths = np.concatenate([lengths, lengths])
+    starts, lengths, coefficients = (np.concatenate(part) for part in zip(*done, strict=True))
+    order = np.argsort(starts, kind="stable")
+    return starts[order], lengths[order], coefficients[order]
+
+
+def bins_of(starts: Floats) -> NDArray[np.uint32]:
+    """For evenly spaced bins of t, the last piece that begins at or before the bin."""
+    count = min(_MAX_BINS, 1 << max(0, math.ceil(math.log2(len(starts)))) + 1)
+    edges = np.arange(count) / count
+    return (np.searchsorted(starts, edges, side="right") - 1).astype(np.uint32)

@@ -1,0 +1,124 @@
+"""The arrays of a compiled field: every dtype and every meaning, named once."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
+
+ELEMENT = np.dtype(
+    [
+        ("cell_x", np.uint16),  # first cell of its block in the parent's grid
+        ("cell_y", np.uint16),
+        ("pose", np.uint32),  # index into poses; 0 is one cell, unturned
+        ("scale", np.float64),
+        ("offset", np.float64),
+        ("kind", np.uint32),  # index into kinds
+        ("grid", np.uint32),  # index into grids; 0 for an element without children
+    ]
+)
+"""32 bytes; in breadth-first order, so that of two elements the one that wins has the larger index:
+it is deeper, or later in the document."""
+
+POSE = np.dtype(
+    [
+        ("width", np.float64),  # cells that it spans
+        ("height", np.float64),
+        ("cos", np.float64),
+        ("sin_v", np.float64),  # sin(turn) · height/width of the cell, the part of v in u
+        ("sin_u", np.float64),  # sin(turn) · width/height of the cell, the part of u in v
+        ("turned", np.uint8),
+        ("cells_x", np.uint32),  # width and height again, as whole numbers
+        ("cells_y", np.uint32),
+    ],
+    align=True,
+)
+
+KIND = np.dtype(
+    [
+        ("x", np.uint32),  # index into curves
+        ("y", np.uint32),
+        ("combine", np.int32),
+        ("surface", np.int32),  # index into the surfaces of the terrain; -1 for none
+    ],
+    align=True,
+)
+"""A primitive worn with a surface."""
+
+CURVE = np.dtype(
+    [
+        ("first", np.int64),  # its first row in pieces
+        ("count", np.float64),  # pieces, or bins for knotted curves
+        ("bins", np.int64),  # its first bin; -1: the pieces are evenly spaced
+        ("knots", np.int64),  # its first knot
+    ],
+    align=True,
+)
+
+GRID = np.dtype(
+    [
+        ("x", np.float64),  # world position of the south-west corner …
+        ("x_rest", np.float64),  # … and what a double cannot hold of it
+        ("y", np.float64),
+        ("y_rest", np.float64),
+        ("per_x", np.float64),  # cells per unit of length
+        ("per_y", np.float64),
+        ("nx", np.float64),
+        ("ny", np.float64),
+        ("near_x", np.float64),  # this near to an edge, in cells, the edge's double decides
+        ("near_y", np.float64),
+        ("pitch_x", np.float64),  # side of a cell in few enough bits that k · pitch is exact …
+        ("pitch_x_rest", np.float64),  # … and the rest of it
+        ("pitch_y", np.float64),
+        ("pitch_y_rest", np.float64),
+        ("table", np.int64),  # where its table of bins begins in offsets
+        ("first", np.uint32),  # its first child
+        ("bins_x", np.uint32),  # bins in a row
+        ("shift_x", np.uint8),  # a bin is 2^shift_x × 2^shift_y cells
+        ("shift_y", np.uint8),
+        ("listed", np.uint8),  # the offsets count in entries rather than from the first child
+        ("local", np.uint8),  # finer than doubles: positions go down from the parent's
+    ],
+    align=True,
+)
+
+
+class Arrays(NamedTuple):
+    """A compiled field: nothing but arrays, so that kernels take it and workers are sent it.
+
+    Attributes:
+        elements: ELEMENT, breadth first.
+        grids: GRID; grid 0 is the terrain itself, one cell that holds the root.
+        offsets: (n,) uint32, for each bin of each grid where its elements begin; one more at the
+            end of each grid.
+        entries: (n,) uint32, element indices of the grids that list them.
+        poses, kinds, curves: POSE, KIND, CURVE.
+        pieces: (n, 4) float64, coefficients of a cubic per piece of a curve.
+        knots: (n,) float64, t where each piece of a knotted curve begins, then infinity.
+        bins: (n,) uint32, for evenly spaced t the piece to begin the search at.
+        void: (surfaces + 1,) bool, the last for "no surface".
+        bounds: (4,) float64 west, south, east, north.
+        pending: the most grids that a descent has to remember at a time.
+    """
+
+    elements: NDArray[Any]
+    grids: NDArray[Any]
+    offsets: NDArray[np.uint32]
+    entries: NDArray[np.uint32]
+    poses: NDArray[Any]
+    kinds: NDArray[Any]
+    curves: NDArray[Any]
+    pieces: NDArray[np.float64]
+    knots: NDArray[np.float64]
+    bins: NDArray[np.uint32]
+    void: NDArray[np.bool_]
+    bounds: NDArray[np.float64]
+    pending: int
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all arrays, in bytes."""
+        return sum(array.nbytes for array in self if isinstance(array, np.ndarray))

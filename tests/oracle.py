@@ -1,0 +1,341 @@
+"""A slow, plain reading of the format (docs/format.md) for the tests to compare with.
+
+Clarity above all: positions are exact rationals, every query walks the tree afresh, and no code
+is shared with the package. Definitions are taken to be valid.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any
+
+FOOTPRINT_TOLERANCE = 1e-9  # turned rectangles and discs are closed sets, a little generous
+STEP_TOLERANCE = 1e-12  # a step of a turned element or a disc holds from this far before it
+
+NAMED: dict[str, Callable[[float], float]] = {
+    "flat": lambda t: 1.0,
+    "ramp": lambda t: t,
+    "tent": lambda t: 1 - abs(2 * t - 1),
+    "cos": lambda t: math.cos(math.pi * (t - 0.5)),
+    "cosbell": lambda t: 0.5 - 0.5 * math.cos(2 * math.pi * t),
+    "dome": lambda t: math.sqrt(max(0.0, 1 - (2 * t - 1) ** 2)),
+    "gauss": lambda t: math.exp(-18 * (t - 0.5) ** 2),
+    "smoothstep": lambda t: t * t * (3 - 2 * t),
+}
+COMBINES: dict[str, Callable[[float, float], float]] = {
+    "product": lambda a, b: a * b,
+    "sum": lambda a, b: a + b,
+    "min": min,
+    "max": max,
+}
+FUNCTIONS: dict[str, Callable[..., float]] = {
+    **{f.__name__: f for f in (math.sin, math.cos, math.tan, math.asin, math.acos, math.atan)},
+    **{f.__name__: f for f in (math.sinh, math.cosh, math.tanh, math.exp, math.log, math.sqrt)},
+    **{f.__name__: f for f in (abs, min, max)},
+}
+TOKEN = re.compile(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[a-z]+|\*\*|[-+*/(),])")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is at a point; `element` is the JSON pointer of the element that decides."""
+
+    z: float
+    surface: str | None
+    element: str | None
+
+
+class Expression:
+    """An analytic expression in t, read anew by recursive descent at every evaluation."""
+
+    def __init__(self, text: str) -> None:
+        self.tokens: list[str] = []
+        rest = text.rstrip()
+        while rest:
+            match = TOKEN.match(rest)
+            if match is None:
+                raise ValueError(f"cannot read {rest!r}")
+            self.tokens.append(match[1])
+            rest = rest[match.end() :]
+
+    def value(self, t: float) -> float:
+        self.left, self.t = [*self.tokens, "end"], t
+        result = self.sum()
+        self.expect("end")
+        return result
+
+    def accept(self, *tokens: str) -> str | None:
+        return self.left.pop(0) if self.left[0] in tokens else None
+
+    def expect(self, token: str) -> None:
+        if self.accept(token) is None:
+            raise ValueError(f"{token!r} expected, {self.left[0]!r} found")
+
+    def sum(self) -> float:
+        result = self.term()
+        while sign := self.accept("+", "-"):
+            right = self.term()
+            result = result + right if sign == "+" else result - right
+        return result
+
+    def term(self) -> float:
+        result = self.negation()
+        while sign := self.accept("*", "/"):
+            right = self.negation()
+            result = result * right if sign == "*" else result / right
+        return result
+
+    def negation(self) -> float:
+        return -self.negation() if self.accept("-") else self.power()
+
+    def power(self) -> float:
+        base = self.atom()
+        return math.pow(base, self.negation()) if self.accept("**") else base
+
+    def atom(self) -> float:
+        token = self.left.pop(0)
+        if token == "t":
+            return self.t
+        if token == "pi":
+            return math.pi
+        if token == "(":
+            inner = self.sum()
+            self.expect(")")
+            return inner
+        if token in FUNCTIONS:
+            self.expect("(")
+            arguments = [self.sum()]
+            while self.accept(","):
+                arguments.append(self.sum())
+            self.expect(")")
+            return FUNCTIONS[token](*arguments)
+        return float(token)  # raises ValueError where no number stands
+
+
+def clamp(t: float) -> float:
+    return min(max(t, 0.0), 1.0)
+
+
+def curve_value(curve: Any, t: float, passed: Callable[[float], bool]) -> float:
+    """The curve at t; `passed(s)` tells whether the point is at or right of the knot at s."""
+    if curve is None:
+        return 1.0
+    if isinstance(curve, str):
+        return NAMED[curve](t) if curve in NAMED else Expression(curve).value(t)
+    if isinstance(curve[0], list):
+        left = max(k for k, (s, _) in enumerate(curve) if passed(s))
+        (s0, z0), (s1, z1) = curve[left], curve[min(left + 1, len(curve) - 1)]
+        part = clamp((t - s0) / (s1 - s0)) if s1 > s0 else 0.0
+    else:
+        left = int(t * (len(curve) - 1))
+        z0, z1 = curve[left], curve[min(left + 1, len(curve) - 1)]
+        part = t * (len(curve) - 1) - left
+    return float((1 - part) * z0 + part * z1)
+
+
+def steps(curve: Any) -> list[float]:
+    """Where the curve jumps: two knots or more at one t."""
+    knots = curve if isinstance(curve, list) and isinstance(curve[0], list) else []
+    return [s0 for (s0, _), (s1, _) in pairwise(knots) if s0 == s1]
+
+
+def cos_sin(degrees: float) -> tuple[Fraction, Fraction]:
+    """Cosine and sine, exact at the multiples of 90 degrees."""
+    within = math.fmod(degrees, 360)
+    if math.fmod(within, 90) == 0:
+        quarter = int(within / 90) % 4
+        return Fraction([1, 0, -1, 0][quarter]), Fraction([0, 1, 0, -1][quarter])
+    return Fraction(math.cos(math.radians(within))), Fraction(math.sin(math.radians(within)))
+
+
+@dataclass(frozen=True)
+class Side:
+    """The extent of a cell along one axis, exactly."""
+
+    low: Fraction
+    length: Fraction
+
+    def at(self, t: float) -> float:
+        """The world coordinate of a fraction of the way along."""
+        return float(self.low + Fraction(t) * self.length)
+
+    def part(self, first: int, count: int, n: int) -> Side:
+        """Of n equal parts, `count` parts from `first` on."""
+        return Side(self.low + first * self.length / n, count * self.length / n)
+
+    def holds(self, p: float, ground: Side) -> bool:
+        """Half-open, but for the far edge of the terrain itself."""
+        last = self.low + self.length == ground.low + ground.length
+        return self.at(0) <= p and (p < self.at(1) or (last and p == self.at(1)))
+
+    def gap(self, p: float, t: float) -> Fraction:
+        """How far p is from the coordinate at t, in lengths of the side."""
+        return abs(Fraction(p) - Fraction(self.at(t))) / self.length
+
+
+Cell = tuple[Side, Side]  # from west to east and from south to north
+
+
+class Element:
+    """One element of the tree in its place, with what it takes from its parent."""
+
+    def __init__(self, types: Any, node: Any, cell: Cell, parent: Element | None, k: int) -> None:
+        self.node, self.cell = node, cell
+        self.level: int = parent.level + 1 if parent else 0
+        self.pointer: str = f"{parent.pointer}/children/{k}" if parent else "/elemTree"
+        self.surface: str | None = node.get("surface", parent.surface if parent else None)
+        cells, primitive = node.get("cells", 10), types[node["type"]]
+        self.grid: list[int] = cells if isinstance(cells, list) else [cells, cells]
+        x, y = primitive.get("x"), primitive.get("y")
+        self.curves = (y if x == [] else x, x if y == [] else y)
+        self.combine: str = primitive.get("combine", "product")
+        self.radial = self.combine == "radial"
+        self.turned = math.fmod(node.get("turnDeg", 0), 360) != 0
+
+    def child_cell(self, child: dict[str, Any]) -> Cell:
+        (x, y), (nx, ny), (w, h) = self.cell, self.grid, child.get("span", [1, 1])
+        return x.part(child["cellX"], w, nx), y.part(child["cellY"], h, ny)
+
+    def uv(self, x: float, y: float) -> tuple[float, float]:
+        """The point in the turned unit square; what is far outside is brought to -1 or 2."""
+        (west, w), (south, h) = ((side.low, side.length) for side in self.cell)
+        dx, dy = Fraction(x) - west - w / 2, Fraction(y) - south - h / 2
+        cos, sin = cos_sin(self.node.get("turnDeg", 0))
+        u = Fraction(1, 2) + (dx * cos - dy * sin) / w
+        v = Fraction(1, 2) + (dx * sin + dy * cos) / h
+        return float(min(max(u, -1), 2)), float(min(max(v, -1), 2))
+
+    def rho(self, x: float, y: float) -> float:
+        u, v = self.uv(x, y)
+        return math.hypot(2 * u - 1, 2 * v - 1)
+
+    def beyond(self, x: float, y: float) -> float:
+        """How far beyond the rim of the footprint a point of the cell is (inside: negative)."""
+        if self.radial:
+            return self.rho(x, y) - 1
+        return max(abs(t - 0.5) for t in self.uv(x, y)) - 0.5 if self.turned else -math.inf
+
+    def covers(self, x: float, y: float) -> bool:
+        return self.beyond(x, y) <= FOOTPRINT_TOLERANCE
+
+    def along(self, axis: int, x: float, y: float) -> float:
+        """Where on the curve of the axis the point is."""
+        return clamp(0.5 + self.rho(x, y) / 2 if self.radial else self.uv(x, y)[axis])
+
+    def value(self, axis: int, x: float, y: float, nudge: float) -> float:
+        """The curve of the axis; a nudge moves along it, but never over a step."""
+        t, p = self.along(axis, x, y), (x, y)[axis]
+
+        def passed(s: float) -> bool:
+            if self.radial or self.turned:
+                return t >= s - STEP_TOLERANCE
+            return p >= self.cell[axis].at(s)
+
+        return curve_value(self.curves[axis], clamp(t + nudge), passed)
+
+    def shape(self, x: float, y: float, nudge_x: float = 0.0, nudge_y: float = 0.0) -> float:
+        first = self.value(0, x, y, nudge_x)
+        return first if self.radial else COMBINES[self.combine](first, self.value(1, x, y, nudge_y))
+
+
+class Oracle:
+    """Answers for one definition."""
+
+    def __init__(self, definition: dict[str, Any]) -> None:
+        self.types: dict[str, dict[str, Any]] = definition["elemTypes"]
+        self.surfaces: dict[str, dict[str, Any]] = definition.get("surfTypes", {})
+        size, origin = definition["size"], definition.get("origin", [0, 0])
+        sides = size if isinstance(size, list) else [size, size]
+        west, south, w, h = (Fraction(float(n)) for n in [*origin, *sides])
+        self.ground = Side(west, w), Side(south, h)
+        self.root = Element(self.types, definition["elemTree"], self.ground, None, 0)
+        self.ulp = Fraction(math.ulp(max(abs(g.at(t)) for g in self.ground for t in (0, 1))))
+
+    def at(self, x: float, y: float) -> Answer:
+        """Height, surface and deciding element; z is nan outside and where there is no ground."""
+        if not self._in_cell(self.ground, x, y):
+            return Answer(math.nan, None, None)
+        covering = [element for element in self._around(x, y) if element.covers(x, y)]
+        if not covering:
+            return Answer(0.0, None, None)
+        winner = max(reversed(covering), key=lambda element: element.level)
+        if winner.surface is not None and self.surfaces[winner.surface].get("void", False):
+            return Answer(math.nan, winner.surface, winner.pointer)
+        z = math.fsum(self._height(element, element.shape(x, y)) for element in covering)
+        return Answer(z, winner.surface, winner.pointer)
+
+    def margin(self, x: float, y: float, *, cells: bool = True) -> float:
+        """Distance to the nearest edge that could decide anything, in sides of the cell it is of.
+
+        What the coordinates cannot resolve counts as no distance. `cells=False` leaves out the
+        edges that have an exact place: those of cells, and steps of unturned elements.
+        """
+        found = [math.inf]
+
+        def note(distance: float | Fraction, *sides: Side) -> None:
+            found.append(max(0.0, float(min(distance, Fraction(1))) - self._grain(*sides)))
+
+        def note_edges(side: Side, p: float) -> None:
+            note(min(side.gap(p, 0), side.gap(p, 1)), side)
+
+        if not self._in_cell(self.ground, x, y):
+            for side, p in zip(self.ground, (x, y), strict=True):
+                if cells and math.isfinite(p) and not side.holds(p, side):
+                    note_edges(side, p)
+            return max(found[1:], default=math.inf)
+        for element in self._around(x, y):
+            soft = element.turned or element.radial
+            if soft:
+                note(abs(element.beyond(x, y)) / (2 if element.radial else 1), *element.cell)
+            for axis, p in enumerate((x, y)):
+                side, n = element.cell[axis], element.grid[axis]
+                if cells:
+                    note_edges(side, p)
+                if cells and element.node.get("children"):
+                    k = math.floor((Fraction(p) - side.low) / side.length * n)
+                    note_edges(side.part(min(max(k, 0), n - 1), 1, n), p)
+                for s in steps(element.curves[axis]) if element.covers(x, y) else []:
+                    if soft:
+                        note(abs(element.along(axis, x, y) - s), *element.cell)
+                    elif cells:
+                        note(side.gap(p, s), side)
+        return min(found)
+
+    def slack(self, x: float, y: float) -> float:
+        """How far the rounding of coordinates can move the height at a point, jumps apart."""
+        total = 0.0
+        for element in self._around(x, y) if self._in_cell(self.ground, x, y) else ():
+            if element.covers(x, y):
+                g = self._grain(*element.cell)
+                nudges = [(a, b) for a in (-g, 0.0, g) for b in (-g, 0.0, g)]
+                heights = [self._height(element, element.shape(x, y, a, b)) for a, b in nudges]
+                total += max(heights) - min(heights)
+        return total
+
+    def _grain(self, *sides: Side) -> float:
+        """How far rounding can move a point, in lengths of the shortest of the sides."""
+        return 1e-15 + min(1.0, *(2 * float(self.ulp / side.length) for side in sides))
+
+    def _in_cell(self, cell: Cell, x: float, y: float) -> bool:
+        return cell[0].holds(x, self.ground[0]) and cell[1].holds(y, self.ground[1])
+
+    def _around(self, x: float, y: float) -> Iterator[Element]:
+        """The elements whose cells contain the point, in document order."""
+        stack = [self.root]
+        while stack:
+            element = stack.pop()
+            if self._in_cell(element.cell, x, y):
+                yield element
+                for k, node in reversed([*enumerate(element.node.get("children", []))]):
+                    stack.append(Element(self.types, node, element.child_cell(node), element, k))
+
+    def _height(self, element: Element, shape: float) -> float:
+        """What an element adds, given its shape at the point."""
+        share = min(element.cell[axis].length / self.ground[axis].length for axis in (0, 1))
+        scale = element.node.get("vScale", float(share))
+        return float(scale * shape + element.node.get("vOffset", 0))
