@@ -54,14 +54,9 @@ class Expression:
     """An analytic expression in t, read anew by recursive descent at every evaluation."""
 
     def __init__(self, text: str) -> None:
-        self.tokens: list[str] = []
-        rest = text.rstrip()
-        while rest:
-            match = TOKEN.match(rest)
-            if match is None:
-                raise ValueError(f"cannot read {rest!r}")
-            self.tokens.append(match[1])
-            rest = rest[match.end() :]
+        self.tokens = TOKEN.findall(text)
+        if "".join(self.tokens) != "".join(text.split()):
+            raise ValueError(f"cannot read {text!r}")
 
     def value(self, t: float) -> float:
         self.left, self.t = [*self.tokens, "end"], t
@@ -73,21 +68,19 @@ class Expression:
         return self.left.pop(0) if self.left[0] in tokens else None
 
     def expect(self, token: str) -> None:
-        if self.accept(token) is None:
+        if not self.accept(token):
             raise ValueError(f"{token!r} expected, {self.left[0]!r} found")
 
     def sum(self) -> float:
         result = self.term()
         while sign := self.accept("+", "-"):
-            right = self.term()
-            result = result + right if sign == "+" else result - right
+            result = result + self.term() if sign == "+" else result - self.term()
         return result
 
     def term(self) -> float:
         result = self.negation()
         while sign := self.accept("*", "/"):
-            right = self.negation()
-            result = result * right if sign == "*" else result / right
+            result = result * self.negation() if sign == "*" else result / self.negation()
         return result
 
     def negation(self) -> float:
@@ -104,17 +97,21 @@ class Expression:
         if token == "pi":
             return math.pi
         if token == "(":
-            inner = self.sum()
-            self.expect(")")
+            (inner,) = self.arguments()
             return inner
         if token in FUNCTIONS:
             self.expect("(")
-            arguments = [self.sum()]
-            while self.accept(","):
-                arguments.append(self.sum())
-            self.expect(")")
-            return FUNCTIONS[token](*arguments)
-        return float(token)  # raises ValueError where no number stands
+            return FUNCTIONS[token](*self.arguments())
+        if token.isalpha():
+            raise ValueError(f"unknown name {token!r}")
+        return float(token)
+
+    def arguments(self) -> list[float]:
+        found = [self.sum()]
+        while self.accept(","):
+            found.append(self.sum())
+        self.expect(")")
+        return found
 
 
 def clamp(t: float) -> float:
@@ -122,13 +119,14 @@ def clamp(t: float) -> float:
 
 
 def curve_value(curve: Any, t: float, passed: Callable[[float], bool]) -> float:
-    """The curve at t; `passed(s)` tells whether the point is at or right of the knot at s."""
+    """The curve at t; `passed(s)` tells whether the point is at or right of a step at s."""
     if curve is None:
         return 1.0
     if isinstance(curve, str):
         return NAMED[curve](t) if curve in NAMED else Expression(curve).value(t)
     if isinstance(curve[0], list):
-        left = max(k for k, (s, _) in enumerate(curve) if passed(s))
+        jumps = steps(curve)
+        left = max(k for k, (s, _) in enumerate(curve) if (passed(s) if s in jumps else t >= s))
         (s0, z0), (s1, z1) = curve[left], curve[min(left + 1, len(curve) - 1)]
         part = clamp((t - s0) / (s1 - s0)) if s1 > s0 else 0.0
     else:
@@ -208,7 +206,8 @@ class Element:
         cos, sin = cos_sin(self.node.get("turnDeg", 0))
         u = Fraction(1, 2) + (dx * cos - dy * sin) / w
         v = Fraction(1, 2) + (dx * sin + dy * cos) / h
-        return float(min(max(u, -1), 2)), float(min(max(v, -1), 2))
+        least, most = Fraction(-1), Fraction(2)
+        return float(min(max(u, least), most)), float(min(max(v, least), most))
 
     def rho(self, x: float, y: float) -> float:
         u, v = self.uv(x, y)
@@ -319,7 +318,7 @@ class Oracle:
 
     def _grain(self, *sides: Side) -> float:
         """How far rounding can move a point, in lengths of the shortest of the sides."""
-        return 1e-15 + min(1.0, *(2 * float(self.ulp / side.length) for side in sides))
+        return 1e-15 + float(min(Fraction(1), *(2 * self.ulp / side.length for side in sides)))
 
     def _in_cell(self, cell: Cell, x: float, y: float) -> bool:
         return cell[0].holds(x, self.ground[0]) and cell[1].holds(y, self.ground[1])

@@ -16,7 +16,7 @@ from terratool.definition.curves import Curve, Knots, Samples
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
 
 TOLERANCE = 1e-8
-_EVEN_LEVELS = 10
+_EVEN_LEVELS = 10  # the finest, 512 pieces, still has 8 checked points in each
 _MAX_HALVINGS = 60
 _MAX_PIECES = 1 << 18
 _MAX_BINS = 4096
@@ -65,9 +65,6 @@ def pieces_of(curve: Curve) -> Pieces:
 def _samples(values: Floats) -> Pieces:
     if len(values) == 1:
         values = np.repeat(values, 2)
-        if True:
-            coefficients = np.array([[values[0], 0.0, 0.0, 0.0]])
-            return Pieces(np.zeros(1), coefficients, True, values[0], values[0])
     count = len(values) - 1
     coefficients = np.zeros((count, 4))
     coefficients[:, 0] = values[:-1]
@@ -109,7 +106,7 @@ def _formula(expression: Expression) -> Pieces:
     # below one part in 1e12 of the largest value lies the rounding of the values themselves
     tolerance = TOLERANCE + 1e-12 * float(np.abs(values).max())
     low, high = float(values.min()), float(values.max())
-    for level in range(_EVEN_LEVELS + 1):
+    for level in range(_EVEN_LEVELS):
         starts = np.arange(1 << level) / (1 << level)
         coefficients = _cubics(expression, starts, np.full(1 << level, 1.0 / (1 << level)))
         if _error(coefficients, values) <= tolerance:
@@ -140,8 +137,6 @@ def _at(coefficients: Floats, s: Floats) -> Floats:
 def _error(coefficients: Floats, values: Floats) -> float:
     per_piece = (len(values) - 1) // len(coefficients)
     s = np.arange(per_piece) / per_piece
-    if per_piece < 8:  # too few known values inside: the next level is compared instead
-        return math.inf
     return float(np.abs(_at(coefficients, s[None, :]) - values[:-1].reshape(-1, per_piece)).max())
 
 

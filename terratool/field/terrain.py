@@ -1,0 +1,165 @@
+"""A terrain that can be asked: the one interface between the compiled field and everything else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.definition.model import Definition
+from terratool.definition.reader import load_definition
+from terratool.field import kernels
+from terratool.field.compiling import Compiled, compile_definition
+from terratool.field.types import Arrays
+
+OUTSIDE = -2
+NOTHING = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """What lies at points, each array in the shape of the points.
+
+    Attributes:
+        height: float64, NaN outside the terrain and in the void.
+        element: int64, index of the element that decides the surface; -1 where no footprint lies,
+            -2 outside.
+        surface: int32, index into `Terrain.surfaces`; -1 for none.
+        normal: (…, 3) float64, the upward unit normal; NaN where the height is.
+    """
+
+    height: NDArray[np.float64]
+    element: NDArray[np.int64]
+    surface: NDArray[np.int32]
+    normal: NDArray[np.float64]
+
+
+class Terrain:
+    """A compiled terrain.
+
+    All queries take x and y in world units, arrays that broadcast together or numbers, and answer
+    in the broadcast shape. Outside there is no height (NaN) and nothing else (None).
+    """
+
+    def __init__(self, definition: Definition) -> None:
+        self._compiled: Compiled = compile_definition(definition)
+        self.descr = definition.descr or ""
+        self.crs: str | int | dict[str, object] | None = definition.crs or None
+        """The coordinate reference system as written, or None."""
+        self.size = definition.extent
+        """Side lengths along x and y."""
+        self.primitives = tuple(definition.primitives)
+        """Names of the primitives."""
+        self.surface_types = dict(definition.surfaces)
+        """The surfaces by name."""
+
+    @property
+    def arrays(self) -> Arrays:
+        """The flat arrays, for kernels."""
+        return self._compiled.arrays
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """World rectangle west, south, east, north."""
+        west, south, east, north = (float(side) for side in self.arrays.bounds)
+        return west, south, east, north
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the surfaces, in the order of their indices."""
+        return self._compiled.surfaces
+
+    @property
+    def smallest_cell(self) -> float:
+        """Shortest side of any element's cell."""
+        return self._compiled.smallest_cell
+
+    @property
+    def levels(self) -> int:
+        """Levels of nesting, 1 for a root alone."""
+        return self._compiled.levels
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the compiled field in bytes."""
+        c = self._compiled
+        return c.arrays.nbytes + c.document.nbytes + c.parents.nbytes
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Any:
+        """Heights at points; a number for numbers, else a float64 array."""
+        x, y, shape = _points(x, y)
+        out = np.empty(len(x))
+        kernels.heights(self.arrays, x, y, out)
+        return out.reshape(shape)[()]
+
+    def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
+        """Names of the surfaces at points, None where there is none; an object array for arrays."""
+        return self._surface_names[self.sample(x, y).surface]
+
+    def locate(self, x: ArrayLike, y: ArrayLike) -> Any:
+        """JSON pointers of the elements that decide the surface at points, None where none does."""
+        element = self.sample(x, y).element
+        unique, index = np.unique(element.ravel(), return_inverse=True)
+        pointers = np.array([self.pointer(i) for i in unique.tolist()], object)
+        return pointers[index].reshape(element.shape)[()]
+
+    def normal(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Upward unit normals at points, (…, 3) float64; of the east and north side on an edge."""
+        return self.sample(x, y).normal
+
+    def sample(self, x: ArrayLike, y: ArrayLike) -> Samples:
+        """Height, element, surface and normal at points in one pass."""
+        x, y, shape = _points(x, y)
+        height = np.empty(len(x))
+        element = np.empty(len(x), np.int64)
+        gradient = np.empty((len(x), 2))
+        kernels.samples(self.arrays, x, y, height, element, gradient)
+        surface = self.surface_of(element)
+        normal = np.column_stack([0.0 - gradient, np.where(np.isnan(height), np.nan, 1.0)])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        return Samples(
+            height.reshape(shape),
+            element.reshape(shape),
+            surface.reshape(shape),
+            normal.reshape(*shape, 3),
+        )
+
+    def surface_of(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Surface indices of elements, -1 for none; int32 in their shape."""
+        kinds = self.arrays.elements["kind"][np.maximum(element, 0)]
+        return np.where(element < 0, -1, self.arrays.kinds["surface"][kinds]).astype(np.int32)
+
+    def pointer(self, element: int) -> str | None:
+        """JSON pointer of an element by its index, None for a negative one."""
+        if element < 0:
+            return None
+        steps = []
+        while element > 0:
+            steps.append(f"/children/{self._compiled.document[element]}")
+            element = int(self._compiled.parents[element])
+        return "/elemTree" + "".join(reversed(steps))
+
+    @cached_property
+    def _surface_names(self) -> NDArray[Any]:
+        return np.array([*self.surfaces, None], object)
+
+
+def load(path: str | Path) -> Terrain:
+    """Read, check and compile a definition.
+
+    Raises:
+        ReadError: the file cannot be read.
+        DefinitionError: it is no valid terrain; the findings say why.
+    """
+    return Terrain(load_definition(path))
+
+
+def _points(
+    x: ArrayLike, y: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[int, ...]]:
+    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    return np.ascontiguousarray(x).ravel(), np.ascontiguousarray(y).ravel(), x.shape
