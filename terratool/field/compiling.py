@@ -9,12 +9,12 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.definition.curves import shape_of
+from terratool.definition.curves import Curve, shape_of
 from terratool.definition.model import Definition, Element
 from terratool.definition.tree import Tree, flatten
 from terratool.field import layout
 from terratool.field.curves import Pieces, bins_of, pieces_of
-from terratool.field.types import COMBINE, CURVE, ELEMENT, GRID, KIND, POSE, Arrays
+from terratool.field.types import COMBINE, ELEMENT, GRID, KIND, POSE, Arrays, Curves
 
 Ints = NDArray[np.int64]
 _DENSE_CELLS = 1024
@@ -78,7 +78,6 @@ def compile_definition(definition: Definition) -> Compiled:
     surface = _inherit(columns.surface, parents)
     elements["kind"], kinds, curves = _kinds(definition, columns.type, surface)
     west, south = definition.corner
-    void = [definition.surfaces[name].void is True for name in surfaces] + [False]
     arrays = Arrays(
         elements=elements,
         grids=grids,
@@ -86,11 +85,7 @@ def compile_definition(definition: Definition) -> Compiled:
         entries=entries,
         poses=poses,
         kinds=kinds,
-        curves=curves.records,
-        pieces=curves.pieces,
-        knots=curves.knots,
-        bins=curves.bins,
-        void=np.array(void),
+        curves=curves,
         bounds=np.array([west, south, west + extent[0], south + extent[1]]),
         pending=pending,
     )
@@ -243,52 +238,63 @@ def _inherit(surface: Ints, parents: Ints) -> Ints:
     return own
 
 
-class _Curves(NamedTuple):
-    records: NDArray[Any]
-    pieces: NDArray[np.float64]
-    knots: NDArray[np.float64]
-    bins: NDArray[np.uint32]
-
-
 def _kinds(
     definition: Definition, types: Ints, surface: Ints
-) -> tuple[Ints, NDArray[Any], _Curves]:
+) -> tuple[Ints, NDArray[Any], Curves]:
     pairs, index = np.unique(np.column_stack([types, surface]), axis=0, return_inverse=True)
     primitives = list(definition.primitives.values())
-    known: dict[Any, int] = {}
-    pieces: list[Pieces] = []
+    void = [surface.void is True for surface in definition.surfaces.values()] + [False]
+    store = _CurveStore()
     kinds = np.zeros(len(pairs), KIND)
-    kinds["surface"] = pairs[:, 1]
-    for kind, (type_, _) in zip(kinds, pairs, strict=True):
+    for kind, (type_, surface_) in zip(kinds, pairs, strict=True):
         shape = shape_of(primitives[type_])
         kind["combine"] = COMBINE[shape.combine]
+        kind["surface"] = surface_
+        kind["void"] = void[surface_]
         for axis, curve in (("x", shape.x), ("y", shape.y or shape.x)):
-            if curve not in known:
-                known[curve] = len(pieces)
-                pieces.append(pieces_of(curve))
-            kind[axis] = known[curve]
-    return index.reshape(-1), kinds, _curves(pieces)
+            store.put(kind, axis, curve)
+        kind["special"] = kind["combine"] != COMBINE["product"] or (
+            kind["knotted_x"] or kind["knotted_y"]
+        )
+    return index.reshape(-1), kinds, store.curves()
 
 
-def _curves(all_pieces: list[Pieces]) -> _Curves:
-    records = np.zeros(len(all_pieces), CURVE)
-    knots: list[NDArray[np.float64]] = []
-    bins: list[NDArray[np.uint32]] = []
-    first = knot = bin_ = 0
-    for record, curve in zip(records, all_pieces, strict=True):
-        record["first"] = first
-        record["count"] = len(curve.coefficients)
-        record["bins"] = -1
-        first += len(curve.coefficients)
+class _CurveStore:
+    """Collects the pieces of curves, each curve once."""
+
+    def __init__(self) -> None:
+        self._known: dict[Curve, dict[str, Any]] = {}
+        self._pieces: list[NDArray[np.float64]] = []
+        self._knots: list[NDArray[np.float64]] = [np.zeros(1)]
+        self._bins: list[NDArray[np.uint32]] = [np.zeros(1, np.uint32)]
+        self._counts = [0, 1, 1]
+
+    def put(self, kind: Any, axis: str, curve: Curve) -> None:
+        """Write where a curve's pieces are into the fields of one axis of a KIND."""
+        if curve not in self._known:
+            self._known[curve] = self._add(pieces_of(curve))
+        place = self._known[curve]
+        for name in ("count", "first", "last", "knot", "bin"):
+            kind[f"{axis}_{name}"] = place[name]
+        kind[f"knotted_{axis}"] = place["knotted"]
+
+    def _add(self, curve: Pieces) -> dict[str, Any]:
+        first, knot, bin_ = self._counts
+        count = len(curve.coefficients)
+        self._pieces.append(curve.coefficients.ravel())
+        self._counts[0] += count
         if not curve.even:
-            knots.append(np.append(curve.starts, np.inf))
-            bins.append(bins_of(curve.starts))
-            record["count"], record["bins"], record["knots"] = len(bins[-1]), bin_, knot
-            knot += len(knots[-1])
-            bin_ += len(bins[-1])
-    return _Curves(
-        records,
-        np.concatenate([curve.coefficients for curve in all_pieces]),
-        np.concatenate([*knots, np.zeros(1)]),
-        np.concatenate([*bins, np.zeros(1, np.uint32)]),
-    )
+            bins = bins_of(curve.starts)
+            count = len(bins)
+            self._bins.append(bins)
+            self._knots.append(np.append(curve.starts, np.inf))
+            self._counts[1] += len(self._knots[-1])
+            self._counts[2] += count
+        return {
+            "first": first, "count": count, "last": count - 1, "knot": knot, "bin": bin_,
+            "knotted": not curve.even,
+        }  # fmt: skip
+
+    def curves(self) -> Curves:
+        """All pieces, knots and bins."""
+        return Curves(*(np.concatenate(part) for part in (self._pieces, self._knots, self._bins)))

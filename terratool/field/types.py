@@ -39,24 +39,26 @@ POSE = np.dtype(
 
 KIND = np.dtype(
     [
-        ("x", np.uint32),  # index into curves
-        ("y", np.uint32),
-        ("combine", np.int32),
+        ("x_count", np.float64),  # pieces of the curve x …
+        ("y_count", np.float64),
+        ("x_first", np.uint32),  # … the first of them …
+        ("x_last", np.uint32),  # … and their number less one; for knotted curves that of the bins
+        ("y_first", np.uint32),
+        ("y_last", np.uint32),
+        ("x_knot", np.uint32),  # the first knot and the first bin of a knotted curve
+        ("x_bin", np.uint32),
+        ("y_knot", np.uint32),
+        ("y_bin", np.uint32),
         ("surface", np.int32),  # index into the surfaces of the terrain; -1 for none
+        ("combine", np.uint8),
+        ("knotted_x", np.uint8),
+        ("knotted_y", np.uint8),
+        ("void", np.uint8),  # the surface is void
+        ("special", np.uint8),  # anything but a product of evenly spaced pieces
     ],
     align=True,
 )
 """A primitive worn with a surface."""
-
-CURVE = np.dtype(
-    [
-        ("first", np.int64),  # its first row in pieces
-        ("count", np.float64),  # pieces, or bins for knotted curves
-        ("bins", np.int64),  # its first bin; -1: the pieces are evenly spaced
-        ("knots", np.int64),  # its first knot
-    ],
-    align=True,
-)
 
 GRID = np.dtype(
     [
@@ -66,6 +68,14 @@ GRID = np.dtype(
         ("y_rest", np.float64),
         ("per_x", np.float64),  # cells per unit of length
         ("per_y", np.float64),
+        ("sure_x", np.float64),  # within this of a cell's middle, in cells, no edge is near
+        ("sure_y", np.float64),
+        ("table", np.int64),  # where its table of bins begins in offsets
+        ("bins_x", np.uint32),  # bins in a row
+        ("shift_x", np.uint8),  # a bin is 2^shift_x × 2^shift_y cells
+        ("shift_y", np.uint8),
+        ("listed", np.uint8),  # the offsets count in entries rather than in elements
+        ("local", np.uint8),  # finer than doubles: positions go down from the parent's
         ("nx", np.float64),
         ("ny", np.float64),
         ("near_x", np.float64),  # this near to an edge, in cells, the edge's double decides
@@ -74,16 +84,23 @@ GRID = np.dtype(
         ("pitch_x_rest", np.float64),  # … and the rest of it
         ("pitch_y", np.float64),
         ("pitch_y_rest", np.float64),
-        ("table", np.int64),  # where its table of bins begins in offsets
-        ("first", np.uint32),  # its first child
-        ("bins_x", np.uint32),  # bins in a row
-        ("shift_x", np.uint8),  # a bin is 2^shift_x × 2^shift_y cells
-        ("shift_y", np.uint8),
-        ("listed", np.uint8),  # the offsets count in entries rather than from the first child
-        ("local", np.uint8),  # finer than doubles: positions go down from the parent's
     ],
     align=True,
 )
+
+
+class Curves(NamedTuple):
+    """The pieces of all curves.
+
+    Attributes:
+        pieces: (4n,) float64, the four coefficients of a cubic per piece.
+        knots: (n,) float64, t where each piece of a knotted curve begins, then infinity.
+        bins: (n,) uint32, for evenly spaced t the piece of a knotted curve to begin the search at.
+    """
+
+    pieces: NDArray[np.float64]
+    knots: NDArray[np.float64]
+    bins: NDArray[np.uint32]
 
 
 class Arrays(NamedTuple):
@@ -95,11 +112,9 @@ class Arrays(NamedTuple):
         offsets: (n,) uint32, for each bin of each grid where its elements begin; one more at the
             end of each grid.
         entries: (n,) uint32, element indices of the grids that list them.
-        poses, kinds, curves: POSE, KIND, CURVE.
-        pieces: (n, 4) float64, coefficients of a cubic per piece of a curve.
-        knots: (n,) float64, t where each piece of a knotted curve begins, then infinity.
-        bins: (n,) uint32, for evenly spaced t the piece to begin the search at.
-        void: (surfaces + 1,) bool, the last for "no surface".
+        poses: POSE.
+        kinds: KIND.
+        curves: the pieces of the curves.
         bounds: (4,) float64 west, south, east, north.
         pending: the most grids that a descent has to remember at a time.
     """
@@ -110,15 +125,16 @@ class Arrays(NamedTuple):
     entries: NDArray[np.uint32]
     poses: NDArray[Any]
     kinds: NDArray[Any]
-    curves: NDArray[Any]
-    pieces: NDArray[np.float64]
-    knots: NDArray[np.float64]
-    bins: NDArray[np.uint32]
-    void: NDArray[np.bool_]
+    curves: Curves
     bounds: NDArray[np.float64]
     pending: int
 
     @property
     def nbytes(self) -> int:
         """Memory of all arrays, in bytes."""
-        return sum(array.nbytes for array in self if isinstance(array, np.ndarray))
+        own = (array for array in self if isinstance(array, np.ndarray))
+        return sum(array.nbytes for array in (*own, *self.curves))
+
+    def stack(self) -> NDArray[np.float64]:
+        """Scratch for the descent, (pending, 3) float64; each thread needs its own."""
+        return np.empty((self.pending, 3))
