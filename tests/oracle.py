@@ -59,9 +59,9 @@ class Expression:
             raise ValueError(f"cannot read {text!r}")
 
     def value(self, t: float) -> float:
-        self.left, self.t = [*self.tokens, ""], t
+        self.left, self.t = [*self.tokens, "$"], t
         result = self.sum()
-        self.expect("")
+        self.expect("$")
         return result
 
     def accept(self, *tokens: str) -> str | None:

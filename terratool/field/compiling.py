@@ -26,19 +26,21 @@ class Compiled(NamedTuple):
 
     Attributes:
         arrays: what the kernels take.
-        document: (n,) uint32, for each element its place among the children of its parent.
-        parents: (n,) int64, index of each element's parent, -1 for the root.
+        document: (n,) uint32, each element's place among the children of its parent.
+        parents: (n,) int32, index of each element's parent, -1 for the root.
         smallest_cell: the shortest side of any element's cell.
         surfaces: names of the surfaces, in the order of their ids.
         levels: levels of nesting, 1 for a root alone.
+        primitives: (kinds,) index of each kind's primitive.
     """
 
     arrays: Arrays
     document: NDArray[np.uint32]
-    parents: Ints
+    parents: NDArray[np.int32]
     smallest_cell: float
     surfaces: tuple[str, ...]
     levels: int
+    primitives: Ints
 
 
 def compile_definition(definition: Definition) -> Compiled:
@@ -76,7 +78,7 @@ def compile_definition(definition: Definition) -> Compiled:
     elements["pose"], poses = _poses(columns, own_sides)
     surfaces = tuple(definition.surfaces)
     surface = _inherit(columns.surface, parents)
-    elements["kind"], kinds, curves = _kinds(definition, columns.type, surface)
+    elements["kind"], kinds, primitives, curves = _kinds(definition, columns.type, surface)
     west, south = definition.corner
     arrays = Arrays(
         elements=elements,
@@ -89,7 +91,8 @@ def compile_definition(definition: Definition) -> Compiled:
         bounds=np.array([west, south, west + extent[0], south + extent[1]]),
         pending=pending,
     )
-    return Compiled(arrays, document, parents, float(own_sides.min()), surfaces, len(tree.levels) - 1)
+    return Compiled(
+        arrays, document, parents.astype(np.int32), float(own_sides.min()), surfaces, len(tree.levels) - 1, primitives)
 
 
 class _Columns(NamedTuple):
@@ -240,7 +243,7 @@ def _inherit(surface: Ints, parents: Ints) -> Ints:
 
 def _kinds(
     definition: Definition, types: Ints, surface: Ints
-) -> tuple[Ints, NDArray[Any], Curves]:
+) -> tuple[Ints, NDArray[Any], Ints, Curves]:
     pairs, index = np.unique(np.column_stack([types, surface]), axis=0, return_inverse=True)
     primitives = list(definition.primitives.values())
     void = [surface.void is True for surface in definition.surfaces.values()] + [False]
@@ -256,7 +259,7 @@ def _kinds(
         kind["special"] = kind["combine"] != COMBINE["product"] or (
             kind["knotted_x"] or kind["knotted_y"]
         )
-    return index.reshape(-1), kinds, store.curves()
+    return index.reshape(-1), kinds, pairs[:, 0], store.curves()
 
 
 class _CurveStore:

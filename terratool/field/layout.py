@@ -198,3 +198,21 @@ def pending(grids, offsets, entries, grid_of):
                     deepest = max(deepest, need[grid_of[e]])
             need[g] = max(need[g], waiting + deepest)
     return need[0]
+
+
+@_kernel
+def cell_rectangles(field, parents, out):
+    """World rectangles of the elements' cells into `out`, (4, n) float64."""
+    for e in range(len(field.elements)):
+        element = field.elements[e]
+        pose = field.poses[element.pose]
+        grid = field.grids[field.elements[parents[e]].grid if e else 0]
+        for axis in range(2):
+            if axis == 0:
+                corner, rest, pitch, pitch_rest = grid.x, grid.x_rest, grid.pitch_x, grid.pitch_x_rest
+                cell, span = float(element.cell_x), pose.width
+            else:
+                corner, rest, pitch, pitch_rest = grid.y, grid.y_rest, grid.pitch_y, grid.pitch_y_rest
+                cell, span = float(element.cell_y), pose.height
+            out[axis, e], _ = edge(corner, rest, pitch, pitch_rest, cell)
+            out[axis + 2, e], _ = edge(corner, rest, pitch, pitch_rest, cell + span)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.model import Definition
 from terratool.definition.reader import load_definition
-from terratool.field import kernels
+from terratool.field import kernels, layout
 from terratool.field.compiling import Compiled, compile_definition
 from terratool.field.types import Arrays
 
@@ -132,6 +132,24 @@ class Terrain:
         """Surface indices of elements, -1 for none; int32 in their shape."""
         kinds = self.arrays.elements["kind"][np.maximum(element, 0)]
         return np.where(element < 0, -1, self.arrays.kinds["surface"][kinds]).astype(np.int32)
+
+    def count_by_primitive(self) -> dict[str, int]:
+        """Elements of each primitive, the unused ones included."""
+        primitives = self._compiled.primitives[self.arrays.elements["kind"]]
+        counts = np.bincount(primitives, minlength=len(self.primitives))
+        return dict(zip(self.primitives, counts.tolist(), strict=True))
+
+    def count_by_surface(self) -> dict[str, int]:
+        """Elements that wear each surface, their own or an inherited one."""
+        ids = self.surface_of(np.arange(len(self.arrays.elements)))
+        counts = np.bincount(ids[ids >= 0], minlength=len(self.surfaces))
+        return dict(zip(self.surfaces, counts.tolist(), strict=True))
+
+    def cells(self) -> NDArray[np.float64]:
+        """World rectangles of the elements' cells: (4, n) float64 west, south, east, north."""
+        out = np.empty((4, len(self.arrays.elements)))
+        layout.cell_rectangles(self.arrays, self._compiled.parents, out)
+        return out
 
     def pointer(self, element: int) -> str | None:
         """JSON pointer of an element by its index, None for a negative one."""

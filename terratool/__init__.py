@@ -1,0 +1,55 @@
+"""Robot terrains from a small JSON text: heights, soils, rasters and more.
+
+>>> import terratool
+>>> terrain = terratool.load("samples/paper-example.json")  # doctest: +SKIP
+>>> terrain.height(15.0, 15.0)  # doctest: +SKIP
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from terratool.definition.reader import check, load_definition
+    from terratool.definition.schemas import schema
+    from terratool.errors import (
+        DefinitionError,
+        ReadError,
+        RequestError,
+        TerratoolError,
+        WriteError,
+    )
+    from terratool.field.terrain import Terrain, load
+
+_HOMES = {
+    "load": "terratool.field.terrain",
+    "Terrain": "terratool.field.terrain",
+    "check": "terratool.definition.reader",
+    "load_definition": "terratool.definition.reader",
+    "schema": "terratool.definition.schemas",
+    "TerratoolError": "terratool.errors",
+    "DefinitionError": "terratool.errors",
+    "ReadError": "terratool.errors",
+    "RequestError": "terratool.errors",
+    "WriteError": "terratool.errors",
+}
+
+__all__ = [
+    "DefinitionError",
+    "ReadError",
+    "RequestError",
+    "Terrain",
+    "TerratoolError",
+    "WriteError",
+    "check",
+    "load",
+    "load_definition",
+    "schema",
+]
+__version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    """Import public names when they are first used: the command line starts without NumPy."""
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,5 @@
+"""`python -m terratool`."""
+
+from terratool.cli.main import main
+
+main()

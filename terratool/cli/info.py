@@ -1,0 +1,52 @@
+"""`terratool info`."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+
+
+@click.command("info", epilog="Example: terratool info samples/paper-example.json")
+@click.argument("file")
+@click.option("--json", "as_json", is_flag=True, help="Write JSON.")
+def command(file: str, as_json: bool) -> None:
+    """Say what a terrain consists of: size, elements, heights, memory."""
+    from terratool.field.summary import summarise
+    from terratool.field.terrain import load
+
+    summary = summarise(load(file))
+    click.echo(json.dumps(summary, indent=2, ensure_ascii=False) if as_json else _text(summary))
+
+
+def _text(s: dict[str, Any]) -> str:
+    size, origin, height = s["size"], s["origin"], s["height"]
+    lines = [s["descr"]] if s["descr"] else []
+    lines += [
+        f"size           {size[0]:g} × {size[1]:g}",
+        f"origin         {origin[0]:.10g}, {origin[1]:.10g}",
+        f"crs            {s['crs'] or 'none'}",
+        f"levels         {s['levels']}",
+        f"elements       {s['elements']:,}",
+        *_counts("by primitive", s["elements_by_primitive"]),
+        *_counts("by surface", s["elements_by_surface"]),
+        f"smallest cell  {s['smallest_cell']:g}",
+    ]
+    if height["low"] is None:
+        lines.append("height         none, all is void")
+    else:
+        lines.append(
+            f"height         {height['low']:.6g} to {height['high']:.6g}, "
+            f"at {height['points']:,} points"
+        )
+    lines.append(f"memory         {s['bytes']:,} bytes compiled")
+    return "\n".join(lines)
+
+
+def _counts(title: str, counts: dict[str, int]) -> list[str]:
+    width = max(map(len, counts), default=0)
+    return [
+        f"{'  ' + title if not i else '':15}{name:{width}}  {count:,}"
+        for i, (name, count) in enumerate(counts.items())
+    ]

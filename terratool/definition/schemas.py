@@ -1,0 +1,17 @@
+"""The published JSON Schemas."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+
+def schema(name: str = "terrain") -> dict[str, Any]:
+    """A published JSON Schema (2020-12) by name: "terrain"."""
+    packaged = files("terratool") / "schemas" / f"{name}.schema.json"
+    if not packaged.is_file():  # a checkout keeps them at its top
+        packaged = Path(__file__).parents[2] / "schemas" / f"{name}.schema.json"
+    loaded: dict[str, Any] = json.loads(packaged.read_text("utf-8"))
+    return loaded

@@ -1,0 +1,1 @@
+"""Rasters of a field: grids and windows, heights over them, and files."""

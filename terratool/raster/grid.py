@@ -1,0 +1,157 @@
+"""Grids of pixels over a terrain, and windows into them. Pure functions over frozen values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
+
+Bounds = tuple[float, float, float, float]
+
+DEFAULT_PIXELS = 4096
+"""The longer side of a raster whose resolution was left to us has at most this many pixels."""
+
+PIXELS_PER_CELL = 10
+MAX_SIDE = 2**31 - 1
+_WHOLE = 1e-6
+"""A quotient this near to a whole number of pixels is one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A rectangle of pixels: first row and column from the north-west, height and width."""
+
+    row: int
+    column: int
+    height: int
+    width: int
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Square pixels counted from a south-west corner, rows stored from the north.
+
+    Attributes:
+        west, south: world position of the south-west corner.
+        resolution: side of a pixel in units of the terrain.
+        height, width: rows and columns.
+    """
+
+    west: float
+    south: float
+    resolution: float
+    height: int
+    width: int
+
+    @property
+    def bounds(self) -> Bounds:
+        """West, south, east, north of the outermost pixels' edges."""
+        return (
+            self.west,
+            self.south,
+            self.west + self.width * self.resolution,
+            self.south + self.height * self.resolution,
+        )
+
+    def columns(self, window: Window) -> NDArray[np.float64]:
+        """x of the pixel centres of a window, (width,) float64."""
+        steps = np.arange(window.column, window.column + window.width)
+        return self.west + (steps + 0.5) * self.resolution
+
+    def rows(self, window: Window) -> NDArray[np.float64]:
+        """y of the pixel centres of a window from north to south, (height,) float64."""
+        steps = self.height - 1 - np.arange(window.row, window.row + window.height)
+        return self.south + (steps + 0.5) * self.resolution
+
+    def windows(self, height: int, width: int) -> Iterator[Window]:
+        """Cut the grid into windows of at most this size, row by row from the north-west."""
+        for row in range(0, self.height, height):
+            for column in range(0, self.width, width):
+                yield Window(
+                    row,
+                    column,
+                    min(height, self.height - row),
+                    min(width, self.width - column),
+                )
+
+
+def default_resolution(terrain: Terrain) -> tuple[float, str]:
+    """A resolution for a terrain, and in words why: a tenth of its smallest cell, within reason."""
+    finest = terrain.smallest_cell / PIXELS_PER_CELL
+    longest = max(terrain.size)
+    if longest / finest > DEFAULT_PIXELS * (1 + _WHOLE):
+        return longest / DEFAULT_PIXELS, f"{DEFAULT_PIXELS} pixels on the longer side"
+    return finest, "a tenth of the smallest cell"
+
+
+def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None) -> Grid:
+    """The grid that covers the terrain, or the given bounds.
+
+    Pixels count from the south-west corner. Where the resolution does not divide a side, the last
+    pixels reach beyond the east and north edges, and have no height if their centres do.
+
+    Raises:
+        RequestError: no resolution above 0, bounds that are empty or miss the terrain, or a grid
+            that no file can hold or that has no pixel centre on the terrain.
+    """
+    if not (math.isfinite(resolution) and resolution > 0):
+        raise RequestError(
+            f"The resolution is {resolution:g}.", "Give the side of a pixel, a number above 0."
+        )
+    west, south, east, north = terrain.bounds
+    if bounds is not None:
+        _check_bounds(bounds, terrain)
+        west, south, east, north = bounds
+    width, height = _pixels(east - west, resolution), _pixels(north - south, resolution)
+    if max(width, height) > MAX_SIDE:
+        raise RequestError(
+            f"A resolution of {resolution:g} makes {width:.4g} × {height:.4g} pixels, more than a "
+            "file can hold.",
+            "Give a coarser resolution or smaller bounds.",
+        )
+    grid = Grid(west, south, resolution, height, width)
+    t_west, t_south, t_east, t_north = terrain.bounds
+    if not (_any_centre(west, width, resolution, t_west, t_east)) or not (
+        _any_centre(south, height, resolution, t_south, t_north)
+    ):
+        raise RequestError(
+            f"A resolution of {resolution:g} is so coarse that no pixel's centre is on the terrain.",
+            f"Give at most {min(terrain.size):g}, its shorter side.",
+        )
+    return grid
+
+
+def _check_bounds(bounds: Bounds, terrain: Terrain) -> None:
+    west, south, east, north = bounds
+    if not all(map(math.isfinite, bounds)) or west >= east or south >= north:
+        raise RequestError(
+            f"The bounds {' '.join(f'{side:g}' for side in bounds)} are empty.",
+            "Give west south east north, west below east and south below north.",
+        )
+    t_west, t_south, t_east, t_north = terrain.bounds
+    if west >= t_east or east <= t_west or south >= t_north or north <= t_south:
+        raise RequestError(
+            f"The bounds {' '.join(f'{side:g}' for side in bounds)} miss the terrain.",
+            f"It lies in {' '.join(f'{side:g}' for side in terrain.bounds)}.",
+        )
+
+
+def _pixels(side: float, resolution: float) -> int:
+    quotient = side / resolution
+    if quotient > 2 * MAX_SIDE:
+        return 2 * MAX_SIDE
+    nearest = round(quotient)
+    if nearest and abs(quotient - nearest) <= _WHOLE * min(1.0, 1e6 / nearest):
+        return nearest
+    return max(1, math.ceil(quotient))
+
+
+def _any_centre(start: float, count: int, step: float, low: float, high: float) -> bool:
+    first = max(0, math.ceil((low - start) / step - 0.5))
+    return first < count and low <= start + (first + 0.5) * step <= high
