@@ -61,16 +61,15 @@ def vectors() -> st.SearchStrategy[list[float]]:
 def knots(draw: Draw) -> list[list[float]]:
     """Knots with and without vertical steps, at the ends too, and now and then three at one t."""
     places = st.one_of(st.sampled_from([0, 0.1, 0.25, 0.3, 1 / 3, 0.5, 0.7, 1]), thousandths(0, 1))
-    inner = draw(st.lists(places, max_size=3))
-    repeated = draw(st.lists(st.sampled_from([0, *inner, 1]), max_size=3))
+    inner = draw(st.lists(places, min_size=1, max_size=3))
+    repeated = draw(st.lists(st.sampled_from([0, *inner, *inner, 1]), max_size=3))
     return [[t, draw(numbers(-2, 2))] for t in sorted([0, *inner, *repeated, 1])]
 
 
 def curves() -> st.SearchStrategy[Any]:
     """Curves that stand on their own: neither omitted nor a copy."""
-    return st.one_of(
-        vectors(), knots(), st.sampled_from(NAMED_CURVES), st.sampled_from(EXPRESSIONS)
-    )
+    named, analytic = st.sampled_from(NAMED_CURVES), st.sampled_from(EXPRESSIONS)
+    return st.one_of(vectors(), knots(), knots(), named, analytic)
 
 
 @st.composite
@@ -93,14 +92,14 @@ def sizes() -> st.SearchStrategy[Any]:
         st.sampled_from([0.3, 12.7, 0.1, 99.9, 0.125, 0.5, 2.0, 64, 1024]),
         thousandths(0.1, 30),
     )
-    return st.one_of(side, st.lists(side, min_size=2, max_size=2))
+    oblong = st.lists(side, min_size=2, max_size=2)
+    return st.one_of(side, oblong, oblong)
 
 
 def origins() -> st.SearchStrategy[list[float]]:
-    return st.one_of(
-        st.lists(numbers(-9, 9), min_size=2, max_size=2),
-        st.sampled_from([[0, 0], [0.1, -0.7], [500000.25, 4649776.5], [-1e6 / 3, 4649776.1]]),
-    )
+    close = st.lists(numbers(-9, 9), min_size=2, max_size=2)
+    far = st.sampled_from([[500000.25, 4649776.5], [-1e6 / 3, 4649776.1], [0, -9000000]])
+    return st.one_of(close, st.sampled_from([[0, 0], [0.1, -0.7]]), far)
 
 
 def grids(*, huge: bool) -> st.SearchStrategy[Any]:

@@ -62,7 +62,7 @@ def settle(x, corner, rest, per, count, near, pitch, pitch_rest, local, from_abo
             k = math.floor(s + 0.5)
             at, _ = edge(corner, rest, pitch, pitch_rest, k)
             cell = k if x >= at else k - 1.0
-            if x == at:
+            if x == at and abs(s - k) < EDGE:
                 s = k
     cell = min(max(cell, 0.0), count - 1.0)
     return int(cell), min(max(s - cell, 0.0), 1.0)
@@ -283,10 +283,11 @@ def descend(field, x, y, stack, sloped):
                 middle_v = v - 0.5
                 u = 0.5 + middle_u * pose.cos - middle_v * pose.sin_v
                 v = 0.5 + middle_u * pose.sin_u + middle_v * pose.cos
-                if max(abs(u - 0.5), abs(v - 0.5)) > 0.5 + EDGE and kind.combine != RADIAL:
-                    continue
-                u = min(max(u, 0.0), 1.0)
-                v = min(max(v, 0.0), 1.0)
+                if kind.combine != RADIAL:
+                    if max(abs(u - 0.5), abs(v - 0.5)) > 0.5 + EDGE:
+                        continue
+                    u = min(max(u, 0.0), 1.0)
+                    v = min(max(v, 0.0), 1.0)
             if kind.special:
                 if kind.combine == RADIAL:
                     held, value, du, dv = radial(curves, kind, u, v)
