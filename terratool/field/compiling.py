@@ -14,7 +14,7 @@ from terratool.definition.model import Definition, Element
 from terratool.definition.tree import Tree, flatten
 from terratool.field import layout
 from terratool.field.curves import Pieces, bins_of, pieces_of
-from terratool.field.types import COMBINE, ELEMENT, GRID, KIND, POSE, Arrays, Curves
+from terratool.field.types import COMBINE, ELEMENT, GRID, KIND, POSE, STEPPED, Arrays, Curves
 
 Ints = NDArray[np.int64]
 _DENSE_CELLS = 1024
@@ -284,8 +284,8 @@ class _CurveStore:
     def _add(self, curve: Pieces) -> dict[str, Any]:
         first, knot, bin_ = self._counts
         count = len(curve.coefficients)
-        self._pieces.append(curve.coefficients.ravel())
-        self._counts[0] += count
+        self._pieces += [curve.coefficients.ravel(), np.array([curve.end, 0.0, 0.0, 0.0])]
+        self._counts[0] += count + 1
         if not curve.even:
             bins = bins_of(curve.starts)
             count = len(bins)
@@ -295,7 +295,7 @@ class _CurveStore:
             self._counts[2] += count
         return {
             "first": first, "count": count, "last": count - 1, "knot": knot, "bin": bin_,
-            "knotted": not curve.even,
+            "knotted": 0 if curve.even else STEPPED if curve.stepped else 1,
         }  # fmt: skip
 
     def curves(self) -> Curves:

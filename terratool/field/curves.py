@@ -42,15 +42,16 @@ class Pieces:
             length (a step at t = 1).
         coefficients: (n, 4); the value at t is c0 + s·(c1 + s·(c2 + s·c3)), with s = t − start for
             knotted curves and s = n·t − i for evenly spaced ones.
+        end: value at t = 1.
         even: whether the pieces are evenly spaced.
-        low, high: the range of the values at the ends and, for formulas, inside of the pieces.
+        stepped: whether there are vertical steps.
     """
 
     starts: Floats
     coefficients: Floats
+    end: float
     even: bool
-    low: float
-    high: float
+    stepped: bool = False
 
 
 def pieces_of(curve: Curve) -> Pieces:
@@ -69,9 +70,7 @@ def _samples(values: Floats) -> Pieces:
     coefficients = np.zeros((count, 4))
     coefficients[:, 0] = values[:-1]
     coefficients[:, 1] = np.diff(values)
-    return Pieces(
-        np.arange(count) / count, coefficients, True, float(values.min()), float(values.max())
-    )
+    return Pieces(np.arange(count) / count, coefficients, values[-1], True)
 
 
 def _knots(points: Floats) -> Pieces:
@@ -90,7 +89,7 @@ def _knots(points: Floats) -> Pieces:
     coefficients = np.zeros((len(starts), 4))
     coefficients[:, 0] = firsts
     coefficients[:, 1] = slopes
-    return Pieces(starts, coefficients, False, float(z.min()), float(z.max()))
+    return Pieces(starts, coefficients, z[-1], False, stepped=not keep.all())
 
 
 def values_of(expression: Expression, t: Floats) -> Floats:
@@ -105,15 +104,14 @@ def _formula(expression: Expression) -> Pieces:
     values = values_of(expression, t)
     # below one part in 1e12 of the largest value lies the rounding of the values themselves
     tolerance = TOLERANCE + 1e-12 * float(np.abs(values).max())
-    low, high = float(values.min()), float(values.max())
     for level in range(_EVEN_LEVELS):
         starts = np.arange(1 << level) / (1 << level)
         coefficients = _cubics(expression, starts, np.full(1 << level, 1.0 / (1 << level)))
         if _error(coefficients, values) <= tolerance:
-            return Pieces(starts, coefficients, True, low, high)
+            return Pieces(starts, coefficients, values[-1], True)
     starts, lengths, coefficients = _halve(expression, tolerance)
     coefficients = coefficients / lengths[:, None] ** np.arange(4)
-    return Pieces(starts, coefficients, False, low, high)
+    return Pieces(starts, coefficients, values[-1], False)
 
 
 _THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numba import njit
 
-from terratool.field.types import COMBINE
+from terratool.field.types import COMBINE, STEPPED
 
 EDGE = 1e-9
 """Turned rectangles and discs are closed: this far outside, in sides of the cell, still counts."""
@@ -24,11 +24,16 @@ STEP = 1e-12
 
 PRODUCT, SUM, MIN, MAX, RADIAL = (COMBINE[name] for name in COMBINE)
 
+# Unsigned indices need no test for counting from the end.
+ONE, TWO, THREE, FOUR = (np.uint64(n) for n in range(1, 5))
+
 # `_nrt=False`: the kernels make no arrays of their own, so counting references to those they are
 # given is waste; without it the descent spends nine tenths of its time there.
 _kernel = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 _device = njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)
-# Values of curves decide about no edge, so here a product and a sum may become one instruction.
+
+
+# A curve's value decides about no edge, so a product and a sum in it may become one instruction.
 _fused = njit(
     cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True,
     fastmath={"contract"},
@@ -89,13 +94,13 @@ def reaches(x, corner, rest, pitch, pitch_rest, cell, width, t):
 
 
 @_fused
-def even_curve(pieces, first, last, count, t):
-    """Value and slope of a curve of evenly spaced pieces at `t` in [0, 1]."""
+def even_curve(pieces, first, count, t):
+    """Value and slope of a curve of evenly spaced pieces at `t`, in [0, 1] or EDGE beyond."""
     s = t * count
-    i = min(int(s), np.int64(last))
+    i = int(s)  # `count` from t = 1 on: there is one more piece; 0 also just below t = 0
     s -= i
-    row = (np.int64(first) + i) * 4
-    c1, c2, c3 = pieces[row + 1], pieces[row + 2], pieces[row + 3]
+    row = (np.uint64(first) + np.uint64(i)) * FOUR
+    c1, c2, c3 = pieces[row + ONE], pieces[row + TWO], pieces[row + THREE]
     return (
         pieces[row] + s * (c1 + s * (c2 + s * c3)),
         (c1 + s * (2.0 * c2 + s * (3.0 * c3))) * count,
@@ -134,7 +139,7 @@ def knotted_curve(curves, first, knot, bin_, last, t):
 def placed_curve(
     curves, first, knot, bin_, last, t, x, corner, rest, near, pitch, pitch_rest, cell, width
 ):
-    """Value and slope of a knotted curve of an unturned element at `t`, at `x` in the world."""
+    """Value and slope of a curve with steps of an unturned element at `t`, at `x` in the world."""
     knots = curves.knots
     i = find_piece(curves, knot, bin_, last, t)
     begin = np.int64(knot)
@@ -172,11 +177,11 @@ def any_curves(curves, kind, u, v):
     if kind.knotted_x:
         fx, fx_slope = knotted_curve(curves, kind.x_first, kind.x_knot, kind.x_bin, kind.x_last, u)
     else:
-        fx, fx_slope = even_curve(curves.pieces, kind.x_first, kind.x_last, kind.x_count, u)
+        fx, fx_slope = even_curve(curves.pieces, kind.x_first, kind.x_count, u)
     if kind.knotted_y:
         fy, fy_slope = knotted_curve(curves, kind.y_first, kind.y_knot, kind.y_bin, kind.y_last, v)
     else:
-        fy, fy_slope = even_curve(curves.pieces, kind.y_first, kind.y_last, kind.y_count, v)
+        fy, fy_slope = even_curve(curves.pieces, kind.y_first, kind.y_count, v)
     return fx, fx_slope, fy, fy_slope
 
 
@@ -184,12 +189,12 @@ def any_curves(curves, kind, u, v):
 def placed_curves(curves, kind, element, grid, width, height, u, v, x, y):
     """Values and slopes of both curves of an unturned element at (x, y) in the world."""
     fx, fx_slope, fy, fy_slope = any_curves(curves, kind, u, v)
-    if kind.knotted_x:
+    if kind.knotted_x == STEPPED:
         fx, fx_slope = placed_curve(
             curves, kind.x_first, kind.x_knot, kind.x_bin, kind.x_last, u, x, grid.x, grid.x_rest,
             grid.near_x, grid.pitch_x, grid.pitch_x_rest, float(element.cell_x), width,
         )  # fmt: skip
-    if kind.knotted_y:
+    if kind.knotted_y == STEPPED:
         fy, fy_slope = placed_curve(
             curves, kind.y_first, kind.y_knot, kind.y_bin, kind.y_last, v, y, grid.y, grid.y_rest,
             grid.near_y, grid.pitch_y, grid.pitch_y_rest, float(element.cell_y), height,
@@ -209,31 +214,53 @@ def radial(curves, kind, u, v):
     return True, value, slope * (2.0 * u - 1.0), slope * (2.0 * v - 1.0)
 
 
+@_kernel
+def special(curves, kind, element, pose, grid, u, v, x, y):
+    """Whether a footprint holds (u, v), and value and slopes there, for any kind of primitive."""
+    if kind.combine == RADIAL:
+        return radial(curves, kind, u, v)
+    if pose.turned:
+        if max(abs(u - 0.5), abs(v - 0.5)) > 0.5 + EDGE:
+            return False, 0.0, 0.0, 0.0
+        fx, fx_slope, fy, fy_slope = any_curves(
+            curves, kind, min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+        )
+    else:
+        fx, fx_slope, fy, fy_slope = placed_curves(
+            curves, kind, element, grid, pose.width, pose.height, u, v, x, y
+        )
+    value, du, dv = combine(kind.combine, fx, fx_slope, fy, fy_slope)
+    return True, value, du, dv
+
+
 @_device
-def descend(field, x, y, stack, sloped):
+def descend(field, x, y, stack, sloped, started, z, i, j, in_x, in_y):
     """Height, winning element (-1 for none), whether it is void, and gradient, inside the bounds.
 
-    `stack` is (pending, 3) scratch; the gradient is computed only where `sloped` holds.
+    `stack` is (pending, 3) scratch; the gradient is computed only where `sloped` holds. A descent
+    that has `started` has the root's height in `z`, and the place in the root's grid.
     """
     grids, curves = field.grids, field.curves
-    z = 0.0
     slope_x = 0.0
     slope_y = 0.0
-    winner = np.int64(-1)
-    void = False
+    winner = np.int64(0) if started else np.int64(-1)
+    void = started and field.kinds[field.elements[0].kind].void != 0
     pending = 0
-    g = np.int64(0)
+    g = np.uint64(1) if started else np.uint64(0)
     from_x = 0.0
     from_y = 0.0
     while True:
         grid = grids[g]
-        # the usual case: far enough from any edge of a cell
-        sx = ((x - grid.x) - grid.x_rest) * grid.per_x
-        sy = ((y - grid.y) - grid.y_rest) * grid.per_y
-        i = int(sx)
-        j = int(sy)
-        in_x = sx - i
-        in_y = sy - j
+        if started:
+            started = False
+        else:
+            # the usual case: far enough from any edge of a cell
+            sx = ((x - grid.x) - grid.x_rest) * grid.per_x
+            sy = ((y - grid.y) - grid.y_rest) * grid.per_y
+            i = int(sx)
+            j = int(sy)
+            in_x = sx - i
+            in_y = sy - j
         if abs(in_x - 0.5) > grid.sure_x or abs(in_y - 0.5) > grid.sure_y:
             i, in_x = settle(
                 x, grid.x, grid.x_rest, grid.per_x, grid.nx, grid.near_x,
@@ -243,87 +270,63 @@ def descend(field, x, y, stack, sloped):
                 y, grid.y, grid.y_rest, grid.per_y, grid.ny, grid.near_y,
                 grid.pitch_y, grid.pitch_y_rest, grid.local, from_y,
             )  # fmt: skip
-        slot = grid.table + (j >> grid.shift_y) * np.int64(grid.bins_x) + (i >> grid.shift_x)
-        descended = np.int64(0)
-        for k in range(np.int64(field.offsets[slot]), np.int64(field.offsets[slot + 1])):
-            index = np.int64(field.entries[k]) if grid.listed else k
+        slot = np.uint64(
+            grid.table + (j >> grid.shift_y) * np.int64(grid.bins_x) + (i >> grid.shift_x)
+        )
+        descended = np.uint64(0)
+        for k in range(np.uint64(field.offsets[slot]), np.uint64(field.offsets[slot + ONE])):
+            index = np.uint64(field.entries[k]) if grid.listed else k
             element = field.elements[index]
             kind = field.kinds[element.kind]
+            pose = field.poses[element.pose]
             u = in_x
             v = in_y
-            width = 1.0
-            height = 1.0
-            turned = False
-            if element.pose == 0:
-                if i != element.cell_x or j != element.cell_y:
-                    continue
-            else:
-                pose = field.poses[element.pose]
+            if grid.listed:
                 right = i - np.int64(element.cell_x)
                 above = j - np.int64(element.cell_y)
                 if right < 0 or above < 0 or right >= pose.cells_x or above >= pose.cells_y:
                     continue
-                width = pose.width
-                height = pose.height
-                turned = pose.turned != 0
-                u = min((right + in_x) / width, 1.0)
-                v = min((above + in_y) / height, 1.0)
+                u = min((right + in_x) / pose.width, 1.0)
+                v = min((above + in_y) / pose.height, 1.0)
             if element.grid:
                 if descended:
                     stack[pending, 0] = descended
                     stack[pending, 1] = from_x
                     stack[pending, 2] = from_y
                     pending += 1
-                descended = np.int64(element.grid)
+                descended = np.uint64(element.grid)
                 from_x = u
                 from_y = v
-            if turned:
-                pose = field.poses[element.pose]
-                middle_u = u - 0.5
-                middle_v = v - 0.5
-                u = 0.5 + middle_u * pose.cos - middle_v * pose.sin_v
-                v = 0.5 + middle_u * pose.sin_u + middle_v * pose.cos
-                if kind.combine != RADIAL:
-                    if max(abs(u - 0.5), abs(v - 0.5)) > 0.5 + EDGE:
-                        continue
-                    u = min(max(u, 0.0), 1.0)
-                    v = min(max(v, 0.0), 1.0)
+            # turned by nothing for most; that is quicker than to guess which ones are
+            turned_u = 0.5 + ((u - 0.5) * pose.cos - (v - 0.5) * pose.sin_v)
+            turned_v = 0.5 + ((u - 0.5) * pose.sin_u + (v - 0.5) * pose.cos)
             if kind.special:
-                if kind.combine == RADIAL:
-                    held, value, du, dv = radial(curves, kind, u, v)
-                    if not held:
-                        continue
-                else:
-                    if turned:
-                        fx, fx_slope, fy, fy_slope = any_curves(curves, kind, u, v)
-                    else:
-                        fx, fx_slope, fy, fy_slope = placed_curves(
-                            curves, kind, element, grid, width, height, u, v, x, y
-                        )
-                    value, du, dv = combine(kind.combine, fx, fx_slope, fy, fy_slope)
+                if pose.turned:
+                    u = turned_u
+                    v = turned_v
+                held, value, du, dv = special(curves, kind, element, pose, grid, u, v, x, y)
+                if not held:
+                    continue
             else:
-                fx, fx_slope = even_curve(
-                    curves.pieces, kind.x_first, kind.x_last, kind.x_count, u
-                )
-                fy, fy_slope = even_curve(
-                    curves.pieces, kind.y_first, kind.y_last, kind.y_count, v
-                )
+                if max(abs(turned_u - 0.5), abs(turned_v - 0.5)) > 0.5 + EDGE:
+                    continue
+                fx, fx_slope = even_curve(curves.pieces, kind.x_first, kind.x_count, turned_u)
+                fy, fy_slope = even_curve(curves.pieces, kind.y_first, kind.y_count, turned_v)
                 value, du, dv = fx * fy, fx_slope * fy, fx * fy_slope
             z += element.scale * value + element.offset
-            if index > winner:
-                winner = index
+            if np.int64(index) > winner:
+                winner = np.int64(index)
                 void = kind.void != 0
             if sloped:
-                if turned:
-                    pose = field.poses[element.pose]
-                    du, dv = du * pose.cos + dv * pose.sin_u, dv * pose.cos - du * pose.sin_v
-                slope_x += element.scale * du * (grid.per_x / width)
-                slope_y += element.scale * dv * (grid.per_y / height)
+                along_u = du * pose.cos + dv * pose.sin_u
+                along_v = dv * pose.cos - du * pose.sin_v
+                slope_x += element.scale * along_u * (grid.per_x / pose.width)
+                slope_y += element.scale * along_v * (grid.per_y / pose.height)
         if descended:
             g = descended
         elif pending:
             pending -= 1
-            g = np.int64(stack[pending, 0])
+            g = np.uint64(stack[pending, 0])
             from_x = stack[pending, 1]
             from_y = stack[pending, 2]
         else:
@@ -341,15 +344,81 @@ def height_at(field, x, y, stack):
     """Height at a point; NaN outside and in the void."""
     if not inside(field.bounds, x, y):
         return np.nan
-    z, _, void, _, _ = descend(field, x, y, stack, False)
+    z, _, void, _, _ = descend(field, x, y, stack, False, False, 0.0, 0, 0, 0.0, 0.0)
     return np.nan if void else z
 
 
 @_kernel
-def heights(field, x, y, stack, out):
-    """Heights at points: `x`, `y`, `out` are (n,) float64, `stack` (pending, 3) scratch."""
+def positions(x, corner, rest, per, whole, part):
+    """Positions along one axis of a grid, in whole cells and parts of them; vectorised."""
     for n in range(len(x)):
-        out[n] = height_at(field, x[n], y[n], stack)
+        s = ((x[n] - corner) - rest) * per
+        whole[n] = math.floor(s)
+        part[n] = s - math.floor(s)
+
+
+@_kernel
+def even_values(pieces, first, count, t, out):
+    """Values of a curve of evenly spaced pieces at each `t`, held to [0, 1]; vectorised."""
+    for n in range(len(t)):
+        s = min(max(t[n], 0.0), 1.0) * count
+        i = int(s)
+        s -= i
+        row = (np.uint64(first) + np.uint64(i)) * FOUR
+        c1, c2, c3 = pieces[row + ONE], pieces[row + TWO], pieces[row + THREE]
+        out[n] = pieces[row] + s * (c1 + s * (c2 + s * c3))
+
+
+@_kernel
+def block_heights(field, x, y, stack, work, out):
+    """Heights at a block of points; the root, which they share, is evaluated for all at once."""
+    count = len(x)
+    u, v, z, cell_x, in_x, cell_y, in_y = (
+        work[0, :count], work[1, :count], work[2, :count], work[3, :count], work[4, :count],
+        work[5, :count], work[6, :count],
+    )  # fmt: skip
+    ground, grid = field.grids[0], field.grids[1]
+    root = field.elements[0]
+    kind = field.kinds[root.kind]
+    positions(x, ground.x, ground.x_rest, ground.per_x, cell_x, u)
+    positions(y, ground.y, ground.y_rest, ground.per_y, cell_y, v)
+    even_values(field.curves.pieces, kind.x_first, kind.x_count, u, z)
+    even_values(field.curves.pieces, kind.y_first, kind.y_count, v, in_x)
+    for n in range(count):
+        z[n] = root.scale * (z[n] * in_x[n]) + root.offset
+        # outside and at the edges, u is made to fail the test below
+        if cell_x[n] != 0.0 or cell_y[n] != 0.0:
+            u[n] = 1.0
+    positions(x, grid.x, grid.x_rest, grid.per_x, cell_x, in_x)
+    positions(y, grid.y, grid.y_rest, grid.per_y, cell_y, in_y)
+    for n in range(count):
+        if (
+            abs(u[n] - 0.5) > ground.sure_x
+            or abs(v[n] - 0.5) > ground.sure_y
+            or abs(in_x[n] - 0.5) > grid.sure_x
+            or abs(in_y[n] - 0.5) > grid.sure_y
+        ):
+            out[n] = height_at(field, x[n], y[n], stack)
+            continue
+        height, _, void, _, _ = descend(
+            field, x[n], y[n], stack, False, True, z[n], int(cell_x[n]), int(cell_y[n]), in_x[n],
+            in_y[n],
+        )  # fmt: skip
+        out[n] = np.nan if void else height
+
+
+@_kernel
+def heights(field, x, y, stack, work, out):
+    """Heights at points: `x`, `y`, `out` are (n,) float64; `stack` and `work` are scratch."""
+    root = field.elements[0]
+    if root.grid and not root.pose and not field.kinds[root.kind].special:
+        size = work.shape[1]
+        for begin in range(0, len(x), size):
+            end = min(begin + size, len(x))
+            block_heights(field, x[begin:end], y[begin:end], stack, work, out[begin:end])
+    else:
+        for n in range(len(x)):
+            out[n] = height_at(field, x[n], y[n], stack)
 
 
 @_kernel
@@ -373,7 +442,9 @@ def samples(field, x, y, stack, height, winners, gradient):
         gradient[n, 1] = np.nan
         winners[n] = -2
         if inside(field.bounds, x[n], y[n]):
-            z, winners[n], void, slope_x, slope_y = descend(field, x[n], y[n], stack, True)
+            z, winners[n], void, slope_x, slope_y = descend(
+                field, x[n], y[n], stack, True, False, 0.0, 0, 0, 0.0, 0.0
+            )
             if not void:
                 height[n] = z
                 gradient[n, 0] = slope_x

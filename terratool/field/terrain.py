@@ -14,7 +14,7 @@ from terratool.definition.model import Definition
 from terratool.definition.reader import load_definition
 from terratool.field import kernels, layout
 from terratool.field.compiling import Compiled, compile_definition
-from terratool.field.types import Arrays
+from terratool.field.types import Arrays, work_space
 
 OUTSIDE = -2
 NOTHING = -1
@@ -93,7 +93,7 @@ class Terrain:
         """Heights at points; a number for numbers, else a float64 array."""
         x, y, shape = _points(x, y)
         out = np.empty(len(x))
-        kernels.heights(self.arrays, x, y, self.arrays.stack(), out)
+        kernels.heights(self.arrays, x, y, self.arrays.stack(), work_space(), out)
         return out.reshape(shape)[()]
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:

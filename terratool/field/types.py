@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
 
+STEPPED = 2
+
 ELEMENT = np.dtype(
     [
         ("cell_x", np.uint16),  # first cell of its block in the parent's grid
@@ -51,7 +53,7 @@ KIND = np.dtype(
         ("y_bin", np.uint32),
         ("surface", np.int32),  # index into the surfaces of the terrain; -1 for none
         ("combine", np.uint8),
-        ("knotted_x", np.uint8),
+        ("knotted_x", np.uint8),  # pieces begin at knots; STEPPED if with vertical steps
         ("knotted_y", np.uint8),
         ("void", np.uint8),  # the surface is void
         ("special", np.uint8),  # anything but a product of evenly spaced pieces
@@ -93,7 +95,8 @@ class Curves(NamedTuple):
     """The pieces of all curves.
 
     Attributes:
-        pieces: (4n,) float64, the four coefficients of a cubic per piece.
+        pieces: (4n,) float64, the four coefficients of a cubic per piece; behind the pieces of
+            each curve stands one more, its value at t = 1.
         knots: (n,) float64, t where each piece of a knotted curve begins, then infinity.
         bins: (n,) uint32, for evenly spaced t the piece of a knotted curve to begin the search at.
     """
@@ -138,3 +141,12 @@ class Arrays(NamedTuple):
     def stack(self) -> NDArray[np.float64]:
         """Scratch for the descent, (pending, 3) float64; each thread needs its own."""
         return np.empty((self.pending, 3))
+
+
+BLOCK = 512
+"""Points that a batch takes at a time; their positions stay in the cache."""
+
+
+def work_space() -> NDArray[np.float64]:
+    """Scratch for a block of points, (7, BLOCK) float64; each thread needs its own."""
+    return np.empty((7, BLOCK))
