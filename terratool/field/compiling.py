@@ -79,6 +79,7 @@ def compile_definition(definition: Definition) -> Compiled:
     surfaces = tuple(definition.surfaces)
     surface = _inherit(columns.surface, parents)
     elements["kind"], kinds, primitives, curves = _kinds(definition, columns.type, surface)
+    _mark_leaves(grids, home, elements, kinds)
     west, south = definition.corner
     arrays = Arrays(
         elements=elements,
@@ -194,6 +195,14 @@ def _bins(
     layout.fill_bins(grids, first, last, columns.cell, columns.span, offsets, entries)
     pending = layout.pending(grids, offsets, entries, grid_of)
     return offsets, entries, int(pending)
+
+
+def _mark_leaves(
+    grids: NDArray[Any], home: NDArray[Any], elements: NDArray[Any], kinds: NDArray[Any]
+) -> None:
+    plain = (elements["grid"] == 0) & (kinds["special"][elements["kind"]] == 0)
+    begins = np.searchsorted(home, np.arange(len(grids)))
+    grids["leaves"] = np.logical_and.reduceat(plain, begins) & (grids["listed"] == 0)
 
 
 def _poses(

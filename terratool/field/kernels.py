@@ -27,6 +27,8 @@ PRODUCT, SUM, MIN, MAX, RADIAL = (COMBINE[name] for name in COMBINE)
 # Unsigned indices need no test for counting from the end.
 ONE, TWO, THREE, FOUR = (np.uint64(n) for n in range(1, 5))
 
+NEAR_AN_EDGE = np.uint64(2**32 - 1)
+
 # `_nrt=False`: the kernels make no arrays of their own, so counting references to those they are
 # given is waste; without it the descent spends nine tenths of its time there.
 _kernel = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
@@ -49,6 +51,12 @@ def edge(corner, rest, pitch, pitch_rest, k):
     low = ((corner - (high - back)) + (step - back)) + rest + k * pitch_rest
     total = high + low
     return total, low - (total - high)
+
+
+@_device
+def sure(grid, in_x, in_y):
+    """Whether a place in a cell is far enough from its edges for its coordinates to be trusted."""
+    return abs(in_x - 0.5) <= grid.sure_x and abs(in_y - 0.5) <= grid.sure_y
 
 
 @_kernel
@@ -234,8 +242,40 @@ def special(curves, kind, element, pose, grid, u, v, x, y):
 
 
 @_device
+def add_leaves(field, begin, end, in_x, in_y, sloped, z, slope_x, slope_y, winner):
+    """Add the elements of a bin that have no grid and nothing special, each as wide as the cell.
+
+    Height, slopes in cells, and the winner go in and come out.
+    """
+    for k in range(begin, end):
+        element = field.elements[k]
+        kind = field.kinds[element.kind]
+        pose = field.poses[element.pose]
+        # turned by nothing for most; that is quicker than to guess which ones are
+        u = 0.5 + ((in_x - 0.5) * pose.cos - (in_y - 0.5) * pose.sin_v)
+        v = 0.5 + ((in_x - 0.5) * pose.sin_u + (in_y - 0.5) * pose.cos)
+        if max(abs(u - 0.5), abs(v - 0.5)) > 0.5 + EDGE:
+            continue
+        fx, fx_slope = even_curve(field.curves.pieces, kind.x_first, kind.x_count, u)
+        fy, fy_slope = even_curve(field.curves.pieces, kind.y_first, kind.y_count, v)
+        z += element.scale * (fx * fy) + element.offset
+        winner = np.int64(k)
+        if sloped:
+            du, dv = fx_slope * fy, fx * fy_slope
+            slope_x += element.scale * (du * pose.cos + dv * pose.sin_u)
+            slope_y += element.scale * (dv * pose.cos - du * pose.sin_v)
+    return z, slope_x, slope_y, winner
+
+
+@_device
+def void_at(field, winner):
+    """Whether the surface of the winning element is void."""
+    return winner >= 0 and field.kinds[field.elements[np.uint64(winner)].kind].void != 0
+
+
+@_device
 def descend(field, x, y, stack, sloped, started, z, i, j, in_x, in_y):
-    """Height, winning element (-1 for none), whether it is void, and gradient, inside the bounds.
+    """Height, winning element (-1 for none) and gradient at a point inside the bounds.
 
     `stack` is (pending, 3) scratch; the gradient is computed only where `sloped` holds. A descent
     that has `started` has the root's height in `z`, and the place in the root's grid.
@@ -244,7 +284,6 @@ def descend(field, x, y, stack, sloped, started, z, i, j, in_x, in_y):
     slope_x = 0.0
     slope_y = 0.0
     winner = np.int64(0) if started else np.int64(-1)
-    void = started and field.kinds[field.elements[0].kind].void != 0
     pending = 0
     g = np.uint64(1) if started else np.uint64(0)
     from_x = 0.0
@@ -261,7 +300,7 @@ def descend(field, x, y, stack, sloped, started, z, i, j, in_x, in_y):
             j = int(sy)
             in_x = sx - i
             in_y = sy - j
-        if abs(in_x - 0.5) > grid.sure_x or abs(in_y - 0.5) > grid.sure_y:
+        if not sure(grid, in_x, in_y):
             i, in_x = settle(
                 x, grid.x, grid.x_rest, grid.per_x, grid.nx, grid.near_x,
                 grid.pitch_x, grid.pitch_x_rest, grid.local, from_x,
@@ -274,7 +313,17 @@ def descend(field, x, y, stack, sloped, started, z, i, j, in_x, in_y):
             grid.table + (j >> grid.shift_y) * np.int64(grid.bins_x) + (i >> grid.shift_x)
         )
         descended = np.uint64(0)
-        for k in range(np.uint64(field.offsets[slot]), np.uint64(field.offsets[slot + ONE])):
+        begin, end = np.uint64(field.offsets[slot]), np.uint64(field.offsets[slot + ONE])
+        if grid.leaves:
+            z, along_x, along_y, last = add_leaves(
+                field, begin, end, in_x, in_y, sloped, z, 0.0, 0.0, np.int64(-1)
+            )
+            winner = max(winner, last)
+            if sloped:
+                slope_x += along_x * grid.per_x
+                slope_y += along_y * grid.per_y
+            begin = end
+        for k in range(begin, end):
             index = np.uint64(field.entries[k]) if grid.listed else k
             element = field.elements[index]
             kind = field.kinds[element.kind]
@@ -297,26 +346,22 @@ def descend(field, x, y, stack, sloped, started, z, i, j, in_x, in_y):
                 descended = np.uint64(element.grid)
                 from_x = u
                 from_y = v
-            # turned by nothing for most; that is quicker than to guess which ones are
-            turned_u = 0.5 + ((u - 0.5) * pose.cos - (v - 0.5) * pose.sin_v)
-            turned_v = 0.5 + ((u - 0.5) * pose.sin_u + (v - 0.5) * pose.cos)
+            if pose.turned:
+                middle_u, middle_v = u - 0.5, v - 0.5
+                u = 0.5 + (middle_u * pose.cos - middle_v * pose.sin_v)
+                v = 0.5 + (middle_u * pose.sin_u + middle_v * pose.cos)
             if kind.special:
-                if pose.turned:
-                    u = turned_u
-                    v = turned_v
                 held, value, du, dv = special(curves, kind, element, pose, grid, u, v, x, y)
                 if not held:
                     continue
             else:
-                if max(abs(turned_u - 0.5), abs(turned_v - 0.5)) > 0.5 + EDGE:
+                if max(abs(u - 0.5), abs(v - 0.5)) > 0.5 + EDGE:
                     continue
-                fx, fx_slope = even_curve(curves.pieces, kind.x_first, kind.x_count, turned_u)
-                fy, fy_slope = even_curve(curves.pieces, kind.y_first, kind.y_count, turned_v)
+                fx, fx_slope = even_curve(curves.pieces, kind.x_first, kind.x_count, u)
+                fy, fy_slope = even_curve(curves.pieces, kind.y_first, kind.y_count, v)
                 value, du, dv = fx * fy, fx_slope * fy, fx * fy_slope
             z += element.scale * value + element.offset
-            if np.int64(index) > winner:
-                winner = np.int64(index)
-                void = kind.void != 0
+            winner = max(winner, np.int64(index))
             if sloped:
                 along_u = du * pose.cos + dv * pose.sin_u
                 along_v = dv * pose.cos - du * pose.sin_v
@@ -330,7 +375,7 @@ def descend(field, x, y, stack, sloped, started, z, i, j, in_x, in_y):
             from_x = stack[pending, 1]
             from_y = stack[pending, 2]
         else:
-            return z, winner, void, slope_x, slope_y
+            return z, winner, slope_x, slope_y
 
 
 @_device
@@ -344,8 +389,8 @@ def height_at(field, x, y, stack):
     """Height at a point; NaN outside and in the void."""
     if not inside(field.bounds, x, y):
         return np.nan
-    z, _, void, _, _ = descend(field, x, y, stack, False, False, 0.0, 0, 0, 0.0, 0.0)
-    return np.nan if void else z
+    z, winner, _, _ = descend(field, x, y, stack, False, False, 0.0, 0, 0, 0.0, 0.0)
+    return np.nan if void_at(field, winner) else z
 
 
 @_kernel
@@ -359,7 +404,11 @@ def positions(x, corner, rest, per, whole, part):
 
 @_kernel
 def even_values(pieces, first, count, t, out):
-    """Values of a curve of evenly spaced pieces at each `t`, held to [0, 1]; vectorised."""
+    """Values of a curve of evenly spaced pieces at each `t`, held to [0, 1]."""
+    row = np.uint64(first) * FOUR
+    if count == 1.0 and pieces[row + ONE] == pieces[row + TWO] == pieces[row + THREE] == 0.0:
+        out[:] = pieces[row]
+        return
     for n in range(len(t)):
         s = min(max(t[n], 0.0), 1.0) * count
         i = int(s)
@@ -370,9 +419,10 @@ def even_values(pieces, first, count, t, out):
 
 
 @_kernel
-def block_heights(field, x, y, stack, work, out):
+def block_heights(field, x, y, scratch, out):
     """Heights at a block of points; the root, which they share, is evaluated for all at once."""
     count = len(x)
+    stack, work, bins = scratch
     u, v, z, cell_x, in_x, cell_y, in_y = (
         work[0, :count], work[1, :count], work[2, :count], work[3, :count], work[4, :count],
         work[5, :count], work[6, :count],
@@ -391,46 +441,65 @@ def block_heights(field, x, y, stack, work, out):
             u[n] = 1.0
     positions(x, grid.x, grid.x_rest, grid.per_x, cell_x, in_x)
     positions(y, grid.y, grid.y_rest, grid.per_y, cell_y, in_y)
+    if not grid.leaves:
+        for n in range(count):
+            if sure(ground, u[n], v[n]):
+                out[n], winner, _, _ = descend(
+                    field, x[n], y[n], stack, False, True, z[n], int(cell_x[n]), int(cell_y[n]),
+                    in_x[n], in_y[n],
+                )  # fmt: skip
+                if void_at(field, winner):
+                    out[n] = np.nan
+            else:
+                out[n] = height_at(field, x[n], y[n], stack)
+        return
+    # first where the elements of each point are, then what they are: neither waits for the other
     for n in range(count):
-        if (
-            abs(u[n] - 0.5) > ground.sure_x
-            or abs(v[n] - 0.5) > ground.sure_y
-            or abs(in_x[n] - 0.5) > grid.sure_x
-            or abs(in_y[n] - 0.5) > grid.sure_y
-        ):
+        bins[n, 0] = bins[n, 1] = 0
+        if sure(ground, u[n], v[n]) and sure(grid, in_x[n], in_y[n]):
+            slot = np.uint64(
+                grid.table + int(cell_y[n]) * np.int64(grid.bins_x) + int(cell_x[n])
+            )
+            bins[n, 0] = field.offsets[slot]
+            bins[n, 1] = field.offsets[slot + ONE]
+        else:
+            bins[n, 0] = NEAR_AN_EDGE
+    for n in range(count):
+        begin, end = np.uint64(bins[n, 0]), np.uint64(bins[n, 1])
+        if begin == NEAR_AN_EDGE:
             out[n] = height_at(field, x[n], y[n], stack)
             continue
-        height, _, void, _, _ = descend(
-            field, x[n], y[n], stack, False, True, z[n], int(cell_x[n]), int(cell_y[n]), in_x[n],
-            in_y[n],
-        )  # fmt: skip
-        out[n] = np.nan if void else height
+        out[n], _, _, winner = add_leaves(
+            field, begin, end, in_x[n], in_y[n], False, z[n], 0.0, 0.0, np.int64(0)
+        )
+        if void_at(field, winner):
+            out[n] = np.nan
 
 
 @_kernel
-def heights(field, x, y, stack, work, out):
-    """Heights at points: `x`, `y`, `out` are (n,) float64; `stack` and `work` are scratch."""
+def heights(field, x, y, scratch, out):
+    """Heights at points: `x`, `y`, `out` are (n,) float64; the rest is scratch."""
     root = field.elements[0]
     if root.grid and not root.pose and not field.kinds[root.kind].special:
-        size = work.shape[1]
+        size = scratch.work.shape[1]
         for begin in range(0, len(x), size):
             end = min(begin + size, len(x))
-            block_heights(field, x[begin:end], y[begin:end], stack, work, out[begin:end])
+            block_heights(field, x[begin:end], y[begin:end], scratch, out[begin:end])
     else:
         for n in range(len(x)):
-            out[n] = height_at(field, x[n], y[n], stack)
+            out[n] = height_at(field, x[n], y[n], scratch.stack)
 
 
 @_kernel
-def grid_heights(field, x, y, stack, out):
+def grid_heights(field, x, y, scratch, out):
     """Heights at the crossings of columns `x` (n,) and rows `y` (m,) into `out` (m, n)."""
     for row in range(len(y)):
         for column in range(len(x)):
-            out[row, column] = height_at(field, x[column], y[row], stack)
+            out[row, column] = height_at(field, x[column], y[row], scratch.stack)
 
 
 @_kernel
-def samples(field, x, y, stack, height, winners, gradient):
+def samples(field, x, y, scratch, height, winners, gradient):
     """Everything at points: `height` (n,), `winners` (n,) int64, `gradient` (n, 2).
 
     The winner is the index of the element that decides the surface: -1 where there is none, -2
@@ -442,10 +511,11 @@ def samples(field, x, y, stack, height, winners, gradient):
         gradient[n, 1] = np.nan
         winners[n] = -2
         if inside(field.bounds, x[n], y[n]):
-            z, winners[n], void, slope_x, slope_y = descend(
-                field, x[n], y[n], stack, True, False, 0.0, 0, 0, 0.0, 0.0
+            z, winner, slope_x, slope_y = descend(
+                field, x[n], y[n], scratch.stack, True, False, 0.0, 0, 0, 0.0, 0.0
             )
-            if not void:
+            winners[n] = winner
+            if not void_at(field, winner):
                 height[n] = z
                 gradient[n, 0] = slope_x
                 gradient[n, 1] = slope_y

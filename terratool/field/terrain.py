@@ -14,7 +14,7 @@ from terratool.definition.model import Definition
 from terratool.definition.reader import load_definition
 from terratool.field import kernels, layout
 from terratool.field.compiling import Compiled, compile_definition
-from terratool.field.types import Arrays, work_space
+from terratool.field.types import Arrays
 
 OUTSIDE = -2
 NOTHING = -1
@@ -93,7 +93,7 @@ class Terrain:
         """Heights at points; a number for numbers, else a float64 array."""
         x, y, shape = _points(x, y)
         out = np.empty(len(x))
-        kernels.heights(self.arrays, x, y, self.arrays.stack(), work_space(), out)
+        kernels.heights(self.arrays, x, y, self.arrays.scratch(), out)
         return out.reshape(shape)[()]
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
@@ -117,7 +117,7 @@ class Terrain:
         height = np.empty(len(x))
         element = np.empty(len(x), np.int64)
         gradient = np.empty((len(x), 2))
-        kernels.samples(self.arrays, x, y, self.arrays.stack(), height, element, gradient)
+        kernels.samples(self.arrays, x, y, self.arrays.scratch(), height, element, gradient)
         surface = self.surface_of(element)
         normal = np.column_stack([0.0 - gradient, np.where(np.isnan(height), np.nan, 1.0)])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)

@@ -78,6 +78,7 @@ GRID = np.dtype(
         ("shift_y", np.uint8),
         ("listed", np.uint8),  # the offsets count in entries rather than in elements
         ("local", np.uint8),  # finer than doubles: positions go down from the parent's
+        ("leaves", np.uint8),  # no element has a grid, a span or anything special
         ("nx", np.float64),
         ("ny", np.float64),
         ("near_x", np.float64),  # this near to an edge, in cells, the edge's double decides
@@ -138,15 +139,26 @@ class Arrays(NamedTuple):
         own = (array for array in self if isinstance(array, np.ndarray))
         return sum(array.nbytes for array in (*own, *self.curves))
 
-    def stack(self) -> NDArray[np.float64]:
-        """Scratch for the descent, (pending, 3) float64; each thread needs its own."""
-        return np.empty((self.pending, 3))
+    def scratch(self) -> Scratch:
+        """Space for the kernels to work in; each thread needs its own."""
+        return Scratch(
+            np.empty((self.pending, 3)), np.empty((7, BLOCK)), np.empty((BLOCK, 2), np.uint32)
+        )
 
 
 BLOCK = 512
 """Points that a batch takes at a time; their positions stay in the cache."""
 
 
-def work_space() -> NDArray[np.float64]:
-    """Scratch for a block of points, (7, BLOCK) float64; each thread needs its own."""
-    return np.empty((7, BLOCK))
+class Scratch(NamedTuple):
+    """Space for the kernels to work in.
+
+    Attributes:
+        stack: (pending, 3) float64, grids that wait in a descent.
+        work: (7, BLOCK) float64, positions of a block of points.
+        bins: (BLOCK, 2) uint32, where their elements begin and end.
+    """
+
+    stack: NDArray[np.float64]
+    work: NDArray[np.float64]
+    bins: NDArray[np.uint32]

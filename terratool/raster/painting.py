@@ -19,7 +19,7 @@ def window_heights(terrain: Terrain, grid: Grid, window: Window) -> NDArray[np.f
     """Heights at the pixel centres of a window, (height, width) float32, NaN for nodata."""
     out = np.empty((window.height, window.width), np.float32)
     arrays = terrain.arrays
-    kernels.grid_heights(arrays, grid.columns(window), grid.rows(window), arrays.stack(), out)
+    kernels.grid_heights(arrays, grid.columns(window), grid.rows(window), arrays.scratch(), out)
     return out
 
 
