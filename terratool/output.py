@@ -34,7 +34,7 @@ def whole_file(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
             yield part
             with open(part, "rb+") as file:
                 os.fsync(file.fileno())
-            os.replace(part, path)
+            part.replace(path)
     except OSError as error:
         raise WriteError(
             f"{path}: cannot be written ({(error.strerror or str(error)).lower()}).",
@@ -69,7 +69,7 @@ def _stop_on_sigterm() -> Iterator[None]:
         yield
         return
 
-    def stop(number: int, frame: FrameType | None) -> None:
+    def stop(number: int, _frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
     before = signal.signal(signal.SIGTERM, stop)

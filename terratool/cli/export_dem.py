@@ -16,9 +16,7 @@ import click
 @click.argument("file")
 @click.argument("output")
 @click.option("--resolution", type=float, metavar="R", help="Side of a pixel.")
-@click.option(
-    "--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to write."
-)
+@click.option("--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to write.")
 @click.option("--overwrite", is_flag=True, help="Replace OUTPUT if it exists.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
 def command(

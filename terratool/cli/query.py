@@ -162,6 +162,9 @@ def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
 def _write_json(rows: Iterator[tuple[Any, ...]]) -> None:
     separator = "["
     for row in rows:
-        click.echo(separator + json.dumps(dict(zip(COLUMNS, row, strict=True)), ensure_ascii=False), nl=False)
+        click.echo(
+            separator + json.dumps(dict(zip(COLUMNS, row, strict=True)), ensure_ascii=False),
+            nl=False,
+        )
         separator = ",\n "
     click.echo("]" if separator != "[" else "[]")

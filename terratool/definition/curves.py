@@ -124,7 +124,9 @@ def problems(primitive: Primitive) -> list[CurveError]:
         what = {
             (True, True): 'both "x" and "y" are left out',
             (False, False): 'both "x" and "y" are empty',
-        }.get((primitive.x is UNSET, primitive.y is UNSET), 'one curve is left out, the other empty')
+        }.get(
+            (primitive.x is UNSET, primitive.y is UNSET), "one curve is left out, the other empty"
+        )
         found.append(
             CurveError(
                 "TT303", "", f"{what}, so there is no curve.", "Give at least one of them values."

@@ -99,8 +99,10 @@ class _Parser:
     def _advance(self) -> None:
         match = _token(self._text, self._next_at)
         if match is None:
-            at = self._next_at + len(self._text[self._next_at :]) - len(
-                self._text[self._next_at :].lstrip()
+            at = (
+                self._next_at
+                + len(self._text[self._next_at :])
+                - len(self._text[self._next_at :].lstrip())
             )
             raise ExpressionError(
                 f'"{self._text[at]}" at character {at + 1} belongs to no expression',
@@ -190,9 +192,7 @@ class _Parser:
                 f"{name} takes one argument, not {count}", f"Write {name}(…) with one argument."
             )
         if name in VARIADIC and count < 2:
-            raise ExpressionError(
-                f"{name} takes two arguments or more", f"Write {name}(a, b)."
-            )
+            raise ExpressionError(f"{name} takes two arguments or more", f"Write {name}(a, b).")
         self._ops.append((name, count if name in VARIADIC else None))
 
     def _close(self) -> None:
@@ -201,7 +201,9 @@ class _Parser:
 
     def _unexpected(self, wanted: str) -> ExpressionError:
         if self._kind == "end":
-            return ExpressionError(f"the expression ends where {wanted} is expected", "Complete it.")
+            return ExpressionError(
+                f"the expression ends where {wanted} is expected", "Complete it."
+            )
         return ExpressionError(
             f'"{self._value}" at character {self._at + 1} stands where {wanted} is expected',
             f"Put {wanted} there.",

@@ -25,7 +25,7 @@ _ESCAPES = {
 _LITERALS = {"true": True, "false": False, "null": None}
 
 
-class Misspelt(Exception):
+class MisspeltError(Exception):
     """The text is no JSON; `offset` counts characters from 0."""
 
     def __init__(self, code: str, offset: int, message: str, hint: str) -> None:
@@ -53,7 +53,7 @@ class JsonText:
     _start: int
 
     def offset(self, pointer: str, on_key: bool = False) -> int:
-        """Where the value (or its key) that a pointer names begins; its nearest parent if absent."""
+        """Where the value (or its key) that a pointer names begins; its parent if absent."""
         value, offset = self.value, self._start
         for token in pointer.split("/")[1:]:
             places = self._places.get(id(value))
@@ -88,11 +88,11 @@ def parse(text: str) -> JsonText:
     """Parse a text.
 
     Raises:
-        Misspelt: at the first character that RFC 8259 does not allow, or that nests too deep.
+        MisspeltError: at the first character that RFC 8259 does not allow, or that nests too deep.
     """
     start = _space(text, 0).end()  # type: ignore[union-attr]
     if start == len(text):
-        raise Misspelt(
+        raise MisspeltError(
             "TT101", start, "the file is empty.", "Write a terrain definition, a JSON object."
         )
     places: dict[int, Any] = {}
@@ -115,7 +115,7 @@ def parse(text: str) -> JsonText:
             value = {} if char == "{" else []
             offset += 1
             if len(stack) >= MAX_DEPTH:
-                raise Misspelt(
+                raise MisspeltError(
                     "TT108",
                     begin,
                     f"the text nests deeper than {MAX_DEPTH} levels.",
@@ -153,7 +153,7 @@ def parse(text: str) -> JsonText:
             offset = _space(text, offset).end()  # type: ignore[union-attr]
             if container is None:
                 if offset < len(text):
-                    raise Misspelt(
+                    raise MisspeltError(
                         "TT101",
                         offset,
                         "there is text after the end of the definition.",
@@ -174,7 +174,7 @@ def parse(text: str) -> JsonText:
         comma = offset
         offset = _space(text, offset + 1).end()  # type: ignore[union-attr]
         if text.startswith(closing, offset):
-            raise Misspelt(
+            raise MisspeltError(
                 "TT101",
                 comma,
                 f'there is a comma before the closing "{closing}".',
@@ -190,7 +190,7 @@ def _key(text: str, offset: int) -> tuple[str, int, int]:
     key, end = _string(text, offset)
     end = _space(text, end).end()  # type: ignore[union-attr]
     if not text.startswith(":", end):
-        raise Misspelt(
+        raise MisspeltError(
             "TT101",
             end,
             f'there is no ":" after the key "{key}".',
@@ -218,7 +218,7 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
     if spelling in _LITERALS:
         return _LITERALS[spelling], offset + len(spelling)
     if spelling in ("NaN", "Infinity") or text.startswith("-Infinity", offset):
-        raise Misspelt(
+        raise MisspeltError(
             "TT107",
             offset,
             f"{'-Infinity' if char == '-' else spelling} is no number in JSON.",
@@ -229,7 +229,7 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
     raise _unexpected(text, offset, "a value")
 
 
-def _bad_number(text: str, offset: int) -> Misspelt:
+def _bad_number(text: str, offset: int) -> MisspeltError:
     end = offset
     while end < len(text) and (text[end].isalnum() or text[end] in "+-._"):
         end += 1
@@ -237,8 +237,9 @@ def _bad_number(text: str, offset: int) -> Misspelt:
     hint = "Write it like 12, -0.5 or 1e-3."
     digits = spelling.lstrip("+-")
     if digits[:1] == "0" and digits[1:2].isdigit():
-        hint = f"Write {spelling.lstrip('+').replace(digits, digits.lstrip('0') or '0')}: JSON allows no leading zeros."
-    return Misspelt("TT101", offset, f'"{spelling[:40]}" is no JSON number.', hint)
+        plain = "-" * spelling.startswith("-") + (digits.lstrip("0") or "0")
+        hint = f"Write {plain}: JSON allows no leading zeros."
+    return MisspeltError("TT101", offset, f'"{spelling[:40]}" is no JSON number.', hint)
 
 
 def _string(text: str, offset: int) -> tuple[str, int]:
@@ -255,11 +256,11 @@ def _string(text: str, offset: int) -> tuple[str, int]:
             part, end = _escaped(text, end)
             parts.append(part)
         elif char == "":
-            raise Misspelt(
+            raise MisspeltError(
                 "TT101", offset, "the text in quotes does not end.", 'Close it with ".'
             )
         else:
-            raise Misspelt(
+            raise MisspeltError(
                 "TT101",
                 end,
                 f"the character U+{ord(char):04X} stands bare inside a text.",
@@ -276,11 +277,11 @@ def _escaped(text: str, offset: int) -> tuple[str, int]:
         return _ESCAPES[char], offset + 2
     match = _hex4(text, offset + 2)
     if char != "u" or match is None:
-        raise Misspelt(
+        raise MisspeltError(
             "TT101",
             offset,
             f'"{text[offset : offset + 2]}" is no escape that JSON knows.',
-            "Use \\\" \\\\ \\/ \\b \\f \\n \\r \\t or \\u and four hexadecimal digits.",
+            'Use \\" \\\\ \\/ \\b \\f \\n \\r \\t or \\u and four hexadecimal digits.',
         )
     unit = int(match.group(), 16)
     end = offset + 6
@@ -290,7 +291,7 @@ def _escaped(text: str, offset: int) -> tuple[str, int]:
             unit = 0x10000 + ((unit - 0xD800) << 10) + (int(low.group(), 16) - 0xDC00)
             end += 6
     if 0xD800 <= unit < 0xE000:
-        raise Misspelt(
+        raise MisspeltError(
             "TT101",
             offset,
             f'"{text[offset : offset + 6]}" is half of a surrogate pair.',
@@ -299,10 +300,10 @@ def _escaped(text: str, offset: int) -> tuple[str, int]:
     return chr(unit), end
 
 
-def _expected_comma(text: str, offset: int, closing: str) -> Misspelt:
+def _expected_comma(text: str, offset: int, closing: str) -> MisspeltError:
     char = text[offset : offset + 1]
     if char == "":
-        return Misspelt(
+        return MisspeltError(
             "TT101",
             offset,
             f'the file ends before the closing "{closing}".',
@@ -311,15 +312,15 @@ def _expected_comma(text: str, offset: int, closing: str) -> Misspelt:
     if char in '"{[' or char.isalnum() or char == "-":
         # the comma belongs right behind the value before
         behind = len(text[:offset].rstrip(" \t\r\n"))
-        return Misspelt(
+        return MisspeltError(
             "TT101", behind, "there is no comma between two items.", "Write a comma here."
         )
     return _unexpected(text, offset, f'"," or "{closing}"')
 
 
-def _unexpected(text: str, offset: int, wanted: str) -> Misspelt:
+def _unexpected(text: str, offset: int, wanted: str) -> MisspeltError:
     if offset >= len(text):
-        return Misspelt(
+        return MisspeltError(
             "TT101",
             offset,
             f"the file ends where {wanted} is expected.",
@@ -336,5 +337,4 @@ def _unexpected(text: str, offset: int, wanted: str) -> Misspelt:
     elif found[0].isalpha():
         hint = "Put names in double quotes."
     shown = found[:40] if found.isprintable() else f"U+{ord(found[0]):04X}"
-    return Misspelt("TT101", offset, f"{shown} stands where {wanted} is expected.", hint)
-
+    return MisspeltError("TT101", offset, f"{shown} stands where {wanted} is expected.", hint)

@@ -6,6 +6,8 @@ they depend on the place in the tree, and `terratool.field` gives them their mea
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
@@ -59,15 +61,14 @@ class Element(
     @property
     def grid(self) -> tuple[int, int]:
         """Cells of the grid for the children, along x and y."""
-        cells = self.cells
-        if type(cells) is int:
-            return cells, cells
-        return (DEFAULT_CELLS, DEFAULT_CELLS) if cells is UNSET else cells  # type: ignore[return-value]
+        if self.cells is UNSET:
+            return DEFAULT_CELLS, DEFAULT_CELLS
+        return self.cells if isinstance(self.cells, tuple) else (self.cells, self.cells)
 
     @property
     def block(self) -> tuple[int, int]:
         """Cells that it occupies along x and y."""
-        return (1, 1) if self.span is UNSET else self.span  # type: ignore[return-value]
+        return (1, 1) if self.span is UNSET else self.span
 
 
 class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
@@ -85,19 +86,21 @@ class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel"
     @property
     def extent(self) -> Pair:
         """Side lengths along x and y."""
-        return self.size if isinstance(self.size, tuple) else (self.size, self.size)  # type: ignore[return-value]
+        if self.size is UNSET:
+            return math.nan, math.nan  # a rule has said so
+        return self.size if isinstance(self.size, tuple) else (self.size, self.size)
 
     @property
     def corner(self) -> Pair:
         """World position of the south-west corner."""
-        return (0.0, 0.0) if self.origin is UNSET else self.origin  # type: ignore[return-value]
+        return (0.0, 0.0) if self.origin is UNSET else self.origin
 
     @property
     def surfaces(self) -> dict[str, Surface]:
         """The dictionary of surfaces, empty where absent."""
-        return {} if self.surf_types is UNSET else self.surf_types  # type: ignore[return-value]
+        return {} if self.surf_types is UNSET else self.surf_types
 
     @property
     def primitives(self) -> dict[str, Primitive]:
         """The dictionary of primitives, empty where absent."""
-        return {} if self.elem_types is UNSET else self.elem_types  # type: ignore[return-value]
+        return {} if self.elem_types is UNSET else self.elem_types

@@ -11,8 +11,8 @@ from typing import Any
 import msgspec
 
 from terratool.definition import jsontext, structure
-from terratool.definition.findings import Finding, Remark
-from terratool.definition.jsontext import JsonText, Misspelt
+from terratool.definition.findings import Finding, Remark, unescape
+from terratool.definition.jsontext import JsonText, MisspeltError
 from terratool.definition.model import Definition
 from terratool.definition.rules import Subject, all_rules
 from terratool.definition.source import Source, read_source
@@ -63,7 +63,7 @@ def check(source: Source) -> Checked:
             text = jsontext.parse(source.data.decode("utf-8"))
         except UnicodeDecodeError as error:
             return Checked(None, (_bad_encoding(source, error),))
-        except Misspelt as error:
+        except MisspeltError as error:
             return Checked(None, (_misspelt(source, error),))
         definition, coded = structure.build(text.value)
     duplicates = [_duplicate(source, text, *each) for each in text.duplicates] if text else []
@@ -112,7 +112,9 @@ def _follows(code: str, remark: Remark, known: Iterable[str]) -> bool:
     """A key that was there but did not fit is not missing besides."""
     if code == "TT104":
         return f"{remark.pointer}/{remark.missing}" in known
-    return code == "TT303" and any(p in known for p in (remark.pointer + "/x", remark.pointer + "/y"))
+    return code == "TT303" and any(
+        p in known for p in (remark.pointer + "/x", remark.pointer + "/y")
+    )
 
 
 def _place(source: Source, text: JsonText, code: str, remark: Remark) -> Finding:
@@ -140,10 +142,10 @@ def _duplicate(source: Source, text: JsonText, pointer: str, offset: int) -> Fin
 
 
 def _last(pointer: str) -> str:
-    return jsontext.unescape(pointer.rsplit("/", 1)[1])
+    return unescape(pointer.rsplit("/", 1)[1])
 
 
-def _misspelt(source: Source, error: Misspelt) -> Finding:
+def _misspelt(source: Source, error: MisspeltError) -> Finding:
     remark: Any = Remark("", error.message, error.hint)
     text = source.data.decode("utf-8")
     return _finding(source, error.code, remark, jsontext.line_column(text, error.offset))

@@ -27,9 +27,12 @@ class Built(NamedTuple):
 
 
 _TYPES: dict[type, dict[str, Any]] = {
-    kind: {field.encode_name: field.type for field in msgspec.structs.fields(kind)}
-    for kind in KEYS
+    kind: {field.encode_name: field.type for field in msgspec.structs.fields(kind)} for kind in KEYS
 }
+_SUBJECTS: dict[type, str] = {
+    Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
+    Element: "an element",
+}  # fmt: skip
 _JSON_NAMES = {
     dict: "an object", list: "a list", str: "a text", bool: "true or false",
     int: "a number", float: "a number", type(None): "null",
@@ -170,9 +173,7 @@ def _unknown_key(kind: type, key: str, pointer: str) -> Remark:
     known = list(_TYPES[kind])
     close = [name for name in known if name.lower() == key.lower()]
     close = close or get_close_matches(key, known, 1, 0.6)
-    what = {Definition: "a terrain", Surface: "a surface", Primitive: "a primitive"}.get(
-        kind, "an element"
-    )
+    what = _SUBJECTS[kind]
     hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
     hint += " A key of your own begins with x-."
     return Remark(pointer, f'"{key}" is no key of {what}.', hint, on_key=True)

@@ -52,7 +52,7 @@ def compile_definition(definition: Definition) -> Compiled:
     rank[order] = np.arange(len(order))
     document = (np.arange(len(order)) - _first_sibling(columns.parent))[order].astype(np.uint32)
     parents = np.where(columns.parent >= 0, rank[columns.parent], -1)[order]
-    columns = _Columns(*(column[order] for column in columns))._replace(parent=parents)
+    columns = _Columns._make(column[order] for column in columns)._replace(parent=parents)
     dense = dense[order]
 
     owners = np.unique(parents[parents >= 0])
@@ -93,7 +93,14 @@ def compile_definition(definition: Definition) -> Compiled:
         pending=pending,
     )
     return Compiled(
-        arrays, document, parents.astype(np.int32), float(own_sides.min()), surfaces, len(tree.levels) - 1, primitives)
+        arrays,
+        document,
+        parents.astype(np.int32),
+        float(own_sides.min()),
+        surfaces,
+        len(tree.levels) - 1,
+        primitives,
+    )
 
 
 class _Columns(NamedTuple):
@@ -155,9 +162,9 @@ def _order(columns: _Columns, tree: Tree) -> tuple[Ints, NDArray[np.bool_]]:
     parent = columns.parent
     count = len(parent)
     children = np.bincount(parent[1:], minlength=count)
-    spanned = np.bincount(
-        parent[1:][(columns.span[1:] > 1).any(axis=1)], minlength=count
-    ).astype(bool)
+    spanned = np.bincount(parent[1:][(columns.span[1:] > 1).any(axis=1)], minlength=count).astype(
+        bool
+    )
     dense = ~spanned & (columns.cells.prod(axis=1) <= np.maximum(_DENSE_CELLS, 4 * children))
     key = np.zeros(count, np.int64)
     inner = parent >= 0
@@ -245,8 +252,7 @@ def _inherit(surface: Ints, parents: Ints) -> Ints:
     while (missing := np.flatnonzero((own < 0) & (above > 0))).size:
         own[missing] = own[above[missing]]
         above[missing] = above[above[missing]]
-    missing = own < 0
-    own[missing] = own[0]
+    own[own < 0] = own[0]
     return own
 
 
@@ -309,4 +315,6 @@ class _CurveStore:
 
     def curves(self) -> Curves:
         """All pieces, knots and bins."""
-        return Curves(*(np.concatenate(part) for part in (self._pieces, self._knots, self._bins)))
+        return Curves(
+            np.concatenate(self._pieces), np.concatenate(self._knots), np.concatenate(self._bins)
+        )

@@ -181,7 +181,7 @@ def combine(how, fx, fx_slope, fy, fy_slope):
 
 @_device
 def any_curves(curves, kind, u, v):
-    """Values and slopes of both curves of a kind, where no edge in the world decides about steps."""
+    """Values and slopes of both curves of a kind, where no edge in the world decides."""
     if kind.knotted_x:
         fx, fx_slope = knotted_curve(curves, kind.x_first, kind.x_knot, kind.x_bin, kind.x_last, u)
     else:
@@ -212,7 +212,7 @@ def placed_curves(curves, kind, element, grid, width, height, u, v, x, y):
 
 @_kernel
 def radial(curves, kind, u, v):
-    """Whether (u, v) lies in the disc, and value and slopes in u and v of the curve turned there."""
+    """Whether (u, v) lies in the disc, and value and slopes there of the turned curve."""
     rho = math.sqrt((2.0 * u - 1.0) ** 2 + (2.0 * v - 1.0) ** 2)
     if rho > 1.0 + EDGE:
         return False, 0.0, 0.0, 0.0
@@ -457,9 +457,7 @@ def block_heights(field, x, y, scratch, out):
     for n in range(count):
         bins[n, 0] = bins[n, 1] = 0
         if sure(ground, u[n], v[n]) and sure(grid, in_x[n], in_y[n]):
-            slot = np.uint64(
-                grid.table + int(cell_y[n]) * np.int64(grid.bins_x) + int(cell_x[n])
-            )
+            slot = np.uint64(grid.table + int(cell_y[n]) * np.int64(grid.bins_x) + int(cell_x[n]))
             bins[n, 0] = field.offsets[slot]
             bins[n, 1] = field.offsets[slot + ONE]
         else:

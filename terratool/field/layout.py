@@ -1,4 +1,4 @@
-"""Kernels that lay out the grids of a field: their corners, and their tables from cell to element."""
+"""Kernels that lay out the grids of a field: their corners, and tables from cell to element."""
 
 from __future__ import annotations
 
@@ -76,9 +76,7 @@ def lay_grids(grids, sides, owners, home, cell, span, cells, origin, extent):
         if g == 0:
             for axis in range(2):
                 high = split(extent[axis])
-                local |= set_axis(
-                    grids, 0, axis, origin[axis], 0.0, high, extent[axis] - high, 1.0
-                )
+                local |= set_axis(grids, 0, axis, origin[axis], 0.0, high, extent[axis] - high, 1.0)
         else:
             owner = owners[g - 1]
             parent = home[owner]
@@ -207,12 +205,10 @@ def cell_rectangles(field, parents, out):
         element = field.elements[e]
         pose = field.poses[element.pose]
         grid = field.grids[field.elements[parents[e]].grid if e else 0]
-        for axis in range(2):
-            if axis == 0:
-                corner, rest, pitch, pitch_rest = grid.x, grid.x_rest, grid.pitch_x, grid.pitch_x_rest
-                cell, span = float(element.cell_x), pose.width
-            else:
-                corner, rest, pitch, pitch_rest = grid.y, grid.y_rest, grid.pitch_y, grid.pitch_y_rest
-                cell, span = float(element.cell_y), pose.height
-            out[axis, e], _ = edge(corner, rest, pitch, pitch_rest, cell)
-            out[axis + 2, e], _ = edge(corner, rest, pitch, pitch_rest, cell + span)
+        cell_x, cell_y = float(element.cell_x), float(element.cell_y)
+        x = grid.x, grid.x_rest, grid.pitch_x, grid.pitch_x_rest
+        y = grid.y, grid.y_rest, grid.pitch_y, grid.pitch_y_rest
+        out[0, e], _ = edge(*x, cell_x)
+        out[1, e], _ = edge(*y, cell_y)
+        out[2, e], _ = edge(*x, cell_x + pose.width)
+        out[3, e], _ = edge(*y, cell_y + pose.height)

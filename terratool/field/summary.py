@@ -43,8 +43,9 @@ def height_range(terrain: Terrain) -> tuple[float | None, float | None, int]:
     low, high, count = np.inf, -np.inf, 0
     for x, y in (_grid_points(terrain), _element_points(terrain)):
         heights = terrain.height(x, y)
-        low, high = float(np.fmin.reduce(heights, initial=low)), float(
-            np.fmax.reduce(heights, initial=high)
+        low, high = (
+            float(np.fmin.reduce(heights, initial=low)),
+            float(np.fmax.reduce(heights, initial=high)),
         )
         count += heights.size
     return (low, high, count) if low <= high else (None, None, count)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.definition.model import Definition
 from terratool.definition.reader import load_definition
 from terratool.field import kernels, layout
+from terratool.field.batches import batch_heights
 from terratool.field.compiling import Compiled, compile_definition
 from terratool.field.types import Arrays
 
@@ -92,9 +93,7 @@ class Terrain:
     def height(self, x: ArrayLike, y: ArrayLike) -> Any:
         """Heights at points; a number for numbers, else a float64 array."""
         x, y, shape = _points(x, y)
-        out = np.empty(len(x))
-        kernels.heights(self.arrays, x, y, self.arrays.scratch(), out)
-        return out.reshape(shape)[()]
+        return batch_heights(self.arrays, x, y).reshape(shape)[()]
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
         """Names of the surfaces at points, None where there is none; an object array for arrays."""

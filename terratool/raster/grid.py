@@ -60,14 +60,14 @@ class Grid:
         )
 
     def columns(self, window: Window) -> NDArray[np.float64]:
-        """x of the pixel centres of a window, (width,) float64."""
+        """The x of the pixel centres of a window, (width,) float64."""
         steps = np.arange(window.column, window.column + window.width)
-        return self.west + (steps + 0.5) * self.resolution
+        return np.asarray(self.west + (steps + 0.5) * self.resolution, np.float64)
 
     def rows(self, window: Window) -> NDArray[np.float64]:
-        """y of the pixel centres of a window from north to south, (height,) float64."""
+        """The y of the pixel centres of a window from north to south, (height,) float64."""
         steps = self.height - 1 - np.arange(window.row, window.row + window.height)
-        return self.south + (steps + 0.5) * self.resolution
+        return np.asarray(self.south + (steps + 0.5) * self.resolution, np.float64)
 
     def windows(self, height: int, width: int) -> Iterator[Window]:
         """Cut the grid into windows of at most this size, row by row from the north-west."""
@@ -121,7 +121,7 @@ def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None)
         _any_centre(south, height, resolution, t_south, t_north)
     ):
         raise RequestError(
-            f"A resolution of {resolution:g} is so coarse that no pixel's centre is on the terrain.",
+            f"At a resolution of {resolution:g} no pixel has its centre on the terrain.",
             f"Give at most {min(terrain.size):g}, its shorter side.",
         )
     return grid

@@ -29,18 +29,14 @@ def outside_grid(subject: Subject) -> Iterator[Remark]:
         if parents[index] != parent:  # children stand side by side
             parent = parents[index]
             grid = elements[parent].grid
-        cell = (element.cell_x, element.cell_y)
-        if UNSET in cell or not all(1 <= side <= MAX_CELLS for side in grid):
+        x, y, block = element.cell_x, element.cell_y, element.block
+        if x is UNSET or y is UNSET or not all(1 <= side <= MAX_CELLS for side in grid):
             continue  # TT104 and TT106 have that
-        block = element.block
-        if (
-            0 <= cell[0] <= grid[0] - block[0]  # type: ignore[operator]
-            and 0 <= cell[1] <= grid[1] - block[1]  # type: ignore[operator]
-        ):
+        if 0 <= x <= grid[0] - block[0] and 0 <= y <= grid[1] - block[1]:
             continue
         pointer = subject.tree.pointer(index)
         for key, axis, what in _AXES:
-            place, count, width = int(cell[axis]), grid[axis], block[axis]  # type: ignore[call-overload]
+            place, count, width = (x, y)[axis], grid[axis], block[axis]
             if not 0 <= place < count:
                 yield Remark(
                     f"{pointer}/{key}",

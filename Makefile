@@ -1,0 +1,52 @@
+# Every target does its own set-up; `make help` explains them.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+EXTRAS ?= test
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test lint bench fuzz wheel clean
+
+help:  ## Explain every target
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+# The stamp names the extras, so that asking for more installs more.
+$(VENV)/.installed-%: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "terratool needs Python 3.11 or newer; say which with make PYTHON=python3.12 …"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "Installing terratool and what it needs into $(VENV) …"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	@touch $@
+
+install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool
+	@echo "terratool is at $(BIN)/terratool"
+
+demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example and write its DEM to out/
+	@mkdir -p out
+	$(BIN)/terratool validate samples/paper-example.json
+	$(BIN)/terratool export-dem samples/paper-example.json out/paper-example.tif --overwrite
+	@echo "Look at it in QGIS, or ask it: $(BIN)/terratool query samples/paper-example.json 15 15"
+
+test: $(VENV)/.installed-test  ## Run all tests
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one run
+	$(BIN)/python benchmarks/query.py
+	$(BIN)/python benchmarks/compiling.py
+	$(BIN)/python benchmarks/startup.py
+
+fuzz: $(VENV)/.installed-test  ## Compare thousands of random terrains with the slow reading
+	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/test_field_properties.py
+
+wheel: $(VENV)/.installed-test  ## Build a wheel into dist/
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+
+clean:  ## Remove everything that the other targets make
+	rm -rf $(VENV) out dist build .pytest_cache .hypothesis .mypy_cache .ruff_cache
