@@ -410,12 +410,7 @@ def even_values(pieces, first, count, t, out):
         out[:] = pieces[row]
         return
     for n in range(len(t)):
-        s = min(max(t[n], 0.0), 1.0) * count
-        i = int(s)
-        s -= i
-        row = (np.uint64(first) + np.uint64(i)) * FOUR
-        c1, c2, c3 = pieces[row + ONE], pieces[row + TWO], pieces[row + THREE]
-        out[n] = pieces[row] + s * (c1 + s * (c2 + s * c3))
+        out[n], _ = even_curve(pieces, first, count, min(max(t[n], 0.0), 1.0))
 
 
 @_kernel
