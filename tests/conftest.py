@@ -26,9 +26,24 @@ settings.register_profile(
 settings.load_profile("terratool")
 
 
+def text_of(value: Any) -> str:
+    """A value as JSON; elements may nest deeper than json.dumps can go."""
+    opened, pending = [], value
+    while isinstance(pending, dict) and ("children" in pending or "elemTree" in pending):
+        inner = "elemTree" if "elemTree" in pending else "children"
+        if inner == "children" and len(pending["children"]) != 1:
+            break
+        rest = json.dumps({key: item for key, item in pending.items() if key != inner})[1:-1]
+        brackets = ("[", "]") if inner == "children" else ("", "")
+        opened.append((f'{{{rest}{", " * bool(rest)}"{inner}": {brackets[0]}', brackets[1] + "}"))
+        pending = pending["children"][0] if inner == "children" else pending["elemTree"]
+    before = "".join(part for part, _ in opened)
+    return before + json.dumps(pending) + "".join(part for _, part in reversed(opened))
+
+
 def terrain_of(definition: dict[str, Any]) -> Terrain:
     """The terrain of a definition that must be valid."""
-    checked = check(Source("test.json", json.dumps(definition).encode()))
+    checked = check(Source("test.json", text_of(definition).encode()))
     assert checked.definition is not None, checked.findings
     return Terrain(checked.definition)
 

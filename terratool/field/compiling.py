@@ -60,9 +60,9 @@ def compile_definition(definition: Definition) -> Compiled:
     grid_of[owners] = np.arange(1, len(owners) + 1)
     grids = np.zeros(len(owners) + 1, GRID)
     home = np.where(parents >= 0, grid_of[parents], 0)
-    sides = np.empty((len(grids), 2))
+    sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
     layout.lay_grids(
-        grids, sides, owners, home, columns.cell, columns.span, columns.cells,
+        grids, sides, aspects, owners, home, columns.cell, columns.span, columns.cells,
         np.array(definition.corner), np.array(definition.extent),
     )  # fmt: skip
     offsets, entries, pending = _bins(grids, owners, home, grid_of, columns, dense)
@@ -75,7 +75,9 @@ def compile_definition(definition: Definition) -> Compiled:
     elements["scale"] = np.where(np.isnan(columns.scale), shares, columns.scale)
     elements["offset"] = columns.offset
     elements["grid"] = grid_of
-    elements["pose"], poses = _poses(columns, own_sides)
+    elements["pose"], poses = _poses(
+        columns, aspects[home] * (columns.span[:, 1] / columns.span[:, 0])
+    )
     surfaces = tuple(definition.surfaces)
     surface = _inherit(columns.surface, parents)
     elements["kind"], kinds, primitives, curves = _kinds(definition, columns.type, surface)
@@ -213,9 +215,8 @@ def _mark_leaves(
 
 
 def _poses(
-    columns: _Columns, sides: NDArray[np.float64]
+    columns: _Columns, aspect: NDArray[np.float64]
 ) -> tuple[NDArray[np.uint32], NDArray[Any]]:
-    aspect = sides[:, 1] / sides[:, 0]
     plain = (columns.turn == 0) & (columns.span == 1).all(axis=1)
     aspect = np.where(columns.turn == 0, 1.0, aspect)
     keys = np.column_stack([columns.span, columns.turn, aspect])

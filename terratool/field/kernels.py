@@ -137,9 +137,10 @@ def knotted_piece(curves, first, knot, i, t):
 
 
 @_kernel
-def knotted_curve(curves, first, knot, bin_, last, t):
+def knotted_curve(curves, knotted, first, knot, bin_, last, t):
     """Value and slope of a knotted curve at `t`, where no edge in the world decides about steps."""
-    i = find_piece(curves, knot, bin_, last, min(t + STEP, 1.0))
+    ahead = STEP if knotted == STEPPED else 0.0
+    i = find_piece(curves, knot, bin_, last, min(t + ahead, 1.0))
     return knotted_piece(curves, first, knot, i, max(t, curves.knots[np.int64(knot) + i]))
 
 
@@ -183,11 +184,15 @@ def combine(how, fx, fx_slope, fy, fy_slope):
 def any_curves(curves, kind, u, v):
     """Values and slopes of both curves of a kind, where no edge in the world decides."""
     if kind.knotted_x:
-        fx, fx_slope = knotted_curve(curves, kind.x_first, kind.x_knot, kind.x_bin, kind.x_last, u)
+        fx, fx_slope = knotted_curve(
+            curves, kind.knotted_x, kind.x_first, kind.x_knot, kind.x_bin, kind.x_last, u
+        )
     else:
         fx, fx_slope = even_curve(curves.pieces, kind.x_first, kind.x_count, u)
     if kind.knotted_y:
-        fy, fy_slope = knotted_curve(curves, kind.y_first, kind.y_knot, kind.y_bin, kind.y_last, v)
+        fy, fy_slope = knotted_curve(
+            curves, kind.knotted_y, kind.y_first, kind.y_knot, kind.y_bin, kind.y_last, v
+        )
     else:
         fy, fy_slope = even_curve(curves.pieces, kind.y_first, kind.y_count, v)
     return fx, fx_slope, fy, fy_slope

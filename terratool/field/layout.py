@@ -69,11 +69,16 @@ def set_axis(grids, g, axis, corner, rest, pitch, pitch_rest, count):
 
 
 @_kernel
-def lay_grids(grids, sides, owners, home, cell, span, cells, origin, extent):
-    """Corners and pitches of all grids, parents first; `sides` gets the sides of their cells."""
+def lay_grids(grids, sides, aspects, owners, home, cell, span, cells, origin, extent):
+    """Corners and pitches of all grids, parents first.
+
+    `sides` gets the sides of their cells, `aspects` height ÷ width of these, which keeps its
+    meaning where the sides have become too small for doubles.
+    """
     for g in range(len(grids)):
         local = False
         if g == 0:
+            aspects[0] = extent[1] / extent[0]
             for axis in range(2):
                 high = split(extent[axis])
                 local |= set_axis(grids, 0, axis, origin[axis], 0.0, high, extent[axis] - high, 1.0)
@@ -81,6 +86,8 @@ def lay_grids(grids, sides, owners, home, cell, span, cells, origin, extent):
             owner = owners[g - 1]
             parent = home[owner]
             local = grids[parent].local != 0
+            blocks = span[owner, 1] / span[owner, 0]
+            aspects[g] = aspects[parent] * blocks * (cells[owner, 0] / cells[owner, 1])
             for axis in range(2):
                 local |= lay_axis(
                     grids, g, axis, parent, float(cell[owner, axis]), float(span[owner, axis]),

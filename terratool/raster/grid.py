@@ -65,9 +65,12 @@ class Grid:
         return np.asarray(self.west + (steps + 0.5) * self.resolution, np.float64)
 
     def rows(self, window: Window) -> NDArray[np.float64]:
-        """The y of the pixel centres of a window from north to south, (height,) float64."""
-        steps = self.height - 1 - np.arange(window.row, window.row + window.height)
-        return np.asarray(self.south + (steps + 0.5) * self.resolution, np.float64)
+        """The y of the pixel centres of a window from north to south, (height,) float64.
+
+        Counted from the north, as readers of a geotransform do, to the same last bit.
+        """
+        steps = np.arange(window.row, window.row + window.height)
+        return np.asarray(self.bounds[3] - (steps + 0.5) * self.resolution, np.float64)
 
     def windows(self, height: int, width: int) -> Iterator[Window]:
         """Cut the grid into windows of at most this size, row by row from the north-west."""

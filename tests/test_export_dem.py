@@ -1,0 +1,329 @@
+"""The DEM is the query at its pixel centres, and other programs read it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from terratool.errors import DefinitionError, RequestError, WriteError
+from terratool.raster import geotiff
+from terratool.raster.geotiff import write_geotiff
+from terratool.raster.grid import Grid, Window, default_resolution, grid_over
+from terratool.raster.painting import painted, window_heights
+from tests.conftest import terrain_of
+from tests.strategies import definitions
+
+# asymmetric and oblong: a flip, a transposition or a shift by half a pixel shows
+SITE: dict[str, Any] = {
+    "size": [12, 8],
+    "origin": [500000, 4649776],
+    "crs": "EPSG:32633",
+    "surfTypes": {"rock": {}, "hole": {"void": True}},
+    "elemTypes": {
+        "slope": {"x": [0, 1, 1.5], "y": [1, 3]},
+        "box": {"x": [1]},
+        "cone": {"combine": "radial", "x": "tent"},
+    },
+    "elemTree": {
+        "type": "slope",
+        "surface": "rock",
+        "cells": [6, 4],
+        "children": [
+            {"type": "box", "cellX": 4, "cellY": 2, "vScale": 5, "turnDeg": 30},
+            {"type": "box", "cellX": 0, "cellY": 3, "surface": "hole"},
+            {"type": "cone", "cellX": 1, "cellY": 0, "span": [2, 1], "vScale": 2},
+        ],
+    },
+}
+
+
+def read(path: Path) -> tuple[np.ndarray, Any]:
+    with rasterio.open(path) as file:
+        return file.read(1), file.profile
+
+
+def run(*arguments: object, **more: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "terratool", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, **more)
+
+
+@pytest.mark.parametrize("resolution", [0.25, 0.7, 2, 3, 5])
+def test_every_pixel_is_the_height_at_its_centre(tmp_path: Path, resolution: float) -> None:
+    """Also where the resolution divides neither side: beyond the edges there is nodata."""
+    terrain = terrain_of(SITE)
+    grid = grid_over(terrain, resolution)
+    written = write_geotiff(terrain, grid, tmp_path / "a.tif")
+    pixels, profile = read(tmp_path / "a.tif")
+    rows, columns = np.indices(pixels.shape)
+    x, y = rasterio.transform.xy(profile["transform"], rows.ravel(), columns.ravel())
+    wanted = terrain.height(np.array(x), np.array(y)).astype(np.float32).reshape(pixels.shape)
+    assert np.array_equal(pixels, wanted, equal_nan=True)
+    assert written.nodata == np.isnan(pixels).sum() > 0
+    assert (written.low, written.high) == (np.nanmin(pixels), np.nanmax(pixels))
+    west, south, east, north = grid.bounds
+    assert (west, south) == (500000, 4649776)
+    assert 0 <= east - 500012 < resolution and 0 <= north - 4649784 < resolution
+
+
+@settings(max_examples=40)
+@given(definitions(), st.sampled_from([1, 7, 64, 100]))
+def test_pixels_are_queries(definition: dict[str, Any], pixels: int) -> None:
+    """Of any terrain, in any window."""
+    terrain = terrain_of(definition)
+    grid = grid_over(terrain, max(terrain.size) / pixels)
+    window = Window(
+        grid.height // 3, grid.width // 4, (grid.height + 1) // 2, (grid.width + 1) // 2
+    )
+    x, y = np.meshgrid(grid.columns(window), grid.rows(window))
+    heights = window_heights(terrain, grid, window)
+    assert np.array_equal(heights, terrain.height(x, y).astype(np.float32), equal_nan=True)
+
+
+def test_windows_and_threads_change_nothing() -> None:
+    """Whole = windows = threads, bit for bit."""
+    terrain = terrain_of(SITE)
+    grid = grid_over(terrain, 0.05)
+    whole = window_heights(terrain, grid, Window(0, 0, grid.height, grid.width))
+    for height, width, threads in ((grid.height, 37, 1), (13, grid.width, 3), (29, 31, 2)):
+        seen = np.zeros_like(whole)
+        for window, heights in painted(terrain, grid, grid.windows(height, width), threads):
+            part = np.s_[
+                window.row : window.row + window.height,
+                window.column : window.column + window.width,
+            ]
+            seen[part] = heights
+        assert np.array_equal(seen, whole, equal_nan=True)
+
+
+def test_the_file_says_what_it_is(tmp_path: Path) -> None:
+    terrain = terrain_of(SITE)
+    write_geotiff(terrain, grid_over(terrain, 0.01), tmp_path / "a.tif")
+    with rasterio.open(tmp_path / "a.tif") as file:
+        assert file.driver == "GTiff" and file.dtypes == ("float32",)
+        assert file.crs.to_epsg() == 32633
+        assert np.isnan(file.nodata)
+        assert file.transform[:6] == (0.01, 0, 500000, 0, -0.01, 4649784)
+        assert file.block_shapes == [(512, 512)]
+        assert file.tags(ns="IMAGE_STRUCTURE")["COMPRESSION"] == "ZSTD"
+        assert file.tags(ns="IMAGE_STRUCTURE")["PREDICTOR"] == "3"
+        assert file.tags()["AREA_OR_POINT"] == "Area"
+
+
+def test_bytes_are_the_same_from_run_to_run(tmp_path: Path) -> None:
+    """With several threads and several windows."""
+    terrain = terrain_of(SITE)
+    grid = grid_over(terrain, 0.005)
+    for name in "ab":
+        write_geotiff(terrain, grid, tmp_path / name, threads=3)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.skipif(not shutil.which("gdalinfo"), reason="gdalinfo is not installed")
+def test_gdalinfo_reads_it(tmp_path: Path) -> None:
+    """Debian's GDAL is older than the one inside rasterio."""
+    terrain = terrain_of(SITE)
+    written = write_geotiff(terrain, grid_over(terrain, 0.25), tmp_path / "a.tif")
+    told = subprocess.run(
+        ["gdalinfo", "-json", "-stats", tmp_path / "a.tif"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    info = json.loads(told.stdout)
+    band = info["bands"][0]
+    assert info["size"] == [48, 32]
+    assert info["cornerCoordinates"]["lowerLeft"] == [500000, 4649776]
+    assert info["cornerCoordinates"]["upperRight"] == [500012, 4649784]
+    assert "32633" in info["coordinateSystem"]["wkt"]
+    assert (band["type"], band["noDataValue"]) == ("Float32", "NaN")
+    assert band["minimum"] == pytest.approx(written.low, abs=1e-3)
+    assert band["maximum"] == pytest.approx(written.high, abs=1e-3)
+
+
+class TestGrid:
+    """Resolution and bounds."""
+
+    def test_default_is_a_tenth_of_the_smallest_cell(self) -> None:
+        assert default_resolution(terrain_of(SITE)) == (0.2, "a tenth of the smallest cell")
+
+    def test_default_is_bounded(self) -> None:
+        small = {**SITE["elemTree"], "cells": [1200, 800]}
+        resolution, why = default_resolution(terrain_of({**SITE, "elemTree": small}))
+        assert resolution == 12 / 4096
+        assert "4096" in why
+
+    def test_bounds_partly_outside_carry_nodata(self, tmp_path: Path) -> None:
+        terrain = terrain_of(SITE)
+        grid = grid_over(terrain, 1, (499998, 4649780, 500004, 4649790))
+        assert (grid.height, grid.width) == (10, 6)
+        written = write_geotiff(terrain, grid, tmp_path / "a.tif")
+        pixels, _ = read(tmp_path / "a.tif")
+        ground = np.zeros((10, 6), bool)
+        ground[6:, 2:] = True  # the terrain ends at north 4649784 and begins at east 500000
+        ground[6:8, 2:4] = False  # the hole
+        assert np.array_equal(~np.isnan(pixels), ground)
+        assert written.nodata == 60 - 12
+
+    def test_one_pixel(self, tmp_path: Path) -> None:
+        terrain = terrain_of(SITE)
+        write_geotiff(terrain, grid_over(terrain, 12), tmp_path / "a.tif")
+        pixels, _ = read(tmp_path / "a.tif")
+        assert pixels.tolist() == [[terrain.height(500006, 4649782)]]
+
+    @pytest.mark.parametrize(
+        ("resolution", "bounds", "words"),
+        [
+            (0, None, "resolution is 0"),
+            (-1, None, "resolution is -1"),
+            (float("nan"), None, "resolution is nan"),
+            (40, None, "no pixel has its centre"),
+            (1e-9, None, "more than a file can hold"),
+            (1, (0, 0, 1, 1), "miss the terrain"),
+            (1, (500012, 4649776, 500020, 4649780), "miss the terrain"),
+            (1, (500003, 4649776, 500001, 4649780), "are empty"),
+            (1, (float("nan"), 4649776, 500001, 4649780), "are empty"),
+        ],
+    )
+    def test_refused(self, resolution: float, bounds: Any, words: str) -> None:
+        with pytest.raises(RequestError, match=re.escape(words)):
+            grid_over(terrain_of(SITE), resolution, bounds)
+
+    @given(st.integers(1, 5000), st.floats(1e-3, 1e3))
+    def test_a_resolution_that_divides_gives_whole_pixels(self, count: int, step: float) -> None:
+        """However the quotient rounds."""
+        terrain = terrain_of({**SITE, "origin": [0, 0], "size": [count * step, step]})
+        grid = grid_over(terrain, step)
+        assert (grid.width, grid.height) == (count, 1)
+
+    def test_rows_run_from_the_north(self) -> None:
+        grid = Grid(10, 20, 0.5, 4, 3)
+        assert grid.rows(Window(1, 0, 3, 1)).tolist() == [21.25, 20.75, 20.25]
+        assert grid.columns(Window(0, 1, 1, 2)).tolist() == [10.75, 11.25]
+
+
+class TestWholeOrNotAtAll:
+    """Nothing half-written, ever."""
+
+    def test_an_existing_file_is_kept(self, tmp_path: Path, saved: Callable[..., Path]) -> None:
+        out = tmp_path / "a.tif"
+        out.write_text("mine")
+        refused = run("export-dem", saved(SITE), out)
+        assert refused.returncode == 3 and "--overwrite" in refused.stderr
+        assert out.read_text() == "mine"
+        assert run("export-dem", saved(SITE), out, "--overwrite").returncode == 0
+        assert read(out)[0].shape == (40, 60)
+
+    def test_a_failure_in_the_middle_leaves_nothing(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def fail(*_: Any) -> Any:
+            yield Window(0, 0, 4, 4), np.zeros((4, 4), np.float32)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(geotiff, "painted", fail)
+        terrain = terrain_of(SITE)
+        with pytest.raises(KeyboardInterrupt):
+            write_geotiff(terrain, grid_over(terrain, 1), tmp_path / "a.tif")
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_leaves_nothing(
+        self, tmp_path: Path, saved: Callable[..., Path], number: signal.Signals
+    ) -> None:
+        """The signal is sent when the temporary file is there, long before it is complete."""
+        folder = tmp_path / "out"
+        folder.mkdir()
+        command = [sys.executable, "-m", "terratool", "export-dem", saved(SITE), folder / "a.tif"]
+        with subprocess.Popen(
+            [*command, "--resolution", "0.0005"], stderr=subprocess.PIPE, text=True
+        ) as process:
+            until = time.monotonic() + 60
+            while not list(folder.iterdir()) and process.poll() is None:
+                assert time.monotonic() < until
+                os.sched_yield()
+            process.send_signal(number)
+            _, told = process.communicate(timeout=60)
+        assert process.returncode == 128 + number
+        assert "Traceback" not in told
+        assert list(folder.iterdir()) == []
+
+    def test_a_full_disk_is_refused_early(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(geotiff, "free_bytes", lambda _: 5_000)
+        terrain = terrain_of(SITE)
+        with pytest.raises(WriteError, match=r"48 × 32 pixels may take .* GB are free"):
+            write_geotiff(terrain, grid_over(terrain, 0.25), tmp_path / "a.tif")
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize(
+        ("crs", "code"), [("EPSG:99999999", 1), ("nonsense", 1), ("EPSG:4326", 0), (32633, 0)]
+    )
+    def test_unknown_crs(
+        self, tmp_path: Path, saved: Callable[..., Path], crs: Any, code: int
+    ) -> None:
+        done = run("export-dem", saved({**SITE, "crs": crs}), tmp_path / "a.tif")
+        assert done.returncode == code
+        assert (tmp_path / "a.tif").exists() == (code == 0)
+        assert ("unknown" in done.stderr) == (code == 1) and "Traceback" not in done.stderr
+
+    def test_unknown_crs_raises(self) -> None:
+        with pytest.raises(DefinitionError, match="nonsense"):
+            geotiff.crs_of(terrain_of({**SITE, "crs": "nonsense"}))
+
+    @pytest.mark.parametrize(
+        ("arguments", "code"),
+        [
+            (["missing.json", "a.tif"], 3),
+            (["{good}", "no/such/folder/a.tif"], 3),
+            (["{good}", "."], 3),
+            (["{bad}", "a.tif"], 1),
+            (["{good}", "a.tif", "--resolution", "-1"], 2),
+            (["{good}", "a.tif", "--resolution", "one"], 2),
+            (["{good}", "a.tif", "--bounds", "0", "0", "1", "1"], 2),
+            (["{good}", "a.tif", "--resolution", "1e-8"], 2),
+            (["{good}", "a.tif", "--resolution", "0.00002"], 3),
+            (["{good}"], 2),
+        ],
+        ids=str,
+    )
+    def test_every_way_of_being_wrong(
+        self, tmp_path: Path, saved: Callable[..., Path], arguments: list[str], code: int
+    ) -> None:
+        """One sentence and a hint on stderr, the right exit code, and no output file."""
+        names = {
+            "good": saved(SITE, "good.json"),
+            "bad": saved({**SITE, "size": -1}, "bad.json"),
+        }
+        before = sorted(tmp_path.rglob("*"))
+        done = run("export-dem", *(a.format(**names) for a in arguments), cwd=tmp_path)
+        assert done.returncode == code, done.stderr
+        assert done.stdout == "" and "Traceback" not in done.stderr
+        assert len(done.stderr.strip().splitlines()) >= 2
+        assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_the_command_says_what_it_did(tmp_path: Path, saved: Callable[..., Path]) -> None:
+    done = run("export-dem", saved(SITE), tmp_path / "a.tif", "--json")
+    report = json.loads(done.stdout)
+    pixels, _ = read(tmp_path / "a.tif")
+    assert report["format_version"] == 1
+    assert (report["width"], report["height"], report["resolution"]) == (60, 40, 0.2)
+    assert report["bounds"] == [500000, 4649776, 500012, 4649784]
+    assert report["nodata"] == np.isnan(pixels).sum() == 100
+    assert report["low"] == np.nanmin(pixels) and report["high"] == np.nanmax(pixels)
+    text = run("export-dem", saved(SITE), tmp_path / "b.tif").stdout
+    assert "60 × 40 pixels of 0.2 (a tenth of the smallest cell)" in text

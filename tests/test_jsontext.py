@@ -1,0 +1,304 @@
+"""The strict JSON reader: values, refusals, and where everything stands."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from terratool.definition.findings import escape
+from terratool.definition.jsontext import MAX_DEPTH, MisspeltError, parse
+
+characters = st.characters(exclude_categories=["Cs"])
+texts = st.text(characters, max_size=8)
+scalars = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(10**40), 10**40),
+    st.floats(allow_nan=False, allow_infinity=False),
+    texts,
+)
+values = st.recursive(
+    scalars,
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(texts | st.just("a/b~c"), inner, max_size=4)
+    ),
+    max_leaves=20,
+)
+
+
+def same(value: Any) -> str:
+    """A form in which 1 and 1.0, 0.0 and -0.0, true and 1 differ, and the order of keys counts."""
+    return json.dumps(value)
+
+
+def refusal(text: str) -> tuple[int, int, str]:
+    with pytest.raises(MisspeltError) as caught:
+        parse(text)
+    error = caught.value
+    assert error.message.endswith(".")
+    assert error.hint
+    return *Cursor().after(text[: error.offset]), error.code
+
+
+class Cursor:
+    """Line and column, counted one character at a time; LF, CR and CRLF end a line."""
+
+    def __init__(self) -> None:
+        self.line, self.column, self._before = 1, 1, ""
+
+    def after(self, text: str) -> tuple[int, int]:
+        for char in text:
+            if char == "\r" or (char == "\n" and self._before != "\r"):
+                self.line, self.column = self.line + 1, 1
+            elif char != "\n":
+                self.column += 1
+            self._before = char
+        return self.line, self.column
+
+
+class Layout:
+    """Writes a value with the spacing it is given, and notes where each value and key begins."""
+
+    def __init__(self, spaces: Any, ascii_only: bool) -> None:
+        self.text, self.places, self.keys = "", {}, {}
+        self._cursor, self._spaces, self._ascii = Cursor(), spaces, ascii_only
+
+    def write(self, text: str) -> tuple[int, int]:
+        here = (self._cursor.line, self._cursor.column)
+        self.text += text
+        self._cursor.after(text)
+        return here
+
+    def space(self) -> None:
+        self.write(self._spaces())
+
+    def value(self, value: Any, pointer: str = "") -> None:
+        if isinstance(value, dict | list):
+            self.places[pointer] = self.write("{" if isinstance(value, dict) else "[")
+            for index, key in enumerate(value):
+                self.write("," if index else "")
+                self.space()
+                here = f"{pointer}/{escape(key) if isinstance(value, dict) else index}"
+                if isinstance(value, dict):
+                    self.keys[here] = self.write(json.dumps(key, ensure_ascii=self._ascii))
+                    self.space()
+                    self.write(":")
+                    self.space()
+                self.value(value[key] if isinstance(value, dict) else key, here)
+                self.space()
+            self.space()
+            self.write("}" if isinstance(value, dict) else "]")
+        else:
+            self.places[pointer] = self.write(json.dumps(value, ensure_ascii=self._ascii))
+
+
+@given(values, st.sampled_from([None, 0, 2, "\t"]), st.booleans(), st.sampled_from(["\n", "\r\n"]))
+def test_reads_what_json_writes(value: Any, indent: Any, ascii_only: bool, newline: str) -> None:
+    """Any JSON value survives, in any layout, with its type and the order of its keys."""
+    separators = (",", ":") if indent is None else None
+    text = json.dumps(value, indent=indent, ensure_ascii=ascii_only, separators=separators)
+    text = text.replace("\n", newline)
+    parsed = parse(text)
+    assert same(parsed.value) == same(value)
+    assert parsed.duplicates == []
+
+
+@given(values, st.data(), st.booleans())
+def test_knows_where_everything_stands(value: Any, data: st.DataObject, ascii_only: bool) -> None:
+    """Each value and each key is found at its line and column, whatever stands before it."""
+    gaps = st.sampled_from(["", "", " ", "\t", "\n", "\r\n", "\r", " \n\t ", "\n\r\n"])
+    layout = Layout(lambda: data.draw(gaps), ascii_only)
+    layout.space()
+    layout.value(value)
+    parsed = parse(layout.text)
+    for pointer, place in layout.places.items():
+        assert parsed.line_column(parsed.offset(pointer)) == place, pointer
+    for pointer, place in layout.keys.items():
+        assert parsed.line_column(parsed.offset(pointer, on_key=True)) == place, pointer
+
+
+@pytest.mark.parametrize(
+    ("text", "pointer", "key", "value"),
+    [
+        ('{"a": 1}', "/a", (1, 2), (1, 7)),
+        ('{\t"a"\t:\t[]}', "/a", (1, 3), (1, 9)),
+        ('{\r\n  "a":\r\n true}', "/a", (2, 3), (3, 2)),
+        ('{\r"a":null}', "/a", (2, 1), (2, 5)),
+        ('{"x": "\\"\\\\\\u00e9", "a": {}}', "/a", (1, 21), (1, 26)),
+        ('{"世界": 0, "a": "é"}', "/a", (1, 11), (1, 16)),
+        ('{"😀😀": "😀", "a": -1.5}', "/a", (1, 13), (1, 18)),
+        ('{"\\ud83d\\ude00": 0,\n\n "a": ""}', "/a", (3, 2), (3, 7)),
+        ('{"a/b": {"~": 1}}', "/a~1b/~0", (1, 10), (1, 15)),
+        ('{"": {"": 7}}', "//", (1, 7), (1, 11)),
+    ],
+)
+def test_places_worked_out_by_hand(
+    text: str, pointer: str, key: tuple[int, int], value: tuple[int, int]
+) -> None:
+    """Tabs, escapes, wide and astral characters count as the characters they are written with."""
+    parsed = parse(text)
+    assert parsed.line_column(parsed.offset(pointer, on_key=True)) == key
+    assert parsed.line_column(parsed.offset(pointer)) == value
+
+
+def test_what_is_absent_stands_where_its_parent_stands() -> None:
+    """A pointer to something that is not there leads to the innermost object that is."""
+    parsed = parse('{"a": {"b": [1]}}')
+    assert parsed.offset("/a/c/d") == 6
+    assert parsed.offset("/a/b/1") == 12
+    assert parsed.offset("/z") == 0
+
+
+def test_the_first_of_duplicates_stands() -> None:
+    """Every further use of a key is listed at its place; the first value is kept."""
+    parsed = parse('{"a": 1, "a": {"b": 0, "b": 2}, "\\u0061": 3}')
+    assert parsed.value == {"a": 1}
+    assert parsed.duplicates == [("/a", 9), ("/a/b", 23), ("/a", 32)]
+    assert parsed.offset("/a") == 6
+
+
+REFUSED = [
+    # nothing, or cut off: the end of the text, or where the open quotes begin
+    ("", 1, 1), ("   ", 1, 4), ("\r\n\n", 3, 1), ("[", 1, 2), ("{", 1, 2), ("[1", 1, 3),
+    ("[1,", 1, 4), ('{"a"', 1, 5), ('{"a":', 1, 6), ('{"a":1', 1, 7), ('{"a":1,', 1, 8),
+    ('"abc', 1, 1), ('["abc', 1, 2), ('{"ab', 1, 2), ("tru", 1, 1), ("nul", 1, 1), ("-", 1, 1),
+    ('"a\\', 1, 3), ('"a\\"', 1, 1), ("[[[]]", 1, 6),
+    # commas and colons: a comma too many is named, a missing one belongs behind the value
+    ("[1,]", 1, 3), ('{"a":1,}', 1, 7), ("[1,\n]", 1, 3), ("[,1]", 1, 2), ("[1,,2]", 1, 4),
+    ("{,}", 1, 2), ("[1 2]", 1, 3), ("[1\n2]", 1, 3), ('{"a":1 "b":2}', 1, 7), ('{"a" 1}', 1, 6),
+    ('{"a","b"}', 1, 5), ("[1:2]", 1, 3),
+    # keys and quotes
+    ("{'a':1}", 1, 2), ("['a']", 1, 2), ("{a:1}", 1, 2), ("{1:2}", 1, 2), ("{null:2}", 1, 2),
+    # numbers
+    ("[01]", 1, 2), ("[-01]", 1, 2), ("[00]", 1, 2), ("[+1]", 1, 2), ("[.5]", 1, 2),
+    ("[1.]", 1, 2), ("[-.5]", 1, 2), ("[0x1F]", 1, 2), ("[1e]", 1, 2), ("[1e+]", 1, 2),
+    ("[1.e5]", 1, 2), ("[1_000]", 1, 2), ("[--1]", 1, 2), ("[1a]", 1, 2), ("[1.5.2]", 1, 2),
+    ("[- 1]", 1, 2), ("[１]", 1, 2), ("[1１]", 1, 2), ("[+Infinity]", 1, 2), ("[nan]", 1, 2),
+    # words
+    ("[True]", 1, 2), ("[None]", 1, 2), ("[undefined]", 1, 2), ("[nullx]", 1, 2),
+    # texts
+    ('"a\nb"', 1, 3), ('"a\tb"', 1, 3), ('"\x00"', 1, 2), ('"ab\x1f"', 1, 4), ('"a\r\nb"', 1, 3),
+    ('"\\x41"', 1, 2), ('"\\u12G4"', 1, 2), ('"\\u12"', 1, 2), ("\"\\'\"", 1, 2),
+    ('"\\U0041"', 1, 2), ('"\\ud800"', 1, 2), ('"a\\udc00"', 1, 3), ('"\\ud800\\u0041"', 1, 2),
+    ('"\\udc00\\ud800"', 1, 2), ('"\\ud800\\ud800\\udc00"', 1, 2), ('{"\\ud800": 1}', 1, 3),
+    # brackets that do not match, and text after the end
+    ("[1}", 1, 3), ('{"a":1]', 1, 7), ("]", 1, 1), ("}", 1, 1), (":", 1, 1), (",", 1, 1),
+    ("{} {}", 1, 4), ("{}]", 1, 3), ("1 2", 1, 3), ("{}\x00", 1, 3), ("null,", 1, 5),
+    # comments, and spaces that JSON has not
+    ("// c\n{}", 1, 1), ("{} // c", 1, 4), ("[1 /* c */]", 1, 4), ("# c\n1", 1, 1),
+    ("\ufeff{}", 1, 1), ("[1\u00a0]", 1, 3), ("[\x0b1]", 1, 2), ("\u2028{}", 1, 1),
+    # behind line ends, tabs, escapes and wide characters
+    ("[\r\n 1 2]", 2, 3), ("[\r1 2]", 2, 2), ('{\n\t"a": 1,\n\t"b": x\n}', 3, 7),
+    ('{"😀": x}', 1, 7), ('["\\"", x]', 1, 8), ('["é\\n世", 01]', 1, 10),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "line", "column"), REFUSED)
+def test_refuses_at_the_place(text: str, line: int, column: int) -> None:
+    """What RFC 8259 does not allow is refused where it stands."""
+    assert refusal(text) == (line, column, "TT101")
+
+
+@pytest.mark.parametrize(
+    ("text", "column"), [("[NaN]", 2), ("[Infinity]", 2), ("[-Infinity]", 2), ('{"a": NaN}', 7)]
+)
+def test_numbers_that_json_has_not(text: str, column: int) -> None:
+    """NaN and the infinities have a code of their own."""
+    assert refusal(text) == (1, column, "TT107")
+
+
+@given(st.dictionaries(texts, values, max_size=3), st.data())
+def test_every_cut_is_noticed(value: Any, data: st.DataObject) -> None:
+    """No text that was cut off within its object is taken for a whole one."""
+    text = json.dumps(value, ensure_ascii=False)
+    line, column, code = refusal(text[: data.draw(st.integers(0, len(text) - 1))])
+    assert (line, code) == (1, "TT101")
+    assert 1 <= column <= len(text)
+
+
+PIECES = [*'{}[]:,"\\-+.0123456789eEtfn/# \t\n\r\'', "true", "null", "NaN", '"a"', '"\\u', "d83d",
+          "\\ude00", '{"a":', "[1", "1e5", "\u00a0", "\ufeff", "\x00", "😀"]  # fmt: skip
+
+
+def trusted(text: str) -> str | None:
+    """What Python's own reader makes of a text, with its liberties taken away; None if refused."""
+
+    def first(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        return dict(reversed(pairs))
+
+    def refuse(_: str) -> None:
+        raise ValueError
+
+    try:
+        value = json.loads(text, object_pairs_hook=first, parse_constant=refuse)
+        json.dumps(value, ensure_ascii=False).encode("utf-8")  # lone surrogates
+    except ValueError:
+        return None
+    return json.dumps(value, sort_keys=True)
+
+
+def verdict(text: str) -> str | None:
+    try:
+        return json.dumps(parse(text).value, sort_keys=True)
+    except MisspeltError as error:
+        assert 0 <= error.offset <= len(text)
+        return None
+
+
+@given(st.lists(st.sampled_from(PIECES), max_size=12).map("".join))
+def test_agrees_with_python_on_any_text(text: str) -> None:
+    """Any string of JSON's pieces ends in the right value or a `MisspeltError`."""
+    assert verdict(text) == trusted(text)
+
+
+@given(values, st.data())
+def test_agrees_with_python_on_broken_text(value: Any, data: st.DataObject) -> None:
+    """So does a good text with a piece put in, taken out or replaced."""
+    text = json.dumps(value, ensure_ascii=data.draw(st.booleans()))
+    at = data.draw(st.integers(0, len(text)))
+    piece = data.draw(st.sampled_from(["", *PIECES]))
+    text = text[:at] + piece + text[at + data.draw(st.integers(0, 2)) :]
+    assert verdict(text) == trusted(text)
+
+
+@pytest.mark.parametrize(
+    ("opening", "column"),
+    [("[", MAX_DEPTH + 1), ('{"a":', 5 * MAX_DEPTH + 1), ('[{"a":', 3 * MAX_DEPTH + 1)],
+)
+def test_endless_nesting_is_refused(opening: str, column: int) -> None:
+    """100,000 levels are refused at the first that is too deep, not by a crash."""
+    assert refusal(opening * 100_000) == (1, column, "TT108")
+
+
+def test_deep_nesting_is_read() -> None:
+    """As many levels as are promised are read, and places within them are known."""
+    parsed = parse("[" * MAX_DEPTH + "]" * MAX_DEPTH)
+    depth, value = 0, parsed.value
+    while value:
+        depth, value = depth + 1, value[0]
+    assert depth == MAX_DEPTH - 1
+    assert parsed.offset("/0" * (MAX_DEPTH - 1)) == MAX_DEPTH - 1
+
+
+@pytest.mark.parametrize(
+    ("spelling", "value"),
+    [
+        ("9" * 400, math.inf),
+        ("-" + "9" * 5000, -math.inf),
+        ("1" + "0" * 200, 10**200),
+        ("0." + "0" * 400 + "1", 0.0),
+        ("0." + "3" * 400, 1 / 3),
+        ("1e400", math.inf),
+        ("1E-400", 0.0),
+        ("1" * 400 + "e-400", 1 / 9),
+        ("-0", 0),
+    ],
+)
+def test_numbers_of_any_length(spelling: str, value: float) -> None:
+    """A number of hundreds of digits is read as the nearest there is, never by a crash."""
+    assert parse(f"[{spelling}]").value == [value]

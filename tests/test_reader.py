@@ -1,0 +1,377 @@
+"""From bytes to a definition: both ways through the reader, and what each finding says."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from itertools import product
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from terratool.definition import reader
+from terratool.definition.reader import Checked, load_definition
+from terratool.definition.source import Source, read_source
+from terratool.errors import DefinitionError, ReadError
+from tests.strategies import Json, definitions
+
+GOOD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
+
+
+def check(text: str | bytes) -> Checked:
+    return reader.check(Source("t.json", text.encode() if isinstance(text, str) else text))
+
+
+def explain(text: str | bytes) -> Checked:
+    """The same by the explaining way alone."""
+    with mock.patch.object(reader, "_decode", return_value=None):
+        return check(text)
+
+
+def places(checked: Checked) -> list[tuple[int, int, str, str]]:
+    return [(f.line, f.column, f.code, f.pointer) for f in checked.findings]
+
+
+def with_members(*members: str) -> str:
+    """The good definition with further members spelled as they are given."""
+    return GOOD[:-1] + "".join("," + member for member in members) + "}"
+
+
+layouts = st.sampled_from(
+    [
+        {"separators": (",", ":")},
+        {"indent": 2},
+        {"indent": "\t", "ensure_ascii": False},
+        {"separators": (" ,\r\n", " : ")},
+        {"separators": (",", "  :\n")},
+    ]
+)
+
+
+@given(definitions(), layouts)
+def test_both_ways_make_one_model(definition: Json, layout: dict[str, Any]) -> None:
+    """A valid definition gives one model, however it is laid out and whichever way it is read."""
+    definition.pop("x-note", None)
+    for surface in definition.get("surfTypes", {}).values():
+        surface.pop("x-note", None)
+    compact = json.dumps(definition, separators=(",", ":"))
+    assert reader._decode(compact.encode()) is not None, "the fast way was not taken"
+    fast = check(compact)
+    assert fast.definition is not None, fast.findings
+    assert check(json.dumps(definition, **layout)) == fast
+    slow = json.dumps({**definition, "x-slow": [{"x-slow": 1}]}, **layout)
+    assert reader._decode(slow.encode()) is None, "the explaining way was not taken"
+    assert check(slow).definition == fast.definition
+
+
+WRONG = [
+    None, True, 0, -1, 3, 3.0, 0.5, 1e300, 70_000, 10**30, 10**400, "", "t", "1/t", "b\n", [], [1],
+    [1, 2], [1, 2, 3], [1.0, 2.0], [[0, 1], [1, 0]], [[0.5, 1]], ["t"], [None], {}, {"type": "p0"},
+    {"x": [1]},
+]  # fmt: skip
+
+
+def spots(value: Any) -> list[tuple[Any, Any]]:
+    """Every container with each of its keys or indices."""
+    inside = list(value.items()) if isinstance(value, dict) else list(enumerate(value))
+    found = [(value, key) for key, _ in inside]
+    for _, item in inside:
+        if isinstance(item, dict | list):
+            found += spots(item)
+    return found
+
+
+@given(definitions(), st.data())
+def test_both_ways_have_one_verdict(definition: Json, data: st.DataObject) -> None:
+    """With a value replaced or a key gone, both ways give the same findings at the same places."""
+    for _ in range(data.draw(st.integers(1, 2))):
+        owner, key = data.draw(st.sampled_from(spots(definition)))
+        if data.draw(st.integers(0, 4)) == 4:
+            owner.pop(key)
+        else:
+            owner[key] = data.draw(st.sampled_from(WRONG))
+    text = json.dumps(definition, separators=(",", ":"))
+    assert check(text) == explain(text)
+
+
+BYTES = [b"", *(bytes([n]) for n in b'{}[]:,"\\-+.0eE \t\n'), b"\xff", b"\xc3", b"\x01", b"\\u0022",
+         b'"a":1,', b'"type" :"p0",', b'"type":"p0",']  # fmt: skip
+
+
+@given(definitions(), st.data())
+def test_both_ways_have_one_verdict_on_broken_bytes(definition: Json, data: st.DataObject) -> None:
+    """With bytes put in or taken out as well."""
+    text = json.dumps(definition, separators=(",", ":"), ensure_ascii=False).encode()
+    for _ in range(data.draw(st.integers(1, 2))):
+        at = data.draw(st.integers(0, len(text)))
+        text = (
+            text[:at]
+            + data.draw(st.sampled_from(BYTES))
+            + text[at + data.draw(st.integers(0, 2)) :]
+        )
+    assert check(text) == explain(text)
+
+
+COLONS = [":", " :", "  :", "\t:", "\n:", "\r\n:", "\n\n  :", " : "]
+
+
+@pytest.mark.parametrize(("first", "second"), list(product(COLONS, COLONS)))
+def test_duplicates_are_found_behind_any_spacing(first: str, second: str) -> None:
+    """A key that stands twice is found whatever space is between the keys and their colons."""
+    checked = check(with_members(f'"descr"{first}"a"', f'"descr"{second}"b"'))
+    assert checked.definition is None
+    assert [(f.code, f.pointer) for f in checked.findings] == [("TT102", "/descr")]
+
+
+@pytest.mark.parametrize("spelling", ['"descr"', '"\\u0064escr"', '"d\\u0065scr"', '"descr" '])
+@pytest.mark.parametrize(
+    "value",
+    ["a", "\\u0022:", "\\u0022\\u003a", '\\":', '\\"\\u003A', '\\\\\\":', "\\\\", '\\":\\":', "/:"],
+)
+def test_duplicates_are_found_behind_any_text(spelling: str, value: str) -> None:
+    """No escaped quote or colon in a text makes up for a key that is lost."""
+    checked = check(with_members(f'"descr":"{value}"', f'{spelling}:"{value}"'))
+    column = len(with_members(f'"descr":"{value}"')) + 1
+    assert places(checked) == [(1, column, "TT102", "/descr")]
+    assert check(with_members(f'{spelling}:"{value}"')).definition is not None
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from("abc"),
+            st.sampled_from(['"', '"x', '\\"', '":', "\\", "é", "\x7f", "\u2028", "{"]),
+            st.sampled_from(["", "", " ", "  ", "\n"]),
+            st.booleans(),
+        ),
+        max_size=5,
+    )
+)
+def test_duplicates_are_found_in_the_crs(
+    members: list[tuple[str, str, str, bool]],
+) -> None:
+    """In the one object with free keys, duplicates are found exactly when there are any."""
+    keys = [name + end for name, end, _, _ in members]
+    spelled = ",".join(
+        f"{json.dumps(key, ensure_ascii=ascii_only)}{space}:{json.dumps(key)}"
+        for key, (_, _, space, ascii_only) in zip(keys, members, strict=True)
+    )
+    checked = check(with_members(f'"crs":{{{spelled}}}'))
+    assert [f.code for f in checked.findings] == ["TT102"] * (len(keys) - len(set(keys)))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"size":1,"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1]},"b":{"x":[1]}},"elemTree":{"type":"b"}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1],"x":[1]}},"elemTree":{"type":"b"}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","type":"b"}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","x-a":{"i":1,"i":1}}}',
+    ],
+)
+def test_duplicates_are_found_at_every_level(text: str) -> None:
+    """Even where both say the same, and in objects of one's own."""
+    assert [f.code for f in check(text).findings] == ["TT102"]
+
+
+def test_pointers_lines_and_columns() -> None:
+    """Each finding points to what is at fault: the value, the key, or the object that lacks one."""
+    text = (
+        "{\n"
+        '  "size": 1, "Descr": "",\n'
+        '  "elemTypes": { "a/b~": { "x": "t +" }, "世": {"x": [true]} },\r\n'
+        '\t"elemTree": {"type": "世", "children": [\n'
+        '    {"type": "a/b~", "cellX": 0, "cellY": 10},\n'
+        '    {"type": "c", "cellX": 0},\n'
+        '    {"type": "世", "cellX": "0", "cellY": 0, "span": [1, 0]}]}}'
+    )
+    assert places(check(text)) == [
+        (2, 14, "TT103", "/Descr"),
+        (3, 33, "TT301", "/elemTypes/a~1b~0/x"),
+        (3, 53, "TT105", "/elemTypes/世/x"),
+        (5, 43, "TT203", "/elemTree/children/0/cellY"),
+        (6, 5, "TT104", "/elemTree/children/1"),
+        (6, 14, "TT201", "/elemTree/children/1/type"),
+        (7, 28, "TT105", "/elemTree/children/2/cellX"),
+        (7, 57, "TT106", "/elemTree/children/2/span/1"),
+    ]
+
+
+def test_a_child_that_is_no_object_moves_no_other() -> None:
+    """Findings in the children behind it keep their pointers, and it lacks no keys besides."""
+    text = GOOD[:-2] + ',"children":[7,{"type":"c","cellX":0,"cellY":0}]}}'
+    assert places(check(text)) == [
+        (1, 74, "TT105", "/elemTree/children/0"),
+        (1, 84, "TT201", "/elemTree/children/1/type"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("member", "pointer"),
+    [
+        ('"size":[1,1e999]', "/size/1"),
+        ('"elemTypes":{"b":{"x":[[0,1e999],[1,0]]}}', "/elemTypes/b/x/0/1"),
+        ('"elemTypes":{"b":7}', "/elemTypes/b"),
+        ('"elemTypes":7', "/elemTypes"),
+        ('"elemTree":{"type":"b","cells":"20","children":[{"type":"b","cellX":15,"cellY":0}]}',
+         "/elemTree/cells"),
+        ('"surfTypes":7,"elemTree":{"type":"b","surface":"s"}', "/surfTypes"),
+    ],
+)  # fmt: skip
+def test_one_fault_makes_one_finding(member: str, pointer: str) -> None:
+    """What does not fit is reported, not also what follows from leaving it out."""
+    members = {key: json.dumps(value) for key, value in json.loads(GOOD).items()}
+    for key in members:
+        if f'"{key}":' in member:
+            members[key] = ""
+    parts = [f'"{key}":{value}' for key, value in members.items() if value]
+    checked = check("{" + ",".join([*parts, member]) + "}")
+    assert [f.pointer for f in checked.findings] == [pointer]
+
+
+@pytest.mark.parametrize("digits", [30, 300, 308, 309, 400, 5000])
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","cells":N}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","cells":[2,N]}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","children":'
+        '[{"type":"b","cellX":N,"cellY":0}]}}',
+        '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","children":'
+        '[{"type":"b","cellX":0,"cellY":0,"span":[N,1]}]}}',
+        '{"size":1,"surfTypes":{"s":{"color":[0,0,N]}},"elemTypes":{"b":{"x":[1]}},'
+        '"elemTree":{"type":"b"}}',
+    ],
+)  # fmt: skip
+def test_whole_numbers_of_any_length(text: str, digits: int) -> None:
+    """A whole number that is far too large is one finding at its place, the same both ways."""
+    long = text.replace("N", "9" * digits)
+    checked = check(long)
+    assert [(f.line, f.column) for f in checked.findings] == [(1, text.index("N") + 1)]
+    assert checked == explain(long)
+    assert all(len(f.message) < 200 for f in checked.findings)
+
+
+@pytest.mark.parametrize("value", ['"crs":{"a":1e999}', '"crs":{"a":[{"b":-1e400}]}'])
+def test_no_infinity_hides_in_the_crs(value: str) -> None:
+    """A number that is no finite number is refused in the one place with free values, too."""
+    assert [f.code for f in check(with_members(value)).findings] == ["TT107"]
+
+
+@pytest.mark.parametrize("key", ["x", "y", "size", "crs", "x-own"])
+@pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ('{"a":', "}"), ('[{"a":', "}]")])
+def test_deep_values_in_any_place(key: str, opening: str, closing: str) -> None:
+    """A value nested thousands of levels deep fits or does not; it never ends in a crash."""
+    deep = opening * 3000 + "1" + closing * 3000
+    text = {
+        "x": '{"size":1,"elemTypes":{"b":{"x":D}},"elemTree":{"type":"b"}}',
+        "y": '{"size":1,"elemTypes":{"b":{"x":[1],"y":D}},"elemTree":{"type":"b"}}',
+        "size": '{"size":D,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}',
+    }.get(key, with_members(f'"{key}":D'))
+    codes = [f.code for f in check(text.replace("D", deep)).findings]
+    fits = key == "x-own" or (key == "crs" and opening == '{"a":')
+    assert codes == ([] if fits else ["TT105"])
+
+
+def test_a_thousand_levels_of_elements() -> None:
+    """1,000 levels are read, and a finding in the last has its place."""
+    opening = '{"type":"b","cells":1,"children":['
+    place = '{"type":"b","cellX":0,"cellY":0,"cells":1,"children":['
+    leaf = '{"type":"b","cellX":0,"cellY":N}'
+    head = GOOD[: GOOD.index('{"type"')] + opening + place * 998
+    text = head + leaf + "]}" * 999 + "}"
+    definition = check(text.replace("N", "0")).definition
+    assert definition is not None
+    levels, element = 1, definition.elem_tree
+    while element.children:
+        levels, element = levels + 1, element.children[0]
+    assert levels == 1000
+    pointer = "/elemTree" + "/children/0" * 999 + "/cellY"
+    column = len(head) + leaf.index("N") + 1
+    assert places(check(text.replace("N", "1"))) == [(1, column, "TT203", pointer)]
+
+
+@pytest.mark.parametrize("text", [GOOD, json.dumps(json.loads(GOOD), indent=1)])
+def test_gzip_and_byte_order_mark(tmp_path: Path, text: str) -> None:
+    """Both are undone before the text is looked at, alone and together, in several members too."""
+    plain = check(text).definition
+    halves = text[:9].encode(), text[9:].encode()
+    for data in (
+        gzip.compress(text.encode()),
+        b"\xef\xbb\xbf" + text.encode(),
+        gzip.compress(b"\xef\xbb\xbf" + text.encode()),
+        gzip.compress(halves[0]) + gzip.compress(halves[1]),
+        gzip.compress(text.encode()) + b"\0" * 512,
+    ):
+        path = tmp_path / "terrain.json"
+        path.write_bytes(data)
+        assert load_definition(path) == plain
+
+
+def test_columns_do_not_count_the_byte_order_mark(tmp_path: Path) -> None:
+    """The first character behind the mark is column 1."""
+    path = tmp_path / "terrain.json"
+    path.write_bytes(b"\xef\xbb\xbf{]")
+    assert places(reader.check(read_source(path))) == [(1, 2, "TT101", "")]
+
+
+@pytest.mark.parametrize("keep", [2, 5, 10, 18, 40, -1])
+def test_broken_gzip_is_unreadable(tmp_path: Path, keep: int) -> None:
+    """A gzip that was cut off anywhere is said to be so."""
+    path = tmp_path / "terrain.json.gz"
+    path.write_bytes(gzip.compress(GOOD.encode(), mtime=0)[:keep])
+    with pytest.raises(ReadError, match="broken gzip"):
+        read_source(path)
+
+
+def test_garbage_behind_gzip_is_unreadable(tmp_path: Path) -> None:
+    """What follows the last member must be padding."""
+    path = tmp_path / "terrain.json.gz"
+    path.write_bytes(gzip.compress(GOOD.encode()) + b"more")
+    with pytest.raises(ReadError, match="broken gzip"):
+        read_source(path)
+
+
+@pytest.mark.parametrize(("name", "reason"), [("absent.json", "no such file"), ("", "directory")])
+def test_what_is_no_file_is_unreadable(tmp_path: Path, name: str, reason: str) -> None:
+    """A missing file and a directory are a `ReadError` that names the path."""
+    path = tmp_path / name
+    with pytest.raises(ReadError, match=reason) as caught:
+        read_source(path)
+    assert str(path) in caught.value.message
+    assert caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("data", "place"),
+    [
+        (b"", (1, 1, "TT101", "")),
+        (b" \n\t", (2, 2, "TT101", "")),
+        (b'{\n "descr": "caf\xe9"}', (2, 15, "TT109", "")),
+        ('{"世": "'.encode() + b'\xff"}', (1, 8, "TT109", "")),
+        (b"\xff\xfe{\x00}\x00", (1, 1, "TT109", "")),
+        (b'"\xed\xa0\x80"', (1, 2, "TT109", "")),
+    ],
+)
+def test_empty_and_wrongly_encoded(data: bytes, place: tuple[int, int, str, str]) -> None:
+    """An empty text and bytes that are no UTF-8 are one finding at its place."""
+    assert places(check(data)) == [place]
+
+
+def test_load_definition_raises_with_the_findings(tmp_path: Path) -> None:
+    """The error names the first place and carries every finding."""
+    path = tmp_path / "terrain.json"
+    path.write_text('{"size": 0,\n "elemTypes": {},\n "elemTree": {"type": 1}}')
+    with pytest.raises(DefinitionError) as caught:
+        load_definition(path)
+    assert [(f.line, f.column, f.code) for f in caught.value.findings] == [
+        (1, 10, "TT106"),
+        (3, 23, "TT105"),
+    ]
+    assert caught.value.message.startswith(f"{path}:1:10: TT106: ")
+    assert caught.value.exit_code == 1

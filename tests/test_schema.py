@@ -1,0 +1,216 @@
+"""The published JSON Schema: well made, and of one mind with the reader."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import terratool
+from terratool.definition.keys import KEYS
+from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.reader import Checked, check
+from terratool.definition.source import Source
+from tests.strategies import Json, definitions
+
+SCHEMA = terratool.schema()
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+HERE = Path(__file__).parent
+STRUCTURAL = {"TT103", "TT104", "TT105", "TT106", "TT110", "TT303", "TT305"}
+"""Codes of what a schema can see: not names, grids, formulas or the order of knots."""
+
+GOOD: Json = {
+    "size": 10,
+    "origin": [1, 2],
+    "surfTypes": {"s": {"color": [0, 0, 0], "cohesion": 1, "void": False}},
+    "elemTypes": {"p": {"x": [1, 2], "y": "t"}, "r": {"x": "cos", "combine": "radial"}},
+    "elemTree": {
+        "type": "p",
+        "surface": "s",
+        "cells": [3, 3],
+        "children": [{"type": "r", "cellX": 1, "cellY": 1, "span": [1, 2], "vScale": 2}],
+    },
+}
+
+
+def subschemas(schema: Any, pointer: str = "") -> Iterator[tuple[str, Json]]:
+    """Every schema of a key, of an object kind or of a curve kind, with its pointer."""
+    for holder in ("properties", "$defs"):
+        for name, inner in schema.get(holder, {}).items():
+            yield f"{pointer}/{holder}/{name}", inner
+            yield from subschemas(inner, f"{pointer}/{holder}/{name}")
+
+
+SUBSCHEMAS = list(subschemas(SCHEMA))
+IDS = [pointer for pointer, _ in SUBSCHEMAS]
+
+
+def resolved(schema: Json) -> Json:
+    if "$ref" in schema:
+        schema = SCHEMA["$defs"][schema["$ref"].rpartition("/")[2]]
+    return schema
+
+
+def test_is_a_valid_schema() -> None:
+    """It is JSON Schema 2020-12 by that standard's own schema."""
+    assert SCHEMA["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    with pytest.raises(ValueError, match="no_such_schema"):
+        terratool.schema("no_such_schema")
+
+
+@pytest.mark.parametrize(("pointer", "inner"), SUBSCHEMAS, ids=IDS)
+def test_each_key_is_explained(pointer: str, inner: Json) -> None:
+    """Each key has a description, a default and examples, for editors to show."""
+    inner = resolved(inner)
+    assert inner["description"].endswith((".", ")"))
+    assert "default" in inner
+    assert inner["examples"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "properties"),
+    [
+        (Definition, SCHEMA["properties"]),
+        (Surface, SCHEMA["$defs"]["surface"]["properties"]),
+        (Primitive, SCHEMA["$defs"]["primitive"]["properties"]),
+        (Element, SCHEMA["$defs"]["element"]["properties"]),
+        (Element, SCHEMA["$defs"]["root"]["properties"]),
+    ],
+)
+def test_has_the_keys_of_the_reader(kind: type, properties: Json) -> None:
+    """Its keys are those that the reader knows, no more and no fewer."""
+    keys = set(KEYS[kind])
+    if properties is SCHEMA["$defs"]["root"]["properties"]:
+        keys -= {"cellX", "cellY", "span"}
+    assert set(properties) == keys
+
+
+@pytest.mark.parametrize(("pointer", "inner"), SUBSCHEMAS, ids=IDS)
+def test_its_examples_are_examples(pointer: str, inner: Json) -> None:
+    """Each example, and each default that is a value, fits the key that it stands at."""
+    inner = resolved(inner)
+    here = {**inner, "$defs": SCHEMA["$defs"]}
+    defaults = [] if inner["default"] is None else [inner["default"]]
+    for example in inner["examples"] + (defaults if "primitive" not in pointer else []):
+        jsonschema.Draft202012Validator(here).validate(example)
+
+
+def read(definition: Any) -> Checked:
+    return check(Source("t.json", json.dumps(definition).encode()))
+
+
+def agree(definition: Any) -> None:
+    """What the reader takes the schema takes; what is wrong by structure alone it refuses."""
+    checked = read(definition)
+    codes = {f.code for f in checked.findings if f.severity == "error"}
+    valid = VALIDATOR.is_valid(definition)
+    if not codes:
+        assert valid, next(VALIDATOR.iter_errors(definition))
+    elif codes <= STRUCTURAL:
+        assert not valid, checked.findings
+
+
+@given(definitions())
+def test_accepts_what_the_reader_accepts(definition: Json) -> None:
+    """A valid definition of any kind is valid by the schema."""
+    assert read(definition).definition is not None
+    VALIDATOR.validate(definition)
+
+
+REPLACEMENTS = [
+    None, True, False, "", "t", "sum", "radial", 0, -1, 1, 3, 3.0, -0.0, 0.5, 1.5, 89.9, 90, 255,
+    256, 65535, 65536, 65537, 1e6, [], [0], [1, 1], [1.0, 2.0], [1.5, 2], [0, 0], [1, 2, 3],
+    [255, 256, 0], [1, 2, 3, 4], [True, 1], ["1", 1], [None], [[0, 0], [1, 1]], [[0, 0], [2, 1]],
+    [[0, 0, 0], [1, 1, 1]], [[]], [1, [1, 1]], {}, {"type": "p"}, {"x": [1]}, {"x": []},
+    {"a": [1]}, {"combine": "radial"},
+]  # fmt: skip
+NEW_KEYS = ["x-note", "x-", "X-note", "x", "y", "z", "cellx", "cellX", "cellY", "span", "type",
+            "combine", "color", "descr", "size", "$schema", "crs", "origin", "children",
+            ""]  # fmt: skip
+
+
+def containers(value: Any, key: str = "") -> Iterator[Any]:
+    """Every object and list of a definition but those that are a user's own."""
+    if isinstance(value, dict | list) and not key.startswith("x-") and key != "crs":
+        yield value
+        inside = value.items() if isinstance(value, dict) else (("", item) for item in value)
+        for name, item in inside:
+            yield from containers(item, name)
+
+
+@given(definitions() | st.just(GOOD).map(copy.deepcopy), st.data())
+def test_agrees_with_the_reader_on_mutations(definition: Json, data: st.DataObject) -> None:
+    """With keys dropped, added or of another value, the schema and the reader have one verdict."""
+    for _ in range(data.draw(st.integers(1, 3))):
+        owner = data.draw(st.sampled_from(list(containers(definition))))
+        spots = list(owner) if isinstance(owner, dict) else list(range(len(owner)))
+        action = data.draw(
+            st.sampled_from(["drop", "retype", "retype", "add"] if spots else ["add"])
+        )
+        value = copy.deepcopy(data.draw(st.sampled_from(REPLACEMENTS)))
+        if action == "drop":
+            owner.pop(data.draw(st.sampled_from(spots)))
+        elif action == "retype":
+            owner[data.draw(st.sampled_from(spots))] = value
+        elif isinstance(owner, dict):
+            owner[data.draw(st.sampled_from(NEW_KEYS))] = value
+        else:
+            owner.append(value)
+    agree(definition)
+
+
+@pytest.mark.parametrize("pointer", [
+    "size", "origin", "crs", "descr", "$schema", "surfTypes", "surfTypes/s", "surfTypes/s/descr",
+    "surfTypes/s/cohesion", "surfTypes/s/fricAngle", "surfTypes/s/sinkage", "surfTypes/s/color",
+    "surfTypes/s/sonarRefl", "surfTypes/s/shearModulus", "surfTypes/s/void", "elemTypes",
+    "elemTypes/p", "elemTypes/p/x", "elemTypes/p/y", "elemTypes/p/combine", "elemTypes/r/x",
+    "elemTypes/r/y", "elemTree", "elemTree/type", "elemTree/surface", "elemTree/vScale",
+    "elemTree/vOffset", "elemTree/turnDeg", "elemTree/cells", "elemTree/children", "elemTree/cellX",
+    "elemTree/span", "elemTree/children/0", "elemTree/children/0/cellX",
+    "elemTree/children/0/span", "elemTree/children/0/cells", "elemTree/children/0/type",
+])  # fmt: skip
+def test_agrees_with_the_reader_on_each_key(pointer: str) -> None:
+    """For every key, any one value is taken by both or refused by both."""
+    *steps, last = pointer.split("/")
+    for value in REPLACEMENTS:
+        definition = copy.deepcopy(GOOD)
+        owner: Any = definition
+        for step in steps:
+            owner = owner[int(step) if isinstance(owner, list) else step]
+        owner[int(last) if isinstance(owner, list) else last] = copy.deepcopy(value)
+        agree(definition)
+
+
+@pytest.mark.parametrize("value", [2.0, 1e20, 9007199254740992.0, -3, 1.5, 10**30, 10**200])
+def test_agrees_on_what_a_whole_number_is(value: float) -> None:
+    """3.0 and 1e20 are whole numbers to a JSON Schema, and so to the reader."""
+    agree({**GOOD, "crs": value})
+    agree({**GOOD, "elemTree": {"type": "p", "cells": value}})
+
+
+@pytest.mark.parametrize("value", [None, True, 1, "", [], [GOOD]])
+def test_agrees_that_a_definition_is_an_object(value: Any) -> None:
+    """Nothing else is one."""
+    assert read(value).definition is None
+    assert not VALIDATOR.is_valid(value)
+
+
+@pytest.mark.parametrize(
+    "path", sorted((HERE / "example-files").glob("*/*.json")), ids=lambda path: path.stem
+)
+def test_agrees_on_the_examples(path: Path) -> None:
+    """So it is for the examples that are JSON at all."""
+    try:
+        definition = json.loads(path.read_text("utf-8-sig"))
+    except (ValueError, RecursionError):
+        assert path.parent.name == "invalid"
+        return
+    agree(definition)
