@@ -26,7 +26,7 @@ def _text(s: dict[str, Any]) -> str:
     lines += [
         f"size           {size[0]:g} × {size[1]:g}",
         f"origin         {origin[0]:.10g}, {origin[1]:.10g}",
-        f"crs            {s['crs'] or 'none'}",
+        f"crs            {_crs(s['crs'])}",
         f"levels         {s['levels']}",
         f"elements       {s['elements']:,}",
         *_counts("by primitive", s["elements_by_primitive"]),
@@ -42,6 +42,12 @@ def _text(s: dict[str, Any]) -> str:
         )
     lines.append(f"memory         {s['bytes']:,} bytes compiled")
     return "\n".join(lines)
+
+
+def _crs(crs: Any) -> str:
+    if crs is None:
+        return "none"
+    return json.dumps(crs) if isinstance(crs, dict) else str(crs)
 
 
 def _counts(title: str, counts: dict[str, int]) -> list[str]:

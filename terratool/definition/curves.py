@@ -98,6 +98,13 @@ def _knots(value: tuple[float | Pair, ...], key: str) -> Knots:
                 f"the knot at t = {after:g} comes after the one at t = {before:g}.",
                 "Sort the knots by t; two at the same t make a vertical step.",
             )
+    if len(points) == 1:
+        raise CurveError(
+            "TT304",
+            f"/{key}",
+            "there is only one knot.",
+            "Give one at t = 0 and one at t = 1, or write a number alone for a constant.",
+        )
     for index, wanted in ((0, 0.0), (len(points) - 1, 1.0)):
         if points[index][0] != wanted:
             raise CurveError(

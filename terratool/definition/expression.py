@@ -76,7 +76,8 @@ def parse(text: str) -> Expression:
             f"the expression has {len(text)} characters, more than {MAX_LENGTH}",
             "Shorten it, or write the curve as a vector of samples.",
         )
-    return Expression(text, _Parser(NAMED.get(text, text)).program())
+    stripped = text.strip()
+    return Expression(text, _Parser(NAMED.get(stripped, stripped)).program())
 
 
 class _Parser:
@@ -104,9 +105,11 @@ class _Parser:
                 + len(self._text[self._next_at :])
                 - len(self._text[self._next_at :].lstrip())
             )
+            hint = "Use numbers, t, pi, + - * / **, parentheses and the functions of the format."
+            if self._text[at] == "^":
+                hint = "Write ** for a power."
             raise ExpressionError(
-                f'"{self._text[at]}" at character {at + 1} belongs to no expression',
-                "Use numbers, t, pi, + - * / **, parentheses and the functions of the format.",
+                f'"{self._text[at]}" at character {at + 1} belongs to no expression', hint
             )
         self._kind = str(match.lastgroup)
         self._value = match.group(self._kind)
@@ -175,7 +178,9 @@ class _Parser:
     def _call(self, name: str, at: int) -> None:
         if name not in UNARY and name not in VARIADIC:
             hint = f"Use t, pi or one of {' '.join(UNARY + VARIADIC)}."
-            if name in NAMED:
+            if name.lower() in NAMED and name not in NAMED:
+                hint = f'Write "{name.lower()}" alone for the named curve.'
+            elif name in NAMED:
                 hint = f'Write "{name}" alone for the named curve, or spell out {NAMED[name]}.'
             raise ExpressionError(f'"{name}" at character {at + 1} is no known name', hint)
         self._advance()

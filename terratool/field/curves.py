@@ -19,6 +19,7 @@ from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression,
 
 TOLERANCE = 1e-8
 _EVEN_LEVELS = 10  # the finest, 512 pieces, still has 8 checked points in each
+_ROUNDING = 2.0**-47
 _MAX_HALVINGS = 60
 _MAX_PIECES = 1 << 18
 _MAX_BINS = 4096
@@ -127,6 +128,10 @@ def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
     values = values_of(expression, t)
     coefficients = values @ _TO_CUBIC.T
     coefficients[:, 0] = values[:, 0]
+    # what is straight stays straight: a level floor has no slope of 1e-15
+    straight = np.abs(coefficients[:, 2:]).max(axis=1) <= _ROUNDING * np.abs(values).max(axis=1)
+    coefficients[straight, 1] = (values[:, 3] - values[:, 0])[straight]
+    coefficients[straight, 2:] = 0.0
     return coefficients
 
 

@@ -102,17 +102,27 @@ def reaches(x, corner, rest, pitch, pitch_rest, cell, width, t):
 
 
 @_fused
+def piece_value(pieces, row, s):
+    """Value of the piece whose coefficients begin at `row`, at `s` in it."""
+    c1, c2, c3 = pieces[row + ONE], pieces[row + TWO], pieces[row + THREE]
+    return pieces[row] + s * (c1 + s * (c2 + s * c3))
+
+
+@_device
+def piece_slope(pieces, row, s):
+    """Slope of the piece whose coefficients begin at `row`, at `s` in it."""
+    c1, c2, c3 = pieces[row + ONE], pieces[row + TWO], pieces[row + THREE]
+    return c1 + s * (2.0 * c2 + s * (3.0 * c3))
+
+
+@_device
 def even_curve(pieces, first, count, t):
     """Value and slope of a curve of evenly spaced pieces at `t`, in [0, 1] or EDGE beyond."""
     s = t * count
     i = int(s)  # `count` from t = 1 on: there is one more piece; 0 also just below t = 0
     s -= i
     row = (np.uint64(first) + np.uint64(i)) * FOUR
-    c1, c2, c3 = pieces[row + ONE], pieces[row + TWO], pieces[row + THREE]
-    return (
-        pieces[row] + s * (c1 + s * (c2 + s * c3)),
-        (c1 + s * (2.0 * c2 + s * (3.0 * c3))) * count,
-    )
+    return piece_value(pieces, row, s), piece_slope(pieces, row, s) * count
 
 
 @_device
@@ -127,13 +137,9 @@ def find_piece(curves, knot, bin_, last, t):
 @_device
 def knotted_piece(curves, first, knot, i, t):
     """Value and slope at `t` of piece `i` of a knotted curve."""
-    row = (np.int64(first) + i) * 4
+    row = (np.uint64(first) + np.uint64(i)) * FOUR
     s = t - curves.knots[np.int64(knot) + i]
-    c1, c2, c3 = curves.pieces[row + 1], curves.pieces[row + 2], curves.pieces[row + 3]
-    return (
-        curves.pieces[row] + s * (c1 + s * (c2 + s * c3)),
-        c1 + s * (2.0 * c2 + s * (3.0 * c3)),
-    )
+    return piece_value(curves.pieces, row, s), piece_slope(curves.pieces, row, s)
 
 
 @_kernel
@@ -408,14 +414,18 @@ def positions(x, corner, rest, per, whole, part):
 
 
 @_kernel
-def even_values(pieces, first, count, t, out):
-    """Values of a curve of evenly spaced pieces at each `t`, held to [0, 1]."""
+def even_values(pieces, first, count, t, whole, out):
+    """Values of a curve of evenly spaced pieces at each `t`, held to [0, 1]; `whole` is scratch."""
     row = np.uint64(first) * FOUR
     if count == 1.0 and pieces[row + ONE] == pieces[row + TWO] == pieces[row + THREE] == 0.0:
         out[:] = pieces[row]
         return
+    for n in range(len(t)):  # vectorised
+        s = min(max(t[n], 0.0), 1.0) * count
+        whole[n] = math.floor(s)
+        out[n] = s - math.floor(s)
     for n in range(len(t)):
-        out[n], _ = even_curve(pieces, first, count, min(max(t[n], 0.0), 1.0))
+        out[n] = piece_value(pieces, (np.uint64(first) + np.uint64(int(whole[n]))) * FOUR, out[n])
 
 
 @_kernel
@@ -432,8 +442,8 @@ def block_heights(field, x, y, scratch, out):
     kind = field.kinds[root.kind]
     positions(x, ground.x, ground.x_rest, ground.per_x, cell_x, u)
     positions(y, ground.y, ground.y_rest, ground.per_y, cell_y, v)
-    even_values(field.curves.pieces, kind.x_first, kind.x_count, u, z)
-    even_values(field.curves.pieces, kind.y_first, kind.y_count, v, in_x)
+    even_values(field.curves.pieces, kind.x_first, kind.x_count, u, in_y, z)
+    even_values(field.curves.pieces, kind.y_first, kind.y_count, v, in_y, in_x)
     for n in range(count):
         z[n] = root.scale * (z[n] * in_x[n]) + root.offset
         # outside and at the edges, u is made to fail the test below

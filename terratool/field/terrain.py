@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.model import Definition
@@ -48,8 +49,10 @@ class Terrain:
 
     def __init__(self, definition: Definition) -> None:
         self._compiled: Compiled = compile_definition(definition)
-        self.descr = definition.descr or ""
-        self.crs: str | int | dict[str, object] | None = definition.crs or None
+        self.descr = "" if definition.descr is UNSET else definition.descr
+        self.crs: str | int | dict[str, object] | None = (
+            None if definition.crs is UNSET else definition.crs
+        )
         """The coordinate reference system as written, or None."""
         self.size = definition.extent
         """Side lengths along x and y."""

@@ -1,0 +1,24 @@
+"""Interleaved timing: only ratios from one run count on a shared machine."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+
+def medians(tasks: dict[str, Callable[[], object]], runs: int = 7) -> dict[str, float]:
+    """Seconds of each task: the median of `runs`, taken in turn after one that is not counted."""
+    seconds: dict[str, list[float]] = {name: [] for name in tasks}
+    for run in range(runs + 1):
+        for name, task in tasks.items():
+            begin = time.perf_counter()
+            task()
+            if run:
+                seconds[name].append(time.perf_counter() - begin)
+    return {name: statistics.median(values) for name, values in seconds.items()}
+
+
+def line(what: str, ratio: float, target: str) -> None:
+    """Print one result."""
+    print(f"{what:66} {ratio:8.2f} ×   target {target}", flush=True)

@@ -1,0 +1,89 @@
+"""Batch queries against a dense DEM: compiled bilinear interpolation, and scipy's map_coordinates.
+
+All on one thread, heights at the same random points.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import terrains
+from measure import line, medians
+from numba import njit
+from scipy.ndimage import map_coordinates
+
+from terratool.definition.reader import check
+from terratool.definition.source import Source
+from terratool.field.terrain import Terrain
+from terratool.raster.grid import grid_over
+from terratool.raster.painting import painted
+
+
+@njit(nogil=True)
+def bilinear(dem, x, y, per, out):
+    """Heights of a DEM at points, as a user would write it: rows from the south."""
+    last = dem.shape[0] - 2
+    for n in range(len(x)):
+        u, v = x[n] * per - 0.5, y[n] * per - 0.5
+        i, j = min(max(int(u), 0), last), min(max(int(v), 0), last)
+        u -= i
+        v -= j
+        south = dem[j, i] + u * (dem[j, i + 1] - dem[j, i])
+        north = dem[j + 1, i] + u * (dem[j + 1, i + 1] - dem[j + 1, i])
+        out[n] = south + v * (north - south)
+
+
+def dem_of(terrain: Terrain, pixels: int) -> np.ndarray:
+    """Heights at the pixel centres, rows from the south, float32."""
+    grid = grid_over(terrain, 100 / pixels)
+    dem = np.empty((pixels, pixels), np.float32)
+    for window, heights in painted(terrain, grid, grid.windows(512, pixels)):
+        dem[window.row : window.row + window.height] = heights
+    return np.ascontiguousarray(dem[::-1])
+
+
+def compare(name: str, points: int, pixels: int, scipy_points: int) -> None:
+    """Measure one terrain."""
+    definition = check(Source(name, terrains.text(getattr(terrains, name)()))).definition
+    terrain = Terrain(definition)
+    dem = dem_of(terrain, pixels)
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 100, (2, points))
+    out = np.empty(points)
+    tasks = {
+        "field": lambda: terrain.height(x, y),
+        "bilinear": lambda: bilinear(dem, x, y, pixels / 100, out),
+    }
+    seconds = medians(tasks)
+    label = f"{name.upper()}: "
+    per_point = seconds["field"] / points * 1e9
+    target = ">= 2" if pixels == 4096 else "> 1"
+    line(
+        f"{label}field against compiled bilinear on {pixels}² ({per_point:.1f} ns/point)",
+        seconds["bilinear"] / seconds["field"],
+        target,
+    )
+    if scipy_points:
+        few = slice(scipy_points)
+        rows = np.stack([y[few], x[few]]) * (pixels / 100) - 0.5
+        seconds = medians(
+            {
+                "field": lambda: terrain.height(x[few], y[few]),
+                "scipy": lambda: map_coordinates(dem, rows, order=1, mode="nearest"),
+            }
+        )
+        line(f"{label}field against map_coordinates", seconds["scipy"] / seconds["field"], ">= 13")
+        used = dem.nbytes / terrain.nbytes
+        line(f"{label}memory of the {pixels}² DEM over that of the field", used, ">= 3000")
+    else:
+        each = terrain.nbytes / len(terrain.arrays.elements)
+        line(f"{label}bytes an element over 50", each / 50, "<= 1")
+
+
+if __name__ == "__main__":
+    quick = math.inf if "--quick" not in sys.argv else 200_000
+    compare("s1", int(min(5_000_000, quick)), 4096, int(min(1_000_000, quick)))
+    compare("s2", int(min(5_000_000, quick)), 4096, int(min(1_000_000, quick)))
+    compare("s3", int(min(5_000_000, quick)), 20000, 0)
