@@ -1,0 +1,61 @@
+"""Helpers to run the command line as a user does, and a terrain whose answers are known."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+SAMPLE = str(ROOT / "samples" / "paper-example.json")
+COMMAND = [sys.executable, "-m", "terratool"]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1", "COLUMNS": "100"}
+
+# Four cells of 5 × 5 around the origin: south-west flat at 2, south-east a ramp from 2 to 7,
+# north-west void, north-east flat at 2 with a step to 12 from the middle of the cell.
+YARD: dict[str, Any] = {
+    "size": 10,
+    "origin": [-5, -5],
+    "surfTypes": {"sand": {}, "hole": {"void": True}, "wet, grey": {}},
+    "elemTypes": {
+        "flat": {"x": [1]},
+        "ramp": {"x": [0, 1]},
+        "step": {"x": [[0, 0], [0.5, 0], [0.5, 1], [1, 1]]},
+    },
+    "elemTree": {
+        "type": "flat", "vScale": 2, "surface": "sand", "cells": 2,
+        "children": [
+            {"type": "ramp", "cellX": 1, "cellY": 0, "vScale": 5},
+            {"type": "flat", "cellX": 0, "cellY": 1, "surface": "hole"},
+            {"type": "step", "cellX": 1, "cellY": 1, "vScale": 10, "surface": "wet, grey"},
+        ],
+    },
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+def run(*arguments: object, stdin: str | bytes = b"", **environment: str) -> Ran:
+    """Run the command with these arguments, and make sure that it ends in no traceback."""
+    done = subprocess.run(
+        [*COMMAND, *map(str, arguments)],
+        input=stdin.encode() if isinstance(stdin, str) else stdin,
+        capture_output=True,
+        cwd=ROOT,
+        env={**ENVIRONMENT, **environment},
+        timeout=120,
+        check=False,
+    )
+    ran = Ran(done.returncode, done.stdout.decode(), done.stderr.decode())
+    assert "Traceback" not in ran.err, ran.err
+    return ran

@@ -1,0 +1,294 @@
+"""The command line: exit codes, what goes where, and what is loaded."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE, YARD, run
+
+COMMANDS = ["validate", "info", "query", "export-dem", "rules"]
+INVALID = '{\n "size": 0,\n "elemTypes": {"b": {"x": [1]}},\n "elemTree": {"type": "b"}}\n'
+
+
+@pytest.fixture
+def yard(tmp_path: Path) -> Path:
+    path = tmp_path / "yard.json"
+    path.write_text(json.dumps(YARD), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def invalid(tmp_path: Path) -> Path:
+    path = tmp_path / "invalid.json"
+    path.write_text(INVALID, encoding="utf-8")
+    return path
+
+
+# Help
+
+
+@pytest.mark.parametrize("option", ["--help", "-h"])
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)])
+def test_help(command: list[str], option: str) -> None:
+    """Every command explains itself on standard output, with an example."""
+    ran = run(*command, option)
+    assert (ran.code, ran.err) == (0, "")
+    assert "Example" in ran.out
+    assert " ".join(["terratool", *command]) in ran.out
+    if not command:
+        assert all(f"\n  {name} " in ran.out for name in COMMANDS)
+
+
+def test_examples_in_the_help_work(tmp_path: Path) -> None:
+    """The example that a command gives can be typed as it stands, at the top of the project."""
+    for name in COMMANDS:
+        text = " ".join(run(name, "--help").out.split())
+        example = re.findall(rf"terratool ({name} (?:samples/|TT).*?)(?: terratool|$)", text)[
+            0
+        ].split()
+        example = [str(tmp_path / word) if word == "out.tif" else word for word in example]
+        ran = run(*example)
+        assert ran.code == 0, ran.err
+        assert ran.out
+
+
+def test_version() -> None:
+    """The version stands on standard output."""
+    import terratool
+
+    assert run("--version").out == f"terratool, version {terratool.__version__}\n"
+
+
+# Exit codes
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (), ("frobnicate",), ("--frobnicate",), ("validate",), ("validate", "--frobnicate", SAMPLE),
+        ("validate", SAMPLE, "--format", "xml"), ("validate", SAMPLE, "--format"), ("info",),
+        ("info", SAMPLE, SAMPLE), ("info", SAMPLE, "--frobnicate"), ("query",), ("query", SAMPLE),
+        ("query", SAMPLE, "1"), ("query", SAMPLE, "1", "2", "3"), ("query", SAMPLE, "1", "b"),
+        ("query", SAMPLE, "1", "inf"), ("query", SAMPLE, "-inf", "1"),
+        ("query", SAMPLE, "nan", "1"), ("query", SAMPLE, "1", ""), ("query", SAMPLE, "1_0", "2"),
+        ("query", SAMPLE, "1e999", "2"),
+        ("query", SAMPLE, "1,2"), ("query", SAMPLE, "1", "2", "--points", "-"),
+        ("query", SAMPLE, "1", "2", "--frobnicate"), ("query", SAMPLE, "-z", "2"),
+        ("query", SAMPLE, "1", "2", "--format", "xml"), ("rules", "TT999"), ("rules", "TT201", "x"),
+        ("export-dem", SAMPLE), ("export-dem", SAMPLE, "o.tif", "--resolution", "fine"),
+        ("export-dem", SAMPLE, "o.tif", "--bounds", "1", "2"),
+        ("export-dem", SAMPLE, "o.tif", "--resolution", "0"),
+        ("export-dem", SAMPLE, "o.tif", "--resolution", "-1"),
+        ("export-dem", SAMPLE, "o.tif", "--resolution", "nan"),
+    ],
+    ids=lambda arguments: " ".join(arguments).replace(SAMPLE, "SAMPLE") or "nothing",
+)  # fmt: skip
+def test_wrong_usage(arguments: tuple[str, ...]) -> None:
+    """Wrong usage exits 2, says why on standard error and nothing on standard output."""
+    ran = run(*arguments)
+    assert ran.code == 2
+    assert ran.out == ""
+    assert ran.err.strip()
+
+
+@pytest.mark.parametrize("name", ["absent.json", "."])
+@pytest.mark.parametrize("command", ["validate", "info", "query", "export-dem"])
+def test_unreadable(tmp_path: Path, command: str, name: str) -> None:
+    """A file that cannot be read exits 3 and is named."""
+    path = tmp_path / name
+    ran = run(
+        command, path, *{"query": ["1", "2"], "export-dem": [tmp_path / "o.tif"]}.get(command, [])
+    )
+    assert ran.code == 3
+    assert ran.err.startswith(f"terratool: {path}: cannot be read ")
+    assert not (tmp_path / "o.tif").exists()
+
+
+@pytest.mark.parametrize("command", ["info", "query", "export-dem"])
+def test_invalid_definition(tmp_path: Path, invalid: Path, command: str) -> None:
+    """An invalid definition exits 1, with the first place on standard error."""
+    ran = run(
+        command,
+        invalid,
+        *{"query": ["1", "2"], "export-dem": [tmp_path / "o.tif"]}.get(command, []),
+    )
+    assert (ran.code, ran.out) == (1, "")
+    assert ran.err.startswith(f"terratool: {invalid}:2:10: TT106: ")
+    assert not (tmp_path / "o.tif").exists()
+
+
+def test_cannot_be_written(tmp_path: Path) -> None:
+    """A file that is there is kept, and a folder that is not is not made: both exit 3."""
+    there = tmp_path / "there.tif"
+    there.write_text("mine")
+    for target in (there, tmp_path / "absent" / "o.tif", tmp_path):
+        ran = run("export-dem", SAMPLE, target)
+        assert (ran.code, ran.out) == (3, "")
+        assert ran.err.startswith(f"terratool: {target}: ")
+    assert there.read_text() == "mine"
+    assert list(tmp_path.iterdir()) == [there]
+    assert run("export-dem", SAMPLE, there, "--overwrite", "--resolution", "10").code == 0
+    assert there.read_bytes()[:2] in (b"II", b"MM")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+@pytest.mark.parametrize(
+    "arguments", [("validate", SAMPLE), ("query", SAMPLE, "1", "2"), ("rules",)]
+)
+def test_a_full_disk_behind_standard_output(arguments: tuple[str, ...]) -> None:
+    """Results that cannot be written exit 3 with a sentence, not a traceback."""
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(
+            [*COMMAND, *arguments],
+            stdout=full, stderr=subprocess.PIPE, cwd=ROOT, env=ENVIRONMENT, check=False, text=True,
+        )  # fmt: skip
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith("terratool: ")
+    assert done.returncode == 3
+
+
+# validate
+
+
+def test_validate_says_where(invalid: Path) -> None:
+    """Findings are lines that editors can follow, with what to do below, and a count at the end."""
+    ran = run("validate", SAMPLE, invalid)
+    assert (ran.code, ran.err) == (1, "")
+    place, hint, count = ran.out.splitlines()
+    assert place.startswith(f"{invalid}:2:10: error TT106: ")
+    assert hint.startswith("  ")
+    assert count == "2 files checked, 1 invalid, 1 error, no warnings."
+
+
+def test_validate_goes_on_behind_an_unreadable_file(tmp_path: Path, invalid: Path) -> None:
+    """The rest is still checked; the exit code is that of the worst."""
+    ran = run("validate", tmp_path / "absent.json", invalid, SAMPLE)
+    assert ran.code == 3
+    assert f"{invalid}:2:10: error TT106" in ran.out
+    assert "absent.json" in ran.err
+    assert "absent.json" not in ran.out
+    assert ran.out.splitlines()[-1].startswith("3 files checked, 1 invalid, 1 unreadable")
+
+
+def test_validate_as_json(invalid: Path) -> None:
+    """The report carries a version, every finding with its place, and the counts."""
+    ran = run("validate", SAMPLE, invalid, "--format", "json")
+    assert ran.code == 1
+    report = json.loads(ran.out)
+    assert report["format_version"] == 1
+    (finding,) = report["findings"]
+    place = {key: finding[key] for key in ("file", "pointer", "line", "column")}
+    assert place == {"file": str(invalid), "pointer": "/size", "line": 2, "column": 10}
+    assert (finding["code"], finding["severity"]) == ("TT106", "error")
+    assert report["summary"] == {
+        "files": 2, "valid": 1, "invalid": 1, "unreadable": 0, "errors": 1, "warnings": 0,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "code"), [(json.dumps(YARD), 0), (INVALID, 1), ("", 1)])
+def test_validate_standard_input(text: str, code: int) -> None:
+    """``-`` is standard input."""
+    ran = run("validate", "-", stdin=text)
+    assert ran.code == code
+    assert ("<stdin>:" in ran.out) == (code == 1)
+
+
+def test_validate_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
+    """A file name that is no UTF-8 is checked and shown as well as can be."""
+    path = os.fsencode(tmp_path) + b"/\xff.json"
+    Path(os.fsdecode(path)).write_text(INVALID)
+    done = subprocess.run(
+        [*map(os.fsencode, COMMAND), b"validate", path],
+        capture_output=True, cwd=ROOT, env=ENVIRONMENT, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (1, b"")
+    assert b".json:2:10: error TT106" in done.stdout
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])
+def test_names_that_the_terminal_cannot_show(tmp_path: Path, encoding: str) -> None:
+    """A terminal without the characters of a name gets a substitute, not a traceback."""
+    path = tmp_path / "t.json"
+    path.write_text(INVALID.replace('"b"}}', '"世界 😀"}}'), encoding="utf-8")
+    ran = run("validate", path, PYTHONUTF8="0", PYTHONIOENCODING=encoding)
+    assert ran.code == 1
+    assert "TT201" in ran.out
+
+
+# info and rules
+
+
+def test_info(yard: Path) -> None:
+    """It says what the terrain consists of, in words."""
+    ran = run("info", yard)
+    assert (ran.code, ran.err) == (0, "")
+    lines = {line[:15].strip(): line[15:] for line in ran.out.splitlines() if line[:1] != " "}
+    assert lines["size"] == "10 × 10"
+    assert lines["origin"] == "-5, -5"
+    assert lines["crs"] == "none"
+    assert lines["levels"] == "2"
+    assert lines["elements"] == "4"
+    assert lines["smallest cell"] == "5"
+    assert lines["height"].startswith("2 to 12, ")
+    words = ran.out.split()
+    for name, count in (("flat", "2"), ("ramp", "1"), ("hole", "1")):
+        assert words[words.index(name) + 1] == count
+
+
+def test_info_as_json(yard: Path) -> None:
+    """The same as JSON, with a version."""
+    report = json.loads(run("info", yard, "--json").out)
+    assert report["format_version"] == 1
+    assert report["bounds"] == [-5, -5, 5, 5]
+    assert report["elements_by_primitive"] == {"flat": 2, "ramp": 1, "step": 1}
+    assert report["elements_by_surface"]["hole"] == 1
+    assert (report["height"]["low"], report["height"]["high"]) == (2, 12)
+
+
+def test_info_of_a_void(yard: Path) -> None:
+    """A terrain without any ground has no heights, and JSON no NaN."""
+    hollow = {**YARD, "elemTree": {"type": "flat", "surface": "hole"}}
+    yard.write_text(json.dumps(hollow))
+    assert "none" in next(line for line in run("info", yard).out.splitlines() if "height" in line)
+    out = run("info", yard, "--json").out
+    height: dict[str, Any] = json.loads(out, parse_constant=lambda word: word)["height"]
+    assert (height["low"], height["high"]) == (None, None)
+
+
+def test_rules() -> None:
+    """The list has a line for each code; a code, in any case, shows its manual page."""
+    ran = run("rules")
+    lines = ran.out.splitlines()
+    assert (ran.code, ran.err) == (0, "")
+    assert [line.split()[0] for line in lines] == sorted({line.split()[0] for line in lines})
+    assert "TT203  error    outside-grid" in lines
+    for code in ("TT203", "tt203"):
+        page = run("rules", code)
+        assert page.code == 0
+        assert page.out.startswith("TT203 outside-grid (error)\n\n")
+        assert "\nFails: " in page.out
+        assert "\nPasses: " in page.out
+
+
+# What is loaded
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--help",), ("validate", SAMPLE), ("rules",), ("query", "--help")], ids=" ".join
+)
+def test_quick_commands_load_nothing_heavy(arguments: tuple[str, ...]) -> None:
+    """Help, validation and the rules start without the numeric libraries."""
+    done = subprocess.run(
+        [COMMAND[0], "-X", "importtime", *COMMAND[1:], *arguments],
+        capture_output=True, text=True, cwd=ROOT, env=ENVIRONMENT, check=True,
+    )  # fmt: skip
+    loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "terratool.cli.main" in loaded
+    assert loaded.isdisjoint({"numpy", "numba", "rasterio", "trimesh", "scipy", "terratool.field"})
