@@ -127,7 +127,7 @@ def test_a_knot_that_nearly_reaches_the_end_is_shown_in_full() -> None:
 def test_a_single_knot_is_not_told_two_things() -> None:
     """One knot at t = 0 is a good first one; what is missing is a last one."""
     (finding,) = check_text('{"size":1,"elemTypes":{"b":{"x":[[0,1]]}},"elemTree":{"type":"b"}}')
-    assert finding.message.startswith("the last knot ")
+    assert "first" not in finding.message
 
 
 def test_names_are_shown_on_one_line() -> None:

@@ -9,7 +9,7 @@ from msgspec import UNSET, UnsetType
 
 from terratool.definition import expression
 from terratool.definition.expression import Expression, ExpressionError
-from terratool.definition.findings import Remark
+from terratool.definition.findings import Remark, shown
 from terratool.definition.model import CurveValue, Pair, Primitive
 
 
@@ -95,7 +95,7 @@ def _knots(value: tuple[float | Pair, ...], key: str) -> Knots:
             raise CurveError(
                 "TT304",
                 f"/{key}/{index}/0",
-                f"the knot at t = {after:g} comes after the one at t = {before:g}.",
+                f"the knot at t = {shown(after)} comes after the one at t = {shown(before)}.",
                 "Sort the knots by t; two at the same t make a vertical step.",
             )
     if len(points) == 1:
@@ -110,7 +110,7 @@ def _knots(value: tuple[float | Pair, ...], key: str) -> Knots:
             raise CurveError(
                 "TT304",
                 f"/{key}/{index}/0",
-                f"the {'last' if index else 'first'} knot stands at t = {points[index][0]:g}.",
+                f"the {'last' if index else 'first'} knot stands at t = {shown(points[index][0])}.",
                 f"Let the knots reach from t = 0 to t = 1: it must be {wanted:g}.",
             )
     return Knots(points)

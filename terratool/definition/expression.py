@@ -272,7 +272,7 @@ def _ieee(function: Callable[..., float]) -> Callable[..., float]:
             if function is math.log and arguments[0] == 0:
                 return -math.inf
             if function is math.pow and arguments[0] == 0:
-                return math.inf
+                return math.copysign(math.inf, arguments[0] if arguments[1] % 2 == 1 else 1.0)
             return math.nan
 
     return safe

@@ -56,3 +56,15 @@ def escape(key: str) -> str:
 def unescape(token: str) -> str:
     """The key behind a reference token."""
     return token.replace("~1", "/").replace("~0", "~")
+
+
+def shown(value: object) -> str:
+    """A name, text or number as a message shows it: on one line, printable, and not too long."""
+    if isinstance(value, str):
+        text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in value[:60])
+        return f'"{text}{"…" if len(value) > 60 else ""}"'
+    if isinstance(value, int):
+        digits = str(abs(value))
+        text = digits if len(digits) < 20 else f"{digits[0]}.{digits[1:4]}…e+{len(digits) - 1}"
+        return "-" * (value < 0) + text
+    return f"{value:.17g}" if repr(value) == f"{value:.17g}" else repr(value).removesuffix(".0")

@@ -10,9 +10,10 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from terratool.definition.findings import escape, unescape
+from terratool.definition.findings import escape, shown, unescape
 
 MAX_DEPTH = 10_000
+_MAX_DIGITS = 4000  # Python refuses to read longer integers
 
 _space = re.compile(r"[ \t\n\r]*").match
 _number = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?").match
@@ -193,7 +194,7 @@ def _key(text: str, offset: int) -> tuple[str, int, int]:
         raise MisspeltError(
             "TT101",
             end,
-            f'there is no ":" after the key "{key}".',
+            f'there is no ":" after the key {shown(key)}.',
             'Write the key, ":" and its value.',
         )
     return key, offset, _space(text, end + 1).end()  # type: ignore[union-attr]
@@ -210,7 +211,7 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
         if follow and (follow.isalnum() or follow in ".+-_"):
             raise _bad_number(text, offset)
         spelling = match.group()
-        if match.group(1) is None and match.group(2) is None and len(spelling) < 300:
+        if match.group(1) is None and match.group(2) is None and len(spelling) < _MAX_DIGITS:
             return int(spelling), end
         return float(spelling), end
     word = _word(text, offset)

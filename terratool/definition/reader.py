@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import msgspec
 
 from terratool.definition import jsontext, structure
-from terratool.definition.findings import Finding, Remark, unescape
+from terratool.definition.findings import Finding, Remark, shown, unescape
 from terratool.definition.jsontext import JsonText, MisspeltError
 from terratool.definition.model import Definition
 from terratool.definition.rules import Subject, all_rules
@@ -21,8 +20,8 @@ from terratool.errors import DefinitionError
 
 Coded = tuple[str, Remark]
 
-_NOT_PLAIN = (b'"x-', b'" :', b'"\t:', b'"\r:', b'"\n:', b"\\u00")
-"""Keys of one's own, and spellings that keep keys from being counted."""
+_NOT_PLAIN = (b'"x-', b"\\u00")
+"""Keys of one's own, and a spelling of colons that keeps keys from being counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,24 +54,21 @@ def load_definition(path: str | Path) -> Definition:
 
 def check(source: Source) -> Checked:
     """Read a text and let every rule look at it. Never raises for what the text contains."""
-    text: JsonText | None = None
-    coded: list[Coded] = []
     definition = _decode(source.data)
-    if definition is None:
-        try:
-            text = jsontext.parse(source.data.decode("utf-8"))
-        except UnicodeDecodeError as error:
-            return Checked(None, (_bad_encoding(source, error),))
-        except MisspeltError as error:
-            return Checked(None, (_misspelt(source, error),))
-        definition, coded = structure.build(text.value)
-    duplicates = [_duplicate(source, text, *each) for each in text.duplicates] if text else []
+    if definition is not None and not _apply_rules(definition):
+        return Checked(definition, ())
+    try:
+        text = jsontext.parse(source.data.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        return Checked(None, (_bad_encoding(source, error),))
+    except MisspeltError as error:
+        return Checked(None, (_misspelt(source, error),))
+    definition, coded = structure.build(text.value)
     if definition is not None:
-        coded += _apply_rules(definition, {remark.pointer for _, remark in coded})
-    findings = duplicates
-    if coded:
-        text = text or jsontext.parse(source.data.decode("utf-8"))
-        findings += [_place(source, text, *each) for each in coded]
+        faulty = frozenset(remark.pointer for _, remark in coded)
+        coded += [found for found in _apply_rules(definition) if not _follows(*found, faulty)]
+    findings = [_duplicate(source, text, *each) for each in text.duplicates]
+    findings += [_place(source, text, *each) for each in coded]
     if any(finding.severity == "error" for finding in findings):
         definition = None
     return Checked(definition, tuple(sorted(findings, key=lambda f: (f.line, f.column, f.code))))
@@ -86,10 +82,12 @@ def _decode(data: bytes) -> Definition | None:
     gc.disable()  # a million new objects and no garbage
     try:
         definition = msgspec.json.decode(data, type=Definition)
-        # A key is lost where it stood twice: what was kept, written again, has fewer keys. A quote
-        # and colon inside a text are an escaped quote, which both texts have alike.
+        if isinstance(definition.crs, dict):
+            return None  # free values, which may hold infinities
+        # A key is lost where it stood twice: what was kept, written again, has fewer colons. Those
+        # inside of texts are in both alike.
         again = msgspec.json.encode(definition)
-        return definition if data.count(b'":') == again.count(b'":') else None
+        return definition if data.count(b":") == again.count(b":") else None
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
         return None
     finally:
@@ -97,24 +95,34 @@ def _decode(data: bytes) -> Definition | None:
             gc.enable()
 
 
-def _apply_rules(definition: Definition, known: set[str]) -> list[Coded]:
+def _apply_rules(definition: Definition) -> list[Coded]:
     subject = Subject(definition, flatten(definition))
-    found = [
+    return [
         (rule.code, remark)
         for rule in all_rules().values()
         if rule.check is not None
         for remark in rule.check(subject)
     ]
-    return [(code, remark) for code, remark in found if not _follows(code, remark, known)]
 
 
-def _follows(code: str, remark: Remark, known: Iterable[str]) -> bool:
-    """A key that was there but did not fit is not missing besides."""
+def _follows(code: str, remark: Remark, faulty: frozenset[str]) -> bool:
+    """Whether a remark only follows from a value that did not fit and was left out."""
+
+    def at_fault(pointer: str) -> bool:
+        return any(p == pointer or p.startswith(pointer + "/") for p in faulty)
+
+    pointer = remark.pointer
     if code == "TT104":
-        return f"{remark.pointer}/{remark.missing}" in known
-    return code == "TT303" and any(
-        p in known for p in (remark.pointer + "/x", remark.pointer + "/y")
-    )
+        return pointer in faulty or at_fault(f"{pointer}/{remark.missing}")
+    if code == "TT303":
+        return pointer in faulty or at_fault(f"{pointer}/x") or at_fault(f"{pointer}/y")
+    if code == "TT202":
+        return "/surfTypes" in faulty
+    if code == "TT203":
+        element = pointer.split("/span/")[0].removesuffix("/cellX").removesuffix("/cellY")
+        parent = element.rsplit("/children/", 1)[0]
+        return at_fault(f"{parent}/cells") or at_fault(f"{element}/span")
+    return False
 
 
 def _place(source: Source, text: JsonText, code: str, remark: Remark) -> Finding:
@@ -134,7 +142,7 @@ def _finding(source: Source, code: str, remark: Remark, place: tuple[int, int]) 
 def _duplicate(source: Source, text: JsonText, pointer: str, offset: int) -> Finding:
     remark = Remark(
         pointer,
-        f'the key "{_last(pointer)}" stands twice in one object.',
+        f"the key {shown(_last(pointer))} stands twice in one object.",
         "Remove or rename one of the two.",
         on_key=True,
     )

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from terratool.definition.findings import Remark, escape
+from terratool.definition.findings import Remark, escape, shown
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Definition, Element, Primitive, Surface
 
@@ -73,7 +73,7 @@ def _dictionary(
             built[name] = _struct(kind, _object(kind, value, here, remarks))
         else:
             what = "surface" if kind is Surface else "primitive"
-            remarks.append(_wrong_type(here, f'the {what} "{name}"', "an object", value))
+            remarks.append(_wrong_type(here, f"the {what} {shown(name)}", "an object", value))
             built[name] = kind()  # the name exists, whatever its value
     return built
 
@@ -89,12 +89,12 @@ def _tree(root: dict[str, Any], remarks: list[Coded]) -> Element:
         below = []
         for index, child in enumerate(own.get("children", ())):
             here = f"{pointer}/children/{index}"
-            if isinstance(child, dict):
-                below.append(len(values))
-                values.append(child)
-                pointers.append(here)
-            else:
+            if not isinstance(child, dict):
                 remarks.append(_wrong_type(here, "an element", "an object", child))
+                child = {}  # keeps its place, so that the others keep their pointers
+            below.append(len(values))
+            values.append(child)
+            pointers.append(here)
         fields.append(own)
         children.append(below)
     built: list[Element | None] = [None] * len(values)
@@ -125,24 +125,31 @@ def _object(
             else:
                 remarks.append(_wrong_type(here, f'"{key}"', KEYS[kind][key].words, item))
         else:
-            item = _plain_numbers(item)
             if nonfinite := list(_nonfinite(item, here)):
                 remarks.extend(nonfinite)
                 continue
-            try:
-                fields[key] = msgspec.convert(item, wanted)
-            except (msgspec.ValidationError, OverflowError):
+            fitting = _convert(item, wanted)
+            if fitting is not msgspec.UNSET:
+                fields[key] = fitting
+            else:
                 remarks.append(_wrong_type(here, f'"{key}"', KEYS[kind][key].words, item))
     return fields
 
 
-def _plain_numbers(item: Any) -> Any:
-    """Whole floats as integers: 3.0 is an integer in JSON Schema."""
-    if isinstance(item, float) and item.is_integer() and abs(item) < 2**53:
-        return int(item)
+def _convert(item: Any, wanted: Any) -> Any:
+    """The value as the wanted type, or UNSET; whole floats are integers, as in JSON Schema."""
+    for value in (item, _whole(item)):
+        try:
+            return msgspec.convert(value, wanted)
+        except (msgspec.ValidationError, OverflowError, RecursionError):
+            continue
+    return msgspec.UNSET
+
+
+def _whole(item: Any) -> Any:
     if isinstance(item, list):
-        return [_plain_numbers(part) if type(part) in (float, list) else part for part in item]
-    return item
+        return [_whole(part) if isinstance(part, float) else part for part in item]
+    return int(item) if isinstance(item, float) and item.is_integer() else item
 
 
 def _nonfinite(item: Any, pointer: str) -> Iterator[Coded]:
@@ -151,15 +158,15 @@ def _nonfinite(item: Any, pointer: str) -> Iterator[Coded]:
         part, here = pending.pop()
         if isinstance(part, list):
             pending.extend((value, f"{here}/{i}") for i, value in enumerate(part))
+        elif isinstance(part, dict):
+            pending.extend((value, f"{here}/{escape(key)}") for key, value in part.items())
         elif isinstance(part, float | int) and not _fits(part):
-            yield (
-                "TT107",
-                Remark(
-                    here,
-                    "the number is too large for a 64-bit float.",
-                    "Write a number below 1.8e308 in size.",
-                ),
+            remark = Remark(
+                here,
+                "the number is too large for a 64-bit float.",
+                "Write a number below 1.8e308 in size.",
             )
+            yield "TT107", remark
 
 
 def _fits(number: float) -> bool:
@@ -176,18 +183,15 @@ def _unknown_key(kind: type, key: str, pointer: str) -> Remark:
     what = _SUBJECTS[kind]
     hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
     hint += " A key of your own begins with x-."
-    return Remark(pointer, f'"{key}" is no key of {what}.', hint, on_key=True)
+    return Remark(pointer, f"{shown(key)} is no key of {what}.", hint, on_key=True)
 
 
 def _wrong_type(pointer: str, subject: str, words: str, item: Any) -> Coded:
     found = _JSON_NAMES[type(item)]
-    shown = ""
     if isinstance(item, str):
-        shown = f' "{item[:30]}"'
+        found = f"the text {shown(item)}"
     elif isinstance(item, int | float) and not isinstance(item, bool):
-        found, shown = "the number", f" {item:.10g}"
+        found = f"the number {shown(item)}"
     elif isinstance(item, list):
         found = f"a list of {len(item)}"
-    return "TT105", Remark(
-        pointer, f"{subject} is {found}{shown}, which does not fit.", f"Write {words}."
-    )
+    return "TT105", Remark(pointer, f"{subject} is {found}, which does not fit.", f"Write {words}.")

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark
+from terratool.definition.findings import Remark, shown
 from terratool.definition.rules import Subject, rule
 
 
@@ -24,11 +24,11 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     for index, element in enumerate(subject.tree.elements):
         name = element.type
         if name not in primitives and name is not UNSET:
-            message = f'no primitive is called "{name}".'
+            message = f"no primitive is called {shown(name)}."
             hint = _hint(str(name), primitives, "elemTypes")
             if name in surfaces:
-                message = f'"{name}" is a surface, where a primitive belongs.'
-                hint = f'Write the primitive as "type" and "surface": "{name}".'
+                message = f"{shown(name)} is a surface, where a primitive belongs."
+                hint = f'Write the primitive as "type" and "surface": {shown(name)}.'
             yield Remark(f"{subject.tree.pointer(index)}/type", message, hint)
 
 
@@ -43,15 +43,15 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
     for index, element in enumerate(subject.tree.elements):
         name = element.surface
         if name is not UNSET and name not in surfaces:
-            message = f'no surface is called "{name}".'
+            message = f"no surface is called {shown(name)}."
             hint = _hint(str(name), surfaces, "surfTypes")
             if name in primitives:
-                message = f'"{name}" is a primitive, where a surface belongs.'
+                message = f"{shown(name)} is a primitive, where a surface belongs."
             yield Remark(f"{subject.tree.pointer(index)}/surface", message, hint)
 
 
 def _hint(name: str, known: Collection[str], dictionary: str) -> str:
     close = [k for k in known if k.lower() == name.lower()] or get_close_matches(name, known, 1)
     if close:
-        return f'Did you mean "{close[0]}"?'
-    return f'Add "{name}" to "{dictionary}", or use a name that is there.'
+        return f"Did you mean {shown(close[0])}?"
+    return f'Add {shown(name)} to "{dictionary}", or use a name that is there.'

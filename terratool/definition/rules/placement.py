@@ -7,7 +7,7 @@ from itertools import islice
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark
+from terratool.definition.findings import Remark, shown
 from terratool.definition.keys import MAX_CELLS
 from terratool.definition.rules import Subject, rule
 
@@ -40,7 +40,7 @@ def outside_grid(subject: Subject) -> Iterator[Remark]:
             if not 0 <= place < count:
                 yield Remark(
                     f"{pointer}/{key}",
-                    f'"{key}" is {place}, but the parent has {count} {what}.',
+                    f'"{key}" is {shown(place)}, but the parent has {count} {what}.',
                     f"Write a number from 0 to {count - 1}, or give the parent more cells.",
                 )
             elif 1 <= width <= MAX_CELLS and place + width > count:

@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import UNSET, structs
 
-from terratool.definition.findings import Remark, escape
+from terratool.definition.findings import Remark, escape, shown
 from terratool.definition.keys import COMBINES, KEYS, MAX_CELLS, Key
 from terratool.definition.model import Definition, Element, Primitive, Surface
 from terratool.definition.rules import Subject, rule
@@ -52,7 +52,9 @@ def _values(value: Any, key: str, spec: Key, pointer: str) -> Iterator[Remark]:
     for place, number in enumerate(numbers):
         if not spec.holds(number):
             here = f"{pointer}/{place}" if isinstance(value, tuple) else pointer
-            yield Remark(here, f'"{key}" is {number:g}, out of its range.', f"Write {spec.words}.")
+            yield Remark(
+                here, f'"{key}" is {shown(number)}, out of its range.', f"Write {spec.words}."
+            )
 
 
 def _combine(primitive: Primitive, pointer: str) -> Iterator[Remark]:
@@ -60,7 +62,7 @@ def _combine(primitive: Primitive, pointer: str) -> Iterator[Remark]:
     if value is not UNSET and value not in COMBINES:
         yield Remark(
             pointer,
-            f'"{value}" is no way to combine two curves.',
+            f"{shown(value)} is no way to combine two curves.",
             f"Write {KEYS[Primitive]['combine'].words}.",
         )
 
