@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
+from io import TextIOWrapper
+from typing import Any
 
 import click
 
@@ -20,6 +22,14 @@ _COMMANDS = {
 }
 
 
+class _OutputError(Exception):
+    """Standard output takes no more; not an OSError, which click would turn into exit code 1."""
+
+    def __init__(self, cause: OSError) -> None:
+        super().__init__(str(cause))
+        self.cause = cause
+
+
 class _Lazy(click.Group):
     """Lists its commands without importing them, so that --help is quick."""
 
@@ -32,6 +42,12 @@ class _Lazy(click.Group):
         module = import_module(f"terratool.cli.{_COMMANDS[cmd_name][0]}")
         command: click.Command = module.command
         return command
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except OSError as error:
+            raise _OutputError(error) from error
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -54,32 +70,61 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line and exit."""
+    # a terminal that lacks the characters of a name gets a substitute
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    code = _run()
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        code = _cannot_write(error)
+    sys.exit(code)
+
+
+def _run() -> int:
     try:
         code = cli(standalone_mode=False)
-        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
     except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.ctx.get_help() if error.ctx else "")
-        code = 2
+        click.echo(error.ctx.get_help() if error.ctx else "", err=True)
+        return 2
     except click.ClickException as error:
         error.show()
-        code = error.exit_code
+        return error.exit_code
     except click.Abort:
         click.echo("terratool: stopped.", err=True)
-        code = 130
+        return 130
     except TerratoolError as error:
-        click.echo(f"terratool: {error.message}", err=True)
-        if error.hint:
-            click.echo(f"  {error.hint}", err=True)
-        code = error.exit_code
-    except BrokenPipeError:
-        # the reader has gone, as in `| head`; keep Python from complaining at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
+        _say(error.message, error.hint)
+        return error.exit_code
     except MemoryError:
-        click.echo("terratool: there is not enough memory for this.", err=True)
-        click.echo("  Give a coarser resolution, smaller bounds or a smaller file.", err=True)
-        code = 3
-    sys.exit(code if isinstance(code, int) else 0)
+        _say(
+            "There is not enough memory for this.",
+            "Give a coarser resolution, smaller bounds or a smaller file.",
+        )
+        return 3
+    except _OutputError as error:
+        return _cannot_write(error.cause)
+
+
+def _say(message: str, hint: str) -> None:
+    click.echo(f"terratool: {message}", err=True)
+    if hint:
+        click.echo(f"  {hint}", err=True)
+
+
+def _cannot_write(error: OSError) -> int:
+    """Standard output takes no more: in silence if its reader has gone, as in `| head`."""
+    # what is still in the buffer must not be tried again at exit
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):
+        return 0
+    _say(
+        f"Standard output cannot be written ({(error.strerror or str(error)).lower()}).",
+        "Check the space on the disk that it goes to.",
+    )
+    return 3
 
 
 if __name__ == "__main__":

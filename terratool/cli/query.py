@@ -6,18 +6,22 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Iterator
-from itertools import islice
+from collections.abc import Callable, Iterator
+from functools import partial
+from io import TextIOWrapper
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from terratool.definition.findings import shown
 from terratool.errors import ReadError
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
 
 COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz")
+FORMAT_VERSION = 1
 _CHUNK = 65536
 
 Point = tuple[float, float]
@@ -71,7 +75,7 @@ def _from_arguments(coordinates: tuple[str, ...]) -> list[Point]:
 
 def _from_csv(name: str) -> Iterator[Point]:
     if name == "-":
-        yield from _parse("<stdin>", sys.stdin)
+        yield from _parse("<stdin>", TextIOWrapper(sys.stdin.buffer, "utf-8-sig", newline=""))
         return
     try:
         with open(name, encoding="utf-8-sig", newline="") as file:
@@ -84,39 +88,48 @@ def _from_csv(name: str) -> Iterator[Point]:
 
 
 def _parse(name: str, file: TextIO) -> Iterator[Point]:
-    columns: tuple[int, int] | None = None
+    split: Callable[[str], list[str]] | None = None
+    columns = (0, 1)
     try:
         for number, line in enumerate(file, 1):
-            if not line.strip() or line.startswith("#"):
+            if not line.strip() or line.lstrip().startswith("#"):
                 continue
-            cells = _cells(line)
-            if columns is None:
-                columns = _columns(cells)
-                if columns is not None:
+            if split is None:
+                split, header = _layout(line)
+                if header is not None:
+                    columns = header
                     continue
-                columns = (0, 1)
-            pair = [_number(cells[i]) if i < len(cells) else None for i in columns]
-            if pair[0] is None or pair[1] is None:
+            cells = split(line)
+            x, y = (_number(cells[i]) if i < len(cells) else None for i in columns)
+            if x is None or y is None:
                 raise ReadError(
-                    f'{name}:{number}: "{line.strip()[:40]}" holds no two numbers x and y.',
+                    f"{name}:{number}: {shown(line.strip())} holds no two numbers x and y.",
                     "Write one point a line, as 12.5,7.25.",
                 )
-            yield pair[0], pair[1]
-    except (UnicodeDecodeError, csv.Error) as error:
+            yield x, y
+    except UnicodeDecodeError as error:
+        raise ReadError(f"{name}: is no UTF-8 text.", "Save it as UTF-8 CSV.") from error
+    except csv.Error as error:
         raise ReadError(f"{name}: is no CSV text ({error}).", "Save it as UTF-8 CSV.") from error
 
 
-def _cells(line: str) -> list[str]:
-    for delimiter in ",;\t":
-        if delimiter in line:
-            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
-    return line.split()
+def _layout(line: str) -> tuple[Callable[[str], list[str]], tuple[int, int] | None]:
+    """How the first line is to be split, and where x and y stand if it is a header."""
+    for delimiter in "\t;,":
+        split = partial(_cells, delimiter=delimiter)
+        cells = split(line)
+        names = [cell.lower() for cell in cells]
+        if {"x", "y"} <= set(names):
+            return split, (names.index("x"), names.index("y"))
+        if len(cells) > 1 and _number(cells[0]) is not None and _number(cells[1]) is not None:
+            return split, None
+    names = line.lower().split()
+    header = (names.index("x"), names.index("y")) if {"x", "y"} <= set(names) else None
+    return str.split, header
 
 
-def _columns(cells: list[str]) -> tuple[int, int] | None:
-    """Where x and y stand if the cells are a header, else None."""
-    names = [cell.lower() for cell in cells]
-    return (names.index("x"), names.index("y")) if {"x", "y"} <= set(names) else None
+def _cells(line: str, delimiter: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
 
 
 def _number(text: str) -> float | None:
@@ -124,7 +137,7 @@ def _number(text: str) -> float | None:
         value = float(text)
     except ValueError:
         return None
-    return value if math.isfinite(value) else None
+    return value if math.isfinite(value) and "_" not in text else None
 
 
 def _rows(terrain: Terrain, points: Iterator[Point]) -> Iterator[tuple[Any, ...]]:
@@ -154,17 +167,17 @@ def _or_none(values: list[float]) -> list[float | None]:
 
 
 def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
+    first = list(islice(rows, 1))  # before the header: if there are no points, there is no output
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(COLUMNS)
-    writer.writerows(rows)
+    writer.writerows(chain(first, rows))
 
 
 def _write_json(rows: Iterator[tuple[Any, ...]]) -> None:
-    separator = "["
-    for row in rows:
-        click.echo(
-            separator + json.dumps(dict(zip(COLUMNS, row, strict=True)), ensure_ascii=False),
-            nl=False,
-        )
-        separator = ",\n "
-    click.echo("]" if separator != "[" else "[]")
+    first = list(islice(rows, 1))
+    separator = f'{{"format_version": {FORMAT_VERSION}, "points": ['
+    for row in chain(first, rows):
+        point = json.dumps(dict(zip(COLUMNS, row, strict=True)), ensure_ascii=False)
+        click.echo(f"{separator}\n  {point}", nl=False)
+        separator = ","
+    click.echo("\n]}" if first else separator + "]}")
