@@ -193,7 +193,7 @@ def test_pointers_lines_and_columns() -> None:
     assert places(check(text)) == [
         (2, 14, "TT103", "/Descr"),
         (3, 33, "TT301", "/elemTypes/a~1b~0/x"),
-        (3, 53, "TT105", "/elemTypes/世/x"),
+        (3, 54, "TT105", "/elemTypes/世/x/0"),
         (5, 43, "TT203", "/elemTree/children/0/cellY"),
         (6, 5, "TT104", "/elemTree/children/1"),
         (6, 14, "TT201", "/elemTree/children/1/type"),

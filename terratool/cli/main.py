@@ -75,10 +75,11 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     code = _run()
-    try:
-        sys.stdout.flush()
-    except OSError as error:
-        code = _cannot_write(error)
+    if sys.stdout is not None:  # as it is where it was closed
+        try:
+            sys.stdout.flush()
+        except OSError as error:
+            code = _cannot_write(error)
     sys.exit(code)
 
 
@@ -117,7 +118,8 @@ def _say(message: str, hint: str) -> None:
 def _cannot_write(error: OSError) -> int:
     """Standard output takes no more: in silence if its reader has gone, as in `| head`."""
     # what is still in the buffer must not be tried again at exit
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):
         return 0
     _say(

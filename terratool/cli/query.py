@@ -90,6 +90,7 @@ def _from_csv(name: str) -> Iterator[Point]:
 def _parse(name: str, file: TextIO) -> Iterator[Point]:
     split: Callable[[str], list[str]] | None = None
     columns = (0, 1)
+    number = 0
     try:
         for number, line in enumerate(file, 1):
             if not line.strip() or line.lstrip().startswith("#"):
@@ -110,14 +111,19 @@ def _parse(name: str, file: TextIO) -> Iterator[Point]:
     except UnicodeDecodeError as error:
         raise ReadError(f"{name}: is no UTF-8 text.", "Save it as UTF-8 CSV.") from error
     except csv.Error as error:
-        raise ReadError(f"{name}: is no CSV text ({error}).", "Save it as UTF-8 CSV.") from error
+        raise ReadError(
+            f"{name}:{number}: is no CSV line ({error}).", "Write one point a line, as 12.5,7.25."
+        ) from error
 
 
 def _layout(line: str) -> tuple[Callable[[str], list[str]], tuple[int, int] | None]:
     """How the first line is to be split, and where x and y stand if it is a header."""
     for delimiter in "\t;,":
         split = partial(_cells, delimiter=delimiter)
-        cells = split(line)
+        try:
+            cells = split(line)
+        except csv.Error:  # quotes that make no sense with this delimiter
+            continue
         names = [cell.lower() for cell in cells]
         if {"x", "y"} <= set(names):
             return split, (names.index("x"), names.index("y"))
@@ -129,7 +135,7 @@ def _layout(line: str) -> tuple[Callable[[str], list[str]], tuple[int, int] | No
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))]
 
 
 def _number(text: str) -> float | None:

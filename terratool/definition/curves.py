@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 from msgspec import UNSET, UnsetType
@@ -116,8 +117,9 @@ def _knots(value: tuple[float | Pair, ...], key: str) -> Knots:
     return Knots(points)
 
 
-def problems(primitive: Primitive) -> list[CurveError]:
-    """Everything that is wrong with the curves of a primitive."""
+@lru_cache(maxsize=1024)
+def problems(primitive: Primitive) -> tuple[CurveError, ...]:
+    """Everything that is wrong with the curves of a primitive; each rule asks for its part."""
     found = []
     for key, value in (("x", primitive.x), ("y", primitive.y)):
         if _given(value):
@@ -139,7 +141,7 @@ def problems(primitive: Primitive) -> list[CurveError]:
                 "TT303", "", f"{what}, so there is no curve.", "Give at least one of them values."
             )
         )
-    return found
+    return tuple(found)
 
 
 def _given(value: CurveValue | UnsetType) -> bool:

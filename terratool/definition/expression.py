@@ -40,7 +40,7 @@ VARIADIC = ("min", "max")
 _BINARY = {"+": "add", "-": "sub", "*": "mul", "/": "div"}
 
 _token = re.compile(
-    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
+    r"[ \t\r\n]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)|(?P<sign>\*\*|[-+*/(),])|(?P<end>\Z))"
 ).match
 
@@ -205,13 +205,19 @@ class _Parser:
             raise self._unexpected(")")
 
     def _unexpected(self, wanted: str) -> ExpressionError:
+        if not self._text.strip():
+            return ExpressionError(
+                "the expression is empty", 'Write one in t, such as "t*(1 - t)".'
+            )
         if self._kind == "end":
             return ExpressionError(
                 f"the expression ends where {wanted} is expected", "Complete it."
             )
+        hint = f"Put {wanted} there."
+        if wanted == "an operator or the end" and self._kind != "sign":
+            hint = "A product needs its *, as in 2*t."
         return ExpressionError(
-            f'"{self._value}" at character {self._at + 1} stands where {wanted} is expected',
-            f"Put {wanted} there.",
+            f'"{self._value}" at character {self._at + 1} stands where {wanted} is expected', hint
         )
 
 

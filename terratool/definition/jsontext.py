@@ -7,7 +7,9 @@ It is used when there is something to say: the fast way through a clean file is 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 from terratool.definition.findings import escape, shown, unescape
@@ -18,6 +20,7 @@ _MAX_DIGITS = 4000  # Python refuses to read longer integers
 _space = re.compile(r"[ \t\n\r]*").match
 _number = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?").match
 _plain = re.compile(r'[^"\\\x00-\x1f]*').match
+_line_end = re.compile(r"\r\n|\n|\r").finditer
 _hex4 = re.compile(r"[0-9a-fA-F]{4}").match
 _word = re.compile(r"[A-Za-z_$][A-Za-z0-9_$-]*|.", re.DOTALL).match
 _ESCAPES = {
@@ -52,6 +55,7 @@ class JsonText:
     duplicates: list[tuple[str, int]]
     _places: dict[int, dict[str, tuple[int, int]] | list[int]]
     _start: int
+    _line_starts: list[int] = field(default_factory=list)
 
     def offset(self, pointer: str, on_key: bool = False) -> int:
         """Where the value (or its key) that a pointer names begins; its parent if absent."""
@@ -72,17 +76,17 @@ class JsonText:
 
     def line_column(self, offset: int) -> tuple[int, int]:
         """Line and column, both from 1, of an offset; CRLF, LF and CR end a line."""
-        return line_column(self.text, offset)
+        if not self._line_starts:
+            self._line_starts.extend(line_starts(self.text))
+        line = bisect_right(self._line_starts, offset)
+        return line, offset - self._line_starts[line - 1] + 1
 
 
-def line_column(text: str, offset: int) -> tuple[int, int]:
-    """Line and column, both from 1, of an offset in a text; CRLF, LF and CR end a line."""
-    before = text[:offset].replace("\r\n", "\n").replace("\r", "\n")
-    return before.count("\n") + 1, offset - _line_start(text, offset) + 1
-
-
-def _line_start(text: str, offset: int) -> int:
-    return max(text.rfind("\n", 0, offset), text.rfind("\r", 0, offset)) + 1
+def line_starts(text: str) -> Iterator[int]:
+    """Offsets at which lines begin; CRLF, LF and CR end a line."""
+    yield 0
+    for match in _line_end(text):
+        yield match.end()
 
 
 def parse(text: str) -> JsonText:

@@ -65,8 +65,11 @@ def check(source: Source) -> Checked:
         return Checked(None, (_misspelt(source, error),))
     definition, coded = structure.build(text.value)
     if definition is not None:
-        faulty = frozenset(remark.pointer for _, remark in coded)
-        coded += [found for found in _apply_rules(definition) if not _follows(*found, faulty)]
+        faulty = {remark.pointer for _, remark in coded}
+        above = {p[:end] for p in faulty for end in _ends(p)}
+        coded += [
+            found for found in _apply_rules(definition) if not _follows(*found, faulty, above)
+        ]
     findings = [_duplicate(source, text, *each) for each in text.duplicates]
     findings += [_place(source, text, *each) for each in coded]
     if any(finding.severity == "error" for finding in findings):
@@ -105,23 +108,27 @@ def _apply_rules(definition: Definition) -> list[Coded]:
     ]
 
 
-def _follows(code: str, remark: Remark, faulty: frozenset[str]) -> bool:
-    """Whether a remark only follows from a value that did not fit and was left out."""
+def _ends(pointer: str) -> list[int]:
+    """Where the pointer and those of all values around it end."""
+    return [i for i, char in enumerate(pointer) if char == "/"] + [len(pointer)]
 
-    def at_fault(pointer: str) -> bool:
-        return any(p == pointer or p.startswith(pointer + "/") for p in faulty)
 
+def _follows(code: str, remark: Remark, faulty: set[str], above: set[str]) -> bool:
+    """Whether a remark only follows from a value that did not fit and was left out.
+
+    `faulty` are the pointers of such values, `above` these and those of all values around them.
+    """
     pointer = remark.pointer
     if code == "TT104":
-        return pointer in faulty or at_fault(f"{pointer}/{remark.missing}")
+        return pointer in faulty or f"{pointer}/{remark.missing}" in above
     if code == "TT303":
-        return pointer in faulty or at_fault(f"{pointer}/x") or at_fault(f"{pointer}/y")
+        return pointer in faulty or f"{pointer}/x" in above or f"{pointer}/y" in above
     if code == "TT202":
         return "/surfTypes" in faulty
     if code == "TT203":
         element = pointer.split("/span/")[0].removesuffix("/cellX").removesuffix("/cellY")
         parent = element.rsplit("/children/", 1)[0]
-        return at_fault(f"{parent}/cells") or at_fault(f"{element}/span")
+        return f"{parent}/cells" in above or f"{element}/span" in above
     return False
 
 
@@ -155,13 +162,17 @@ def _last(pointer: str) -> str:
 
 def _misspelt(source: Source, error: MisspeltError) -> Finding:
     remark: Any = Remark("", error.message, error.hint)
-    text = source.data.decode("utf-8")
-    return _finding(source, error.code, remark, jsontext.line_column(text, error.offset))
+    return _finding(source, error.code, remark, _line_column(source.data, error.offset))
 
 
 def _bad_encoding(source: Source, error: UnicodeDecodeError) -> Finding:
-    before = source.data[: error.start].decode("utf-8")
     remark = Remark(
         "", f"the byte 0x{source.data[error.start]:02X} is no UTF-8.", "Save the file as UTF-8."
     )
-    return _finding(source, "TT109", remark, jsontext.line_column(before, len(before)))
+    before = source.data[: error.start]
+    return _finding(source, "TT109", remark, _line_column(before, len(before.decode("utf-8"))))
+
+
+def _line_column(data: bytes, offset: int) -> tuple[int, int]:
+    starts = list(jsontext.line_starts(data.decode("utf-8")[:offset]))
+    return len(starts), offset - starts[-1] + 1

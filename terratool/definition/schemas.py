@@ -7,9 +7,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+NAMES = ("terrain",)
+
 
 def schema(name: str = "terrain") -> dict[str, Any]:
-    """A published JSON Schema (2020-12) by name: "terrain"."""
+    """A published JSON Schema (2020-12) by name.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    if name not in NAMES:
+        raise ValueError(f"There is no schema {name!r}; there is {', '.join(NAMES)}.")
     packaged = files("terratool") / "schemas" / f"{name}.schema.json"
     if not packaged.is_file():  # a checkout keeps them at its top
         packaged = Path(__file__).parents[2] / "schemas" / f"{name}.schema.json"

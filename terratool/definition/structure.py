@@ -6,6 +6,7 @@ What does not fit is left out of the model, so that the rules can still look at 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from difflib import get_close_matches
 from typing import Any, NamedTuple
@@ -128,22 +129,33 @@ def _object(
             if nonfinite := list(_nonfinite(item, here)):
                 remarks.extend(nonfinite)
                 continue
-            fitting = _convert(item, wanted)
-            if fitting is not msgspec.UNSET:
+            fitting, steps = _convert(item, wanted)
+            if steps is None:
                 fields[key] = fitting
-            else:
-                remarks.append(_wrong_type(here, f'"{key}"', KEYS[kind][key].words, item))
+                continue
+            subject = f'"{key}"'
+            for step in steps:
+                item, here = item[step], f"{here}/{step}"
+                subject = f'item {"/".join(map(str, steps))} of "{key}"'
+            remarks.append(_wrong_type(here, subject, KEYS[kind][key].words, item))
     return fields
 
 
-def _convert(item: Any, wanted: Any) -> Any:
-    """The value as the wanted type, or UNSET; whole floats are integers, as in JSON Schema."""
+def _convert(item: Any, wanted: Any) -> tuple[Any, list[int] | None]:
+    """The value as the wanted type and None, or the indices that lead to what does not fit.
+
+    Whole floats are integers, as in JSON Schema.
+    """
+    steps: list[int] = []
     for value in (item, _whole(item)):
         try:
-            return msgspec.convert(value, wanted)
-        except (msgspec.ValidationError, OverflowError, RecursionError):
-            continue
-    return msgspec.UNSET
+            return msgspec.convert(value, wanted), None
+        except msgspec.ValidationError as error:
+            path = re.search(r"`\$((?:\[[0-9]+\])+)`$", str(error))
+            steps = [int(step) for step in re.findall(r"[0-9]+", path[1])] if path else []
+        except (OverflowError, RecursionError):
+            steps = []
+    return None, steps
 
 
 def _whole(item: Any) -> Any:
@@ -190,7 +202,9 @@ def _wrong_type(pointer: str, subject: str, words: str, item: Any) -> Coded:
     found = _JSON_NAMES[type(item)]
     if isinstance(item, str):
         found = f"the text {shown(item)}"
-    elif isinstance(item, int | float) and not isinstance(item, bool):
+    elif isinstance(item, bool):
+        found = "true" if item else "false"
+    elif isinstance(item, int | float):
         found = f"the number {shown(item)}"
     elif isinstance(item, list):
         found = f"a list of {len(item)}"

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from difflib import get_close_matches
+from functools import lru_cache
 
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark, shown
 from terratool.definition.rules import Subject, rule
+
+_MANY = 500
 
 
 @rule("TT201", "unknown-primitive")
@@ -25,7 +28,7 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
         name = element.type
         if name not in primitives and name is not UNSET:
             message = f"no primitive is called {shown(name)}."
-            hint = _hint(str(name), primitives, "elemTypes")
+            hint = _hint(str(name), tuple(primitives), "elemTypes")
             if name in surfaces:
                 message = f"{shown(name)} is a surface, where a primitive belongs."
                 hint = f'Write the primitive as "type" and "surface": {shown(name)}.'
@@ -44,14 +47,17 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
         name = element.surface
         if name is not UNSET and name not in surfaces:
             message = f"no surface is called {shown(name)}."
-            hint = _hint(str(name), surfaces, "surfTypes")
+            hint = _hint(str(name), tuple(surfaces), "surfTypes")
             if name in primitives:
                 message = f"{shown(name)} is a primitive, where a surface belongs."
             yield Remark(f"{subject.tree.pointer(index)}/surface", message, hint)
 
 
-def _hint(name: str, known: Collection[str], dictionary: str) -> str:
-    close = [k for k in known if k.lower() == name.lower()] or get_close_matches(name, known, 1)
+@lru_cache(maxsize=256)
+def _hint(name: str, known: tuple[str, ...], dictionary: str) -> str:
+    close = [k for k in known if k.lower() == name.lower()]
+    if not close and len(known) <= _MANY:  # comparing with more takes longer than it helps
+        close = get_close_matches(name, known, 1)
     if close:
         return f"Did you mean {shown(close[0])}?"
     return f'Add {shown(name)} to "{dictionary}", or use a name that is there.'
