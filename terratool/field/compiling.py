@@ -93,6 +93,7 @@ def compile_definition(definition: Definition) -> Compiled:
         curves=curves,
         bounds=np.array([west, south, west + extent[0], south + extent[1]]),
         pending=pending,
+        voids=bool(kinds["void"].any()),
     )
     return Compiled(
         arrays,

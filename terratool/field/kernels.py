@@ -281,7 +281,11 @@ def add_leaves(field, begin, end, in_x, in_y, sloped, z, slope_x, slope_y, winne
 @_device
 def void_at(field, winner):
     """Whether the surface of the winning element is void."""
-    return winner >= 0 and field.kinds[field.elements[np.uint64(winner)].kind].void != 0
+    return (
+        field.voids
+        and winner >= 0
+        and field.kinds[field.elements[np.uint64(winner)].kind].void != 0
+    )
 
 
 @_device

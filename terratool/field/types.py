@@ -121,6 +121,7 @@ class Arrays(NamedTuple):
         curves: the pieces of the curves.
         bounds: (4,) float64 west, south, east, north.
         pending: the most grids that a descent has to remember at a time.
+        voids: whether any surface is void.
     """
 
     elements: NDArray[Any]
@@ -132,6 +133,7 @@ class Arrays(NamedTuple):
     curves: Curves
     bounds: NDArray[np.float64]
     pending: int
+    voids: bool
 
     @property
     def nbytes(self) -> int:
