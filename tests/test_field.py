@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from terratool.field import batches
 from tests.conftest import terrain_of
 
 BOX = {"x": [1]}
@@ -152,6 +153,16 @@ class TestRules:
         pointers = ["/elemTree/children/0/children/0", "/elemTree/children/1", "/elemTree"]
         assert t.locate([10.5, 15, 5], [10.5, 15, 5]).tolist() == pointers
 
+    def test_later_wins_among_the_children_of_overlapping_parents(self) -> None:
+        """The grandchild of the later parent, whichever of the two is visited first."""
+        surfaces = {"surfTypes": {"a": {}, "b": {}}}
+        parents = [child(1, 1, children=[child(5, 5, surface=name)]) for name in "ab"]
+        t = terrain({"type": "flat", "children": parents}, **surfaces)
+        assert t.surface(15.5, 15.5) == "b"
+        lone = [child(1, 1, children=[child(5, 5, surface="a")]), child(1, 1, surface="b")]
+        t = terrain({"type": "flat", "children": lone}, **surfaces)
+        assert t.surface([15.5, 12], [15.5, 12]).tolist() == ["a", "b"]
+
     def test_spans_keep_document_order(self) -> None:
         """A wide element that comes later wins over a narrow one further along."""
         surfaces = {"surfTypes": {"a": {}, "b": {}}}
@@ -175,6 +186,17 @@ class TestRules:
             [4, 2, 2, 0, 0]
         )
         assert t.locate(1, 1) is None
+
+    def test_a_column_ends_at_its_disc(self) -> None:
+        """Closed, and not a hair further; the ellipse of an oblong cell likewise."""
+        types = {"column": {"combine": "radial", "x": [1]}}
+        t = terrain_of({"size": [20, 10], "elemTypes": types, "elemTree": {"type": "column"}})
+        corner = math.sqrt(0.5)
+        for scale, height in ((1 - 1e-7, 1), (1, 1), (1 + 1e-7, 0)):
+            x = 10 + 10 * corner * scale * np.array([1, 1, -1, -1])
+            y = 5 + 5 * corner * scale * np.array([1, -1, 1, -1])
+            assert t.height(x, y).tolist() == [height] * 4
+        assert t.height([0, 20, 10, 10], [5, 5, 0, 10]).tolist() == [1, 1, 1, 1]
 
     def test_void_has_no_height_and_ground_can_stand_in_it(self) -> None:
         hole = child(1, 1, surface="hole", children=[child(5, 5, surface="rock", vScale=3)])
@@ -235,7 +257,7 @@ class TestArrays:
 
     def test_large_batches_come_back_in_order(self) -> None:
         """Batches on large fields are visited place by place; the answers keep their places."""
-        cells = 170
+        cells = 200
         children = [child(i % cells, i // cells, vScale=i) for i in range(cells * cells)]
         t = terrain({"type": "flat", "cells": cells, "children": children}, size=cells)
         rng = np.random.default_rng(1)
@@ -243,7 +265,7 @@ class TestArrays:
         inside = (x >= 0) & (x <= cells) & (y >= 0) & (y <= cells)
         wanted = np.floor(y) * cells + np.floor(x)
         got = t.height(x, y)
-        assert t.nbytes > 1 << 20, "too small to be sorted"
+        assert t.arrays.nbytes > batches.SMALL_FIELD, "too small to be sorted"
         assert np.array_equal(got[inside], wanted[inside])
         assert np.isnan(got[~inside]).all()
 

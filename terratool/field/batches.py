@@ -13,7 +13,9 @@ CHUNK = 1 << 21
 SIDE = 64
 """Points of a chunk are sorted into SIDE × SIDE places."""
 
-_SMALL_FIELD = 1 << 20
+SMALL_FIELD = 1 << 20
+"""A field of fewer bytes stays in the cache anyway."""
+
 _SMALL_BATCH = 1 << 13
 
 
@@ -52,7 +54,7 @@ def batch_heights(
     """Heights at points: `x`, `y` and the answer are (n,) float64."""
     out = np.empty(len(x))
     scratch = arrays.scratch()
-    if arrays.nbytes < _SMALL_FIELD or len(x) < _SMALL_BATCH:
+    if arrays.nbytes < SMALL_FIELD or len(x) < _SMALL_BATCH:
         kernels.heights(arrays, x, y, scratch, out)
         return out
     size = min(CHUNK, len(x))
