@@ -153,10 +153,12 @@ class TestRules:
         pointers = ["/elemTree/children/0/children/0", "/elemTree/children/1", "/elemTree"]
         assert t.locate([10.5, 15, 5], [10.5, 15, 5]).tolist() == pointers
 
-    def test_later_wins_among_the_children_of_overlapping_parents(self) -> None:
+    @pytest.mark.parametrize("more", [{}, {"span": [2, 1]}, {"type": "cone"}], ids=str)
+    def test_later_wins_among_the_children_of_overlapping_parents(self, more: Any) -> None:
         """The grandchild of the later parent, whichever of the two is visited first."""
         surfaces = {"surfTypes": {"a": {}, "b": {}}}
-        parents = [child(1, 1, children=[child(5, 5, surface=name)]) for name in "ab"]
+        leaves = [{**child(5, 5, surface=name), **more} for name in "ab"]
+        parents = [child(1, 1, children=[leaf]) for leaf in leaves]
         t = terrain({"type": "flat", "children": parents}, **surfaces)
         assert t.surface(15.5, 15.5) == "b"
         lone = [child(1, 1, children=[child(5, 5, surface="a")]), child(1, 1, surface="b")]
