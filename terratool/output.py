@@ -19,18 +19,18 @@ from terratool.errors import WriteError
 def whole_file(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """A temporary path beside `path`, which takes its place when the block ends well.
 
-    The temporary is removed on any failure, Ctrl-C and SIGTERM included.
+    The temporary is removed on any failure, Ctrl-C, SIGTERM and SIGHUP included.
 
     Raises:
         WriteError: `path` exists and is not to be overwritten, or its folder cannot be written.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path))  # behind a link stands what is meant
     refuse_existing(path, overwrite)
     if not path.parent.is_dir():
         raise WriteError(f"{path}: the folder {path.parent} does not exist.", "Create it first.")
-    part = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
+    part = path.with_name(f".terratool-{uuid4().hex[:12]}.part")
     try:
-        with _stop_on_sigterm():
+        with _stop_on_signals():
             yield part
             with open(part, "rb+") as file:
                 os.fsync(file.fileno())
@@ -53,6 +53,8 @@ def refuse_existing(path: Path, overwrite: bool) -> None:
     """
     if path.is_dir():
         raise WriteError(f"{path}: is a folder.", "Give the name of a file.")
+    if path.exists() and not path.is_file():
+        raise WriteError(f"{path}: is no regular file.", "Give the name of a file.")
     if path.exists() and not overwrite:
         raise WriteError(f"{path}: exists already.", "Choose another name, or add --overwrite.")
 
@@ -63,7 +65,7 @@ def free_bytes(path: Path) -> int:
 
 
 @contextlib.contextmanager
-def _stop_on_sigterm() -> Iterator[None]:
+def _stop_on_signals() -> Iterator[None]:
     # only the main thread may set handlers; elsewhere its exception ends the work
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -72,8 +74,10 @@ def _stop_on_sigterm() -> Iterator[None]:
     def stop(number: int, _frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
-    before = signal.signal(signal.SIGTERM, stop)
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

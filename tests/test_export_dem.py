@@ -164,6 +164,13 @@ class TestGrid:
         assert resolution == 12 / 4096
         assert "4096" in why
 
+    def test_default_fits_a_long_narrow_terrain(self) -> None:
+        road = {**SITE["elemTree"], "cells": [10000, 1], "children": []}
+        terrain = terrain_of({**SITE, "size": [50000, 5], "elemTree": {**road, "children": [
+            {"type": "box", "cellX": 7, "cellY": 0}]}})  # fmt: skip
+        resolution, _ = default_resolution(terrain)
+        assert grid_over(terrain, resolution).height == 1
+
     def test_bounds_partly_outside_carry_nodata(self, tmp_path: Path) -> None:
         terrain = terrain_of(SITE)
         grid = grid_over(terrain, 1, (499998, 4649780, 500004, 4649790))
@@ -225,6 +232,20 @@ class TestWholeOrNotAtAll:
         assert run("export-dem", saved(SITE), out, "--overwrite").returncode == 0
         assert read(out)[0].shape == (40, 60)
 
+    def test_what_stands_behind_a_name_is_respected(
+        self, tmp_path: Path, saved: Callable[..., Path]
+    ) -> None:
+        """The definition itself and what is no regular file are kept; a link keeps being one."""
+        source = saved(SITE)
+        text = source.read_bytes()
+        os.mkfifo(tmp_path / "pipe")
+        for out in (source, tmp_path / "pipe"):
+            assert run("export-dem", source, out, "--overwrite").returncode == 3
+        assert source.read_bytes() == text and (tmp_path / "pipe").is_fifo()
+        (tmp_path / "link.tif").symlink_to(tmp_path / "real.tif")
+        assert run("export-dem", source, tmp_path / "link.tif").returncode == 0
+        assert (tmp_path / "link.tif").is_symlink() and read(tmp_path / "real.tif")[0].size
+
     def test_a_failure_in_the_middle_leaves_nothing(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -238,7 +259,7 @@ class TestWholeOrNotAtAll:
             write_geotiff(terrain, grid_over(terrain, 1), tmp_path / "a.tif")
         assert list(tmp_path.iterdir()) == []
 
-    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     def test_a_signal_leaves_nothing(
         self, tmp_path: Path, saved: Callable[..., Path], number: signal.Signals
     ) -> None:

@@ -217,6 +217,14 @@ class TestRules:
         turned = terrain({"type": "ramp", "vScale": 30, "turnDeg": 90}, size=40)
         assert turned.normal(7, 3) == pytest.approx([0, 0.6, 0.8])
 
+    @pytest.mark.parametrize("turn", [0, 90, 180, 270])
+    def test_normals_on_the_outer_edges_are_those_beside_them(self, turn: float) -> None:
+        """Where t is 1, and there is no piece of the curve beyond."""
+        t = terrain({"type": "ramp", "vScale": 30, "turnDeg": turn}, size=40)
+        middle = t.normal(20, 20)
+        for x, y in ((40, 20), (0, 20), (20, 40), (20, 0), (40, 40), (0, 0)):
+            assert t.normal(x, y) == pytest.approx(middle)
+
     def test_normals_agree_with_differences(self) -> None:
         """On a smooth terrain of turned, nested and radial elements."""
         types = {

@@ -23,6 +23,7 @@ NAMES = {
     "TT108": "too-deep",
     "TT109": "encoding",
     "TT110": "root-placed",
+    "TT111": "unresolved",
     "TT201": "unknown-primitive",
     "TT202": "unknown-surface",
     "TT203": "outside-grid",

@@ -34,12 +34,15 @@ def command(
     """
     from pathlib import Path
 
+    from terratool.errors import WriteError
     from terratool.field.terrain import load
     from terratool.output import refuse_existing
     from terratool.raster.geotiff import write_geotiff
     from terratool.raster.grid import default_resolution, grid_over
 
     refuse_existing(Path(output), overwrite)
+    if Path(output).exists() and Path(file).exists() and Path(output).samefile(file):
+        raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
     terrain = load(file)
     why = "as asked"
     if resolution is None:
@@ -64,5 +67,5 @@ def command(
         heights = f"heights {written.low:.6g} to {written.high:.6g}"
     click.echo(
         f"{output}: {grid.width} × {grid.height} pixels of {resolution:g} ({why}), {heights}, "
-        f"{written.nodata:,} of {written.pixels:,} pixels without"
+        f"{written.nodata:,} of {written.pixels:,} pixels without a height"
     )

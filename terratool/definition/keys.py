@@ -31,15 +31,27 @@ class Key:
         return above and below
 
 
+LARGEST = 1e30
+"""No length, height or factor may be larger in size; sums and squares then stay finite."""
+SMALLEST = 1e-30
+
 _TEXT = Key("a text")
-_NUMBER = Key("a number")
+_NUMBER = Key("a number up to 1e30 in size", low=-LARGEST, high=LARGEST)
 
 KEYS: dict[type, dict[str, Key]] = {
     Definition: {
         "$schema": Key("the address of the JSON Schema, a text"),
         "descr": _TEXT,
-        "size": Key("a side length above 0, or a pair [x, y] of them", low=0, open_low=True),
-        "origin": Key("the position [x, y] of the south-west corner, two numbers"),
+        "size": Key(
+            "a side length above 0, from 1e-30 to 1e30, or a pair [x, y] of them",
+            low=SMALLEST,
+            high=LARGEST,
+        ),
+        "origin": Key(
+            "the position [x, y] of the south-west corner, two numbers up to 1e30 in size",
+            low=-LARGEST,
+            high=LARGEST,
+        ),
         "crs": Key('a coordinate reference system such as "EPSG:32633"'),
         "surfTypes": Key("a dictionary of surfaces, an object"),
         "elemTypes": Key("a dictionary of primitives, an object"),
@@ -74,7 +86,7 @@ KEYS: dict[type, dict[str, Key]] = {
         ),
         "vScale": _NUMBER,
         "vOffset": _NUMBER,
-        "turnDeg": Key("an angle in degrees, a number"),
+        "turnDeg": Key("an angle in degrees, a number up to 1e30 in size", -LARGEST, LARGEST),
         "cells": Key(
             f"a whole number from 1 to {MAX_CELLS}, or a pair of them", low=1, high=MAX_CELLS
         ),

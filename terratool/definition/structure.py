@@ -30,6 +30,9 @@ class Built(NamedTuple):
 _TYPES: dict[type, dict[str, Any]] = {
     kind: {field.encode_name: field.type for field in msgspec.structs.fields(kind)} for kind in KEYS
 }
+_NAMES: dict[type, dict[str, str]] = {
+    kind: {field.encode_name: field.name for field in msgspec.structs.fields(kind)} for kind in KEYS
+}
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
     Element: "an element",
@@ -60,8 +63,7 @@ def build(value: Any) -> Built:
 
 
 def _struct(kind: type, fields: dict[str, Any]) -> Any:
-    names = {field.encode_name: field.name for field in msgspec.structs.fields(kind)}
-    return kind(**{names[key]: value for key, value in fields.items()})
+    return kind(**{_NAMES[kind][key]: value for key, value in fields.items()})
 
 
 def _dictionary(

@@ -18,7 +18,9 @@ from terratool.field.types import COMBINE, ELEMENT, GRID, KIND, POSE, STEPPED, A
 
 Ints = NDArray[np.int64]
 _DENSE_CELLS = 1024
-"""A grid of up to this many cells, or four times its children, has a bin per cell."""
+"""A grid of up to this many cells, or four times its children, has a bin per cell …"""
+_DENSE_ROOM = 65536
+"""… unless nearly empty grids together have more than this many, and four for each element."""
 
 
 class Compiled(NamedTuple):
@@ -168,7 +170,12 @@ def _order(columns: _Columns, tree: Tree) -> tuple[Ints, NDArray[np.bool_]]:
     spanned = np.bincount(parent[1:][(columns.span[1:] > 1).any(axis=1)], minlength=count).astype(
         bool
     )
-    dense = ~spanned & (columns.cells.prod(axis=1) <= np.maximum(_DENSE_CELLS, 4 * children))
+    cells = columns.cells.prod(axis=1)
+    full = cells <= 4 * children
+    small = (cells <= _DENSE_CELLS) & ~full & (children > 0)
+    if cells[small].sum() > 4 * count + _DENSE_ROOM:  # many grids that are nearly empty
+        small = small & (cells <= 64)
+    dense = ~spanned & (full | small)
     key = np.zeros(count, np.int64)
     inner = parent >= 0
     row = columns.cell[:, 1] * columns.cells[parent, 0] + columns.cell[:, 0]
@@ -301,7 +308,8 @@ class _CurveStore:
     def _add(self, curve: Pieces) -> dict[str, Any]:
         first, knot, bin_ = self._counts
         count = len(curve.coefficients)
-        self._pieces += [curve.coefficients.ravel(), np.array([curve.end, 0.0, 0.0, 0.0])]
+        slope = float(curve.coefficients[-1] @ (0.0, 1.0, 2.0, 3.0))
+        self._pieces += [curve.coefficients.ravel(), np.array([curve.end, slope, 0.0, 0.0])]
         self._counts[0] += count + 1
         if not curve.even:
             bins = bins_of(curve.starts)

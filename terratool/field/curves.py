@@ -18,10 +18,11 @@ from terratool.definition.curves import Curve, Knots, Samples
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
 
 TOLERANCE = 1e-8
-_EVEN_LEVELS = 10  # the finest, 512 pieces, still has 8 checked points in each
+_EVEN_LEVELS = 10  # the finest, 512 pieces, has 8 checked points in each
 _ROUNDING = 2.0**-47
 _MAX_HALVINGS = 60
-_MAX_PIECES = 1 << 18
+_MAX_PIECES = 1 << 16
+_FINEST_START = 1024  # pieces to halve from: each quarter of one is a checked point
 _MAX_BINS = 4096
 
 Floats = NDArray[np.float64]
@@ -111,7 +112,9 @@ def _formula(expression: Expression) -> Pieces:
     for level in range(_EVEN_LEVELS):
         starts = np.arange(1 << level) / (1 << level)
         coefficients = _cubics(expression, starts, np.full(1 << level, 1.0 / (1 << level)))
-        if _error(coefficients, values) <= tolerance:
+        if _error(coefficients, values) <= tolerance and (
+            _error_between(expression, starts, coefficients) <= tolerance
+        ):
             return Pieces(starts, coefficients, values[-1], True)
     starts, lengths, coefficients = _halve(expression, tolerance)
     coefficients = coefficients / lengths[:, None] ** np.arange(4)
@@ -146,10 +149,17 @@ def _error(coefficients: Floats, values: Floats) -> float:
     return float(np.abs(_at(coefficients, s[None, :]) - values[:-1].reshape(-1, per_piece)).max())
 
 
+def _error_between(expression: Expression, starts: Floats, coefficients: Floats) -> float:
+    """The largest error at places that no even spacing has in common with the checked points."""
+    s = np.array([0.1372549, 0.4142135, 0.7236067])
+    values = values_of(expression, starts[:, None] + s / len(starts))
+    return float(np.abs(_at(coefficients, s[None, :]) - values).max())
+
+
 def _halve(expression: Expression, tolerance: float) -> tuple[Floats, Floats, Floats]:
-    inside = np.array([0.02, 0.1, 0.2, 0.45, 0.5, 0.55, 0.8, 0.9, 0.98])
-    starts = np.arange(512) / 512
-    lengths = np.full(512, 1 / 512)
+    inside = np.array([0.02, 0.1, 0.25, 0.45, 0.5, 0.55, 0.75, 0.9, 0.98])
+    starts = np.arange(_FINEST_START) / _FINEST_START
+    lengths = np.full(_FINEST_START, 1 / _FINEST_START)
     done: list[tuple[Floats, Floats, Floats]] = []
     total = 0
     for halving in range(_MAX_HALVINGS):

@@ -18,9 +18,6 @@ from terratool.field.batches import batch_heights
 from terratool.field.compiling import Compiled, compile_definition
 from terratool.field.types import Arrays
 
-OUTSIDE = -2
-NOTHING = -1
-
 
 @dataclass(frozen=True, slots=True)
 class Samples:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
 
 STEPPED = 2
+"""A curve whose pieces begin at knots, with vertical steps; 1 without, 0 evenly spaced pieces."""
 
 ELEMENT = np.dtype(
     [
@@ -97,7 +98,7 @@ class Curves(NamedTuple):
 
     Attributes:
         pieces: (4n,) float64, the four coefficients of a cubic per piece; behind the pieces of
-            each curve stands one more, its value at t = 1.
+            each evenly spaced curve stands one more, its value and slope at t = 1.
         knots: (n,) float64, t where each piece of a knotted curve begins, then infinity.
         bins: (n,) uint32, for evenly spaced t the piece of a knotted curve to begin the search at.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,11 @@ from rasterio.errors import CRSError, RasterioError
 from rasterio.transform import Affine
 from rasterio.windows import Window as RasterioWindow
 
-from terratool.errors import DefinitionError, WriteError
+from terratool.errors import DefinitionError, RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.output import free_bytes, refuse_existing, whole_file
 from terratool.raster.grid import Grid
-from terratool.raster.painting import painted
+from terratool.raster.painting import painted, processors
 
 TILE = 512
 _WINDOW_WIDTH = 8192
@@ -54,6 +53,7 @@ def write_geotiff(
 
     Raises:
         WriteError: the file exists, cannot be written or does not fit on the disk.
+        RequestError: heights beyond the range of float32.
         DefinitionError: the CRS of the terrain is unknown.
     """
     path = Path(path)
@@ -61,7 +61,7 @@ def write_geotiff(
     crs = crs_of(terrain)
     _refuse_full_disk(path, grid)
     west, _, _, north = grid.bounds
-    threads = threads or len(os.sched_getaffinity(0))
+    threads = threads or processors()
     profile: dict[str, Any] = {
         "driver": "GTiff", "dtype": "float32", "count": 1, "nodata": math.nan,
         "width": grid.width, "height": grid.height, "crs": crs,
@@ -83,6 +83,11 @@ def write_geotiff(
                             window.column, window.row, window.width, window.height
                         ),
                     )
+                    if np.isinf(heights).any():
+                        raise RequestError(
+                            "The heights go beyond 3.4e38, the largest number of the file.",
+                            "Look at the vScale and vOffset of the elements.",
+                        )
                     missing = int(np.isnan(heights).sum())
                     nodata += missing
                     if missing < heights.size:
@@ -111,7 +116,7 @@ def crs_of(terrain: Terrain) -> CRS | None:
             return CRS.from_user_input(terrain.crs)
     except CRSError as error:
         raise DefinitionError(
-            f'The "crs" {terrain.crs!r} is unknown.',
+            f'The "crs" of the definition, {terrain.crs!r}, is unknown.',
             'Write an authority and code such as "EPSG:32633", or WKT.',
         ) from error
 

@@ -87,8 +87,10 @@ class Grid:
 def default_resolution(terrain: Terrain) -> tuple[float, str]:
     """A resolution for a terrain, and in words why: a tenth of its smallest cell, within reason."""
     finest = terrain.smallest_cell / PIXELS_PER_CELL
-    longest = max(terrain.size)
+    longest, shortest = max(terrain.size), min(terrain.size)
     if longest / finest > DEFAULT_PIXELS * (1 + _WHOLE):
+        if longest / DEFAULT_PIXELS > shortest:
+            return shortest, "one row of pixels"
         return longest / DEFAULT_PIXELS, f"{DEFAULT_PIXELS} pixels on the longer side"
     return finest, "a tenth of the smallest cell"
 
@@ -123,11 +125,18 @@ def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None)
     if not (_any_centre(west, width, resolution, t_west, t_east)) or not (
         _any_centre(south, height, resolution, t_south, t_north)
     ):
+        side = _overlap(grid.bounds, terrain.bounds)
         raise RequestError(
             f"At a resolution of {resolution:g} no pixel has its centre on the terrain.",
-            f"Give at most {min(terrain.size):g}, its shorter side.",
+            f"Give at most {side:g}, the shorter side of what is to be written.",
         )
     return grid
+
+
+def _overlap(one: Bounds, other: Bounds) -> float:
+    """Shorter side of the rectangle that two have in common."""
+    width = min(one[2], other[2]) - max(one[0], other[0])
+    return min(width, min(one[3], other[3]) - max(one[1], other[1]))
 
 
 def _check_bounds(bounds: Bounds, terrain: Terrain) -> None:

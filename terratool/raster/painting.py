@@ -15,6 +15,13 @@ from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 
 
+def processors() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def window_heights(terrain: Terrain, grid: Grid, window: Window) -> NDArray[np.float32]:
     """Heights at the pixel centres of a window, (height, width) float32, NaN for nodata."""
     out = np.empty((window.height, window.width), np.float32)
@@ -27,7 +34,7 @@ def painted(
     terrain: Terrain, grid: Grid, windows: Iterable[Window], threads: int | None = None
 ) -> Iterator[tuple[Window, NDArray[np.float32]]]:
     """Heights of windows in their order, painted by threads a few windows ahead of the reader."""
-    threads = threads or len(os.sched_getaffinity(0))
+    threads = threads or processors()
     with ThreadPoolExecutor(threads) as pool:
         ahead: deque[tuple[Window, Future[NDArray[np.float32]]]] = deque()
         try:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 from msgspec import UNSET, structs
 
 from terratool.definition.findings import Remark, escape, shown
-from terratool.definition.keys import COMBINES, KEYS, MAX_CELLS, Key
+from terratool.definition.keys import COMBINES, KEYS, LARGEST, MAX_CELLS, Key
 from terratool.definition.model import Definition, Element, Primitive, Surface
 from terratool.definition.rules import Subject, rule
 
@@ -18,6 +19,7 @@ def _ranged(kind: type) -> list[tuple[str, str, Key]]:
     return [(names[k], k, key) for k, key in KEYS[kind].items() if (key.low, key.high) != _FREE]
 
 
+_STEPS = 64  # a terrain has at least this many coordinates along each side
 _FREE = (float("-inf"), float("inf"))
 _RANGED = {kind: _ranged(kind) for kind in (Definition, Surface)}
 _ELEMENT = KEYS[Element]
@@ -36,6 +38,7 @@ def out_of_range(subject: Subject) -> Iterator[Remark]:
         yield from _fields(surface, f"/surfTypes/{escape(name)}")
     for name, primitive in definition.primitives.items():
         yield from _combine(primitive, f"/elemTypes/{escape(name)}/combine")
+        yield from _curve_values(primitive, f"/elemTypes/{escape(name)}")
     for index, element in enumerate(subject.tree.elements):
         yield from _element(element, subject, index)
 
@@ -67,6 +70,20 @@ def _combine(primitive: Primitive, pointer: str) -> Iterator[Remark]:
         )
 
 
+def _curve_values(primitive: Primitive, pointer: str) -> Iterator[Remark]:
+    for key, curve in (("x", primitive.x), ("y", primitive.y)):
+        if not isinstance(curve, tuple):
+            continue
+        for index, item in enumerate(curve):
+            numbers = item if isinstance(item, tuple) else (item,)
+            if max(map(abs, numbers)) > LARGEST:
+                yield Remark(
+                    f"{pointer}/{key}/{index}",
+                    f'"{key}" reaches {shown(max(numbers, key=abs))}, out of its range.',
+                    "Write numbers up to 1e30 in size.",
+                )
+
+
 def _element(element: Element, subject: Subject, index: int) -> Iterator[Remark]:
     # a million elements pass here: compare first, explain only what fails
     cells, span = element.cells, element.span
@@ -76,3 +93,31 @@ def _element(element: Element, subject: Subject, index: int) -> Iterator[Remark]
         )
     if span is not UNSET:
         yield from _values(span, "span", _ELEMENT["span"], f"{subject.tree.pointer(index)}/span")
+    for key, value in (
+        ("vScale", element.v_scale),
+        ("vOffset", element.v_offset),
+        ("turnDeg", element.turn_deg),
+    ):
+        if value is not UNSET and not -LARGEST <= value <= LARGEST:
+            here = f"{subject.tree.pointer(index)}/{key}"
+            yield from _values(value, key, _ELEMENT[key], here)
+
+
+@rule("TT111", "unresolved")
+def unresolved(subject: Subject) -> Iterator[Remark]:
+    """A terrain so small, or so far from 0, that 64-bit coordinates cannot tell its points apart.
+
+    Fails: ``"size": 10, "origin": [1e16, 0]``.
+    Passes: ``"size": 10, "origin": [500000, 4649776]``.
+    """
+    definition = subject.definition
+    if definition.size is UNSET:
+        return
+    for corner, side in zip(definition.corner, definition.extent, strict=True):
+        if 0 < side < _STEPS * math.ulp(abs(corner) + abs(side)):
+            yield Remark(
+                "/size",
+                "the terrain is too small for coordinates as large as those of its origin.",
+                "Move the origin nearer to 0.",
+            )
+            return
