@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 EXTRAS ?= test
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint bench fuzz wheel clean
+.PHONY: help install demo test lint bench fuzz wheel outside clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -47,6 +47,14 @@ fuzz: $(VENV)/.installed-test  ## Compare thousands of random terrains with the 
 
 wheel: $(VENV)/.installed-test  ## Build a wheel into dist/
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+
+outside: wheel  ## Install the wheel elsewhere and use it there
+	@set -e; there=$$(mktemp -d); trap 'rm -rf "$$there"' EXIT; here=$$PWD; cd "$$there"; \
+	  $(PYTHON) -m venv venv; \
+	  venv/bin/python -m pip install --quiet --disable-pip-version-check "$$here"/dist/terratool-*.whl; \
+	  venv/bin/terratool validate "$$here"/samples/*.json; \
+	  venv/bin/terratool export-dem "$$here"/samples/nested-site.json site.tif; \
+	  venv/bin/python -c 'import terratool; print(terratool.schema()["title"])'
 
 clean:  ## Remove everything that the other targets make
 	rm -rf $(VENV) out dist build .pytest_cache .hypothesis .mypy_cache .ruff_cache

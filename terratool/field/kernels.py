@@ -17,7 +17,8 @@ from numba import njit
 from terratool.field.types import COMBINE, STEPPED
 
 EDGE = 1e-9
-"""Turned rectangles and discs are closed: this far outside, in sides of the cell, still counts."""
+"""Turned rectangles and discs are closed: this far outside still counts, in sides of the cell and
+radii of the disc. Positions within a grid are also trusted only this far from an edge."""
 
 STEP = 1e-12
 """In turned elements a vertical step begins this much before its t."""
