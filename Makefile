@@ -46,6 +46,7 @@ fuzz: $(VENV)/.installed-test  ## Compare thousands of random terrains with the 
 	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/test_field_properties.py
 
 wheel: $(VENV)/.installed-test  ## Build a wheel into dist/
+	@rm -rf dist
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
 
 outside: wheel  ## Install the wheel elsewhere and use it there
