@@ -318,7 +318,7 @@ class Oracle:
 
     def _grain(self, *sides: Side) -> float:
         """How far rounding can move a point, in lengths of the shortest of the sides."""
-        return 1e-15 + float(min(Fraction(1), *(2 * self.ulp / side.length for side in sides)))
+        return 1e-15 + float(min(Fraction(1), max(2 * self.ulp / side.length for side in sides)))
 
     def _in_cell(self, cell: Cell, x: float, y: float) -> bool:
         return cell[0].holds(x, self.ground[0]) and cell[1].holds(y, self.ground[1])
