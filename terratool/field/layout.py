@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from terratool.field.kernels import EDGE, edge
+from terratool.field.primitives import EDGE, edge
 
 FINEST = 8.0
 """A grid whose cells are narrower than this many spacings of doubles is finer than doubles."""
