@@ -243,17 +243,22 @@ def _arity(name: str, operand: float | int | None) -> int:
     return 2 if name in ("add", "sub", "mul", "div", "pow") else 1
 
 
+_TS = [i / (CHECK_POINTS - 1) for i in range(CHECK_POINTS)]
+
+
+def samples(expression: Expression) -> list[float]:
+    """The values at 4,097 evenly spaced t."""
+    values = evaluate(expression, _TS, LIST_FUNCTIONS)
+    return values if isinstance(values, list) else [values] * CHECK_POINTS
+
+
 def check(expression: Expression) -> None:
     """See that the values are finite and below 1e9 in size at 4,097 evenly spaced t.
 
     Raises:
         ExpressionError: naming the first t at which they are not.
     """
-    ts = [i / (CHECK_POINTS - 1) for i in range(CHECK_POINTS)]
-    values = evaluate(expression, ts, LIST_FUNCTIONS)
-    if not isinstance(values, list):
-        values = [values]
-    for t, value in zip(ts, values, strict=False):
+    for t, value in zip(_TS, samples(expression), strict=True):
         if not abs(value) < MAX_VALUE:
             what = "not a finite number" if not math.isfinite(value) else f"as large as {value:.3g}"
             raise ExpressionError(

@@ -2,39 +2,98 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import islice
 from typing import Literal
+
+from msgspec import Struct
 
 Severity = Literal["error", "warning"]
 Rectangle = tuple[float, float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Remark:
+class Remark(Struct, frozen=True, gc=False):
     """What a rule yields; the runner adds code, severity and position.
 
     Attributes:
-        pointer: JSON pointer (RFC 6901) of the value that is at fault.
+        pointer: JSON pointer (RFC 6901) of the value that is at fault, from `element` on.
         message: one sentence, what is wrong.
         hint: one sentence, what to do.
         on_key: the key is at fault rather than its value.
-        bounds: world rectangle (west, south, east, north) that it concerns.
-        missing: the key that the object at `pointer` lacks.
+        element: index of the element in the tree that `pointer` starts at; -1 is the whole text.
+        occurrence: which of the equal keys of an object is meant, from 1.
     """
 
     pointer: str
     message: str
     hint: str
     on_key: bool = False
-    bounds: Rectangle | None = None
-    missing: str = ""
+    element: int = -1
+    occurrence: int = 1
+
+
+@dataclass(slots=True)
+class Collected:
+    """Remarks by code: the first `limit` of each, and how many there were.
+
+    What a million elements have wrong is counted, not kept.
+    """
+
+    limit: int
+    kept: list[tuple[str, Remark]] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+
+    def wants(self, code: str) -> bool:
+        """Count one remark; whether it is one of those to keep."""
+        self.counts[code] += 1
+        return self.counts[code] <= self.limit
+
+    def full(self, code: str) -> bool:
+        """Whether no more of this code will be kept."""
+        return self.counts[code] >= self.limit
+
+    def keep(self, code: str, remark: Remark) -> None:
+        """Keep a remark that was counted."""
+        self.kept.append((code, remark))
+
+    def take(self, code: str, remarks: Iterator[Remark], count: int | None = None) -> None:
+        """Count remarks, and keep those that are wanted.
+
+        Args:
+            code: what they are.
+            remarks: some of them, or all.
+            count: how many there are, if these are not all.
+        """
+        room = max(0, self.limit - self.counts[code])
+        kept = [(code, remark) for remark in islice(remarks, room)]
+        self.kept += kept
+        if count is None:
+            count = len(kept) + sum(1 for _ in remarks)
+        if count:
+            self.counts[code] += count
+
+
+@dataclass(frozen=True, slots=True)
+class Excerpt:
+    """A piece of the line that a finding is in.
+
+    Attributes:
+        text: printable characters; "…" where the line goes on.
+        caret: index in `text` of the character at fault, or just behind its end.
+    """
+
+    text: str
+    caret: int
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
     """A remark with its code, severity and place in the file.
 
-    Lines and columns count from 1, columns in characters; 0 where a file has no text.
+    Lines and columns count from 1, columns in characters; 0 where a file has no text. `bounds` is
+    the world rectangle (west, south, east, north) of the element concerned.
     """
 
     file: str
@@ -46,6 +105,7 @@ class Finding:
     message: str
     hint: str
     bounds: Rectangle | None = None
+    excerpt: Excerpt | None = None
 
 
 def escape(key: str) -> str:

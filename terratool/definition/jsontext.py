@@ -46,7 +46,7 @@ class JsonText:
 
     Attributes:
         text: the characters.
-        value: plain dicts, lists, strings, numbers, booleans and None; the first of duplicates.
+        value: plain dicts, lists, strings, numbers, booleans and None; the last of duplicates.
         duplicates: (pointer, offset) of each key that stood in its object before.
     """
 
@@ -57,8 +57,11 @@ class JsonText:
     _start: int
     _line_starts: list[int] = field(default_factory=list)
 
-    def offset(self, pointer: str, on_key: bool = False) -> int:
+    def offset(self, pointer: str, on_key: bool = False, occurrence: int = 1) -> int:
         """Where the value (or its key) that a pointer names begins; its parent if absent."""
+        if occurrence > 1:
+            again = [offset for repeated, offset in self.duplicates if repeated == pointer]
+            return again[occurrence - 2]
         value, offset = self.value, self._start
         for token in pointer.split("/")[1:]:
             places = self._places.get(id(value))
@@ -132,9 +135,8 @@ def parse(text: str) -> JsonText:
             assert key is not None
             if key in container:
                 duplicates.append(("".join(path) + "/" + escape(key), key_at))
-            else:
-                container[key] = value
-                marks[key] = (key_at, begin)
+            container[key] = value
+            marks[key] = (key_at, begin)
         elif isinstance(container, list):
             container.append(value)
             marks.append(begin)

@@ -1,28 +1,44 @@
 """Every key of the format: what its value must be, in words and in numbers.
 
-The types stand in `model`; this table adds the prose for messages and the ranges.
+`model` has the same keys as types, for reading a clean text at once; this table is what a text that
+is not clean is held against, and where its messages come from.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Literal
 
 from terratool.definition.model import Definition, Element, Primitive, Surface
 
 MAX_CELLS = 65536
 COMBINES = ("product", "sum", "min", "max", "radial")
 
+LARGEST = 1e30
+"""No length, height or factor may be larger in size; sums and squares then stay finite."""
+SMALLEST = 1e-30
+
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A key: the words for its value, and the range of its number or numbers."""
+    """A key: its value in words, its type, and the range of its number or numbers.
+
+    Attributes:
+        words: what a message asks for.
+        kind: what the value, or each item of it, is.
+        alone: one such value stands by itself.
+        length: so many of them stand in a list; 0 where a list is not taken.
+    """
 
     words: str
+    kind: Literal["text", "number", "whole", "flag", "object", "list", "curve", "any"]
     low: float = -inf
     high: float = inf
     open_low: bool = False
     open_high: bool = False
+    alone: bool = True
+    length: int = 0
 
     def holds(self, number: float) -> bool:
         """Whether a number lies in the range."""
@@ -31,65 +47,74 @@ class Key:
         return above and below
 
 
-LARGEST = 1e30
-"""No length, height or factor may be larger in size; sums and squares then stay finite."""
-SMALLEST = 1e-30
-
-_TEXT = Key("a text")
-_NUMBER = Key("a number up to 1e30 in size", low=-LARGEST, high=LARGEST)
+_TEXT = Key("a text", "text")
+_NUMBER = Key("a number up to 1e30 in size", "number", -LARGEST, LARGEST)
+_CURVE = Key(
+    "a curve: numbers up to 1e30 in size, [t, z] knots, a name or an expression", "curve",
+    -LARGEST, LARGEST,
+)  # fmt: skip
 
 KEYS: dict[type, dict[str, Key]] = {
     Definition: {
-        "$schema": Key("the address of the JSON Schema, a text"),
+        "$schema": Key("the address of the JSON Schema, a text", "text"),
         "descr": _TEXT,
         "size": Key(
-            "a side length above 0, from 1e-30 to 1e30, or a pair [x, y] of them",
-            low=SMALLEST,
-            high=LARGEST,
+            "a side length above 0, from 1e-30 to 1e30, or a pair [x, y] of them", "number",
+            SMALLEST, LARGEST, length=2,
         ),
         "origin": Key(
             "the position [x, y] of the south-west corner, two numbers up to 1e30 in size",
-            low=-LARGEST,
-            high=LARGEST,
+            "number", -LARGEST, LARGEST, alone=False, length=2,
         ),
-        "crs": Key('a coordinate reference system such as "EPSG:32633"'),
-        "surfTypes": Key("a dictionary of surfaces, an object"),
-        "elemTypes": Key("a dictionary of primitives, an object"),
-        "elemTree": Key("the root element, an object"),
+        "crs": Key('a coordinate reference system such as "EPSG:32633"', "any"),
+        "surfTypes": Key("a dictionary of surfaces, an object", "object"),
+        "elemTypes": Key("a dictionary of primitives, an object", "object"),
+        "elemTree": Key("the root element, an object", "object"),
     },
     Surface: {
         "descr": _TEXT,
-        "cohesion": Key("a cohesion in kPa, 0 or more", low=0),
+        "cohesion": Key("a cohesion in kPa, 0 or more", "number", 0),
         "fricAngle": Key(
-            "a friction angle in degrees, from 0 to below 90", low=0, high=90, open_high=True
+            "a friction angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True
         ),
-        "sinkage": Key("metres of sinkage per kN of wheel load, 0 or more", low=0),
-        "color": Key("three whole numbers [red, green, blue] from 0 to 255", low=0, high=255),
-        "sonarRefl": Key("a reflection from 0 to 1", low=0, high=1),
-        "shearModulus": Key("a shear modulus in metres, above 0", low=0, open_low=True),
-        "void": Key("true or false"),
+        "sinkage": Key("metres of sinkage per kN of wheel load, 0 or more", "number", 0),
+        "color": Key(
+            "three whole numbers [red, green, blue] from 0 to 255", "whole", 0, 255,
+            alone=False, length=3,
+        ),
+        "sonarRefl": Key("a reflection from 0 to 1", "number", 0, 1),
+        "shearModulus": Key("a shear modulus in metres, above 0", "number", 0, open_low=True),
+        "void": Key("true or false", "flag"),
     },
     Primitive: {
         "descr": _TEXT,
-        "x": Key("a curve: numbers, [t, z] knots, a name or an expression"),
-        "y": Key("a curve: numbers, [t, z] knots, a name or an expression"),
-        "combine": Key("one of " + ", ".join(f'"{name}"' for name in COMBINES)),
+        "x": _CURVE,
+        "y": _CURVE,
+        "combine": Key("one of " + ", ".join(f'"{name}"' for name in COMBINES), "text"),
     },
     Element: {
         "descr": _TEXT,
-        "type": Key("the name of a primitive, a text"),
-        "surface": Key("the name of a surface, a text"),
-        "cellX": Key("a column of the parent's grid, a whole number from 0", low=0),
-        "cellY": Key("a row of the parent's grid, a whole number from 0", low=0),
+        "type": Key("the name of a primitive, a text", "text"),
+        "surface": Key("the name of a surface, a text", "text"),
+        "cellX": Key(
+            "a column of the parent's grid, a whole number from 0", "whole", 0, MAX_CELLS - 1
+        ),
+        "cellY": Key(
+            "a row of the parent's grid, a whole number from 0", "whole", 0, MAX_CELLS - 1
+        ),
         "span": Key(
-            f"two whole numbers [w, h] of cells from 1 to {MAX_CELLS}", low=1, high=MAX_CELLS
+            f"two whole numbers [w, h] of cells from 1 to {MAX_CELLS}", "whole", 1, MAX_CELLS,
+            alone=False, length=2,
         ),
         "vScale": _NUMBER,
         "vOffset": _NUMBER,
-        "turnDeg": Key("an angle in degrees, a number up to 1e30 in size", -LARGEST, LARGEST),
-        "cells": Key(
-            f"a whole number from 1 to {MAX_CELLS}, or a pair of them", low=1, high=MAX_CELLS
+        "turnDeg": Key(
+            "an angle in degrees, a number up to 1e30 in size", "number", -LARGEST, LARGEST
         ),
-        "children": Key("a list of elements"),
+        "cells": Key(
+            f"a whole number from 1 to {MAX_CELLS}, or a pair of them", "whole", 1, MAX_CELLS,
+            length=2,
+        ),
+        "children": Key("a list of elements", "list"),
     },
-}
+}  # fmt: skip

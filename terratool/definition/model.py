@@ -41,9 +41,7 @@ class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel",
     combine: str | UnsetType = UNSET
 
 
-class Element(
-    Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True, gc=False
-):
+class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
     """A primitive placed in a cell, with the grid that divides that cell for its children."""
 
     descr: str | UnsetType = UNSET

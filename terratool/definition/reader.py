@@ -3,33 +3,69 @@
 from __future__ import annotations
 
 import gc
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from terratool.definition import jsontext, structure
-from terratool.definition.findings import Finding, Remark, shown, unescape
-from terratool.definition.jsontext import JsonText, MisspeltError
-from terratool.definition.model import Definition
+from terratool.definition import structure
+from terratool.definition.findings import Collected, Finding, Remark, shown, unescape
+from terratool.definition.ignoring import Ignores
+from terratool.definition.jsontext import MisspeltError
+from terratool.definition.keys import COMBINES, KEYS, Key
+from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.places import Place, Spot, locate, places
 from terratool.definition.rules import Subject, all_rules
 from terratool.definition.source import Source, read_source
-from terratool.definition.tree import flatten
+from terratool.definition.tree import Tree, flatten
+from terratool.definition.values import Repeated, lost_no_key, read_values, repeated_keys
 from terratool.errors import DefinitionError
 
-Coded = tuple[str, Remark]
 
-_NOT_PLAIN = (b'"x-', b"\\u00")
-"""Keys of one's own, and a spelling of colons that keeps keys from being counted."""
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How closely to look.
+
+    Attributes:
+        warnings: look for what is no error, too.
+        max_step: height of a step from which on it is remarked on, in units of the terrain.
+        limit: how many findings to place; the others are counted.
+        select: place those whose code begins with one of these; none means all.
+        ignore: but none whose code begins with one of these.
+    """
+
+    warnings: bool = True
+    max_step: float | None = None
+    limit: int = 1000
+    select: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+
+    def shows(self, code: str) -> bool:
+        """Whether findings of this code are wanted."""
+        return (not self.select or code.startswith(self.select)) and not (
+            self.ignore and code.startswith(self.ignore)
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """A text that was read: its definition, if it has no error, and all findings by position."""
+    """A text that was read.
+
+    Attributes:
+        definition: None if it has an error.
+        findings: sorted by position, no more than `Options.limit`.
+        counts: how many findings there are of each code, shown or not.
+        readable: whether it was read to its end; if not, there is one finding that says why.
+    """
 
     definition: Definition | None
     findings: tuple[Finding, ...]
+    counts: Counter[str] = field(default_factory=Counter)
+    readable: bool = True
 
 
 def load_definition(path: str | Path) -> Definition:
@@ -37,142 +73,179 @@ def load_definition(path: str | Path) -> Definition:
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it has errors; they are in `findings`.
+        DefinitionError: it has errors; they are in `findings`, the first 1,000 of them.
     """
-    checked = check(read_source(path))
+    checked = check(read_source(path), Options(warnings=False))
     if checked.definition is None:
-        errors = tuple(f for f in checked.findings if f.severity == "error")
-        first = errors[0]
-        more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+        first = checked.findings[0]
+        count = checked.counts.total()
+        more = f" (and {count - 1} more)" if count > 1 else ""
         raise DefinitionError(
             f"{first.file}:{first.line}:{first.column}: {first.code}: {first.message}{more}",
             first.hint,
-            errors,
+            checked.findings,
         )
     return checked.definition
 
 
-def check(source: Source) -> Checked:
+def check(source: Source, options: Options | None = None) -> Checked:
     """Read a text and let every rule look at it. Never raises for what the text contains."""
-    definition = _decode(source.data)
-    if definition is not None and not _apply_rules(definition):
-        return Checked(definition, ())
-    try:
-        text = jsontext.parse(source.data.decode("utf-8"))
-    except UnicodeDecodeError as error:
-        return Checked(None, (_bad_encoding(source, error),))
-    except MisspeltError as error:
-        return Checked(None, (_misspelt(source, error),))
-    definition, coded = structure.build(text.value)
-    if definition is not None:
-        faulty = {remark.pointer for _, remark in coded}
-        above = {p[:end] for p in faulty for end in _ends(p)}
-        coded += [
-            found for found in _apply_rules(definition) if not _follows(*found, faulty, above)
-        ]
-    findings = [_duplicate(source, text, *each) for each in text.duplicates]
-    findings += [_place(source, text, *each) for each in coded]
-    if any(finding.severity == "error" for finding in findings):
-        definition = None
-    return Checked(definition, tuple(sorted(findings, key=lambda f: (f.line, f.column, f.code))))
+    with _no_collector():
+        return _check(source, options or Options())
 
 
-def _decode(data: bytes) -> Definition | None:
-    """The definition if the text is clean JSON of the right types without duplicate keys."""
-    if any(sign in data for sign in _NOT_PLAIN):
-        return None
+def _check(source: Source, options: Options) -> Checked:
+    data = source.data
+    found = Collected(options.limit)
+    built, clean = _quickly(data)
+    if built is None:
+        try:
+            value = read_values(data)
+        except MisspeltError as error:
+            return _unreadable(source, error)
+        except UnicodeDecodeError as error:
+            return _unreadable(source, _bad_encoding(data, error))
+        clean = lost_no_key(data, value)
+        built = structure.build(value, found)
+        del value
+    if not clean:
+        repeated, count = repeated_keys(data, options.limit)
+        found.take("TT102", map(_duplicate, repeated), count)
+    if built.definition is not None:
+        subject = Subject(
+            built.definition, built.tree, frozenset(built.unfit), source.size, source.packed,
+            options.max_step,
+        )  # fmt: skip
+        _apply_rules(subject, found, Ignores(built.ignores), options)
+    definition = None
+    rules = all_rules()
+    if all(rules[code].severity != "error" for code in found.counts):
+        definition = structure.complete(built)
+    found.kept = [kept for kept in found.kept if options.shows(kept[0])]
+    if not found.kept:
+        return Checked(definition, (), found.counts)
+    findings = _place(source, found, built)
+    return Checked(definition, findings[: options.limit], found.counts)
+
+
+@contextmanager
+def _no_collector() -> Iterator[None]:
+    """Millions of new objects, and no garbage among them."""
     was_enabled = gc.isenabled()
-    gc.disable()  # a million new objects and no garbage
+    gc.disable()
     try:
-        definition = msgspec.json.decode(data, type=Definition)
-        if isinstance(definition.crs, dict):
-            return None  # free values, which may hold infinities
-        # A key is lost where it stood twice: what was kept, written again, has fewer colons. Those
-        # inside of texts are in both alike.
-        again = msgspec.json.encode(definition)
-        return definition if data.count(b":") == again.count(b":") else None
-    except (msgspec.MsgspecError, RecursionError, UnicodeError):
-        return None
+        yield
     finally:
         if was_enabled:
             gc.enable()
 
 
-def _apply_rules(definition: Definition) -> list[Coded]:
-    subject = Subject(definition, flatten(definition))
-    return [
-        (rule.code, remark)
-        for rule in all_rules().values()
-        if rule.check is not None
-        for remark in rule.check(subject)
+def _quickly(data: bytes) -> tuple[structure.Built | None, bool]:
+    """What the text says, if all of it fits; and whether surely no key stands twice."""
+    try:
+        definition = msgspec.json.decode(data, type=Definition)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return None, False
+    tree = flatten(definition)
+    # values of a crs are free, and may hold infinities
+    if isinstance(definition.crs, dict) or not _in_range(definition, tree):
+        return None, False
+    return structure.Built(definition, tree), lost_no_key(data, definition)
+
+
+_RANGED: dict[type, list[tuple[str, Key]]] = {
+    kind: [
+        (f.name, KEYS[kind][f.encode_name])
+        for f in msgspec.structs.fields(kind)
+        if KEYS[kind][f.encode_name].kind in ("number", "whole")
     ]
+    for kind in (Definition, Surface, Element)
+}
 
 
-def _ends(pointer: str) -> list[int]:
-    """Where the pointer and those of all values around it end."""
-    return [i for i, char in enumerate(pointer) if char == "/"] + [len(pointer)]
+def _in_range(definition: Definition, tree: Tree) -> bool:
+    """Whether every number lies in the range of its key; if not, `structure` says which."""
+    ranged = [
+        ({getattr(owner, name)}, key)
+        for owner in (definition, *definition.surfaces.values())
+        for name, key in _RANGED[type(owner)]
+    ]
+    ranged += [(tree.distinct(name), key) for name, key in _RANGED[Element]]
+    for primitive in definition.primitives.values():
+        if primitive.combine is not msgspec.UNSET and primitive.combine not in COMBINES:
+            return False
+        for curve in (primitive.x, primitive.y):
+            if isinstance(curve, tuple):
+                ranged.append((set(curve), KEYS[Primitive]["x"]))
+    return all(map(_all_hold, ranged))
 
 
-def _follows(code: str, remark: Remark, faulty: set[str], above: set[str]) -> bool:
-    """Whether a remark only follows from a value that did not fit and was left out.
-
-    `faulty` are the pointers of such values, `above` these and those of all values around them.
-    """
-    pointer = remark.pointer
-    if code == "TT104":
-        return pointer in faulty or f"{pointer}/{remark.missing}" in above
-    if code == "TT303":
-        return pointer in faulty or f"{pointer}/x" in above or f"{pointer}/y" in above
-    if code == "TT202":
-        return "/surfTypes" in faulty
-    if code == "TT203":
-        element = pointer.split("/span/")[0].removesuffix("/cellX").removesuffix("/cellY")
-        parent = element.rsplit("/children/", 1)[0]
-        return f"{parent}/cells" in above or f"{element}/span" in above
-    return False
+def _all_hold(ranged: tuple[set[Any], Key]) -> bool:
+    values, key = ranged
+    pairs = [value for value in values if isinstance(value, tuple)]
+    numbers = values.difference(pairs, (msgspec.UNSET,))
+    numbers.update(number for pair in pairs for number in pair)
+    return not numbers or (key.holds(min(numbers)) and key.holds(max(numbers)))
 
 
-def _place(source: Source, text: JsonText, code: str, remark: Remark) -> Finding:
-    offset = text.offset(remark.pointer, remark.on_key)
-    return _finding(source, code, remark, text.line_column(offset))
+def _apply_rules(subject: Subject, found: Collected, ignores: Ignores, options: Options) -> None:
+    for rule in all_rules().values():
+        if rule.check is not None and (options.warnings or rule.severity == "error"):
+            remarks = rule.check(subject)
+            if ignores and rule.severity == "warning":
+                remarks = ignores.others(rule.code, remarks, subject.tree)
+            found.take(rule.code, remarks)
+    if options.warnings:
+        idle = frozenset() if subject.max_step is not None else frozenset(["TT211"])
+        found.take("TT113", ignores.unused(all_rules(), idle))
 
 
-def _finding(source: Source, code: str, remark: Remark, place: tuple[int, int]) -> Finding:
-    severity = all_rules()[code].severity
-    line, column = place
+def _place(source: Source, found: Collected, built: structure.Built) -> tuple[Finding, ...]:
+    tree = built.tree
+    pointers = [
+        (tree.pointer(remark.element) if remark.element >= 0 else "") + remark.pointer
+        for _, remark in found.kept
+    ]
+    spots = [
+        Spot(pointer, remark.on_key, remark.occurrence)
+        for pointer, (_, remark) in zip(pointers, found.kept, strict=True)
+    ]
+    findings = []
+    for (code, remark), spot, place in zip(
+        found.kept, spots, locate(source.data, spots, found.counts["TT102"] > 0), strict=True
+    ):
+        bounds = None
+        if built.definition is not None and remark.element >= 0:
+            bounds = tree.rectangle(remark.element, built.definition)
+        findings.append(_finding(source, code, spot.pointer, remark, place, bounds))
+    return tuple(sorted(findings, key=lambda f: (f.line, f.column, f.code)))
+
+
+def _finding(
+    source: Source, code: str, pointer: str, remark: Remark, place: Place, bounds: Any = None
+) -> Finding:
     return Finding(
-        source.name, code, severity, remark.pointer, line, column, remark.message, remark.hint,
-        remark.bounds,
+        source.name, code, all_rules()[code].severity, pointer, place.line, place.column,
+        remark.message, remark.hint, bounds, place.excerpt,
     )  # fmt: skip
 
 
-def _duplicate(source: Source, text: JsonText, pointer: str, offset: int) -> Finding:
-    remark = Remark(
-        pointer,
-        f"the key {shown(_last(pointer))} stands twice in one object.",
-        "Remove or rename one of the two.",
-        on_key=True,
-    )
-    return _finding(source, "TT102", remark, text.line_column(offset))
+def _duplicate(repeated: Repeated) -> Remark:
+    pointer, occurrence = repeated
+    key = shown(unescape(pointer.rsplit("/", 1)[1]))
+    message = f"the key {key} stands twice in one object."
+    hint = "Remove or rename one of the two."
+    return Remark(pointer, message, hint, on_key=True, occurrence=occurrence)
 
 
-def _last(pointer: str) -> str:
-    return unescape(pointer.rsplit("/", 1)[1])
+def _unreadable(source: Source, error: MisspeltError) -> Checked:
+    at = len(source.data.decode("utf-8", "replace")[: error.offset].encode())
+    (place,) = places(source.data, [at])
+    finding = _finding(source, error.code, "", Remark("", error.message, error.hint), place)
+    return Checked(None, (finding,), Counter([error.code]), readable=False)
 
 
-def _misspelt(source: Source, error: MisspeltError) -> Finding:
-    remark: Any = Remark("", error.message, error.hint)
-    return _finding(source, error.code, remark, _line_column(source.data, error.offset))
-
-
-def _bad_encoding(source: Source, error: UnicodeDecodeError) -> Finding:
-    remark = Remark(
-        "", f"the byte 0x{source.data[error.start]:02X} is no UTF-8.", "Save the file as UTF-8."
-    )
-    before = source.data[: error.start]
-    return _finding(source, "TT109", remark, _line_column(before, len(before.decode("utf-8"))))
-
-
-def _line_column(data: bytes, offset: int) -> tuple[int, int]:
-    starts = list(jsontext.line_starts(data.decode("utf-8")[:offset]))
-    return len(starts), offset - starts[-1] + 1
+def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> MisspeltError:
+    before = data[: error.start].decode("utf-8")
+    message = f"the byte 0x{data[error.start]:02X} is no UTF-8."
+    return MisspeltError("TT109", len(before), message, "Save the file as UTF-8.")

@@ -20,6 +20,12 @@ class Source:
 
     name: str
     data: bytes
+    packed: bool = False
+
+    @property
+    def size(self) -> int:
+        """Bytes of the text."""
+        return len(self.data)
 
 
 def read_source(path: str | Path) -> Source:
@@ -42,9 +48,10 @@ def read_source(path: str | Path) -> Source:
             "Check the path and its permissions.",
         ) from error
     data = _within_limit(name, data)
-    if data.startswith(_GZIP):
+    packed = data.startswith(_GZIP)
+    if packed:
         data = _within_limit(name, _gunzip(name, data))
-    return Source(name, data.removeprefix(_BOM))
+    return Source(name, data.removeprefix(_BOM), packed)
 
 
 def _within_limit(name: str, data: bytes) -> bytes:

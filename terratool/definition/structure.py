@@ -1,38 +1,31 @@
 """From plain JSON values to the typed model, with a remark for everything that does not fit.
 
-What does not fit is left out of the model, so that the rules can still look at the rest.
+What does not fit is left out of the model and noted, so that the rules can still look at the rest
+and need not complain about what only follows.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from difflib import get_close_matches
+from functools import lru_cache
+from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
-import msgspec
+from msgspec import UNSET, UnsetType, structs
 
-from terratool.definition.findings import Remark, escape, shown
-from terratool.definition.keys import KEYS
+from terratool.definition.findings import Collected, Remark, escape, shown
+from terratool.definition.keys import KEYS, Key
 from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.tree import Tree
 
-Coded = tuple[str, Remark]
+Owner = int | str
+"""An element by its index in the tree, anything else by its JSON pointer."""
 
-
-class Built(NamedTuple):
-    """The model as far as it could be built, and what was wrong, with codes."""
-
-    definition: Definition | None
-    remarks: list[Coded]
-
-
-_TYPES: dict[type, dict[str, Any]] = {
-    kind: {field.encode_name: field.type for field in msgspec.structs.fields(kind)} for kind in KEYS
-}
-_NAMES: dict[type, dict[str, str]] = {
-    kind: {field.encode_name: field.name for field in msgspec.structs.fields(kind)} for kind in KEYS
-}
+_BIGGEST = math.nextafter(math.inf, 0)
+_LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
     Element: "an element",
@@ -41,133 +34,354 @@ _JSON_NAMES = {
     dict: "an object", list: "a list", str: "a text", bool: "true or false",
     int: "a number", float: "a number", type(None): "null",
 }  # fmt: skip
+_JSON_TYPES: dict[str, frozenset[type]] = {
+    "text": frozenset([str]), "flag": frozenset([bool]), "whole": frozenset([int]),
+    "number": frozenset([int, float]), "object": frozenset([dict]), "list": frozenset([list]),
+}  # fmt: skip
+_NO_TYPES: frozenset[type] = frozenset()
 
 
-def build(value: Any) -> Built:
-    """Build the model of a parsed JSON value, without recursion over the elements."""
-    if not isinstance(value, dict):
-        remark = Remark(
-            "",
-            f"the definition is {_JSON_NAMES[type(value)]} where an object is expected.",
-            'Write { "size": …, "elemTypes": {…}, "elemTree": {…} }.',
-        )
-        return Built(None, [("TT105", remark)])
-    remarks: list[Coded] = []
-    fields = _object(Definition, value, "", remarks)
-    for key, kind in (("surfTypes", Surface), ("elemTypes", Primitive)):
-        if key in fields:
-            fields[key] = _dictionary(kind, fields[key], f"/{key}", remarks)
-    if "elemTree" in fields:
-        fields["elemTree"] = _tree(fields["elemTree"], remarks)
-    return Built(_struct(Definition, fields), remarks)
+class _Slot(NamedTuple):
+    """What a value is compared with first; what passes is good, the others are looked at closely.
 
-
-def _struct(kind: type, fields: dict[str, Any]) -> Any:
-    return kind(**{_NAMES[kind][key]: value for key, value in fields.items()})
-
-
-def _dictionary(
-    kind: type, entries: dict[str, Any], pointer: str, remarks: list[Coded]
-) -> dict[str, Any]:
-    built = {}
-    for name, value in entries.items():
-        here = f"{pointer}/{escape(name)}"
-        if isinstance(value, dict):
-            built[name] = _struct(kind, _object(kind, value, here, remarks))
-        else:
-            what = "surface" if kind is Surface else "primitive"
-            remarks.append(_wrong_type(here, f"the {what} {shown(name)}", "an object", value))
-            built[name] = kind()  # the name exists, whatever its value
-    return built
-
-
-def _tree(root: dict[str, Any], remarks: list[Coded]) -> Element:
-    # breadth first down, then children before parents up
-    values: list[dict[str, Any]] = [root]
-    pointers = ["/elemTree"]
-    fields: list[dict[str, Any]] = []
-    children: list[list[int]] = []
-    for value, pointer in zip(values, pointers, strict=False):  # both grow while we go
-        own = _object(Element, value, pointer, remarks)
-        below = []
-        for index, child in enumerate(own.get("children", ())):
-            here = f"{pointer}/children/{index}"
-            if not isinstance(child, dict):
-                remarks.append(_wrong_type(here, "an element", "an object", child))
-                child = {}  # keeps its place, so that the others keep their pointers
-            below.append(len(values))
-            values.append(child)
-            pointers.append(here)
-        fields.append(own)
-        children.append(below)
-    built: list[Element | None] = [None] * len(values)
-    for index in range(len(values) - 1, -1, -1):
-        if "children" in fields[index]:
-            fields[index]["children"] = tuple(built[child] for child in children[index])
-            for child in children[index]:
-                built[child] = None
-        built[index] = _struct(Element, fields[index])
-    assert built[0] is not None
-    return built[0]
-
-
-def _object(
-    kind: type, value: dict[str, Any], pointer: str, remarks: list[Coded]
-) -> dict[str, Any]:
-    """The keys of an object whose values fit, converted; the nested ones as they are."""
-    fields = {}
-    for key, item in value.items():
-        here = f"{pointer}/{escape(key)}"
-        wanted = _TYPES[kind].get(key)
-        if wanted is None:
-            if not key.startswith("x-"):
-                remarks.append(("TT103", _unknown_key(kind, key, here)))
-        elif key in ("surfTypes", "elemTypes", "elemTree", "children"):
-            if isinstance(item, list if key == "children" else dict):
-                fields[key] = item
-            else:
-                remarks.append(_wrong_type(here, f'"{key}"', KEYS[kind][key].words, item))
-        else:
-            if nonfinite := list(_nonfinite(item, here)):
-                remarks.extend(nonfinite)
-                continue
-            fitting, steps = _convert(item, wanted)
-            if steps is None:
-                fields[key] = fitting
-                continue
-            subject = f'"{key}"'
-            for step in steps:
-                item, here = item[step], f"{here}/{step}"
-                subject = f'item {"/".join(map(str, steps))} of "{key}"'
-            remarks.append(_wrong_type(here, subject, KEYS[kind][key].words, item))
-    return fields
-
-
-def _convert(item: Any, wanted: Any) -> tuple[Any, list[int] | None]:
-    """The value as the wanted type and None, or the indices that lead to what does not fit.
-
-    Whole floats are integers, as in JSON Schema.
+    Attributes:
+        name: attribute of the model.
+        types: exact types that need no conversion, none if the value never stands alone.
+        low: least number.
+        high: largest number.
+        number: whole numbers become floats.
     """
-    steps: list[int] = []
-    for value in (item, _whole(item)):
-        try:
-            return msgspec.convert(value, wanted), None
-        except msgspec.ValidationError as error:
-            path = re.search(r"`\$((?:\[[0-9]+\])+)`$", str(error))
-            steps = [int(step) for step in re.findall(r"[0-9]+", path[1])] if path else []
-        except (OverflowError, RecursionError):
-            steps = []
-    return None, steps
+
+    name: str
+    types: frozenset[type]
+    low: float
+    high: float
+    number: bool
 
 
-def _whole(item: Any) -> Any:
-    if isinstance(item, list):
-        return [_whole(part) if isinstance(part, float) else part for part in item]
-    return int(item) if isinstance(item, float) and item.is_integer() else item
+def _slot(name: str, key: Key) -> _Slot:
+    low = math.nextafter(key.low, math.inf) if key.open_low else key.low
+    high = math.nextafter(key.high, -math.inf) if key.open_high else key.high
+    types = _JSON_TYPES.get(key.kind, _NO_TYPES) if key.alone else _NO_TYPES
+    return _Slot(name, types, max(low, -_BIGGEST), min(high, _BIGGEST), key.kind == "number")
 
 
-def _nonfinite(item: Any, pointer: str) -> Iterator[Coded]:
-    pending = [(item, pointer)]
+_SLOTS: dict[type, dict[str, _Slot]] = {
+    kind: {f.encode_name: _slot(f.name, KEYS[kind][f.encode_name]) for f in structs.fields(kind)}
+    for kind in KEYS
+}
+
+
+@dataclass(slots=True)
+class Built:
+    """The model as far as it could be built.
+
+    Attributes:
+        definition: without its elements; None where the text is no object.
+        tree: the elements.
+        unfit: (owner, key) of each value that was left out; the key is "" for the owner itself.
+        ignores: owner and value of each `x-ignore`.
+    """
+
+    definition: Definition | None = None
+    tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
+    unfit: set[tuple[Owner, str]] = field(default_factory=set)
+    ignores: list[tuple[Owner, Any]] = field(default_factory=list)
+
+
+def build(value: Any, found: Collected) -> Built:
+    """Build the model of a parsed JSON value, without recursion over the elements."""
+    return _Builder(found).build(value)
+
+
+def complete(built: Built) -> Definition:
+    """The definition with its elements; none of its values may have been left out."""
+    tree, definition = built.tree, built.definition
+    assert definition is not None
+    if tree.elements:
+        return definition
+    broods: list[Any] = [UNSET] * len(tree)
+    families = list(tree.families)
+    elements: list[Element] = []  # of the level below
+    names = [f.name for f in structs.fields(Element) if f.name != "children"]
+    for begin, end in reversed(list(pairwise(tree.levels))):
+        while families and families[-1][0] >= begin:
+            parent, first, last = families.pop()
+            broods[parent] = tuple(elements[first - end : last - end])
+        columns = [tree.column(name)[begin:end] for name in names]
+        elements = list(map(Element, *columns, broods[begin:end]))
+    return structs.replace(definition, elem_tree=elements[0])
+
+
+class _Builder:
+    def __init__(self, found: Collected) -> None:
+        self._found = found
+        self._built = Built()
+        self._failed = False
+
+    def build(self, value: Any) -> Built:
+        if not isinstance(value, dict):
+            self._add(
+                "TT105",
+                "",
+                f"the definition is {_JSON_NAMES[type(value)]} where an object is expected.",
+                'Write { "size": …, "elemTypes": {…}, "elemTree": {…} }.',
+            )
+            return self._built
+        fields = self._fields(Definition, value, "")
+        for key, name, kind in (
+            ("surfTypes", "surf_types", Surface),
+            ("elemTypes", "elem_types", Primitive),
+        ):
+            if name in fields:
+                fields[name] = self._dictionary(kind, fields[name], f"/{key}")
+        if "elem_tree" in fields:
+            self._built.tree = self._tree(fields.pop("elem_tree"))
+        self._built.definition = Definition(**fields)
+        return self._built
+
+    def _dictionary(self, kind: type, entries: dict[str, Any], pointer: str) -> dict[str, Any]:
+        built = {}
+        for name, value in entries.items():
+            here = f"{pointer}/{escape(name)}"
+            if isinstance(value, dict):
+                built[name] = kind(**self._fields(kind, value, here))
+            else:
+                what = "surface" if kind is Surface else "primitive"
+                self._wrong_type(here, "", f"the {what} {shown(name)}", "an object", value)
+                built[name] = kind()  # the name exists, whatever its value
+        return built
+
+    def _tree(self, root: dict[str, Any]) -> Tree:
+        values: list[dict[str, Any]] = []
+        families = []
+        levels = [0]
+        level: list[Any] = [root]
+        while level:
+            start = len(values)
+            if set(map(type, level)) != {dict}:
+                level = [self._element(value, index) for index, value in enumerate(level, start)]
+            values.extend(level)
+            after = len(values)
+            levels.append(after)
+            broods = [value.get("children", UNSET) for value in level]
+            level = []
+            if broods.count(UNSET) < len(broods):  # most elements are in the last level
+                for index, children in enumerate(broods, start):
+                    if isinstance(children, list):
+                        begin = after + len(level)
+                        level.extend(children)
+                        if children:
+                            families.append((index, begin, after + len(level)))
+                    elif children is not UNSET:
+                        wanted = KEYS[Element]["children"].words
+                        self._wrong_type(index, "/children", '"children"', wanted, children)
+                        self._built.unfit.add((index, "children"))
+        columns = {}
+        for key, slot in _SLOTS[Element].items():
+            if key != "children":
+                column = [value.get(key, UNSET) for value in values]
+                self._mend(key, slot, column)
+                columns[slot.name] = column
+        own = set(chain.from_iterable(values)) - _SLOTS[Element].keys()
+        self._own_keys(own, values)
+        return Tree([], families, levels, columns)
+
+    def _own_keys(self, own: set[str], values: list[dict[str, Any]]) -> None:
+        """All keys that elements have besides those of the format."""
+        if "x-ignore" in own:
+            self._built.ignores += [
+                (index, value["x-ignore"])
+                for index, value in enumerate(values)
+                if "x-ignore" in value
+            ]
+        own = {key for key in own if not key.startswith("x-")}
+        if own:
+            remarks = (
+                _remark(index, "/" + escape(key), *_unknown_key(Element, key), on_key=True)
+                for index, value in enumerate(values)
+                if not own.isdisjoint(value)
+                for key in value
+                if key in own
+            )
+            self._found.take("TT103", remarks)
+
+    def _element(self, value: Any, index: int) -> dict[str, Any]:
+        if isinstance(value, dict):
+            return value
+        self._wrong_type(index, "", "an element", "an object", value)
+        return {}  # keeps its place, so that the others keep their pointers
+
+    def _mend(self, key: str, slot: _Slot, column: list[Any]) -> None:
+        """Convert what has to be, and leave out what does not fit."""
+        types = set(map(type, column)) - {UnsetType}
+        if types <= slot.types:
+            numbers = set(column) - {UNSET} if types - {str} else ()
+            if not numbers or (slot.low <= min(numbers) and max(numbers) <= slot.high):
+                if slot.number and int in types:
+                    column[:] = [float(n) if type(n) is int else n for n in column]
+                return
+        wanted, unfit = KEYS[Element][key], self._built.unfit
+        for index, item in enumerate(column):
+            its = type(item)
+            if its is UnsetType:
+                continue
+            if its in slot.types:
+                if its is str or slot.low <= item <= slot.high:
+                    if slot.number:
+                        column[index] = float(item)
+                    continue
+                if self._found.full("TT106") and _fits(item):  # nobody wants to read of it
+                    self._found.wants("TT106")
+                    column[index] = UNSET
+                    unfit.add((index, key))
+                    continue
+            self._failed = False
+            column[index] = self._fit(wanted, key, item, index)
+            if self._failed:
+                column[index] = UNSET
+                unfit.add((index, key))
+
+    def _fields(self, kind: type, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
+        """The keys of an object whose values fit, converted; the nested ones as they are."""
+        fields = {}
+        slots = _SLOTS[kind]
+        for key, item in value.items():
+            slot = slots.get(key)
+            if slot is None:
+                self._own_key(kind, key, item, owner)
+                continue
+            name, types, low, high, number = slot
+            its = type(item)
+            if its in types:  # a million elements pass here
+                if its is int:
+                    if low <= item <= high:
+                        fields[name] = float(item) if number else item
+                        continue
+                elif its is not float or low <= item <= high:
+                    fields[name] = item
+                    continue
+            self._failed = False
+            fitting = self._fit(KEYS[kind][key], key, item, owner)
+            if self._failed:
+                self._built.unfit.add((owner, key))
+            else:
+                fields[name] = fitting
+        return fields
+
+    def _own_key(self, kind: type, key: str, item: Any, owner: Owner) -> None:
+        if key == "x-ignore":
+            self._built.ignores.append((owner, item))
+        elif not key.startswith("x-") and self._found.wants("TT103"):
+            message, hint = _unknown_key(kind, key)
+            remark = _remark(owner, "/" + escape(key), message, hint, on_key=True)
+            self._found.keep("TT103", remark)
+
+    def _fit(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        """The value as the model has it; remarks where it does not fit."""
+        rest, subject = f"/{key}", f'"{key}"'
+        if wanted.kind == "curve":
+            return self._curve(wanted, key, item, owner)
+        if wanted.kind == "any":
+            if isinstance(item, bool) or not isinstance(item, str | int | dict):
+                self._wrong_type(owner, rest, subject, wanted.words, item)
+            for place in _nonfinite(item):
+                self._not_finite(owner, rest + place)
+            return item
+        if wanted.length and isinstance(item, list) and len(item) == wanted.length:
+            return tuple(
+                self._single(wanted, part, owner, f"{rest}/{i}", f'item {i} of "{key}"', key)
+                for i, part in enumerate(item)
+            )
+        if not wanted.alone:
+            return self._wrong_type(owner, rest, subject, wanted.words, item)
+        return self._single(wanted, item, owner, rest, subject, key)
+
+    def _single(
+        self, wanted: Key, item: Any, owner: Owner, rest: str, subject: str, key: str
+    ) -> Any:
+        if wanted.kind == "whole" and isinstance(item, float) and item.is_integer():
+            item = int(item)  # as in JSON Schema
+        if type(item) not in _JSON_TYPES[wanted.kind]:
+            return self._wrong_type(owner, rest, subject, wanted.words, item)
+        if isinstance(item, int | float) and not _fits(item):
+            return self._not_finite(owner, rest)
+        if isinstance(item, int | float) and not wanted.holds(item):
+            self._failed = True
+            if self._found.wants("TT106"):
+                message = f'"{key}" is {shown(item)}, out of its range.'
+                self._found.keep("TT106", _remark(owner, rest, message, f"Write {wanted.words}."))
+            return None
+        return float(item) if wanted.kind == "number" else item
+
+    def _curve(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        if isinstance(item, str):
+            return item
+        if not isinstance(item, list):
+            return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
+        fast = _JSON_TYPES["number"].issuperset(map(type, item))
+        if fast and all(-wanted.high <= number <= wanted.high for number in item):
+            return tuple(map(float, item))
+        points = []
+        for index, part in enumerate(item):
+            rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
+            if isinstance(part, list) and len(part) == 2:
+                points.append(
+                    tuple(
+                        self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
+                        for i, value in enumerate(part)
+                    )
+                )
+            elif isinstance(part, list):
+                self._wrong_type(owner, rest, subject, wanted.words, part)
+            else:
+                points.append(self._single(_NUMBER, part, owner, rest, subject, key))
+        return tuple(points)
+
+    def _wrong_type(self, owner: Owner, rest: str, subject: str, words: str, item: Any) -> None:
+        self._failed = True
+        if rest == "":
+            self._built.unfit.add((owner, ""))
+        if not self._found.wants("TT105"):
+            return
+        found = _JSON_NAMES[type(item)]
+        if isinstance(item, str):
+            found = f"the text {shown(item)}"
+        elif isinstance(item, bool):
+            found = "true" if item else "false"
+        elif isinstance(item, int | float):
+            found = f"the number {shown(item)}"
+        elif isinstance(item, list):
+            found = f"a list of {len(item)}"
+        message = f"{subject} is {found}, which does not fit."
+        self._found.keep("TT105", _remark(owner, rest, message, f"Write {words}."))
+
+    def _not_finite(self, owner: Owner, rest: str) -> None:
+        self._failed = True
+        self._add(
+            "TT107",
+            rest,
+            "the number is too large for a 64-bit float.",
+            "Write a number below 1.8e308 in size.",
+            owner,
+        )
+
+    def _add(self, code: str, rest: str, message: str, hint: str, owner: Owner = "") -> None:
+        if self._found.wants(code):
+            self._found.keep(code, _remark(owner, rest, message, hint))
+
+
+_NUMBER = KEYS[Element]["vScale"]
+
+
+def _remark(owner: Owner, rest: str, message: str, hint: str, *, on_key: bool = False) -> Remark:
+    if isinstance(owner, int):
+        return Remark(rest, message, hint, on_key, owner)
+    return Remark(owner + rest, message, hint, on_key)
+
+
+def _nonfinite(item: Any) -> Iterator[str]:
+    pending = [(item, "")]
     while pending:
         part, here = pending.pop()
         if isinstance(part, list):
@@ -175,39 +389,19 @@ def _nonfinite(item: Any, pointer: str) -> Iterator[Coded]:
         elif isinstance(part, dict):
             pending.extend((value, f"{here}/{escape(key)}") for key, value in part.items())
         elif isinstance(part, float | int) and not _fits(part):
-            remark = Remark(
-                here,
-                "the number is too large for a 64-bit float.",
-                "Write a number below 1.8e308 in size.",
-            )
-            yield "TT107", remark
+            yield here
 
 
 def _fits(number: float) -> bool:
-    try:
-        return math.isfinite(float(number))
-    except OverflowError:
-        return False
+    return -_BIGGEST <= number <= _BIGGEST
 
 
-def _unknown_key(kind: type, key: str, pointer: str) -> Remark:
-    known = list(_TYPES[kind])
+@lru_cache(maxsize=256)
+def _unknown_key(kind: type, key: str) -> tuple[str, str]:
+    known = list(_SLOTS[kind])
     close = [name for name in known if name.lower() == key.lower()]
-    close = close or get_close_matches(key, known, 1, 0.6)
-    what = _SUBJECTS[kind]
+    if not close and len(key) <= _LONG:
+        close = get_close_matches(key, known, 1, 0.6)
     hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
     hint += " A key of your own begins with x-."
-    return Remark(pointer, f"{shown(key)} is no key of {what}.", hint, on_key=True)
-
-
-def _wrong_type(pointer: str, subject: str, words: str, item: Any) -> Coded:
-    found = _JSON_NAMES[type(item)]
-    if isinstance(item, str):
-        found = f"the text {shown(item)}"
-    elif isinstance(item, bool):
-        found = "true" if item else "false"
-    elif isinstance(item, int | float):
-        found = f"the number {shown(item)}"
-    elif isinstance(item, list):
-        found = f"a list of {len(item)}"
-    return "TT105", Remark(pointer, f"{subject} is {found}, which does not fit.", f"Write {words}.")
+    return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint

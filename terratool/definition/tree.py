@@ -2,31 +2,122 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
-from itertools import repeat
+from fractions import Fraction
+from functools import cached_property
+from itertools import chain, repeat
+from operator import attrgetter
+from typing import Any
 
 from msgspec import UNSET
 
-from terratool.definition.model import Definition, Element
+from terratool.definition.blocks import Block
+from terratool.definition.findings import Rectangle
+from terratool.definition.model import DEFAULT_CELLS, Definition, Element
 
 ROOT = "/elemTree"
 
+Pair = tuple[int, int]
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class Tree:
     """All elements, level by level, in document order within a level.
 
+    What a million elements have is looked at in columns, one attribute of all of them.
+
     Attributes:
-        elements: the root first.
-        parents: index of each element's parent; the root's is -1.
-        first_child: where each element's children begin; they stand side by side.
+        elements: the root first; none where the text has errors and the columns were read alone.
+        families: parent, first child and last but one, of each element that has children; siblings
+            stand side by side.
         levels: where each level begins, and at the end the number of elements.
+        columns: those that were read or looked at before.
     """
 
     elements: list[Element]
-    parents: list[int]
-    first_child: list[int] = field(repr=False)
+    families: list[tuple[int, int, int]] = field(repr=False)
     levels: list[int]
+    columns: dict[str, list[Any]] = field(default_factory=dict, repr=False, compare=False)
+    _distinct: dict[str, set[Any]] = field(default_factory=dict, repr=False, compare=False)
+
+    def __len__(self) -> int:
+        return self.levels[-1]
+
+    def column(self, name: str) -> list[Any]:
+        """One attribute of all elements, `UNSET` where it is left out."""
+        if name not in self.columns:
+            self.columns[name] = list(map(attrgetter(name), self.elements))
+        return self.columns[name]
+
+    def distinct(self, name: str) -> set[Any]:
+        """The different values of an attribute."""
+        if name not in self._distinct:
+            # the columns of these will be wanted, too
+            at_once = name in self.columns or name in ("cell_x", "cell_y")
+            values = self.column(name) if at_once else map(attrgetter(name), self.elements)
+            self._distinct[name] = set(values)
+        return self._distinct[name]
+
+    def grid(self, index: int) -> Pair:
+        """Columns and rows of the grid of an element."""
+        cells = self.column("cells")[index]
+        if cells is UNSET:
+            return DEFAULT_CELLS, DEFAULT_CELLS
+        return cells if isinstance(cells, tuple) else (cells, cells)
+
+    def block(self, index: int) -> Block:
+        """The cells of an element in its parent's grid; nobody else's where that is unknown."""
+        x, y = self.column("cell_x")[index], self.column("cell_y")[index]
+        if x is UNSET or y is UNSET:
+            x, y = -1, -1 - index
+        span = self.column("span")[index] if self.distinct("span") != {UNSET} else UNSET
+        return (x, y, 1, 1) if span is UNSET else (x, y, *span)
+
+    def having(self, name: str, wanted: Container[Any]) -> Iterator[tuple[int, Any]]:
+        """Index and value of the elements whose attribute is one of these."""
+        if any(value in wanted for value in self.distinct(name)):
+            for index, value in enumerate(self.column(name)):
+                if value in wanted:
+                    yield index, value
+
+    @cached_property
+    def parents(self) -> list[int]:
+        """Index of each element's parent; the root's is -1."""
+        parents = [-1] * min(1, len(self))
+        for parent, begin, end in self.families:
+            parents.extend(repeat(parent, end - begin))
+        return parents
+
+    @cached_property
+    def first_child(self) -> list[int]:
+        """Where the children of each element begin, or would."""
+        first_child: list[int] = []
+        after = 1
+        for parent, begin, end in self.families:
+            first_child.extend(repeat(begin, parent + 1 - len(first_child)))
+            after = end
+        first_child.extend(repeat(after, len(self) - len(first_child)))
+        return first_child
+
+    @cached_property
+    def crowded(self) -> list[tuple[int, int]]:
+        """First and last but one of the siblings of which some may share a cell.
+
+        Where cells are missing, nothing can be said.
+        """
+        xs, ys = self.column("cell_x"), self.column("cell_y")
+        spans = self.distinct("span") != {UNSET} and self.column("span")
+        crowded = []
+        for _, begin, end in self.families:
+            if begin + 1 < end:
+                cells = set(zip(xs[begin:end], ys[begin:end], strict=True))
+                few = len(cells) < end - begin
+                wide = spans and spans[begin:end].count(UNSET) < end - begin
+                missing = few and UNSET in chain.from_iterable(cells)
+                if (few or wide) and not missing:
+                    crowded.append((begin, end))
+        return crowded
 
     def pointer(self, index: int) -> str:
         """JSON pointer of an element."""
@@ -36,26 +127,50 @@ class Tree:
             index = parent
         return ROOT + "".join(f"/children/{step}" for step in reversed(steps))
 
+    def rectangle(self, index: int, definition: Definition) -> Rectangle | None:
+        """The world rectangle of an element's cell; None where that is not known."""
+        path = []
+        while index >= 0:
+            path.append(index)
+            index = self.parents[index]
+        corner, extent = definition.corner, definition.extent
+        if not all(map(_finite, (*corner, *extent))):
+            return None
+        # exact, so that neither depth nor large coordinates blur it
+        low, side = [*map(Fraction, corner)], [*map(Fraction, extent)]
+        for parent, element in zip(reversed(path), reversed(path[:-1]), strict=False):
+            grid, block = self.grid(parent), self.block(element)
+            if block[0] < 0:
+                return None
+            for axis in (0, 1):
+                side[axis] /= grid[axis]
+                low[axis] += side[axis] * block[axis]
+                side[axis] *= block[axis + 2]
+        return float(low[0]), float(low[1]), float(low[0] + side[0]), float(low[1] + side[1])
+
+
+def _finite(number: float) -> bool:
+    return number - number == 0
+
 
 def flatten(definition: Definition) -> Tree:
     """Lay the tree of a definition flat; time and memory linear in the number of elements."""
     root = definition.elem_tree
     level = [] if root is UNSET else [root]
     elements: list[Element] = []
-    parents = [-1] * len(level)
-    first_child: list[int] = []
+    families: list[tuple[int, int, int]] = []
     levels = [0]
     while level:
         start = len(elements)
         elements.extend(level)
         after = len(elements)
-        below: list[Element] = []
-        for index, element in enumerate(level, start):
-            first_child.append(after + len(below))
-            children = element.children
-            if children:  # UNSET counts as empty
-                below.extend(children)
-                parents.extend(repeat(index, len(children)))
         levels.append(after)
-        level = below
-    return Tree(elements, parents, first_child, levels)
+        broods = list(map(attrgetter("children"), level))
+        level = []
+        if broods.count(UNSET) < len(broods):  # most elements are in the last level
+            for index, children in enumerate(broods, start):
+                if children:  # UNSET counts as empty
+                    begin = after + len(level)
+                    level.extend(children)
+                    families.append((index, begin, after + len(level)))
+    return Tree(elements, families, levels)

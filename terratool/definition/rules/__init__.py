@@ -4,7 +4,7 @@ A rule is registered by `rule` with its code, a name and a default severity. The
 code, severity and position. What only the reader can see (syntax, duplicate keys, types) is
 registered by `reader_rule`, so that every code is listed and explained in one place.
 
-Codes: TT1xx the text and its keys, TT2xx names and cells, TT3xx curves.
+Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, TT4xx surfaces.
 """
 
 from __future__ import annotations
@@ -17,17 +17,34 @@ from inspect import cleandoc
 
 from terratool.definition.findings import Remark, Severity
 from terratool.definition.model import Definition
+from terratool.definition.structure import Owner
 from terratool.definition.tree import Tree
 
-_MODULES = ("reading", "presence", "ranges", "names", "placement", "curves")
+_MODULES = (
+    "reading", "files", "presence", "names", "usage", "placement", "hiding", "steps", "curves",
+    "shapes", "surfaces",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a rule looks at: a definition and its elements laid flat."""
+    """What a rule looks at.
+
+    Attributes:
+        definition: the model, without the values that did not fit.
+        tree: its elements laid flat.
+        unfit: (owner, key) of each value that was left out.
+        size: bytes of the text.
+        packed: whether they came from gzip.
+        max_step: height of a step from which on it is remarked on; None for no limit.
+    """
 
     definition: Definition
     tree: Tree
+    unfit: frozenset[tuple[Owner, str]] = frozenset()
+    size: int = 0
+    packed: bool = False
+    max_step: float | None = None
 
 
 Check = Callable[[Subject], Iterator[Remark]]
@@ -42,6 +59,11 @@ class Rule:
     severity: Severity
     manual: str
     check: Check | None
+
+    @property
+    def summary(self) -> str:
+        """The first sentence of the manual page."""
+        return self.manual.partition("\n\n")[0].replace("\n", " ")
 
 
 _rules: dict[str, Rule] = {}

@@ -11,29 +11,53 @@ from terratool.definition.rules import Subject, rule
 
 def _remarks(subject: Subject, code: str) -> Iterator[Remark]:
     for name, primitive in subject.definition.primitives.items():
+        here = f"/elemTypes/{escape(name)}"
+        if code == "TT303" and not subject.unfit.isdisjoint(((here, ""), (here, "x"), (here, "y"))):
+            continue  # what it has does not fit
         for problem in problems(primitive):
             if problem.code == code:
                 remark = problem.remark
-                pointer = f"/elemTypes/{escape(name)}{remark.pointer}"
+                pointer = here + remark.pointer
                 yield Remark(pointer, remark.message, remark.hint)
 
 
 @rule("TT301", "expression")
 def expression(subject: Subject) -> Iterator[Remark]:
-    """A string curve is neither a named curve nor an expression in ``t``.
+    """A string curve is neither a named curve nor an expression in t.
 
-    Fails: ``"x": "sine(t)"``, ``"x": "2t"``.
-    Passes: ``"x": "sin(t)"``, ``"x": "2*t"``, ``"x": "cos"``.
+    The names are flat, ramp, tent, cos, cosbell, dome, gauss and smoothstep. An expression has
+    numbers, t, pi, + - * / **, parentheses and functions such as sin, sqrt, min and max.
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"ramp": {"x": "2t"}}, "elemTree": {"type": "ramp"}}
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"wave": {"x": "sine(t)"}}, "elemTree": {"type": "wave"}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"wave": {"x": "sin(t)"}}, "elemTree": {"type": "wave"}}
+
+    To mend: the message counts the characters up to where it does not go on.
     """
     yield from _remarks(subject, "TT301")
 
 
 @rule("TT302", "expression-value")
 def expression_value(subject: Subject) -> Iterator[Remark]:
-    """An expression is not finite, or reaches 1e9 in size, at one of 4,097 evenly spaced ``t``.
+    """An expression is not finite, or reaches 1e9 in size, at one of 4,097 evenly spaced t.
 
-    Fails: ``"x": "1/t"``, ``"x": "log(t)"``.
-    Passes: ``"x": "1/(t + 0.1)"``.
+    Fails:
+
+        {"size": 10, "elemTypes": {"spike": {"x": "1/t"}}, "elemTree": {"type": "spike"}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"spike": {"x": "0.1/(t + 0.1)"}}, "elemTree": {"type": "spike"}}
+
+    To mend: keep what is divided by away from 0, and what is under a root or a logarithm above it.
     """
     yield from _remarks(subject, "TT302")
 
@@ -42,27 +66,71 @@ def expression_value(subject: Subject) -> Iterator[Remark]:
 def no_curve(subject: Subject) -> Iterator[Remark]:
     """A primitive has no curve: both are left out or empty.
 
-    Fails: ``{"descr": "box"}``, ``{"x": [], "y": []}``, ``{"y": []}``.
-    Passes: ``{"x": [1, 1]}``, ``{"x": [], "y": [0, 1, 0]}``.
+    A curve that is left out is 1 everywhere, an empty one copies the other; one has to say
+    something.
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"box": {"descr": "a box"}}, "elemTree": {"type": "box"}}
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"hill": {"x": [], "y": []}}, "elemTree": {"type": "hill"}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"hill": {"x": [], "y": [0, 1, 0]}}, "elemTree": {"type": "hill"}}
+
+    To mend: give one of the curves values; [1] is a box.
     """
     yield from _remarks(subject, "TT303")
 
 
 @rule("TT304", "knots")
 def knots(subject: Subject) -> Iterator[Remark]:
-    """Knots ``[t, z]`` must reach from t = 0 to t = 1 and be sorted by t.
+    """Knots [t, z] must reach from t = 0 to t = 1 and be sorted by t.
 
-    Fails: ``[[0, 0], [0.6, 1], [0.4, 1], [1, 0]]``.
-    Passes: ``[[0, 0], [0.4, 0], [0.4, 1], [1, 1]]``, a vertical step at 0.4.
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"kerb": {"x": [[0, 0], [0.6, 1], [0.4, 1], [1, 0]]}},
+          "elemTree": {"type": "kerb"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"kerb": {"x": [[0, 0], [0.4, 0], [0.4, 1], [1, 1]]}},
+          "elemTree": {"type": "kerb"}
+        }
+
+    To mend: sort them; two at one t are a vertical step.
     """
     yield from _remarks(subject, "TT304")
 
 
 @rule("TT305", "radial-y")
 def radial_y(subject: Subject) -> Iterator[Remark]:
-    """A radial primitive turns its curve ``x`` about the middle; there is no ``y``.
+    """A radial primitive turns its curve x about the middle; there is no y.
 
-    Fails: ``{"combine": "radial", "x": "cos", "y": "cos"}``.
-    Passes: ``{"combine": "radial", "x": "cos"}``.
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"cone": {"combine": "radial", "x": [0, 1, 0], "y": [0, 1, 0]}},
+          "elemTree": {"type": "cone"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"cone": {"combine": "radial", "x": [0, 1, 0]}},
+          "elemTree": {"type": "cone"}
+        }
+
+    To mend: remove y; a footprint that is no circle comes from an oblong cell.
     """
     yield from _remarks(subject, "TT305")

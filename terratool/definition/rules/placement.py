@@ -1,51 +1,132 @@
-"""Cells and spans outside the parent's grid."""
+"""Cells and spans outside the parent's grid, and cells that siblings share."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import islice
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark, shown
-from terratool.definition.keys import MAX_CELLS
+from terratool.definition.blocks import Block, overlaps
+from terratool.definition.findings import Remark
+from terratool.definition.model import DEFAULT_CELLS
 from terratool.definition.rules import Subject, rule
-
-_AXES = (("cellX", 0, "columns"), ("cellY", 1, "rows"))
+from terratool.definition.tree import Tree
 
 
 @rule("TT203", "outside-grid")
 def outside_grid(subject: Subject) -> Iterator[Remark]:
     """The cell of an element, or the block that it spans, is not in the parent's grid.
 
-    Cells count from 0: a grid of 10 has the cells 0 to 9.
+    Cells count from 0: a grid of 10 has the cells 0 to 9. A grid has 10 × 10 cells unless its
+    element says otherwise.
 
-    Fails: ``"cellX": 10`` in a grid of 10 × 10; ``"cellX": 8, "span": [3, 1]``.
-    Passes: ``"cellX": 9``; ``"cellX": 7, "span": [3, 1]``.
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "children": [{"type": "box", "cellX": 10, "cellY": 0}]}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "children": [{"type": "box", "cellX": 9, "cellY": 0}]}
+        }
+
+    To mend: move the element, shorten its span, or give the parent more cells.
     """
-    elements, parents = subject.tree.elements, subject.tree.parents
-    parent, grid = -1, (0, 0)
-    for index, element in enumerate(islice(elements, 1, None), 1):
-        if parents[index] != parent:  # children stand side by side
-            parent = parents[index]
-            grid = elements[parent].grid
-        x, y, block = element.cell_x, element.cell_y, element.block
-        if x is UNSET or y is UNSET or not all(1 <= side <= MAX_CELLS for side in grid):
-            continue  # TT104 and TT106 have that
-        if 0 <= x <= grid[0] - block[0] and 0 <= y <= grid[1] - block[1]:
-            continue
-        pointer = subject.tree.pointer(index)
-        for key, axis, what in _AXES:
-            place, count, width = (x, y)[axis], grid[axis], block[axis]
-            if not 0 <= place < count:
-                yield Remark(
-                    f"{pointer}/{key}",
-                    f'"{key}" is {shown(place)}, but the parent has {count} {what}.',
-                    f"Write a number from 0 to {count - 1}, or give the parent more cells.",
-                )
-            elif 1 <= width <= MAX_CELLS and place + width > count:
-                yield Remark(
-                    f"{pointer}/span/{axis}",
-                    f"the block ends {place + width - count} beyond the parent's {count} {what}.",
-                    f"Span at most {count - place} from there, or begin further back.",
-                )
+    tree, unfit = subject.tree, subject.unfit
+    if _surely_inside(tree):
+        return
+    for parent, begin, end in tree.families:
+        grid = tree.grid(parent)
+        for index in range(begin, end):
+            x, y, width, height = tree.block(index)
+            if 0 <= x <= grid[0] - width and 0 <= y <= grid[1] - height:
+                continue
+            if x < 0:  # TT104 or TT106 has that
+                continue
+            if not unfit.isdisjoint(((parent, "cells"), (index, "span"))):
+                continue
+            yield from _outside(index, (x, y, width, height), grid)
+
+
+def _outside(index: int, block: Block, grid: tuple[int, int]) -> Iterator[Remark]:
+    for axis, (key, what) in enumerate((("cellX", "columns"), ("cellY", "rows"))):
+        place, width, count = block[axis], block[axis + 2], grid[axis]
+        if place >= count:
+            yield Remark(
+                f"/{key}",
+                f'"{key}" is {place}, but the parent has {count} {what}.',
+                f"Write a number from 0 to {count - 1}, or give the parent more cells.",
+                element=index,
+            )
+        elif place + width > count:
+            yield Remark(
+                f"/span/{axis}",
+                f"the block ends {place + width - count} beyond the parent's {count} {what}.",
+                f"Span at most {count - place} from there, or begin further back.",
+                element=index,
+            )
+
+
+def _surely_inside(tree: Tree) -> bool:
+    """Whether every cell is in the smallest of all grids, and nothing spans more than one."""
+    if tree.distinct("span") != {UNSET}:
+        return not tree.families
+    grids = {tree.column("cells")[parent] for parent, _, _ in tree.families}
+    sides = [DEFAULT_CELLS if n is UNSET else min(n) if isinstance(n, tuple) else n for n in grids]
+    cells = (tree.distinct("cell_x") | tree.distinct("cell_y")) - {UNSET}
+    return not cells or max(cells) < min(sides)
+
+
+@rule("TT208", "shared-cell", "warning")
+def shared_cell(subject: Subject) -> Iterator[Remark]:
+    """Several siblings stand in one cell, or in blocks that overlap.
+
+    Their heights add up, and the later one hides the surface of the earlier. That can be meant; it
+    can also be a slip in cellX or cellY.
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}, "hill": {"x": "cos", "y": []}},
+          "elemTree": {
+            "type": "box",
+            "children": [
+              {"type": "box", "cellX": 2, "cellY": 1},
+              {"type": "hill", "cellX": 2, "cellY": 1}
+            ]
+          }
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}, "hill": {"x": "cos", "y": []}},
+          "elemTree": {
+            "type": "box",
+            "children": [
+              {"type": "box", "cellX": 2, "cellY": 1},
+              {"type": "hill", "cellX": 3, "cellY": 1}
+            ]
+          }
+        }
+
+    To mend: move one of them, make the one a child of the other, or silence TT208 by x-ignore.
+    """
+    tree = subject.tree
+    for begin, end in tree.crowded:
+        blocks = [tree.block(index) for index in range(begin, end)]
+        for later, earlier in overlaps(blocks):
+            yield Remark(
+                "",
+                f"the element shares cells with {tree.pointer(begin + earlier)}.",
+                "Move one of them, or make the one a child of the other.",
+                element=begin + later,
+            )

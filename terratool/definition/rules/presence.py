@@ -14,46 +14,76 @@ from terratool.definition.rules import Subject, rule
 def missing_key(subject: Subject) -> Iterator[Remark]:
     """A required key is absent.
 
-    A terrain needs ``size``, ``elemTypes`` and ``elemTree``; an element ``type``, and ``cellX`` and
-    ``cellY`` unless it is the root.
+    A terrain needs size, elemTypes and elemTree; an element needs type, and cellX and cellY unless
+    it is the root. Everything else has a default.
 
-    Fails: ``{"type": "box", "cellX": 1}`` as a child.
-    Passes: ``{"type": "box", "cellX": 1, "cellY": 4}``.
+    Fails:
+
+        {"elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "children": [{"type": "box", "cellX": 1}]}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "children": [{"type": "box", "cellX": 1, "cellY": 4}]}
+        }
+
+    To mend: add the key to the object at that place.
     """
     definition = subject.definition
     for key, value in (
         ("size", definition.size),
         ("elemTypes", definition.elem_types),
-        ("elemTree", definition.elem_tree),
+        ("elemTree", UNSET if len(subject.tree) == 0 else ""),
     ):
-        if value is UNSET:
-            yield _missing("", "the terrain", key)
-    for index, element in enumerate(subject.tree.elements):
-        if element.type is UNSET:
-            yield _missing(subject.tree.pointer(index), "the element", "type")
-        if index and element.cell_x is UNSET:
-            yield _missing(subject.tree.pointer(index), "the element", "cellX")
-        if index and element.cell_y is UNSET:
-            yield _missing(subject.tree.pointer(index), "the element", "cellY")
-
-
-def _missing(pointer: str, what: str, key: str) -> Remark:
-    return Remark(pointer, f'{what} has no "{key}".', f'Add "{key}".', missing=key)
+        if value is UNSET and ("", key) not in subject.unfit:
+            yield Remark("", f'the terrain has no "{key}".', f'Add "{key}".')
+    tree, unfit = subject.tree, subject.unfit
+    for key, name in (("type", "type"), ("cellX", "cell_x"), ("cellY", "cell_y")):
+        first = key != "type"  # the root has no cell
+        if UNSET in tree.distinct(name) and (column := tree.column(name)).count(UNSET) > first:
+            message, hint = f'the element has no "{key}".', f'Add "{key}".'
+            for index, value in enumerate(column):
+                if value is UNSET and index >= first:
+                    if unfit and not unfit.isdisjoint(((index, key), (index, ""))):
+                        continue
+                    yield Remark("", message, hint, element=index)
 
 
 @rule("TT110", "root-placed")
 def root_placed(subject: Subject) -> Iterator[Remark]:
-    """The root covers the whole terrain, so it has no cell and no span.
+    """The root has a cell or a span, though it covers the whole terrain.
 
-    Fails: ``"elemTree": {"type": "slope", "cellX": 0, "cellY": 0}``.
-    Passes: ``"elemTree": {"type": "slope"}``.
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "cellX": 0, "cellY": 0}
+        }
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    To mend: remove cellX, cellY and span from the root.
     """
-    for root in subject.tree.elements[:1]:
-        for key, value in (("cellX", root.cell_x), ("cellY", root.cell_y), ("span", root.span)):
+    for key, name in (("cellX", "cell_x"), ("cellY", "cell_y"), ("span", "span")):
+        for value in subject.tree.column(name)[:1]:
             if value is not UNSET:
                 yield Remark(
-                    f"/elemTree/{key}",
+                    f"/{key}",
                     f'the root has a "{key}", though its cell is the whole terrain.',
                     f'Remove "{key}".',
                     on_key=True,
+                    element=0,
                 )

@@ -8,28 +8,70 @@ reader_rule(
     """
     The text is no JSON (RFC 8259).
 
-    Fails: ``{"size": 100 "elemTree": {}}`` (a comma is missing).
-    Passes: ``{"size": 100, "elemTree": {}}``.
+    Nothing behind the first such place can be read, so it is the only finding. Most often a comma
+    is missing or one too many, quotes are single, or a number has leading zeros.
+
+    Fails:
+
+        {"size": 10 "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"hill": {"x": 'cos'}}, "elemTree": {"type": "hill"}}
+
+    Fails:
+
+        {"size": 010, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    To mend: the hint names what is missing or too much at that place.
     """,
 )
 reader_rule(
     "TT102",
     "duplicate-key",
     """
-    A key stands twice in one object; JSON readers differ in which one they take.
+    A key stands twice in one object.
 
-    Fails: ``{"size": 100, "size": 50}``.
-    Passes: ``{"size": 100}``.
+    JSON readers differ in which of the two they take, so the text means two things.
+
+    Fails:
+
+        {"size": 10, "size": 50, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Passes:
+
+        {"size": 50, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    To mend: remove one of the two; a second surface or primitive wants a name of its own.
     """,
 )
 reader_rule(
     "TT103",
     "unknown-key",
     """
-    A key that the format does not have: most often a typo. Keys that begin with ``x-`` are yours.
+    A key that the format does not have.
 
-    Fails: ``{"type": "box", "cellx": 1}``.
-    Passes: ``{"type": "box", "cellX": 1, "x-note": "surveyed 2015"}``.
+    Most often it is a typo, and what was meant would be missing without a word. Keys that begin
+    with x- are yours: they are kept and mean nothing, but for x-ignore, a list of codes of warnings
+    that are not wanted for the object it stands in and all in it.
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "vscale": 2}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "vScale": 2}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "x-scale": 2}}
+
+    To mend: write the key as the format spells it, or begin it with x-.
     """,
 )
 reader_rule(
@@ -38,8 +80,39 @@ reader_rule(
     """
     A value of a type that its key does not take.
 
-    Fails: ``"cellX": "1"``.
-    Passes: ``"cellX": 1``.
+    A number in quotes is a text, and no key takes null: leave the key out instead.
+
+    Fails:
+
+        {"size": "10", "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    To mend: write what the hint asks for.
+    """,
+)
+reader_rule(
+    "TT106",
+    "out-of-range",
+    """
+    A number, or one of a list, lies outside the range of its key, or curves are to be combined in
+    a way that there is none of.
+
+    Fails:
+
+        {"size": 0, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "cells": 70000}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "cells": 65536}}
+
+    To mend: the hint names the range; look whether the unit is the right one.
     """,
 )
 reader_rule(
@@ -48,18 +121,38 @@ reader_rule(
     """
     NaN, Infinity, or a number beyond the range of a 64-bit float.
 
-    Fails: ``"vScale": 1e999``.
-    Passes: ``"vScale": 1e9``.
+    JSON has none of the first two; ground that is unknown is a surface with "void": true.
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1, NaN]}}, "elemTree": {"type": "box"}}
+
+    Fails:
+
+        {"size": 1e999, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Passes:
+
+        {"size": 1e9, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    To mend: write a finite number, or leave the key out.
     """,
 )
 reader_rule(
     "TT108",
     "too-deep",
     """
-    The text nests deeper than 10,000 levels, which is 5,000 levels of elements.
+    The text nests deeper than 10,000 levels of brackets, which is 5,000 levels of elements.
 
-    Fails: 100,000 opening brackets.
-    Passes: 1,000 levels of elements.
+    Fails, 10,001 times:
+
+        [
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    To mend: flatten the terrain; long before, a cell is smaller than any grain of sand.
     """,
 )
 reader_rule(
@@ -68,7 +161,43 @@ reader_rule(
     """
     The bytes are no UTF-8.
 
-    Fails: a name written in Latin-1.
-    Passes: the same file saved as UTF-8.
+    Fails, in Latin-1:
+
+        {"descr": "Gerät", "size": 1, "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b"}}
+
+    Passes:
+
+        {"descr": "Gerät", "size": 1, "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b"}}
+
+    To mend: save the file as UTF-8.
     """,
+)
+reader_rule(
+    "TT113",
+    "unused-ignore",
+    """
+    An entry of x-ignore silences nothing.
+
+    Either what it was for has been mended, or its code is misspelt or that of an error, which
+    cannot be ignored. An entry is the code of a warning or the beginning of codes, such as TT4.
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "x-ignore": ["TT208"]}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "vScale": 0, "x-ignore": ["TT210"]}
+        }
+
+    To mend: remove the entry.
+    """,
+    "warning",
 )

@@ -1,0 +1,184 @@
+"""Where the values of a text stand: looked up for those few that there is something to say about.
+
+Values that no pointer leads into are skipped at the speed of C.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import msgspec
+from msgspec import Raw
+
+from terratool.definition import jsontext
+from terratool.definition.findings import Excerpt, unescape
+
+_ABOUT = 60
+"""Characters shown before and behind the one at fault."""
+
+_SHORT = 500
+"""Bytes up to which brackets are counted; longer values are skipped by decoding."""
+_LINE_ENDS = (b"\n", b"\r", b"\r\n")
+
+_gap = re.compile(rb"[ \t\n\r,]*").match
+_key = re.compile(rb'[ \t\n\r,]*("(?:[^"\\]++|\\.)*+")[ \t\n\r]*:[ \t\n\r]*').match
+_scalar = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[^,\]} \t\n\r]+').match
+_bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]]').finditer
+
+
+class Spot(NamedTuple):
+    """A value, or its key, to be found: see `findings.Remark`."""
+
+    pointer: str
+    on_key: bool = False
+    occurrence: int = 1
+
+
+class Place(NamedTuple):
+    """Line and column, both from 1, and the text around."""
+
+    line: int
+    column: int
+    excerpt: Excerpt
+
+
+def locate(data: bytes, spots: Sequence[Spot], repeated: bool = False) -> list[Place]:
+    """Where values stand in a JSON text in UTF-8; that of what is absent is its parent's.
+
+    Args:
+        data: the text.
+        spots: what is looked for.
+        repeated: keys may stand twice in an object; the last one counts.
+    """
+    return places(data, offsets(data, spots, repeated))
+
+
+def offsets(data: bytes, spots: Sequence[Spot], repeated: bool = False) -> list[int]:
+    """The same as offsets in bytes."""
+    try:
+        root = _Value(data, _gap(data, 0).end(), Raw(data))  # type: ignore[union-attr]
+        return [_offset(root, spot, repeated) for spot in spots]
+    except RecursionError:  # nested too deep for skipping
+        text = jsontext.parse(data.decode("utf-8"))
+        return [len(text.text[: text.offset(*spot)].encode()) for spot in spots]
+
+
+def places(data: bytes, at: Sequence[int]) -> list[Place]:
+    """Line, column and surroundings of offsets in bytes; CRLF, LF and CR end a line."""
+    found = {}
+    line, column, before = 1, 1, 0
+    for offset in sorted(set(at)):
+        begin = 1 + max(data.rfind(b"\n", before, offset), data.rfind(b"\r", before, offset))
+        if begin:
+            feeds, returns, pairs = (data.count(end, before, begin) for end in _LINE_ENDS)
+            line, column = line + feeds + returns - pairs, 1
+        column += _characters(data[begin or before : offset])
+        before = offset
+        found[offset] = Place(line, column, _excerpt(data, offset))
+    return [found[offset] for offset in at]
+
+
+def _characters(data: bytes) -> int:
+    return len(data) if data.isascii() else len(data.decode("utf-8", "replace"))
+
+
+def _excerpt(data: bytes, offset: int) -> Excerpt:
+    size = 4 * _ABOUT + 4  # bytes that surely hold as many characters, and one more
+    before = re.split(rb"[\r\n]", data[max(0, offset - size) : offset])[-1].decode(
+        "utf-8", "ignore"
+    )
+    behind = re.split(rb"[\r\n]", data[offset : offset + size])[0].decode("utf-8", "ignore")
+    if len(before) > _ABOUT:
+        before = "…" + before[1 - _ABOUT :]
+    if len(behind) > _ABOUT:
+        behind = behind[: _ABOUT - 1] + "…"
+    before = _printable(before.lstrip())
+    return Excerpt(before + _printable(behind.rstrip()), len(before))
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)
+
+
+class _Value:
+    """A value at its place; what is in it is looked up as far as it is asked for."""
+
+    __slots__ = ("_data", "_found", "_raw", "_rest", "start")
+
+    def __init__(self, data: bytes, start: int, raw: Raw) -> None:
+        self._data = data
+        self.start = start
+        self._raw = raw
+        self._found: dict[str | int, list[tuple[int, _Value]]] = {}
+        first = data[start : start + 1]
+        self._rest: Iterator[tuple[str | int, int, _Value]] = (
+            self._items() if first == b"[" else self._members() if first == b"{" else iter(())
+        )
+
+    def find(self, token: str, occurrence: int) -> tuple[int, _Value] | None:
+        """Where the member of this key, or the item of this index, begins, and its value.
+
+        The occurrence counts from 1; 0 is the last one.
+        """
+        key: str | int = unescape(token)
+        if self._data[self.start : self.start + 1] == b"[" and token.isdigit():
+            key = int(token)
+        while occurrence == 0 or len(self._found.get(key, ())) < occurrence:
+            following = next(self._rest, None)
+            if following is None:
+                break
+            name, at, value = following
+            self._found.setdefault(name, []).append((at, value))
+        found = self._found.get(key, ())
+        return found[occurrence - 1] if len(found) >= max(1, occurrence) else None
+
+    def _items(self) -> Iterator[tuple[int, int, _Value]]:
+        at = self.start + 1
+        for index, raw in enumerate(msgspec.json.decode(self._raw, type=list[Raw])):
+            at = _gap(self._data, at).end()  # type: ignore[union-attr]
+            yield index, at, _Value(self._data, at, raw)
+            at += len(memoryview(raw))
+
+    def _members(self) -> Iterator[tuple[str, int, _Value]]:
+        raws: dict[str, Raw] = {}
+        at = self.start + 1
+        while (match := _key(self._data, at)) is not None:
+            key: str = msgspec.json.decode(match[1])
+            begin = match.end()
+            raw = self._short(begin, begin + _SHORT)
+            if raw is None:
+                raws = raws or msgspec.json.decode(self._raw, type=dict[str, Raw])
+                raw = raws[key]
+                if not self._data.startswith(bytes(raw), begin):
+                    # of a repeated key only the last value is known
+                    raw = self._short(begin, len(self._data))
+                    assert raw is not None
+            yield key, match.start(1), _Value(self._data, begin, raw)
+            at = begin + len(memoryview(raw))
+
+    def _short(self, begin: int, end: int) -> Raw | None:
+        """The value that begins there, if it ends soon enough."""
+        if self._data[begin : begin + 1] not in b"{[":
+            return Raw(_scalar(self._data, begin).group())  # type: ignore[union-attr]
+        depth = 0
+        for match in _bracket(self._data, begin, end):
+            depth += (match.group() in (b"{", b"[")) - (match.group() in (b"}", b"]"))
+            if depth == 0:
+                return Raw(self._data[begin : match.end()])
+        return None
+
+
+def _offset(root: _Value, spot: Spot, repeated: bool) -> int:
+    value, offset = root, root.start
+    tokens = spot.pointer.split("/")[1:]
+    for depth, token in enumerate(tokens, 1):
+        last = depth == len(tokens)
+        wanted = spot.occurrence if last and spot.occurrence > 1 else 0 if repeated else 1
+        found = value.find(token, wanted)
+        if found is None:
+            break
+        key_at, value = found
+        offset = key_at if last and spot.on_key else value.start
+    return offset

@@ -1,0 +1,74 @@
+"""The file and the terrain as a whole."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from msgspec import UNSET
+
+from terratool.definition.findings import Remark
+from terratool.definition.rules import Subject, rule
+
+_STEPS = 64  # a terrain has at least this many coordinates along each side
+_LARGE = 10_000_000
+
+
+@rule("TT111", "unresolved")
+def unresolved(subject: Subject) -> Iterator[Remark]:
+    """A terrain so small, or so far from 0, that 64-bit coordinates cannot tell its points apart.
+
+    At 1e16 the next number is 2 away; whole cells would vanish between two coordinates.
+
+    Fails:
+
+        {
+          "size": 10, "origin": [1e16, 0],
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}
+        }
+
+    Passes:
+
+        {
+          "size": 10, "origin": [500000, 4649776],
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}
+        }
+
+    To mend: move the origin nearer to 0.
+    """
+    definition = subject.definition
+    if definition.size is UNSET:
+        return
+    for corner, side in zip(definition.corner, definition.extent, strict=True):
+        if 0 < side < _STEPS * math.ulp(abs(corner) + abs(side)):
+            yield Remark(
+                "/size",
+                "the terrain is too small for coordinates as large as those of its origin.",
+                "Move the origin nearer to 0.",
+            )
+            return
+
+
+@rule("TT112", "uncompressed", "warning")
+def uncompressed(subject: Subject) -> Iterator[Remark]:
+    """A text of more than 10 MB that is not gzipped.
+
+    Definitions of that size come from imports, not from hands. Gzipped they take a tenth of the
+    space and are read as they are.
+
+    Fails, with 11 MB of space behind:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    To mend: gzip the file and let its name end in .json.gz.
+    """
+    if subject.size > _LARGE and not subject.packed:
+        yield Remark(
+            "",
+            f"the text has {subject.size / 1e6:.0f} MB and is not compressed.",
+            "Run gzip on the file; a .json.gz is read as it is.",
+        )

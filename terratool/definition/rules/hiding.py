@@ -1,0 +1,144 @@
+"""Elements that are nowhere the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from msgspec import UNSET
+
+from terratool.definition.blocks import Block, cover, overlaps
+from terratool.definition.findings import Remark, shown
+from terratool.definition.rules import Subject, rule
+from terratool.definition.tree import Tree
+
+_MANY = 300
+"""Overlapping siblings from which on comparing all with all takes longer than it helps."""
+
+
+@rule("TT209", "hidden-element", "warning")
+def hidden_element(subject: Subject) -> Iterator[Remark]:
+    """The surface of an element is hidden all over, by its children or by later siblings.
+
+    Its height still counts, but what it says of soil and colour holds nowhere. An element whose
+    surface a child wears, for want of one of its own, is not hidden. Only elements that fill their
+    cells are taken to hide others, no turned or radial ones.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {
+            "sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18},
+            "rock": {"cohesion": 0, "fricAngle": 35, "sinkage": 0}
+          },
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {
+            "type": "box", "surface": "sand", "cells": [2, 1],
+            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0, "span": [2, 1]}]
+          }
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {
+            "sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18},
+            "rock": {"cohesion": 0, "fricAngle": 35, "sinkage": 0}
+          },
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {
+            "type": "box", "surface": "sand", "cells": [2, 1],
+            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0}]
+          }
+        }
+
+    To mend: leave the surface out, or make room for it.
+    """
+    tree = subject.tree
+    filling = _Filling(subject)
+    passed_on = _passed_on(tree)
+    for index in filling.tiled:
+        if tree.column("surface")[index] is not UNSET and index not in passed_on:
+            yield _remark(tree, index, "its children")
+    for begin, end in tree.crowded:
+        siblings = range(begin, end)
+        blocks = [tree.block(index) for index in siblings]
+        involved = {begin + place for pair in overlaps(blocks) for place in pair}
+        if not involved:
+            continue
+        alone = _last_filling(tree, filling, siblings)
+        for index in siblings:
+            own = tree.column("surface")[index]
+            if own is UNSET or index in passed_on or index in filling.tiled:
+                continue
+            hiding = alone.get(tree.block(index), -1) > index
+            if not hiding and len(siblings) <= _MANY:
+                others = [
+                    tree.block(other)
+                    for other in siblings
+                    if other in filling.tiled or (other > index and filling.fills(other))
+                ]
+                hiding = cover(others, tree.block(index))
+            if hiding:
+                yield _remark(tree, index, "others in its cells")
+
+
+def _remark(tree: Tree, index: int, by: str) -> Remark:
+    surface = shown(str(tree.column("surface")[index]))
+    return Remark(
+        "",
+        f"the element's surface {surface} is hidden all over by {by}.",
+        'Leave out its "surface", or make room for it.',
+        element=index,
+    )
+
+
+def _passed_on(tree: Tree) -> set[int]:
+    """Elements whose surface a child wears, for want of one of its own."""
+    surfaces = tree.column("surface")
+    if surfaces.count(UNSET) == 0:
+        return set()
+    return {tree.parents[index] for index, value in enumerate(surfaces) if value is UNSET}
+
+
+def _last_filling(tree: Tree, filling: _Filling, siblings: range) -> dict[Block, int]:
+    return {tree.block(index): index for index in siblings if filling.fills(index)}
+
+
+class _Filling:
+    """Which elements fill their cells, and which have children that do so together."""
+
+    def __init__(self, subject: Subject) -> None:
+        self._tree = tree = subject.tree
+        self._radial = {
+            name for name, p in subject.definition.primitives.items() if p.combine == "radial"
+        }
+        self._plain = self._radial.isdisjoint(tree.distinct("type")) and all(
+            turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg")
+        )
+        self.tiled: set[int] = set()
+        spans = tree.distinct("span") != {UNSET}
+        for index, begin, end in reversed(tree.families):  # children before parents
+            columns, rows = tree.grid(index)
+            if (spans or end - begin >= columns * rows) and self._tiles(
+                range(begin, end), columns, rows
+            ):
+                self.tiled.add(index)
+
+    def fills(self, index: int) -> bool:
+        """Whether the footprint of an element is all of its cell."""
+        if self._plain:
+            return True
+        if self._tree.column("type")[index] in self._radial:
+            return False
+        turn = self._tree.column("turn_deg")[index]
+        return turn is UNSET or turn % 180 == 0
+
+    def _tiles(self, children: Sequence[int], columns: int, rows: int) -> bool:
+        blocks = [self._tree.block(i) for i in children if i in self.tiled or self.fills(i)]
+        if sum(width * height for _, _, width, height in blocks) < columns * rows:
+            return False
+        if not any(True for _ in overlaps(blocks)):
+            return True  # none twice, so none is left
+        return len(blocks) <= _MANY and cover(blocks, (0, 0, columns, rows))

@@ -1,0 +1,123 @@
+"""Primitives that work, but perhaps not as was meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import UNSET
+
+from terratool.definition.curves import read_curve
+from terratool.definition.findings import Remark, escape, shown
+from terratool.definition.profiles import outline_of, profile_of, value_range
+from terratool.definition.rules import Subject, rule
+
+_CLOSE = 1e-9
+
+
+@rule("TT306", "curve-range", "warning")
+def curve_range(subject: Subject) -> Iterator[Remark]:
+    """The values of a curve leave the range from 0 to 1.
+
+    By habit a primitive is a shape of height 1, and vScale and vOffset of its elements make metres
+    of it; then vScale is the height, and primitives can be exchanged.
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"ramp": {"x": [0, 2.5]}}, "elemTree": {"type": "ramp"}}
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"ramp": {"x": [0, 1]}},
+          "elemTree": {"type": "ramp", "vScale": 2.5}
+        }
+
+    To mend: divide the values by the largest, and multiply vScale by it.
+    """
+    for name, primitive in subject.definition.primitives.items():
+        if outline_of(primitive) is None:
+            continue
+        for key, curve in (("x", primitive.x), ("y", primitive.y)):
+            if curve is UNSET or curve == ():
+                continue
+            values = profile_of(read_curve(curve, key)).values
+            worst = max(values, key=lambda value: abs(value - 0.5))
+            if -_CLOSE <= worst <= 1 + _CLOSE:
+                continue
+            place = "" if isinstance(curve, str) else f"/{values.index(worst)}"
+            knot = "/1" if place and isinstance(curve[0], tuple) else ""
+            yield Remark(
+                f"/elemTypes/{escape(name)}/{key}{place}{knot}",
+                f'the curve "{key}" reaches {shown(float(f"{worst:.6g}"))}, outside of 0 to 1.',
+                "Scale it to a height of 1, and give the height by vScale and vOffset.",
+            )
+
+
+@rule("TT307", "asymmetric-radial", "warning")
+def asymmetric_radial(subject: Subject) -> Iterator[Remark]:
+    """The curve of a radial primitive is not symmetric, though only its right half is used.
+
+    The half from t = 0.5, the middle, to t = 1, the rim, is turned about the middle. What stands to
+    the left means nothing; most often the whole curve was meant as the profile.
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"cone": {"combine": "radial", "x": [1, 0]}},
+          "elemTree": {"type": "cone"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"cone": {"combine": "radial", "x": [0, 1, 0]}},
+          "elemTree": {"type": "cone"}
+        }
+
+    To mend: write both halves, the left one mirrored.
+    """
+    for name, primitive in subject.definition.primitives.items():
+        outline = outline_of(primitive)
+        if outline is None or outline.y is not None:
+            continue
+        values = outline.x.values
+        times = outline.x.times or [0.5] * len(values)
+        slack = _CLOSE * max(1.0, *map(abs, values))
+        same = all(
+            abs(z - mirrored) <= slack and abs(t + late - 1) <= _CLOSE
+            for z, mirrored, t, late in zip(values, values[::-1], times, times[::-1], strict=True)
+        )
+        if not same:
+            yield Remark(
+                f"/elemTypes/{escape(name)}/x",
+                "the radial curve is not symmetric, and its left half has no effect.",
+                "Let it run from rim to rim: the left half mirrors the right, t = 0.5 to 1.",
+            )
+
+
+@rule("TT308", "zero-primitive", "warning")
+def zero_primitive(subject: Subject) -> Iterator[Remark]:
+    """A primitive is 0 everywhere, so that vScale has no effect on its elements.
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"nothing": {"x": [0, 0]}}, "elemTree": {"type": "nothing"}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"plane": {"x": [1]}}, "elemTree": {"type": "plane"}}
+
+    To mend: give it a shape; level ground is a primitive that is 1 everywhere, and where only a
+    surface is meant, silence TT308 by x-ignore in the primitive.
+    """
+    for name, primitive in subject.definition.primitives.items():
+        outline = outline_of(primitive)
+        if outline is not None and value_range(outline) == (0, 0):
+            yield Remark(
+                f"/elemTypes/{escape(name)}",
+                f"the primitive {shown(name)} is 0 everywhere.",
+                'Give it a shape, or say with "x-ignore": ["TT308"] that only surfaces are meant.',
+            )

@@ -1,0 +1,189 @@
+"""Surfaces: soil that is missing or hardly possible, colours that cannot be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import UNSET
+
+from terratool.definition.findings import Remark, escape, shown
+from terratool.definition.rules import Subject, rule
+
+_SOIL = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
+_WONG = "Wong, Theory of Ground Vehicles, 4th ed., 2008, table 2.3"
+_PLAUSIBLE = (
+    # key, attribute, low, high, unit, the soils that reach so far
+    ("cohesion", "cohesion", 0, 100, "kPa", "heavy clay has 69"),
+    ("fricAngle", "fric_angle", 5, 50, "degrees", "wet heavy clay has 6, dry sand 28"),
+    ("sinkage", "sinkage", 0, 2, "m/kN", "a small wheel in dry snow has 1.3"),
+    ("shearModulus", "shear_modulus", 0.003, 0.15, "m", "most soils have 0.01 to 0.05"),
+)
+
+
+@rule("TT401", "missing-soil", "warning")
+def missing_soil(subject: Subject) -> Iterator[Remark]:
+    """A surface lacks one of cohesion, fricAngle and sinkage, and is not void.
+
+    Whether a vehicle can drive there cannot be said without. Rigid ground has sinkage 0, cohesion 0
+    and the angle whose tangent is the friction coefficient.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    To mend: add the values; Wong, Theory of Ground Vehicles, has a table of them.
+    """
+    for name, surface in subject.definition.surfaces.items():
+        here = f"/surfTypes/{escape(name)}"
+        lacking = [
+            key
+            for key, attribute in _SOIL
+            if getattr(surface, attribute) is UNSET
+            and subject.unfit.isdisjoint(((here, key), (here, "")))
+        ]
+        if lacking and surface.void is not True:
+            words = " and ".join(f'"{key}"' for key in lacking)
+            yield Remark(
+                here,
+                f"the surface {shown(name)} has no {words}.",
+                "Add what the soil has; rigid ground has sinkage 0 and cohesion 0.",
+            )
+
+
+@rule("TT402", "same-color", "warning")
+def same_color(subject: Subject) -> Iterator[Remark]:
+    """Two surfaces have one colour, so that pictures and meshes cannot tell them apart.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {
+            "sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18, "color": [194, 178, 128]},
+            "rock": {"cohesion": 0, "fricAngle": 35, "sinkage": 0, "color": [194, 178, 128]}
+          },
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {
+            "type": "box", "surface": "sand",
+            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0}]
+          }
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {
+            "sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18, "color": [194, 178, 128]},
+            "rock": {"cohesion": 0, "fricAngle": 35, "sinkage": 0, "color": [120, 120, 125]}
+          },
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {
+            "type": "box", "surface": "sand",
+            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0}]
+          }
+        }
+
+    To mend: give each surface a colour of its own.
+    """
+    seen: dict[tuple[int, int, int], str] = {}
+    for name, surface in subject.definition.surfaces.items():
+        if surface.color is UNSET:
+            continue
+        other = seen.setdefault(surface.color, name)
+        if other != name:
+            yield Remark(
+                f"/surfTypes/{escape(name)}/color",
+                f"{shown(name)} has the colour of {shown(other)}.",
+                "Give each surface a colour of its own.",
+            )
+
+
+@rule("TT403", "implausible-soil", "warning")
+def implausible_soil(subject: Subject) -> Iterator[Remark]:
+    """A soil value that no common soil has; most often its unit is another.
+
+    Plausible are cohesion up to 100 kPa, fricAngle from 5 to 50 degrees, sinkage up to 2 m/kN and
+    shearModulus from 0.003 to 0.15 m. The soils in table 2.3 of Wong, Theory of Ground Vehicles,
+    4th ed., Wiley 2008, lie within. The cohesion of rigid ground, sinkage 0, is not looked at.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1040, "fricAngle": 28, "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    To mend: write cohesion in kPa, angles in degrees, sinkage in m/kN and shearModulus in m.
+    """
+    for name, surface in subject.definition.surfaces.items():
+        for key, attribute, low, high, unit, known in _PLAUSIBLE:
+            value = getattr(surface, attribute)
+            if value is UNSET or low <= value <= high:
+                continue
+            if key == "cohesion" and surface.sinkage == 0:
+                continue
+            yield Remark(
+                f"/surfTypes/{escape(name)}/{key}",
+                f'"{key}" is {shown(value)} {unit}; plausible is {low:g} to {high:g}, '
+                f"as {known} ({_WONG}).",
+                f"Check the unit: it is {unit}.",
+            )
+
+
+@rule("TT404", "implausible-color", "warning")
+def implausible_color(subject: Subject) -> Iterator[Remark]:
+    """A colour of zeros and ones: most likely meant as shares from 0 to 1.
+
+    The channels of a colour run from 0 to 255, so it is nearly black.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {
+            "lava": {"cohesion": 0, "fricAngle": 35, "sinkage": 0, "color": [1, 0, 0]}
+          },
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "lava"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {
+            "lava": {"cohesion": 0, "fricAngle": 35, "sinkage": 0, "color": [255, 0, 0]}
+          },
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "lava"}
+        }
+
+    To mend: multiply the channels by 255.
+    """
+    for name, surface in subject.definition.surfaces.items():
+        if surface.color is not UNSET and max(surface.color) == 1:
+            yield Remark(
+                f"/surfTypes/{escape(name)}/color",
+                f"the colour {list(surface.color)} is nearly black.",
+                "Write channels from 0 to 255.",
+            )

@@ -1,0 +1,141 @@
+"""Names that nothing uses, and names that are easily taken for one another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from terratool.definition.findings import Remark, escape, shown
+from terratool.definition.rules import Subject, rule
+
+
+@rule("TT204", "unused-primitive", "warning")
+def unused_primitive(subject: Subject) -> Iterator[Remark]:
+    """A primitive that no element uses.
+
+    It may be a leftover, or the element that should use it names another.
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}, "hill": {"x": "cos", "y": []}},
+          "elemTree": {"type": "box"}
+        }
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+
+    To mend: remove it, or use it.
+    """
+    used = subject.tree.distinct("type")
+    for name in subject.definition.primitives:
+        if name not in used:
+            message = f"no element uses the primitive {shown(name)}."
+            yield _on_key("elemTypes", name, message, "Remove it, or use it as a type.")
+
+
+@rule("TT205", "unused-surface", "warning")
+def unused_surface(subject: Subject) -> Iterator[Remark]:
+    """A surface that no element wears.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    To mend: remove it, or let an element wear it.
+    """
+    used = subject.tree.distinct("surface")
+    for name in subject.definition.surfaces:
+        if name not in used:
+            message = f"no element wears the surface {shown(name)}."
+            yield _on_key("surfTypes", name, message, "Remove it, or use it as a surface.")
+
+
+@rule("TT206", "shared-name", "warning")
+def shared_name(subject: Subject) -> Iterator[Remark]:
+    """One name for both a surface and a primitive.
+
+    They do not clash, but a reader takes the one for the other, and a slip is not found.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18}},
+          "elemTypes": {"sand": {"x": [1]}},
+          "elemTree": {"type": "sand", "surface": "sand"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18}},
+          "elemTypes": {"dune": {"x": [1]}},
+          "elemTree": {"type": "dune", "surface": "sand"}
+        }
+
+    To mend: rename one of the two; primitives are shapes, surfaces are materials.
+    """
+    surfaces = subject.definition.surfaces
+    for name in subject.definition.primitives:
+        if name in surfaces:
+            message = f"{shown(name)} is both a primitive and a surface."
+            yield _on_key("elemTypes", name, message, "Rename one of the two.")
+
+
+@rule("TT207", "similar-names", "warning")
+def similar_names(subject: Subject) -> Iterator[Remark]:
+    """A name that differs from another only by case.
+
+    Names are case-sensitive: sand and Sand are two surfaces, and one is easily written for the
+    other.
+
+    Fails:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}, "Box": {"x": [0, 1]}},
+          "elemTree": {"type": "box", "children": [{"type": "Box", "cellX": 0, "cellY": 0}]}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "elemTypes": {"box": {"x": [1]}, "ramp": {"x": [0, 1]}},
+          "elemTree": {"type": "box", "children": [{"type": "ramp", "cellX": 0, "cellY": 0}]}
+        }
+
+    To mend: give one of them a name that says how it differs.
+    """
+    definition = subject.definition
+    seen: dict[str, str] = {}
+    for dictionary, names in (
+        ("surfTypes", definition.surfaces),
+        ("elemTypes", definition.primitives),
+    ):
+        for name in names:
+            other = seen.setdefault(name.casefold(), name)
+            if other != name:
+                message = f"{shown(name)} differs from {shown(other)} only by case."
+                yield _on_key(dictionary, name, message, "Rename one of the two.")
+
+
+def _on_key(dictionary: str, name: str, message: str, hint: str) -> Remark:
+    return Remark(f"/{dictionary}/{escape(name)}", message, hint, on_key=True)
