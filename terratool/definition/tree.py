@@ -12,7 +12,7 @@ from typing import Any
 
 from msgspec import UNSET
 
-from terratool.definition.blocks import Block
+from terratool.definition.blocks import Block, overlaps
 from terratool.definition.findings import Rectangle
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element
 
@@ -118,6 +118,24 @@ class Tree:
                 if (few or wide) and not missing:
                     crowded.append((begin, end))
         return crowded
+
+    @cached_property
+    def shared(self) -> list[tuple[int, int]]:
+        """Elements that share cells with an earlier sibling, and that sibling."""
+        xs, ys = self.column("cell_x"), self.column("cell_y")
+        spans = self.distinct("span") != {UNSET}
+        shared = []
+        for begin, end in self.crowded:
+            if spans:
+                blocks = [self.block(index) for index in range(begin, end)]
+                shared += [(begin + later, begin + other) for later, other in overlaps(blocks)]
+                continue
+            first: dict[tuple[int, int], int] = {}
+            for index in range(begin, end):
+                other = first.setdefault((xs[index], ys[index]), index)
+                if other != index:
+                    shared.append((index, other))
+        return shared
 
     def pointer(self, index: int) -> str:
         """JSON pointer of an element."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import UNSET
 
-from terratool.definition.blocks import Block, cover, overlaps
+from terratool.definition.blocks import cover, overlaps
 from terratool.definition.findings import Remark, shown
 from terratool.definition.rules import Subject, rule
 from terratool.definition.tree import Tree
@@ -61,27 +61,31 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
     for index in filling.tiled:
         if tree.column("surface")[index] is not UNSET and index not in passed_on:
             yield _remark(tree, index, "its children")
-    for begin, end in tree.crowded:
-        siblings = range(begin, end)
-        blocks = [tree.block(index) for index in siblings]
-        involved = {begin + place for pair in overlaps(blocks) for place in pair}
-        if not involved:
+    sharing = {tree.parents[later] for later, _ in tree.shared}
+    for parent, begin, end in tree.families if sharing else ():
+        if parent in sharing:
+            for index in _hidden_by_siblings(tree, filling, begin, end):
+                if index not in passed_on and index not in filling.tiled:
+                    yield _remark(tree, index, "others in its cells")
+
+
+def _hidden_by_siblings(tree: Tree, filling: _Filling, begin: int, end: int) -> Iterator[int]:
+    surfaces = tree.column("surface")
+    blocks = [tree.block(index) for index in range(begin, end)]
+    alone = {block: index for index, block in enumerate(blocks, begin) if filling.fills(index)}
+    for index, block in enumerate(blocks, begin):
+        if surfaces[index] is UNSET:
             continue
-        alone = _last_filling(tree, filling, siblings)
-        for index in siblings:
-            own = tree.column("surface")[index]
-            if own is UNSET or index in passed_on or index in filling.tiled:
-                continue
-            hiding = alone.get(tree.block(index), -1) > index
-            if not hiding and len(siblings) <= _MANY:
-                others = [
-                    tree.block(other)
-                    for other in siblings
-                    if other in filling.tiled or (other > index and filling.fills(other))
-                ]
-                hiding = cover(others, tree.block(index))
-            if hiding:
-                yield _remark(tree, index, "others in its cells")
+        if alone.get(block, -1) > index:
+            yield index
+        elif len(blocks) <= _MANY:
+            others = [
+                blocks[other - begin]
+                for other in range(begin, end)
+                if other in filling.tiled or (other > index and filling.fills(other))
+            ]
+            if cover(others, block):
+                yield index
 
 
 def _remark(tree: Tree, index: int, by: str) -> Remark:
@@ -100,10 +104,6 @@ def _passed_on(tree: Tree) -> set[int]:
     if surfaces.count(UNSET) == 0:
         return set()
     return {tree.parents[index] for index, value in enumerate(surfaces) if value is UNSET}
-
-
-def _last_filling(tree: Tree, filling: _Filling, siblings: range) -> dict[Block, int]:
-    return {tree.block(index): index for index in siblings if filling.fills(index)}
 
 
 class _Filling:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.blocks import Block, overlaps
+from terratool.definition.blocks import Block
 from terratool.definition.findings import Remark
 from terratool.definition.model import DEFAULT_CELLS
 from terratool.definition.rules import Subject, rule
@@ -121,12 +121,10 @@ def shared_cell(subject: Subject) -> Iterator[Remark]:
     To mend: move one of them, make the one a child of the other, or silence TT208 by x-ignore.
     """
     tree = subject.tree
-    for begin, end in tree.crowded:
-        blocks = [tree.block(index) for index in range(begin, end)]
-        for later, earlier in overlaps(blocks):
-            yield Remark(
-                "",
-                f"the element shares cells with {tree.pointer(begin + earlier)}.",
-                "Move one of them, or make the one a child of the other.",
-                element=begin + later,
-            )
+    for later, earlier in tree.shared:
+        yield Remark(
+            "",
+            f"the element shares cells with {tree.pointer(earlier)}.",
+            "Move one of them, or make the one a child of the other.",
+            element=later,
+        )
