@@ -8,36 +8,25 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from terratool.definition import misspelt
 from terratool.definition.findings import escape, shown, unescape
+from terratool.definition.misspelt import A_KEY, A_VALUE, MisspeltError
+from terratool.definition.source import line_starts
 
 MAX_DEPTH = 10_000
-_MAX_DIGITS = 4000  # Python refuses to read longer integers
 
 _space = re.compile(r"[ \t\n\r]*").match
 _number = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?").match
 _plain = re.compile(r'[^"\\\x00-\x1f]*').match
-_line_end = re.compile(r"\r\n|\n|\r").finditer
 _hex4 = re.compile(r"[0-9a-fA-F]{4}").match
-_word = re.compile(r"[A-Za-z_$][A-Za-z0-9_$-]*|.", re.DOTALL).match
+_nonfinite = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE).fullmatch
 _ESCAPES = {
     '"': '"', "\\": "\\", "/": "/", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t",
 }  # fmt: skip
 _LITERALS = {"true": True, "false": False, "null": None}
-
-
-class MisspeltError(Exception):
-    """The text is no JSON; `offset` counts characters from 0."""
-
-    def __init__(self, code: str, offset: int, message: str, hint: str) -> None:
-        super().__init__(message)
-        self.code = code
-        self.offset = offset
-        self.message = message
-        self.hint = hint
 
 
 @dataclass(slots=True)
@@ -83,13 +72,6 @@ class JsonText:
             self._line_starts.extend(line_starts(self.text))
         line = bisect_right(self._line_starts, offset)
         return line, offset - self._line_starts[line - 1] + 1
-
-
-def line_starts(text: str) -> Iterator[int]:
-    """Offsets at which lines begin; CRLF, LF and CR end a line."""
-    yield 0
-    for match in _line_end(text):
-        yield match.end()
 
 
 def parse(text: str) -> JsonText:
@@ -160,12 +142,7 @@ def parse(text: str) -> JsonText:
             offset = _space(text, offset).end()  # type: ignore[union-attr]
             if container is None:
                 if offset < len(text):
-                    raise MisspeltError(
-                        "TT101",
-                        offset,
-                        "there is text after the end of the definition.",
-                        "Remove it; one file holds one JSON object.",
-                    )
+                    raise misspelt.left_over(text, offset)
                 return JsonText(text, top, duplicates, places, start)
             char = text[offset : offset + 1]
             closing = "}" if isinstance(container, dict) else "]"
@@ -177,7 +154,7 @@ def parse(text: str) -> JsonText:
                 continue
             break
         if char != ",":
-            raise _expected_comma(text, offset, closing)
+            raise misspelt.expected_comma(text, offset)
         comma = offset
         offset = _space(text, offset + 1).end()  # type: ignore[union-attr]
         if text.startswith(closing, offset):
@@ -193,16 +170,11 @@ def parse(text: str) -> JsonText:
 
 def _key(text: str, offset: int) -> tuple[str, int, int]:
     if not text.startswith('"', offset):
-        raise _unexpected(text, offset, 'a key in double quotes, or "}"')
+        raise misspelt.unexpected(text, offset, A_KEY)
     key, end = _string(text, offset)
     end = _space(text, end).end()  # type: ignore[union-attr]
     if not text.startswith(":", end):
-        raise MisspeltError(
-            "TT101",
-            end,
-            f'there is no ":" after the key {shown(key)}.',
-            'Write the key, ":" and its value.',
-        )
+        raise misspelt.unexpected(text, end, f'the ":" after the key {shown(key)}')
     return key, offset, _space(text, end + 1).end()  # type: ignore[union-attr]
 
 
@@ -215,38 +187,27 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
         end = match.end()
         follow = text[end : end + 1]
         if follow and (follow.isalnum() or follow in ".+-_"):
-            raise _bad_number(text, offset)
+            raise misspelt.bad_number(text, offset)
         spelling = match.group()
-        if match.group(1) is None and match.group(2) is None and len(spelling) < _MAX_DIGITS:
-            return int(spelling), end
+        if match.group(1) is None and match.group(2) is None:
+            try:
+                return int(spelling), end
+            except ValueError:  # more digits than Python is set to read
+                return float(spelling), end
         return float(spelling), end
-    word = _word(text, offset)
-    spelling = word.group() if word else ""
+    spelling = misspelt.token(text, offset).group()  # type: ignore[union-attr]
     if spelling in _LITERALS:
         return _LITERALS[spelling], offset + len(spelling)
-    if spelling in ("NaN", "Infinity") or text.startswith("-Infinity", offset):
+    if _nonfinite(spelling):
         raise MisspeltError(
             "TT107",
             offset,
-            f"{'-Infinity' if char == '-' else spelling} is no number in JSON.",
+            f"{spelling} is no number in JSON.",
             "Write a finite number, or leave the key out.",
         )
     if char and char in "+-.":
-        raise _bad_number(text, offset)
-    raise _unexpected(text, offset, "a value")
-
-
-def _bad_number(text: str, offset: int) -> MisspeltError:
-    end = offset
-    while end < len(text) and (text[end].isalnum() or text[end] in "+-._"):
-        end += 1
-    spelling = text[offset:end]
-    hint = "Write it like 12, -0.5 or 1e-3."
-    digits = spelling.lstrip("+-")
-    if digits[:1] == "0" and digits[1:2].isdigit():
-        plain = "-" * spelling.startswith("-") + (digits.lstrip("0") or "0")
-        hint = f"Write {plain}: JSON allows no leading zeros."
-    return MisspeltError("TT101", offset, f'"{spelling[:40]}" is no JSON number.', hint)
+        raise misspelt.bad_number(text, offset)
+    raise misspelt.unexpected(text, offset, A_VALUE)
 
 
 def _string(text: str, offset: int) -> tuple[str, int]:
@@ -267,12 +228,7 @@ def _string(text: str, offset: int) -> tuple[str, int]:
                 "TT101", offset, "the text in quotes does not end.", 'Close it with ".'
             )
         else:
-            raise MisspeltError(
-                "TT101",
-                end,
-                f"the character U+{ord(char):04X} stands bare inside a text.",
-                "Close the quotes on the same line, or write it as an escape such as \\n or \\t.",
-            )
+            raise misspelt.bad_character(text, end)
         match = _plain(text, end)
         parts.append(match.group())  # type: ignore[union-attr]
         end = match.end()  # type: ignore[union-attr]
@@ -284,12 +240,7 @@ def _escaped(text: str, offset: int) -> tuple[str, int]:
         return _ESCAPES[char], offset + 2
     match = _hex4(text, offset + 2)
     if char != "u" or match is None:
-        raise MisspeltError(
-            "TT101",
-            offset,
-            f'"{text[offset : offset + 2]}" is no escape that JSON knows.',
-            'Use \\" \\\\ \\/ \\b \\f \\n \\r \\t or \\u and four hexadecimal digits.',
-        )
+        raise misspelt.bad_escape(text, offset)
     unit = int(match.group(), 16)
     end = offset + 6
     if 0xD800 <= unit < 0xDC00 and text.startswith("\\u", end):
@@ -305,43 +256,3 @@ def _escaped(text: str, offset: int) -> tuple[str, int]:
             "Write the character itself, or both halves.",
         )
     return chr(unit), end
-
-
-def _expected_comma(text: str, offset: int, closing: str) -> MisspeltError:
-    char = text[offset : offset + 1]
-    if char == "":
-        return MisspeltError(
-            "TT101",
-            offset,
-            f'the file ends before the closing "{closing}".',
-            "Complete the text; it may have been cut off.",
-        )
-    if char in '"{[' or char.isalnum() or char == "-":
-        # the comma belongs right behind the value before
-        behind = len(text[:offset].rstrip(" \t\r\n"))
-        return MisspeltError(
-            "TT101", behind, "there is no comma between two items.", "Write a comma here."
-        )
-    return _unexpected(text, offset, f'"," or "{closing}"')
-
-
-def _unexpected(text: str, offset: int, wanted: str) -> MisspeltError:
-    if offset >= len(text):
-        return MisspeltError(
-            "TT101",
-            offset,
-            f"the file ends where {wanted} is expected.",
-            "Complete the text; it may have been cut off.",
-        )
-    found = _word(text, offset).group()  # type: ignore[union-attr]
-    hint = f"Write {wanted}."
-    if found == "'":
-        hint = "Use double quotes; JSON knows no single ones."
-    elif found in "/#":
-        hint = 'JSON has no comments: put the words in "descr" or in a key that begins with x-.'
-    elif found in ("True", "False", "None"):
-        hint = f"Write {'null' if found == 'None' else found.lower()}."
-    elif found[0].isalpha():
-        hint = "Put names in double quotes."
-    shown = found[:40] if found.isprintable() else f"U+{ord(found[0]):04X}"
-    return MisspeltError("TT101", offset, f"{shown} stands where {wanted} is expected.", hint)

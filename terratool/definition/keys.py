@@ -29,6 +29,7 @@ class Key:
         kind: what the value, or each item of it, is.
         alone: one such value stands by itself.
         length: so many of them stand in a list; 0 where a list is not taken.
+        choices: the texts that are taken; none means all.
     """
 
     words: str
@@ -39,6 +40,7 @@ class Key:
     open_high: bool = False
     alone: bool = True
     length: int = 0
+    choices: tuple[str, ...] = ()
 
     def holds(self, number: float) -> bool:
         """Whether a number lies in the range."""
@@ -90,7 +92,9 @@ KEYS: dict[type, dict[str, Key]] = {
         "descr": _TEXT,
         "x": _CURVE,
         "y": _CURVE,
-        "combine": Key("one of " + ", ".join(f'"{name}"' for name in COMBINES), "text"),
+        "combine": Key(
+            "one of " + ", ".join(f'"{name}"' for name in COMBINES), "text", choices=COMBINES
+        ),
     },
     Element: {
         "descr": _TEXT,

@@ -15,8 +15,8 @@ import msgspec
 from terratool.definition import structure
 from terratool.definition.findings import Collected, Finding, Remark, shown, unescape
 from terratool.definition.ignoring import Ignores
-from terratool.definition.jsontext import MisspeltError
 from terratool.definition.keys import COMBINES, KEYS, Key
+from terratool.definition.misspelt import NO_TEXT, MisspeltError, innermost
 from terratool.definition.model import Definition, Element, Primitive, Surface
 from terratool.definition.places import Place, Spot, locate, places
 from terratool.definition.rules import Subject, all_rules
@@ -147,8 +147,10 @@ def _quickly(data: bytes) -> tuple[structure.Built | None, bool]:
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
         return None, False
     tree = flatten(definition)
-    # values of a crs are free, and may hold infinities
-    if isinstance(definition.crs, dict) or not _in_range(definition, tree):
+    crs = definition.crs
+    # the values of a crs are free, and may be beyond any float
+    free = isinstance(crs, dict) or (isinstance(crs, int) and crs.bit_length() > 64)
+    if free or not _in_range(definition, tree):
         return None, False
     return structure.Built(definition, tree), lost_no_key(data, definition)
 
@@ -239,13 +241,31 @@ def _duplicate(repeated: Repeated) -> Remark:
 
 
 def _unreadable(source: Source, error: MisspeltError) -> Checked:
-    at = len(source.data.decode("utf-8", "replace")[: error.offset].encode())
-    (place,) = places(source.data, [at])
-    finding = _finding(source, error.code, "", Remark("", error.message, error.hint), place)
+    offsets = [error.offset]
+    if error.inside:
+        offsets.append(innermost(source.data.decode("utf-8"), error.offset))
+    at = [_in_bytes(source.data, offset) for offset in offsets]
+    place, *opening = places(source.data, at)
+    message = error.message
+    for line, column, _ in opening:
+        message = f"{message[:-1]} that begins in line {line}, column {column}."
+    finding = _finding(source, error.code, "", Remark("", message, error.hint), place)
     return Checked(None, (finding,), Counter([error.code]), readable=False)
+
+
+def _in_bytes(data: bytes, offset: int) -> int:
+    """An offset in characters, before which all is UTF-8, in bytes."""
+    if data.isascii():
+        return offset
+    return len(data.decode("utf-8", "replace")[:offset].encode())
 
 
 def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> MisspeltError:
     before = data[: error.start].decode("utf-8")
-    message = f"the byte 0x{data[error.start]:02X} is no UTF-8."
-    return MisspeltError("TT109", len(before), message, "Save the file as UTF-8.")
+    message = f"the byte 0x{data[error.start]:02X} is not valid UTF-8."
+    hint = "Save the file as UTF-8."
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        message = "the file begins as UTF-16 where UTF-8 is expected."
+    elif b"\0" in data:
+        hint = NO_TEXT
+    return MisspeltError("TT109", len(before), message, hint)

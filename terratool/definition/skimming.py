@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 
-from terratool.definition.jsontext import MisspeltError, parse
+from terratool.definition.jsontext import parse
+from terratool.definition.misspelt import MisspeltError
 
 _SPACE = r"[ \t\n\r]*+"
 _HEX = "[0-9a-fA-F]"

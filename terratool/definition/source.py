@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from terratool.errors import ReadError
 MAX_BYTES = 2 * 1024**3
 _GZIP = b"\x1f\x8b"
 _BOM = b"\xef\xbb\xbf"
+_line_end = re.compile(r"\r\n|\n|\r").finditer
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,13 @@ def read_source(path: str | Path) -> Source:
     return Source(name, data.removeprefix(_BOM), packed)
 
 
+def line_starts(text: str) -> Iterator[int]:
+    """Offsets at which lines begin; CRLF, LF and CR end a line."""
+    yield 0
+    for match in _line_end(text):
+        yield match.end()
+
+
 def _within_limit(name: str, data: bytes) -> bytes:
     if len(data) > MAX_BYTES:
         raise ReadError(
@@ -78,7 +88,8 @@ def _gunzip(name: str, data: bytes) -> bytes:
                 raise zlib.error("the stream ends too early")
             data = stream.unused_data.lstrip(b"\0")  # padding is allowed between members
     except zlib.error as error:
+        reason = str(error).rsplit(": ", 1)[-1]  # without the number of the error
         raise ReadError(
-            f"{name}: is broken gzip ({error}).", "Write or fetch the file again."
+            f"{name}: is broken gzip ({reason}).", "Write or fetch the file again."
         ) from error
     return b"".join(parts)

@@ -62,7 +62,8 @@ class _Slot(NamedTuple):
 def _slot(name: str, key: Key) -> _Slot:
     low = math.nextafter(key.low, math.inf) if key.open_low else key.low
     high = math.nextafter(key.high, -math.inf) if key.open_high else key.high
-    types = _JSON_TYPES.get(key.kind, _NO_TYPES) if key.alone else _NO_TYPES
+    plain = key.alone and not key.choices
+    types = _JSON_TYPES.get(key.kind, _NO_TYPES) if plain else _NO_TYPES
     return _Slot(name, types, max(low, -_BIGGEST), min(high, _BIGGEST), key.kind == "number")
 
 
@@ -171,8 +172,7 @@ class _Builder:
                     if isinstance(children, list):
                         begin = after + len(level)
                         level.extend(children)
-                        if children:
-                            families.append((index, begin, after + len(level)))
+                        families.append((index, begin, after + len(level)))
                     elif children is not UNSET:
                         wanted = KEYS[Element]["children"].words
                         self._wrong_type(index, "/children", '"children"', wanted, children)
@@ -283,6 +283,8 @@ class _Builder:
         if wanted.kind == "curve":
             return self._curve(wanted, key, item, owner)
         if wanted.kind == "any":
+            if isinstance(item, float) and (item.is_integer() or not _fits(item)):
+                item = int(item) if _fits(item) else 10**400  # as in JSON Schema
             if isinstance(item, bool) or not isinstance(item, str | int | dict):
                 self._wrong_type(owner, rest, subject, wanted.words, item)
             for place in _nonfinite(item):
@@ -304,6 +306,11 @@ class _Builder:
             item = int(item)  # as in JSON Schema
         if type(item) not in _JSON_TYPES[wanted.kind]:
             return self._wrong_type(owner, rest, subject, wanted.words, item)
+        if wanted.choices and item not in wanted.choices:
+            self._failed = True
+            message = f"{shown(item)} is no way to combine two curves."
+            self._add("TT106", rest, message, f"Write {wanted.words}.", owner)
+            return None
         if isinstance(item, int | float) and not _fits(item):
             return self._not_finite(owner, rest)
         if isinstance(item, int | float) and not wanted.holds(item):

@@ -75,7 +75,7 @@ def _outside(index: int, block: Block, grid: tuple[int, int]) -> Iterator[Remark
 
 def _surely_inside(tree: Tree) -> bool:
     """Whether every cell is in the smallest of all grids, and nothing spans more than one."""
-    if tree.distinct("span") != {UNSET}:
+    if not tree.families or tree.distinct("span") != {UNSET}:
         return not tree.families
     grids = {tree.column("cells")[parent] for parent, _, _ in tree.families}
     sides = [DEFAULT_CELLS if n is UNSET else min(n) if isinstance(n, tuple) else n for n in grids]

@@ -159,7 +159,7 @@ reader_rule(
     "TT109",
     "encoding",
     """
-    The bytes are no UTF-8.
+    The bytes are not UTF-8.
 
     Fails, in Latin-1:
 
