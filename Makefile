@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 EXTRAS ?= test
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint bench fuzz wheel outside clean
+.PHONY: help install demo test lint bench docs fuzz wheel outside clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -41,6 +41,9 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 	$(BIN)/python benchmarks/query.py
 	$(BIN)/python benchmarks/compiling.py
 	$(BIN)/python benchmarks/startup.py
+
+docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
+	$(BIN)/terratool rules --markdown > docs/rules.md
 
 fuzz: $(VENV)/.installed-test  ## Compare thousands of random terrains with the slow reading
 	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/test_field_properties.py

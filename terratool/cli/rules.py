@@ -2,21 +2,52 @@
 
 from __future__ import annotations
 
+import re
+
 import click
 
-from terratool.definition.rules import all_rules
+from terratool.definition.rules import Rule, all_rules
+
+_HEAD = """# The rules
+
+What `terratool validate` looks at, each with an example that fails and one that passes. An error
+makes a definition invalid; a warning does so under `--strict` only. `--select` and `--ignore` take
+codes or the beginning of codes, and `"x-ignore": ["TT208"]` in a terrain, surface, primitive or
+element silences a warning about it and all in it.
+
+This page is written by `make docs` from the same text that `terratool rules CODE` shows.
+"""
 
 
 @click.command("rules", epilog="Example: terratool rules TT201")
 @click.argument("code", required=False)
-def command(code: str | None) -> None:
+@click.option("--markdown", is_flag=True, help="Explain all of them, as Markdown.")
+def command(code: str | None, markdown: bool) -> None:
     """List the validator's rules, or explain the one with CODE."""
     rules = all_rules()
-    if code is None:
+    if markdown:
+        click.echo("\n".join([_HEAD, _table(), *map(_section, rules.values())]))
+    elif code is None:
         for rule in rules.values():
             click.echo(f"{rule.code}  {rule.severity:7}  {rule.name}")
-        return
-    if code.upper() not in rules:
+    elif code.upper() in rules:
+        rule = rules[code.upper()]
+        click.echo(f"{rule.code} {rule.name} ({rule.severity})\n\n{rule.manual}")
+    else:
         raise click.UsageError(f"No rule has the code {code}. Run terratool rules for the list.")
-    rule = rules[code.upper()]
-    click.echo(f"{rule.code} {rule.name} ({rule.severity})\n\n{rule.manual.replace('``', '')}")
+
+
+def _table() -> str:
+    rows = [
+        f"| [{rule.code}](#{rule.code.lower()}-{rule.name}) | {rule.severity} | {rule.summary} |"
+        for rule in all_rules().values()
+    ]
+    return "\n".join(["| code | severity | |", "|---|---|---|", *rows, ""])
+
+
+def _section(rule: Rule) -> str:
+    def fenced(match: re.Match[str]) -> str:
+        return "```json\n" + re.sub("^    ", "", match[0].rstrip(), flags=re.MULTILINE) + "\n```\n"
+
+    text = re.sub(r"(?:^    .*\n?)+", fenced, rule.manual + "\n", flags=re.MULTILINE)
+    return f"## {rule.code} {rule.name}\n\n*{rule.severity.capitalize()}.* {text}"

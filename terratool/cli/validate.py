@@ -2,78 +2,134 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
+import os
+from collections.abc import Iterator
+from itertools import chain
 
 import click
 
+from terratool.cli.reporting import REPORTERS, Report, Summary, Unreadable
 from terratool.definition.findings import Finding
-from terratool.definition.reader import check
-from terratool.definition.source import read_source
+from terratool.definition.reader import Checked, Options, check
+from terratool.definition.rules import all_rules
+from terratool.definition.source import read_source, sources
 from terratool.errors import ReadError
 
-FORMAT_VERSION = 1
+_ALL = 10**9
 
 
-@click.command("validate", epilog="Example: terratool validate samples/paper-example.json")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
+    codes = tuple(
+        code.strip().upper() for code in chain.from_iterable(v.split(",") for v in values)
+    )
+    for code in codes:
+        if not code or not any(known.startswith(code) for known in all_rules()):
+            raise click.BadParameter(
+                f"no rule has the code {code or 'of no letters'}. Run terratool rules for the list."
+            )
+    return codes
+
+
+@click.command(
+    "validate",
+    epilog="Example: terratool validate samples/paper-example.json --strict",
+)
+@click.argument("files", nargs=-1, required=True, metavar="FILE|DIR...")
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["text", "json"]),
+    type=click.Choice(list(REPORTERS)),
     default="text",
     help="How the findings are written.",
 )
+@click.option("--strict", is_flag=True, help="Warnings make a file invalid, too.")
+@click.option(
+    "--select",
+    multiple=True,
+    metavar="CODE",
+    callback=_codes,
+    help="Only these rules: TT104, or TT1 for all that begin so; may be repeated.",
+)
+@click.option(
+    "--ignore", multiple=True, metavar="CODE", callback=_codes, help="All rules but these."
+)
+@click.option(
+    "--max-step",
+    type=click.FloatRange(min=0),
+    metavar="H",
+    help="Warn of elements that make a vertical step taller than H.",
+)
+@click.option(
+    "--max-findings",
+    type=click.IntRange(min=0),
+    default=1000,
+    show_default=True,
+    metavar="N",
+    help="List so many at most and count the rest; 0 lists all.",
+)
 @click.pass_context
-def command(ctx: click.Context, files: tuple[str, ...], form: str) -> None:
-    """Check terrain definitions and say what is wrong, and where.
+def command(
+    ctx: click.Context,
+    files: tuple[str, ...],
+    form: str,
+    strict: bool,
+    select: tuple[str, ...],
+    ignore: tuple[str, ...],
+    max_step: float | None,
+    max_findings: int,
+) -> None:
+    """Check terrain definitions and say what is wrong, where, and what to do.
 
-    FILE may be gzipped, and - is standard input. Exits 0 if all are valid, 1 if one is not, 3 if
-    one cannot be read.
+    FILE may be gzipped, and - is standard input; of a DIR all *.json and *.json.gz are checked, but
+    nothing whose name begins with a dot. Exits 0 if all are valid, 1 if one is not, 3 if one cannot
+    be read. A text that is not JSON is an error whatever is selected.
     """
     findings: list[Finding] = []
-    invalid = unreadable = 0
-    for name in files:
+    unreadable: list[Unreadable] = []
+    count = valid = errors = warnings = 0
+    limit = max_findings or _ALL
+    for name in _names(files, unreadable):
+        options = Options(True, max_step, max(0, limit - len(findings)), select, ignore)
         try:
-            checked = check(read_source(name))
+            checked = check(read_source(name), options)
         except ReadError as error:
-            click.echo(f"terratool: {error.message}\n  {error.hint}", err=True)
-            unreadable += 1
+            unreadable.append(Unreadable(name, error.message, error.hint))
             continue
-        findings.extend(checked.findings)
-        invalid += checked.definition is None
-    counts = {
-        "files": len(files),
-        "valid": len(files) - invalid - unreadable,
-        "invalid": invalid,
-        "unreadable": unreadable,
-        "errors": sum(finding.severity == "error" for finding in findings),
-        "warnings": sum(finding.severity == "warning" for finding in findings),
-    }
-    click.echo(_json(findings, counts) if form == "json" else _text(findings, counts))
-    ctx.exit(3 if unreadable else int(invalid > 0))
+        count += 1
+        wrong, doubtful = _count(checked, options)
+        errors, warnings = errors + wrong, warnings + doubtful
+        valid += not wrong and not (strict and doubtful)
+        findings += checked.findings
+    summary = Summary(
+        files=count + len(unreadable),
+        valid=valid,
+        invalid=count - valid,
+        unreadable=len(unreadable),
+        errors=errors,
+        warnings=warnings,
+        hidden=errors + warnings - len(findings),
+    )
+    if form != "sarif":
+        for file in unreadable:
+            click.echo(f"terratool: {file.message}\n  {file.hint}", err=True)
+    color = False if os.environ.get("NO_COLOR") else None
+    click.echo(REPORTERS[form](Report(tuple(findings), tuple(unreadable), summary)), color=color)
+    ctx.exit(3 if unreadable else int(summary.invalid > 0))
 
 
-def _text(findings: list[Finding], counts: dict[str, int]) -> str:
-    lines = []
-    for f in findings:
-        lines.append(f"{f.file}:{f.line}:{f.column}: {f.severity} {f.code}: {f.message}")
-        lines.append(f"  {f.hint}")
-    parts = [f"{_count(counts['files'], 'file')} checked"]
-    parts += [f"{counts[key]} {key}" for key in ("invalid", "unreadable") if counts[key]]
-    parts.append(_count(counts["errors"], "error"))
-    parts.append(_count(counts["warnings"], "warning"))
-    return "\n".join([*lines, ", ".join(parts) + "."])
+def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str]:
+    for name in given:
+        try:
+            yield from sources(name)
+        except ReadError as error:
+            unreadable.append(Unreadable(name, error.message, error.hint))
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"
-
-
-def _json(findings: list[Finding], counts: dict[str, int]) -> str:
-    report = {
-        "format_version": FORMAT_VERSION,
-        "findings": [asdict(finding) for finding in findings],
-        "summary": counts,
-    }
-    return json.dumps(report, indent=2, ensure_ascii=False)
+def _count(checked: Checked, options: Options) -> tuple[int, int]:
+    """Errors and warnings among what is wanted; what ended the reading always is."""
+    rules = all_rules()
+    by_severity = {"error": 0, "warning": 0}
+    for code, count in checked.counts.items():
+        if options.shows(code) or not checked.readable:
+            by_severity[rules[code].severity] += count
+    return by_severity["error"], by_severity["warning"]

@@ -36,6 +36,18 @@ class Profile:
         return max(self.values)
 
     @property
+    def right(self) -> tuple[float, ...]:
+        """The values from t = 0.5 on, those that a radial shape has."""
+        count = len(self.values)
+        times = self.times or [i / max(1, count - 1) for i in range(count)]
+        first = next((i for i, t in enumerate(times) if t >= 0.5), count - 1)
+        if first == 0 or times[first] == 0.5:
+            return self.values[first:]
+        share = (0.5 - times[first - 1]) / (times[first] - times[first - 1])
+        before, behind = self.values[first - 1], self.values[first]
+        return before + share * (behind - before), *self.values[first:]
+
+    @property
     def ends(self) -> tuple[float, float]:
         """The values at t = 0 and t = 1."""
         return self.values[0], self.values[-1]
@@ -74,8 +86,7 @@ def outline_of(primitive: Primitive) -> Outline | None:
 def value_range(outline: Outline) -> tuple[float, float]:
     """Least and largest value of a shape."""
     if outline.y is None:
-        half = outline.x.values[len(outline.x.values) // 2 :]
-        return min(half), max(half)
+        return min(outline.x.right), max(outline.x.right)
     return combined(outline, (outline.x.low, outline.x.high), (outline.y.low, outline.y.high))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import zlib
@@ -55,6 +56,28 @@ def read_source(path: str | Path) -> Source:
     if packed:
         data = _within_limit(name, _gunzip(name, data))
     return Source(name, data.removeprefix(_BOM), packed)
+
+
+def sources(name: str) -> Iterator[str]:
+    """The file of that name, or all definitions in the directory of that name, in order.
+
+    Raises:
+        ReadError: the directory has none.
+    """
+    if name == "-" or not Path(name).is_dir():
+        yield name
+        return
+    found = False
+    for directory, below, files in os.walk(name):
+        below[:] = sorted(part for part in below if not part.startswith("."))
+        for file in sorted(files):
+            if file.endswith((".json", ".json.gz")) and not file.startswith("."):
+                found = True
+                yield str(Path(directory, file))
+    if not found:
+        raise ReadError(
+            f"{name}: has no *.json and no *.json.gz.", "Name a file, or another directory."
+        )
 
 
 def line_starts(text: str) -> Iterator[int]:

@@ -67,10 +67,9 @@ class Tree:
         return cells if isinstance(cells, tuple) else (cells, cells)
 
     def block(self, index: int) -> Block:
-        """The cells of an element in its parent's grid; nobody else's where that is unknown."""
+        """The cells of an element in its parent's grid; -1 where the first is unknown."""
         x, y = self.column("cell_x")[index], self.column("cell_y")[index]
-        if x is UNSET or y is UNSET:
-            x, y = -1, -1 - index
+        x, y = -1 if x is UNSET else x, -1 if y is UNSET else y
         span = self.column("span")[index] if self.distinct("span") != {UNSET} else UNSET
         return (x, y, 1, 1) if span is UNSET else (x, y, *span)
 
@@ -158,7 +157,7 @@ class Tree:
         low, side = [*map(Fraction, corner)], [*map(Fraction, extent)]
         for parent, element in zip(reversed(path), reversed(path[:-1]), strict=False):
             grid, block = self.grid(parent), self.block(element)
-            if block[0] < 0:
+            if min(block) < 0:
                 return None
             for axis in (0, 1):
                 side[axis] /= grid[axis]

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.blocks import Block
 from terratool.definition.findings import Remark
 from terratool.definition.model import DEFAULT_CELLS
 from terratool.definition.rules import Subject, rule
 from terratool.definition.tree import Tree
+
+_AXES = (("cellX", "columns"), ("cellY", "rows"))
 
 
 @rule("TT203", "outside-grid")
@@ -41,36 +42,40 @@ def outside_grid(subject: Subject) -> Iterator[Remark]:
     tree, unfit = subject.tree, subject.unfit
     if _surely_inside(tree):
         return
+    places = tree.column("cell_x"), tree.column("cell_y")
     for parent, begin, end in tree.families:
+        if unfit and (parent, "cells") in unfit:
+            continue
         grid = tree.grid(parent)
         for index in range(begin, end):
-            x, y, width, height = tree.block(index)
-            if 0 <= x <= grid[0] - width and 0 <= y <= grid[1] - height:
+            block = tree.block(index)
+            if block[0] + block[2] <= grid[0] and block[1] + block[3] <= grid[1]:
                 continue
-            if x < 0:  # TT104 or TT106 has that
+            if unfit and (index, "span") in unfit:
                 continue
-            if not unfit.isdisjoint(((parent, "cells"), (index, "span"))):
-                continue
-            yield from _outside(index, (x, y, width, height), grid)
+            for axis, (key, what) in enumerate(_AXES):
+                place = places[axis][index]
+                if place is not UNSET:  # TT104 or TT106 has that
+                    yield from _outside(index, axis, key, what, place, block[axis + 2], grid[axis])
 
 
-def _outside(index: int, block: Block, grid: tuple[int, int]) -> Iterator[Remark]:
-    for axis, (key, what) in enumerate((("cellX", "columns"), ("cellY", "rows"))):
-        place, width, count = block[axis], block[axis + 2], grid[axis]
-        if place >= count:
-            yield Remark(
-                f"/{key}",
-                f'"{key}" is {place}, but the parent has {count} {what}.',
-                f"Write a number from 0 to {count - 1}, or give the parent more cells.",
-                element=index,
-            )
-        elif place + width > count:
-            yield Remark(
-                f"/span/{axis}",
-                f"the block ends {place + width - count} beyond the parent's {count} {what}.",
-                f"Span at most {count - place} from there, or begin further back.",
-                element=index,
-            )
+def _outside(
+    index: int, axis: int, key: str, what: str, place: int, width: int, count: int
+) -> Iterator[Remark]:
+    if place >= count:
+        yield Remark(
+            f"/{key}",
+            f'"{key}" is {place}, but the parent has {count} {what}.',
+            f"Write a number from 0 to {count - 1}, or give the parent more cells.",
+            element=index,
+        )
+    elif place + width > count:
+        yield Remark(
+            f"/span/{axis}",
+            f"the block ends {place + width - count} beyond the parent's {count} {what}.",
+            f"Span at most {count - place} from there, or begin further back.",
+            element=index,
+        )
 
 
 def _surely_inside(tree: Tree) -> bool:

@@ -68,7 +68,7 @@ def root_placed(subject: Subject) -> Iterator[Remark]:
         {
           "size": 10,
           "elemTypes": {"box": {"x": [1]}},
-          "elemTree": {"type": "box", "cellX": 0, "cellY": 0}
+          "elemTree": {"type": "box", "cellX": 0}
         }
 
     Passes:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec import UNSET
+
 from terratool.definition.findings import Remark, escape, shown
 from terratool.definition.rules import Subject, rule
 
@@ -12,7 +14,8 @@ from terratool.definition.rules import Subject, rule
 def unused_primitive(subject: Subject) -> Iterator[Remark]:
     """A primitive that no element uses.
 
-    It may be a leftover, or the element that should use it names another.
+    It may be a leftover, or the element that should use it names another. Where an element has a
+    type that there is no primitive of, TT201 says so and this rule waits.
 
     Fails:
 
@@ -28,7 +31,9 @@ def unused_primitive(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove it, or use it.
     """
-    used = subject.tree.distinct("type")
+    used = subject.tree.distinct("type") - {UNSET}
+    if not used or used - subject.definition.primitives.keys():
+        return
     for name in subject.definition.primitives:
         if name not in used:
             message = f"no element uses the primitive {shown(name)}."
@@ -38,6 +43,8 @@ def unused_primitive(subject: Subject) -> Iterator[Remark]:
 @rule("TT205", "unused-surface", "warning")
 def unused_surface(subject: Subject) -> Iterator[Remark]:
     """A surface that no element wears.
+
+    Where an element names a surface that there is none of, TT202 says so and this rule waits.
 
     Fails:
 
@@ -59,7 +66,9 @@ def unused_surface(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove it, or let an element wear it.
     """
-    used = subject.tree.distinct("surface")
+    used = subject.tree.distinct("surface") - {UNSET}
+    if used - subject.definition.surfaces.keys():
+        return
     for name in subject.definition.surfaces:
         if name not in used:
             message = f"no element wears the surface {shown(name)}."

@@ -1,0 +1,77 @@
+"""`terratool format`."""
+
+from __future__ import annotations
+
+import shutil
+from itertools import chain
+
+import click
+
+from terratool.cli.reporting import Report, Summary, as_text
+from terratool.definition.reader import Options, check
+from terratool.definition.source import Source, read_source, sources
+from terratool.definition.writer import canonical
+from terratool.errors import ReadError, WriteError
+from terratool.output import whole_file
+
+
+@click.command("format", epilog="Example: terratool format --check samples/paper-example.json")
+@click.argument("files", nargs=-1, required=True, metavar="FILE|DIR...")
+@click.option(
+    "--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file differs."
+)
+@click.pass_context
+def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> None:
+    """Lay definitions out in the canonical way, in place.
+
+    Keys stand in the format's order, short vectors and members share a line, lines have up to 120
+    characters. Numbers and texts stay as they are spelled, keys of your own are kept. - reads
+    standard input and writes to standard output. Exits 1 if a text is not JSON, or with --check if
+    one is not laid out so.
+    """
+    changed = broken = unreadable = count = 0
+    for name in chain.from_iterable(map(sources, files)):
+        count += 1
+        try:
+            source = read_source(name)
+        except ReadError as error:
+            click.echo(f"terratool: {error.message}\n  {error.hint}", err=True)
+            unreadable += 1
+            continue
+        if not _is_json(source):
+            broken += 1
+            continue
+        text = canonical(source.data.decode("utf-8"))
+        differs = text.encode() != source.data
+        changed += differs
+        if name == "-" and not only_check:
+            click.echo(text, nl=False)
+        elif differs:
+            what = "would be laid out anew" if only_check else "laid out anew"
+            if not only_check:
+                _write(source, name, text)
+            click.echo(f"{source.name}: {what}", err=True)
+    if count > 1 or only_check:
+        files_read = f"{count} file{'s' * (count != 1)} read"
+        click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.", err=True)
+    ctx.exit(3 if unreadable else int(broken > 0 or (only_check and changed > 0)))
+
+
+def _is_json(source: Source) -> bool:
+    checked = check(source, Options(warnings=False))
+    if checked.readable:
+        return True
+    summary = Summary(files=1, invalid=1, errors=1)
+    click.echo(as_text(Report(checked.findings, (), summary)), err=True)
+    return False
+
+
+def _write(source: Source, name: str, text: str) -> None:
+    if source.packed:
+        raise WriteError(
+            f"{name}: is compressed, and only plain files are laid out anew.",
+            "Unpack it with gunzip first.",
+        )
+    with whole_file(name, overwrite=True) as path:
+        path.write_text(text, encoding="utf-8", newline="\n")
+        shutil.copymode(name, path)

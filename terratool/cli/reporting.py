@@ -1,0 +1,148 @@
+"""What `validate` found, and the formats in which it says so: one result, a table of reporters."""
+
+from __future__ import annotations
+
+import json
+import unicodedata
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+
+import click
+
+from terratool.cli import sarif
+from terratool.definition.findings import Excerpt, Finding
+
+FORMAT_VERSION = 1
+_COLORS = {"error": "red", "warning": "yellow"}
+_FIELDS = ("file", "code", "severity", "pointer", "line", "column", "message", "hint", "bounds")
+
+
+@dataclass(frozen=True, slots=True)
+class Unreadable:
+    """A file that could not be read: one sentence why, one what to do."""
+
+    file: str
+    message: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """How many files and findings there were.
+
+    Attributes:
+        hidden: findings that are counted but not listed.
+    """
+
+    files: int = 0
+    valid: int = 0
+    invalid: int = 0
+    unreadable: int = 0
+    errors: int = 0
+    warnings: int = 0
+    hidden: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was found in all files."""
+
+    findings: tuple[Finding, ...]
+    unreadable: tuple[Unreadable, ...]
+    summary: Summary
+
+
+def as_text(report: Report) -> str:
+    """For people: each finding with its line and a caret, a summary last."""
+    lines = []
+    for finding in report.findings:
+        color = _COLORS[finding.severity]
+        place = click.style(f"{finding.file}:{finding.line}:{finding.column}:", bold=True)
+        label = click.style(f"{finding.severity} {finding.code}:", fg=color, bold=True)
+        lines.append(f"{place} {label} {finding.message}")
+        if finding.excerpt is not None and finding.excerpt.text:
+            lines += _shown(finding.line, finding.excerpt, color)
+        lines.append(f"  {finding.hint}")
+        lines.append("")
+    return "\n".join([*lines, _summed_up(report.summary)])
+
+
+def _shown(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
+    number = str(line)
+    before = sum(map(_width, excerpt.text[: excerpt.caret]))
+    bar = click.style("|", fg="blue")
+    yield f"  {click.style(number, fg='blue')} {bar} {excerpt.text}"
+    yield f"  {' ' * len(number)} {bar} {' ' * before}{click.style('^', fg=color, bold=True)}"
+
+
+def _width(char: str) -> int:
+    """Columns that a terminal gives a character."""
+    if unicodedata.combining(char) or unicodedata.category(char) in ("Mn", "Me", "Cf"):
+        return 0
+    return 2 if unicodedata.east_asian_width(char) in "WF" else 1
+
+
+def _summed_up(summary: Summary) -> str:
+    parts = [f"{_count(summary.files, 'file')} checked"]
+    if summary.invalid:
+        parts.append(f"{summary.invalid:,} invalid")
+    if summary.unreadable:
+        parts.append(f"{summary.unreadable:,} unreadable")
+    parts += [_count(summary.errors, "error"), _count(summary.warnings, "warning")]
+    end = "."
+    if summary.hidden:
+        end = f"; {summary.hidden:,} of them not listed (see --max-findings)."
+    return ", ".join(parts) + end
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number or 'no':{',' if number else ''}} {noun}{'' if number == 1 else 's'}"
+
+
+def as_json(report: Report) -> str:
+    """For scripts: versioned, with everything that is known of a finding."""
+    findings = [{name: getattr(f, name) for name in _FIELDS} for f in report.findings]
+    return json.dumps(
+        {
+            "format_version": FORMAT_VERSION,
+            "findings": findings,
+            "unreadable": [asdict(file) for file in report.unreadable],
+            "summary": asdict(report.summary),
+        },
+        indent=2,
+        ensure_ascii=False,
+    )
+
+
+def as_github(report: Report) -> str:
+    """Workflow commands, which GitHub shows as annotations in the text of the file."""
+    lines = []
+    for f in report.findings:
+        place = f"file={_property(f.file)},line={f.line},col={f.column},title={f.code}"
+        lines.append(f"::{f.severity} {place}::{_data(f.message + chr(10) + f.hint)}")
+    for file in report.unreadable:
+        what = _data(f"{file.message}\n{file.hint}")
+        lines.append(f"::error file={_property(file.file)},title=unreadable::{what}")
+    return "\n".join([*lines, _summed_up(report.summary)])
+
+
+def _data(text: str) -> str:
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _property(text: str) -> str:
+    return _data(text).replace(":", "%3A").replace(",", "%2C")
+
+
+def as_sarif(report: Report) -> str:
+    """SARIF 2.1.0, which code scanning services take."""
+    notes = [(file.file, f"{file.message} {file.hint}") for file in report.unreadable]
+    return json.dumps(sarif.log(report.findings, notes), indent=2, ensure_ascii=False)
+
+
+REPORTERS: dict[str, Callable[[Report], str]] = {
+    "text": as_text,
+    "json": as_json,
+    "sarif": as_sarif,
+    "github": as_github,
+}
