@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import unicodedata
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
 
 import click
+from msgspec import Struct
+from msgspec.structs import asdict
 
-from terratool.cli import sarif
 from terratool.definition.findings import Excerpt, Finding
 
 FORMAT_VERSION = 1
@@ -17,8 +15,7 @@ _COLORS = {"error": "red", "warning": "yellow"}
 _FIELDS = ("file", "code", "severity", "pointer", "line", "column", "message", "hint", "bounds")
 
 
-@dataclass(frozen=True, slots=True)
-class Unreadable:
+class Unreadable(Struct, frozen=True):
     """A file that could not be read: one sentence why, one what to do."""
 
     file: str
@@ -26,8 +23,7 @@ class Unreadable:
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
-class Summary:
+class Summary(Struct, frozen=True):
     """How many files and findings there were.
 
     Attributes:
@@ -43,8 +39,7 @@ class Summary:
     hidden: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(Struct, frozen=True):
     """What was found in all files."""
 
     findings: tuple[Finding, ...]
@@ -77,6 +72,10 @@ def _shown(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
 
 def _width(char: str) -> int:
     """Columns that a terminal gives a character."""
+    if char.isascii():
+        return 1
+    import unicodedata
+
     if unicodedata.combining(char) or unicodedata.category(char) in ("Mn", "Me", "Cf"):
         return 0
     return 2 if unicodedata.east_asian_width(char) in "WF" else 1
@@ -101,6 +100,8 @@ def _count(number: int, noun: str) -> str:
 
 def as_json(report: Report) -> str:
     """For scripts: versioned, with everything that is known of a finding."""
+    import json
+
     findings = [{name: getattr(f, name) for name in _FIELDS} for f in report.findings]
     return json.dumps(
         {
@@ -136,6 +137,10 @@ def _property(text: str) -> str:
 
 def as_sarif(report: Report) -> str:
     """SARIF 2.1.0, which code scanning services take."""
+    import json
+
+    from terratool.cli import sarif
+
     notes = [(file.file, f"{file.message} {file.hint}") for file in report.unreadable]
     return json.dumps(sarif.log(report.findings, notes), indent=2, ensure_ascii=False)
 

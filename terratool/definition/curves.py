@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition import expression
 from terratool.definition.expression import Expression, ExpressionError
@@ -14,22 +13,19 @@ from terratool.definition.findings import Remark, shown
 from terratool.definition.model import CurveValue, Pair, Primitive
 
 
-@dataclass(frozen=True, slots=True)
-class Samples:
+class Samples(Struct, frozen=True):
     """Values at evenly spaced t from 0 to 1, linear in between; one value is a constant."""
 
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Knots:
+class Knots(Struct, frozen=True):
     """(t, z) knots, linear in between; two at one t are a vertical step."""
 
     points: tuple[Pair, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Formula:
+class Formula(Struct, frozen=True):
     """A named curve or an expression."""
 
     expression: Expression
@@ -38,8 +34,7 @@ class Formula:
 Curve = Samples | Knots | Formula
 
 
-@dataclass(frozen=True, slots=True)
-class Shape:
+class Shape(Struct, frozen=True):
     """A primitive with both of its curves known; `y` is None where x is turned (radial)."""
 
     x: Curve

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from itertools import islice
 from typing import Literal
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 Severity = Literal["error", "warning"]
 Rectangle = tuple[float, float, float, float]
@@ -34,8 +33,7 @@ class Remark(Struct, frozen=True, gc=False):
     occurrence: int = 1
 
 
-@dataclass(slots=True)
-class Collected:
+class Collected(Struct):
     """Remarks by code: the first `limit` of each, and how many there were.
 
     What a million elements have wrong is counted, not kept.
@@ -75,8 +73,7 @@ class Collected:
             self.counts[code] += count
 
 
-@dataclass(frozen=True, slots=True)
-class Excerpt:
+class Excerpt(Struct, frozen=True):
     """A piece of the line that a finding is in.
 
     Attributes:
@@ -88,8 +85,7 @@ class Excerpt:
     caret: int
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Struct, frozen=True):
     """A remark with its code, severity and place in the file.
 
     Lines and columns count from 1, columns in characters; 0 where a file has no text. `bounds` is

@@ -6,9 +6,10 @@ is not clean is held against, and where its messages come from.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
 from typing import Literal
+
+from msgspec import Struct
 
 from terratool.definition.model import Definition, Element, Primitive, Surface
 
@@ -20,8 +21,7 @@ LARGEST = 1e30
 SMALLEST = 1e-30
 
 
-@dataclass(frozen=True, slots=True)
-class Key:
+class Key(Struct, frozen=True):
     """A key: its value in words, its type, and the range of its number or numbers.
 
     Attributes:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+
+from msgspec import Struct
 
 from terratool.definition import expression
 from terratool.definition.curves import Curve, Formula, Samples, Shape, problems, shape_of
 from terratool.definition.model import Primitive
 
 
-@dataclass(frozen=True, slots=True)
-class Profile:
+class Profile(Struct, frozen=True):
     """A curve in short.
 
     Attributes:
@@ -64,8 +64,7 @@ def profile_of(curve: Curve) -> Profile:
     return Profile(tuple(z for _, z in points), tuple(t for t, _ in points), steps)
 
 
-@dataclass(frozen=True, slots=True)
-class Outline:
+class Outline(Struct, frozen=True):
     """The profiles of a shape; `y` is None where x is turned (radial)."""
 
     x: Profile

@@ -6,28 +6,29 @@ import gc
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
+from msgspec import Struct, field
 
 from terratool.definition import structure
 from terratool.definition.findings import Collected, Finding, Remark, shown, unescape
 from terratool.definition.ignoring import Ignores
 from terratool.definition.keys import COMBINES, KEYS, Key
-from terratool.definition.misspelt import NO_TEXT, MisspeltError, innermost
 from terratool.definition.model import Definition, Element, Primitive, Surface
-from terratool.definition.places import Place, Spot, locate, places
 from terratool.definition.rules import Subject, all_rules
 from terratool.definition.source import Source, read_source
 from terratool.definition.tree import Tree, flatten
 from terratool.definition.values import Repeated, lost_no_key, read_values, repeated_keys
 from terratool.errors import DefinitionError
 
+if TYPE_CHECKING:
+    from terratool.definition.misspelt import MisspeltError
+    from terratool.definition.places import Place
 
-@dataclass(frozen=True, slots=True)
-class Options:
+
+class Options(Struct, frozen=True):
     """How closely to look.
 
     Attributes:
@@ -51,8 +52,7 @@ class Options:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Checked:
+class Checked(Struct, frozen=True):
     """A text that was read.
 
     Attributes:
@@ -99,12 +99,9 @@ def _check(source: Source, options: Options) -> Checked:
     found = Collected(options.limit)
     built, clean = _quickly(data)
     if built is None:
-        try:
-            value = read_values(data)
-        except MisspeltError as error:
-            return _unreadable(source, error)
-        except UnicodeDecodeError as error:
-            return _unreadable(source, _bad_encoding(data, error))
+        value, misspelt = _values(data)
+        if misspelt is not None:
+            return _unreadable(source, misspelt)
         clean = lost_no_key(data, value)
         built = structure.build(value, found)
         del value
@@ -138,6 +135,17 @@ def _no_collector() -> Iterator[None]:
     finally:
         if was_enabled:
             gc.enable()
+
+
+def _values(data: bytes) -> tuple[Any, MisspeltError | None]:
+    from terratool.definition.misspelt import MisspeltError
+
+    try:
+        return read_values(data), None
+    except MisspeltError as error:
+        return None, error
+    except UnicodeDecodeError as error:
+        return None, _bad_encoding(data, error)
 
 
 def _quickly(data: bytes) -> tuple[structure.Built | None, bool]:
@@ -203,6 +211,8 @@ def _apply_rules(subject: Subject, found: Collected, ignores: Ignores, options: 
 
 
 def _place(source: Source, found: Collected, built: structure.Built) -> tuple[Finding, ...]:
+    from terratool.definition.places import Spot, locate
+
     tree = built.tree
     pointers = [
         (tree.pointer(remark.element) if remark.element >= 0 else "") + remark.pointer
@@ -241,6 +251,9 @@ def _duplicate(repeated: Repeated) -> Remark:
 
 
 def _unreadable(source: Source, error: MisspeltError) -> Checked:
+    from terratool.definition.misspelt import innermost
+    from terratool.definition.places import places
+
     offsets = [error.offset]
     if error.inside:
         offsets.append(innermost(source.data.decode("utf-8"), error.offset))
@@ -261,6 +274,8 @@ def _in_bytes(data: bytes, offset: int) -> int:
 
 
 def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> MisspeltError:
+    from terratool.definition.misspelt import NO_TEXT, MisspeltError
+
     before = data[: error.start].decode("utf-8")
     message = f"the byte 0x{data[error.start]:02X} is not valid UTF-8."
     hint = "Save the file as UTF-8."

@@ -7,8 +7,9 @@ import re
 import sys
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from terratool.errors import ReadError
 
@@ -18,8 +19,7 @@ _BOM = b"\xef\xbb\xbf"
 _line_end = re.compile(r"\r\n|\n|\r").finditer
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+class Source(Struct, frozen=True):
     """A text under a name; gzip is already undone and a byte order mark taken off."""
 
     name: str

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from difflib import get_close_matches
 from functools import lru_cache
 from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
-from msgspec import UNSET, UnsetType, structs
+from msgspec import UNSET, Struct, UnsetType, field, structs
 
 from terratool.definition.findings import Collected, Remark, escape, shown
 from terratool.definition.keys import KEYS, Key
@@ -73,8 +71,7 @@ _SLOTS: dict[type, dict[str, _Slot]] = {
 }
 
 
-@dataclass(slots=True)
-class Built:
+class Built(Struct):
     """The model as far as it could be built.
 
     Attributes:
@@ -405,6 +402,8 @@ def _fits(number: float) -> bool:
 
 @lru_cache(maxsize=256)
 def _unknown_key(kind: type, key: str) -> tuple[str, str]:
+    from difflib import get_close_matches
+
     known = list(_SLOTS[kind])
     close = [name for name in known if name.lower() == key.lower()]
     if not close and len(key) <= _LONG:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator
-from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cached_property
 from itertools import chain, repeat
 from operator import attrgetter
 from typing import Any
 
-from msgspec import UNSET
+from msgspec import UNSET, Struct, field
 
 from terratool.definition.blocks import Block, overlaps
 from terratool.definition.findings import Rectangle
@@ -21,8 +19,7 @@ ROOT = "/elemTree"
 Pair = tuple[int, int]
 
 
-@dataclass(frozen=True)
-class Tree:
+class Tree(Struct, frozen=True, dict=True):
     """All elements, level by level, in document order within a level.
 
     What a million elements have is looked at in columns, one attribute of all of them.
@@ -36,10 +33,10 @@ class Tree:
     """
 
     elements: list[Element]
-    families: list[tuple[int, int, int]] = field(repr=False)
+    families: list[tuple[int, int, int]]
     levels: list[int]
-    columns: dict[str, list[Any]] = field(default_factory=dict, repr=False, compare=False)
-    _distinct: dict[str, set[Any]] = field(default_factory=dict, repr=False, compare=False)
+    columns: dict[str, list[Any]] = field(default_factory=dict)
+    _distinct: dict[str, set[Any]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return self.levels[-1]
@@ -146,6 +143,8 @@ class Tree:
 
     def rectangle(self, index: int, definition: Definition) -> Rectangle | None:
         """The world rectangle of an element's cell; None where that is not known."""
+        from fractions import Fraction
+
         path = []
         while index >= 0:
             path.append(index)

@@ -8,7 +8,6 @@ from typing import Any
 
 import msgspec
 
-from terratool.definition import jsontext, skimming
 from terratool.definition.findings import escape
 
 Repeated = tuple[str, int]
@@ -22,6 +21,8 @@ def read_values(data: bytes) -> Any:
         jsontext.MisspeltError: at the first character that RFC 8259 does not allow.
         UnicodeDecodeError: the bytes are no UTF-8.
     """
+    from terratool.definition import jsontext, skimming
+
     if not data.isascii():
         data.decode("utf-8")
     try:
@@ -63,6 +64,8 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
         data: a JSON text in UTF-8 without errors of syntax.
         limit: how many are wanted.
     """
+    from terratool.definition import jsontext
+
     count = 0
     found: dict[int, tuple[Any, list[Repeated]]] = {}
 

@@ -10,10 +10,11 @@ Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from inspect import cleandoc
+
+from msgspec import Struct
 
 from terratool.definition.findings import Remark, Severity
 from terratool.definition.model import Definition
@@ -26,8 +27,7 @@ _MODULES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Subject:
+class Subject(Struct, frozen=True):
     """What a rule looks at.
 
     Attributes:
@@ -50,8 +50,7 @@ class Subject:
 Check = Callable[[Subject], Iterator[Remark]]
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(Struct, frozen=True):
     """A code, its name, default severity and manual page, and the generator behind it."""
 
     code: str

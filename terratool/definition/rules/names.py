@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from difflib import get_close_matches
 
 from msgspec import UNSET
 
@@ -89,6 +88,8 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
 
 
 def _hint(name: str, known: Collection[str], dictionary: str) -> str:
+    from difflib import get_close_matches
+
     close = [k for k in known if k.lower() == name.lower()]
     # comparing with more takes longer than it helps
     if not close and len(known) <= _MANY and len(name) <= _LONG:
