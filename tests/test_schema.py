@@ -85,7 +85,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
 )
 def test_has_the_keys_of_the_reader(kind: type, properties: Json) -> None:
     """Its keys are those that the reader knows, no more and no fewer."""
-    keys = set(KEYS[kind])
+    keys = {*KEYS[kind], "x-ignore"}
     if properties is SCHEMA["$defs"]["root"]["properties"]:
         keys -= {"cellX", "cellY", "span"}
     assert set(properties) == keys
@@ -130,7 +130,7 @@ REPLACEMENTS = [
     [[0, 0, 0], [1, 1, 1]], [[]], [1, [1, 1]], {}, {"type": "p"}, {"x": [1]}, {"x": []},
     {"a": [1]}, {"combine": "radial"},
 ]  # fmt: skip
-NEW_KEYS = ["x-note", "x-", "X-note", "x", "y", "z", "cellx", "cellX", "cellY", "span", "type",
+NEW_KEYS = ["x-note", "x-ignore", "x-", "X-note", "x", "y", "z", "cellx", "cellX", "cellY", "span", "type",
             "combine", "color", "descr", "size", "$schema", "crs", "origin", "children",
             ""]  # fmt: skip
 

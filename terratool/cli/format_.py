@@ -15,7 +15,7 @@ from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
 
 
-@click.command("format", epilog="Example: terratool format --check samples/paper-example.json")
+@click.command("format", epilog="Example: terratool format samples/paper-example.json --check")
 @click.argument("files", nargs=-1, required=True, metavar="FILE|DIR...")
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file differs."

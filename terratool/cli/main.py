@@ -15,10 +15,10 @@ from terratool.errors import TerratoolError
 
 _COMMANDS = {
     "validate": ("validate", "Check terrain definitions and say what is wrong, and where."),
+    "format": ("format_", "Lay definitions out in the canonical way."),
     "info": ("info", "Say what a terrain consists of."),
     "query": ("query", "Answer height, surface, element and normal at points."),
     "export-dem": ("export_dem", "Write the heights as a GeoTIFF."),
-    "format": ("format_", "Lay definitions out in the canonical way."),
     "rules": ("rules", "List the validator's rules, or explain one."),
 }
 

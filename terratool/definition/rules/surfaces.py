@@ -54,7 +54,7 @@ def missing_soil(subject: Subject) -> Iterator[Remark]:
             and subject.unfit.isdisjoint(((here, key), (here, "")))
         ]
         if lacking and surface.void is not True:
-            words = " and ".join(f'"{key}"' for key in lacking)
+            words = ", ".join(f'"{key}"' for key in lacking)
             yield Remark(
                 here,
                 f"the surface {shown(name)} has no {words}.",
