@@ -130,7 +130,8 @@ REPLACEMENTS = [
     [[0, 0, 0], [1, 1, 1]], [[]], [1, [1, 1]], {}, {"type": "p"}, {"x": [1]}, {"x": []},
     {"a": [1]}, {"combine": "radial"},
 ]  # fmt: skip
-NEW_KEYS = ["x-note", "x-ignore", "x-", "X-note", "x", "y", "z", "cellx", "cellX", "cellY", "span", "type",
+NEW_KEYS = ["x-note", "x-ignore",
+            "x-", "X-note", "x", "y", "z", "cellx", "cellX", "cellY", "span", "type",
             "combine", "color", "descr", "size", "$schema", "crs", "origin", "children",
             ""]  # fmt: skip
 

@@ -50,10 +50,10 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
             what = "would be laid out anew" if only_check else "laid out anew"
             if not only_check:
                 _write(source, name, text)
-            click.echo(f"{source.name}: {what}", err=True)
-    if count > 1 or only_check:
+            click.echo(f"{source.name}: {what}")
+    if "-" not in files or only_check:
         files_read = f"{count} file{'s' * (count != 1)} read"
-        click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.", err=True)
+        click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.")
     ctx.exit(3 if unreadable else int(broken > 0 or (only_check and changed > 0)))
 
 

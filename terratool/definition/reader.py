@@ -110,7 +110,7 @@ def _check(source: Source, options: Options) -> Checked:
         found.take("TT102", map(_duplicate, repeated), count)
     if built.definition is not None:
         subject = Subject(
-            built.definition, built.tree, frozenset(built.unfit), source.size, source.packed,
+            built.definition, built.tree, built.unfit, source.size, source.packed,
             options.max_step,
         )  # fmt: skip
         _apply_rules(subject, found, Ignores(built.ignores), options)

@@ -77,13 +77,13 @@ class Built(Struct):
     Attributes:
         definition: without its elements; None where the text is no object.
         tree: the elements.
-        unfit: (owner, key) of each value that was left out; the key is "" for the owner itself.
+        unfit: of each key the owners whose value was left out; "" is for the owner itself.
         ignores: owner and value of each `x-ignore`.
     """
 
     definition: Definition | None = None
     tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
-    unfit: set[tuple[Owner, str]] = field(default_factory=set)
+    unfit: dict[str, set[Owner]] = field(default_factory=dict)
     ignores: list[tuple[Owner, Any]] = field(default_factory=list)
 
 
@@ -173,7 +173,7 @@ class _Builder:
                     elif children is not UNSET:
                         wanted = KEYS[Element]["children"].words
                         self._wrong_type(index, "/children", '"children"', wanted, children)
-                        self._built.unfit.add((index, "children"))
+                        self._leave_out(index, "children")
         columns = {}
         for key, slot in _SLOTS[Element].items():
             if key != "children":
@@ -201,7 +201,8 @@ class _Builder:
                 for key in value
                 if key in own
             )
-            self._found.take("TT103", remarks)
+            count = sum(map(own.__contains__, chain.from_iterable(values)))
+            self._found.take("TT103", remarks, count)
 
     def _element(self, value: Any, index: int) -> dict[str, Any]:
         if isinstance(value, dict):
@@ -218,7 +219,9 @@ class _Builder:
                 if slot.number and int in types:
                     column[:] = [float(n) if type(n) is int else n for n in column]
                 return
-        wanted, unfit = KEYS[Element][key], self._built.unfit
+        wanted, uncounted = KEYS[Element][key], 0
+        unfit: set[Owner] = set()
+        full = self._found.full("TT106")
         for index, item in enumerate(column):
             its = type(item)
             if its is UnsetType:
@@ -228,16 +231,23 @@ class _Builder:
                     if slot.number:
                         column[index] = float(item)
                     continue
-                if self._found.full("TT106") and _fits(item):  # nobody wants to read of it
-                    self._found.wants("TT106")
+                if full and -_BIGGEST <= item <= _BIGGEST:  # nobody wants to read of it
+                    uncounted += 1
                     column[index] = UNSET
-                    unfit.add((index, key))
+                    unfit.add(index)
                     continue
             self._failed = False
             column[index] = self._fit(wanted, key, item, index)
             if self._failed:
                 column[index] = UNSET
-                unfit.add((index, key))
+                unfit.add(index)
+                full = self._found.full("TT106")
+        self._found.take("TT106", iter(()), uncounted)
+        if unfit:
+            self._built.unfit[key] = unfit
+
+    def _leave_out(self, owner: Owner, key: str) -> None:
+        self._built.unfit.setdefault(key, set()).add(owner)
 
     def _fields(self, kind: type, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
         """The keys of an object whose values fit, converted; the nested ones as they are."""
@@ -261,7 +271,7 @@ class _Builder:
             self._failed = False
             fitting = self._fit(KEYS[kind][key], key, item, owner)
             if self._failed:
-                self._built.unfit.add((owner, key))
+                self._leave_out(owner, key)
             else:
                 fields[name] = fitting
         return fields
@@ -345,7 +355,7 @@ class _Builder:
     def _wrong_type(self, owner: Owner, rest: str, subject: str, words: str, item: Any) -> None:
         self._failed = True
         if rest == "":
-            self._built.unfit.add((owner, ""))
+            self._leave_out(owner, "")
         if not self._found.wants("TT105"):
             return
         found = _JSON_NAMES[type(item)]

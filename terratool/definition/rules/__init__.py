@@ -9,7 +9,7 @@ Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator, Mapping
 from functools import cache
 from importlib import import_module
 from inspect import cleandoc
@@ -33,7 +33,7 @@ class Subject(Struct, frozen=True):
     Attributes:
         definition: the model, without the values that did not fit.
         tree: its elements laid flat.
-        unfit: (owner, key) of each value that was left out.
+        unfit: of each key the owners whose value was left out; "" is for the owner itself.
         size: bytes of the text.
         packed: whether they came from gzip.
         max_step: height of a step from which on it is remarked on; None for no limit.
@@ -41,10 +41,14 @@ class Subject(Struct, frozen=True):
 
     definition: Definition
     tree: Tree
-    unfit: frozenset[tuple[Owner, str]] = frozenset()
+    unfit: Mapping[str, Container[Owner]] = {}
     size: int = 0
     packed: bool = False
     max_step: float | None = None
+
+    def left_out(self, owner: Owner, *keys: str) -> bool:
+        """Whether one of these values of an object, or all of it, did not fit."""
+        return bool(self.unfit) and any(owner in self.unfit.get(key, ()) for key in ("", *keys))
 
 
 Check = Callable[[Subject], Iterator[Remark]]

@@ -12,7 +12,7 @@ from terratool.definition.rules import Subject, rule
 def _remarks(subject: Subject, code: str) -> Iterator[Remark]:
     for name, primitive in subject.definition.primitives.items():
         here = f"/elemTypes/{escape(name)}"
-        if code == "TT303" and not subject.unfit.isdisjoint(((here, ""), (here, "x"), (here, "y"))):
+        if code == "TT303" and subject.left_out(here, "x", "y"):
             continue  # what it has does not fit
         for problem in problems(primitive):
             if problem.code == code:

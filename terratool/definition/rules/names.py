@@ -73,7 +73,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
     To mend: write a name that is there, in its own case, or add the surface.
     """
     primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
-    if ("", "surfTypes") in subject.unfit:
+    if subject.left_out("", "surfTypes"):
         return
     told = {}
     for name in subject.tree.distinct("surface") - surfaces.keys() - {UNSET}:

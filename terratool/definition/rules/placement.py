@@ -39,19 +39,19 @@ def outside_grid(subject: Subject) -> Iterator[Remark]:
 
     To mend: move the element, shorten its span, or give the parent more cells.
     """
-    tree, unfit = subject.tree, subject.unfit
+    tree = subject.tree
     if _surely_inside(tree):
         return
     places = tree.column("cell_x"), tree.column("cell_y")
     for parent, begin, end in tree.families:
-        if unfit and (parent, "cells") in unfit:
+        if subject.left_out(parent, "cells"):
             continue
         grid = tree.grid(parent)
         for index in range(begin, end):
             block = tree.block(index)
             if block[0] + block[2] <= grid[0] and block[1] + block[3] <= grid[1]:
                 continue
-            if unfit and (index, "span") in unfit:
+            if subject.left_out(index, "span"):
                 continue
             for axis, (key, what) in enumerate(_AXES):
                 place = places[axis][index]

@@ -45,17 +45,15 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
         ("elemTypes", definition.elem_types),
         ("elemTree", UNSET if len(subject.tree) == 0 else ""),
     ):
-        if value is UNSET and ("", key) not in subject.unfit:
+        if value is UNSET and not subject.left_out("", key):
             yield Remark("", f'the terrain has no "{key}".', f'Add "{key}".')
-    tree, unfit = subject.tree, subject.unfit
+    tree = subject.tree
     for key, name in (("type", "type"), ("cellX", "cell_x"), ("cellY", "cell_y")):
         first = key != "type"  # the root has no cell
         if UNSET in tree.distinct(name) and (column := tree.column(name)).count(UNSET) > first:
             message, hint = f'the element has no "{key}".', f'Add "{key}".'
             for index, value in enumerate(column):
-                if value is UNSET and index >= first:
-                    if unfit and not unfit.isdisjoint(((index, key), (index, ""))):
-                        continue
+                if value is UNSET and index >= first and not subject.left_out(index, key):
                     yield Remark("", message, hint, element=index)
 
 

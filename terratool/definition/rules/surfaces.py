@@ -50,8 +50,7 @@ def missing_soil(subject: Subject) -> Iterator[Remark]:
         lacking = [
             key
             for key, attribute in _SOIL
-            if getattr(surface, attribute) is UNSET
-            and subject.unfit.isdisjoint(((here, key), (here, "")))
+            if getattr(surface, attribute) is UNSET and not subject.left_out(here, key)
         ]
         if lacking and surface.void is not True:
             words = ", ".join(f'"{key}"' for key in lacking)
