@@ -5,10 +5,10 @@ BIN := $(VENV)/bin
 EXTRAS ?= test
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint bench docs fuzz wheel outside clean
+.PHONY: help install demo test lint bench docs fuzz fuzz-expressions wheel outside clean
 
 help:  ## Explain every target
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 # The stamp names the extras, so that asking for more installs more.
 $(VENV)/.installed-%: pyproject.toml
@@ -47,6 +47,9 @@ docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 
 fuzz: $(VENV)/.installed-test  ## Compare thousands of random terrains with the slow reading
 	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/test_field_properties.py
+
+fuzz-expressions: $(VENV)/.installed-test  ## Try 100,000 strings as curves, each in 50 ms at most
+	$(BIN)/python benchmarks/expressions.py
 
 wheel: $(VENV)/.installed-test  ## Build a wheel into dist/
 	@rm -rf dist

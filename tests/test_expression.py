@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Callable
 from math import acos, asin, atan, cos, cosh, exp, inf, log, pi, sin, sinh, sqrt, tanh
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terratool.definition import expression
+from terratool.definition import reader
 from terratool.definition.expression import (
-    LIST_FUNCTIONS,
     MAX_LENGTH,
-    NAMED,
+    MAX_VALUE,
     ExpressionError,
     check,
     evaluate,
     parse,
 )
+from terratool.definition.listmath import LIST_FUNCTIONS
+from terratool.definition.source import Source
+from terratool.definition.vocabulary import NAMED, UNARY, VARIADIC
 from terratool.field.curves import values_of
 from tests.strategies import EXPRESSIONS, NAMED_CURVES
 
@@ -139,8 +143,7 @@ def agree(text: str, ts: list[float]) -> None:
     parsed = parse(text)
     by_list = np.nan_to_num(np.array(values(text, ts)), nan=0.0)
     by_array = values_of(parsed, np.array(ts))
-    bound = expression.MAX_VALUE
-    assert np.allclose(by_array, np.clip(by_list, -bound, bound), rtol=1e-12, atol=1e-12)
+    assert np.allclose(by_array, np.clip(by_list, -MAX_VALUE, MAX_VALUE), rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +165,7 @@ def formulas(depth: int) -> st.SearchStrategy[str]:
         st.tuples(inner, st.sampled_from(["+", "-", "*", "/", "**"]), inner).map(
             lambda p: f"({p[0]}) {p[1]} ({p[2]})"
         ),
-        st.tuples(st.sampled_from(expression.UNARY), inner).map(lambda p: f"{p[0]}({p[1]})"),
+        st.tuples(st.sampled_from(UNARY), inner).map(lambda p: f"{p[0]}({p[1]})"),
         st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(
             lambda p: f"{p[0]}({p[1]}, {p[2]})"
         ),
@@ -196,29 +199,159 @@ REFUSED = [
     "'t'", '"t"', "`t`", "f'{t}'", "t#", "# t", "t \\\n + 1", "t\0", "\0", "$t", "t?", "t\u200b",
     "１", "٣", "²", "t²", "½", "π", "ｔ", "𝑡", "t × 2", "t − 1", "t ÷ 2", "√t", "∞", "−1", "😀",
     "1e999", "9" * 400, "(" * 41 + "t" + ")" * 41, "-" * 41 + "t", "2**" * 41 + "t",
-    "sin(" * 41 + "t" + ")" * 41, "(" * 400, "t" * 501, "t+" * 250 + "t", "1" * (MAX_LENGTH + 1),
-    "t" * 1_000_000, "(" * 1_000_000, "9**" * 333_333 + "9",
+    "sin(" * 41 + "t" + ")" * 41, "(" * 400, "t" * 501, "t+" * 250 + "t", "t+" * 129 + "t",
+    "1" * (MAX_LENGTH + 1), "t" * 1_000_000, "(" * 1_000_000, "9**" * 333_333 + "9",
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("text", REFUSED, ids=lambda text: ascii(text[:20]))
 def test_refuses_everything_else(text: str) -> None:
-    """Nothing but the grammar parses, whatever it is in Python; the error tells what to do."""
+    """Nothing but the grammar parses, whatever it is in Python; the error tells where and why."""
     with pytest.raises(ExpressionError) as caught:
         parse(text)
-    assert caught.value.hint.endswith(".")
-    assert not caught.value.message.endswith(".")
-    assert len(caught.value.message) < 200
+    message, hint = caught.value.message, caught.value.hint
+    assert hint.endswith((".", "?"))
+    assert not message.endswith(".")
+    assert len(message) < 200
+    assert message.isprintable()
+    assert hint.isprintable()
+    whole = text.strip() == "" or len(text) > MAX_LENGTH or text.startswith("t+t+")
+    assert whole or re.search("(at|after) character [1-9]", message)
+
+
+BEND = "Write a bend with min, max or abs, and a step with knots."
+VALUE = "Write a number, t, pi, a function or a parenthesis"
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "hint"),
+    [
+        ("", "the expression is empty",
+         "Write one in t, such as t*(1 - t), or the name of a curve, such as cosbell."),
+        ("  ", "the expression is empty",
+         "Write one in t, such as t*(1 - t), or the name of a curve, such as cosbell."),
+        ("t +  ", "the expression ends after character 3, where a value is missing",
+         f"{VALUE} there."),
+        (" +t", 'there is no value before the "+" at character 2', "Leave this plus sign out."),
+        ("sin()", 'there is no value before the ")" at character 5', f"{VALUE} before it."),
+        ("t*/2", 'there is no value before the "/" at character 3', f"{VALUE} before it."),
+        # functions
+        ("sin t", 'the function "sin" at character 1 has no argument in parentheses',
+         "Write parentheses behind it, as in sin(t)."),
+        ("abs", 'the function "abs" at character 1 has no argument in parentheses',
+         "Write parentheses behind it, as in abs(t)."),
+        ("2*min", 'the function "min" at character 3 has no argument in parentheses',
+         "Write parentheses behind it, as in min(t, 0.5)."),
+        ("cos/2", 'the function "cos" at character 1 has no argument in parentheses',
+         "Write cos(t), or (cos(pi*(t - 0.5))) for the named curve."),
+        ("2*sin(t, t)", 'the function "sin" at character 3 takes one argument, not 2',
+         "Write sin(t), with one argument."),
+        ("sin(1,5*t)", 'the function "sin" at character 1 takes one argument, not 2',
+         "Write a decimal number with a point, as in 1.5."),
+        ("max(t)", 'the function "max" at character 1 takes two arguments or more, not 1',
+         "Write max(t, 0.5), with two."),
+        # named curves
+        ("ramp + 1", 'the named curve "ramp" at character 1 stands inside an expression',
+         "Write its formula in its place: (t)."),
+        ("2*Tent", 'the named curve "Tent" at character 3 stands inside an expression',
+         "Write its formula in its place: (1 - abs(2*t - 1))."),
+        (" Gauss ", '"Gauss" at character 2 is no known name',
+         "Write it in small letters: gauss."),
+        ("cosbel", '"cosbel" at character 1 is no known name', "Did you mean cosbell?"),
+        ("bump", '"bump" at character 1 is no known name',
+         f"Write an expression in t, or one of the names {' '.join(NAMED)}."),
+        # names
+        ("sin(2*pi*x)", '"x" at character 10 is no known name',
+         "Write t, which is the only variable."),
+        ("x(t)", '"x" at character 1 is no known name',
+         f"Use only t, pi and the functions {' '.join(UNARY + VARIADIC)}."),
+        ("SIN(t)", '"SIN" at character 1 is no known name', "Write it in small letters: sin."),
+        ("COS(t)", '"COS" at character 1 is no known name', "Write it in small letters: cos."),
+        ("sine(t)", '"sine" at character 1 is no known name', "Did you mean sin?"),
+        ("math.sin(t)", '"math" at character 1 is no known name',
+         'Write sin without "math." before it.'),
+        ("2*np.pi*t", '"np" at character 3 is no known name', 'Write pi without "np." before it.'),
+        ("np.sign(t)", '"np" at character 1 is no known name',
+         f"Use only t, pi and the functions {' '.join(UNARY + VARIADIC)}."),
+        ("__import__('os')", '"__import__" at character 1 is no known name',
+         f"Use only t, pi and the functions {' '.join(UNARY + VARIADIC)}."),
+        ("if t<0.5", '"if" at character 1 is no known name', BEND),
+        ("t if t<0.5 else 1", 'there is no operator before "if" at character 3', BEND),
+        ("e**-t", '"e" at character 1 is no known name',
+         "Write exp(t) for e**t, and exp(1) for e alone."),
+        ("ln(t + 1)", '"ln" at character 1 is no known name',
+         "Write log, which is the natural logarithm."),
+        ("y = t", '"y" at character 1 is no known name',
+         "Write the formula alone, without an equals sign."),
+        # signs
+        ("t^2", '"^" at character 2 has no meaning in an expression',
+         "Write a power with **, as in t**2."),
+        ("t²", '"²" at character 2 has no meaning in an expression',
+         "Write a power with **, as in t**2."),
+        ("π*t", '"π" at character 1 has no meaning in an expression', "Write it in letters: pi."),
+        ("t<0.5", '"<" at character 2 has no meaning in an expression', BEND),
+        ("t == 1", '"=" at character 3 has no meaning in an expression', BEND),
+        ("t = 1", '"=" at character 3 has no meaning in an expression',
+         "Write the formula alone, without an equals sign."),
+        ("t − 1", '"−" at character 3 has no meaning in an expression',
+         "Write the minus sign as a hyphen."),
+        ("[0, 1]", '"[" at character 1 has no meaning in an expression',
+         "Write a vector or knots without quotation marks around them."),
+        ("2*[t]", '"[" at character 3 has no meaning in an expression', "Write round parentheses."),
+        ("t\u200b", r'"\u200b" at character 2 has no meaning in an expression',
+         "Remove this invisible character, or write a space."),
+        ("t\xa0+ 1", r'"\xa0" at character 2 has no meaning in an expression',
+         "Remove this invisible character, or write a space."),
+        ("t @ t", '"@" at character 3 has no meaning in an expression',
+         "Use only numbers, t, pi, + - * / **, parentheses and "
+         f"{' '.join(UNARY + VARIADIC)}."),
+        # what is missing or too much
+        ("2t", 'there is no operator before "t" at character 2',
+         "Write a product with *, as in 2*t."),
+        ("(t)(t)", 'there is no operator before "(" at character 4',
+         "Write a product with *, as in 2*t."),
+        ("1,5*t", 'the "," at character 2 separates no arguments',
+         "Write a decimal number with a point, as in 1.5."),
+        ("(t, 1)", 'the "," at character 3 separates no arguments',
+         "Remove it: only min and max take several values."),
+        ("2*cos(t", 'the "(" at character 6 is never closed', 'Close it with a ")".'),
+        ("(t*(1 - t)", 'the "(" at character 1 is never closed', 'Close it with a ")".'),
+        ("t)", 'the ")" at character 2 closes nothing', 'Remove it, or write a "(" before it.'),
+        # limits
+        ("1e999*t", 'the number "1e999" at character 1 is too large', "Write a smaller one."),
+        ("(" * 41, "the expression nests deeper than 40 levels at character 41",
+         "Simplify it, or write the curve as a vector of samples."),
+        ("t" + "*t" * 129, "the expression has 129 operations, more than 128",
+         "Simplify it, or write the curve as a vector of samples."),
+        ("max(" + "t," * 129 + "-t)", "the expression has 130 operations, more than 128",
+         "Simplify it, or write the curve as a vector of samples."),
+        ("t" + "*t**2" * 43, "the expression has 129 operations, more than 128",
+         "Simplify it, or write the curve as a vector of samples."),
+        ("abs(t)" + "-sin(t)" * 64, "the expression has 129 operations, more than 128",
+         "Simplify it, or write the curve as a vector of samples."),
+        (" " * 500 + "t", "the expression has 501 characters, more than 500",
+         "Shorten it, or write the curve as a vector of samples."),
+        ("t" * 1_000_000, "the expression has 1000000 characters, more than 500",
+         "Shorten it, or write the curve as a vector of samples."),
+    ],
+    ids=lambda text: ascii(text[:20]),
+)  # fmt: skip
+def test_says_what_is_wrong_and_what_to_do(text: str, message: str, hint: str) -> None:
+    """What people write from habit is told apart, with its place in the text as written."""
+    with pytest.raises(ExpressionError) as caught:
+        parse(text)
+    assert (caught.value.message, caught.value.hint) == (message, hint)
 
 
 @pytest.mark.parametrize(
     "text",
-    ["(" * 40 + "t" + ")" * 40, "-" * 40 + "t", "t" + "+t" * 249, "t" + "*t" * 249,
-     " " * 499 + "t", "min(" + "t," * 200 + "t)"],
+    ["(" * 40 + "t" + ")" * 40, "-" * 40 + "t", "t" + "+t" * 128, "t" + "*t" * 128,
+     " " * 499 + "t", "min(" + "t," * 128 + "t)", "sin(t)" + "*abs(t)" * 63,
+     "t" + "*t**2" * 42, "t+1" + "+1" * 127, "1" + "+1" * 200 + "+2**t"],
     ids=lambda text: text[:9],
 )  # fmt: skip
 def test_accepts_up_to_the_limits(text: str) -> None:
-    """Depth 40 and 500 characters are allowed, and long chains are not deep."""
+    """Depth 40, 500 characters and 128 operations are allowed, and long chains are not deep."""
     check(parse(text))
 
 
@@ -242,17 +375,46 @@ def test_large_values_are_allowed(text: str) -> None:
 
 
 TOKENS = ["t", "pi", "1", "9", "0.5", ".", "1e9", "e", "+", "-", "*", "**", "/", "(", ")", ",", " ",
-          *expression.UNARY, *expression.VARIADIC, *NAMED, "_", "[", "]", "=", "<", "'", "\\", "\n",
+          *UNARY, *VARIADIC, *NAMED, "_", "[", "]", "=", "<", "'", "\\", "\n",
           "²", "π", "\x00", "lambda", "if"]  # fmt: skip
 
 
-@given(st.lists(st.sampled_from(TOKENS), max_size=14).map("".join) | st.text(max_size=14))
-def test_any_text_ends_in_a_curve_or_an_expression_error(text: str) -> None:
+@st.composite
+def mutants(draw: st.DrawFn) -> str:
+    """Formulas with one to three parts replaced."""
+    text = draw(formulas(2) | st.sampled_from([*NAMED, *NAMED.values(), *EXPRESSIONS]))
+    for _ in range(draw(st.integers(1, 3))):
+        at = draw(st.integers(0, len(text)))
+        part = draw(st.sampled_from(TOKENS) | st.text(max_size=3) | st.just(text[at : at + 9]))
+        text = text[:at] + part + text[at + draw(st.integers(0, 4)) :]
+    return text
+
+
+def repetitions() -> st.SearchStrategy[str]:
+    """One formula over and over, up to the limits and beyond."""
+    signs = st.sampled_from("+-*/")
+    return st.builds(lambda f, sign, n: sign.join([f] * n), formulas(1), signs, st.integers(2, 70))
+
+
+@settings(max_examples=3000)
+@given(
+    st.lists(st.sampled_from(TOKENS), max_size=14).map("".join)
+    | st.text(max_size=14)
+    | formulas(3)
+    | mutants()
+    | repetitions()
+)
+def test_any_text_ends_in_values_or_in_a_finding(text: str) -> None:
     """Random text is a curve whose values agree everywhere, or is refused; nothing else."""
-    try:
-        parsed = parse(text)
-        check(parsed)
-    except ExpressionError as error:
-        assert error.hint
-        return
-    agree(text, TS)
+    definition = {"size": 1, "elemTypes": {"a": {"x": text}}, "elemTree": {"type": "a"}}
+    checked = reader.check(Source("any.json", json.dumps(definition).encode()))
+    if checked.definition is None:
+        (finding,) = checked.findings
+        assert finding.code in ("TT301", "TT302")
+        assert finding.pointer == "/elemTypes/a/x"
+        assert finding.message.endswith(".")
+        assert finding.hint.endswith((".", "?"))
+        assert (finding.message + finding.hint).isprintable()
+    else:
+        assert all(abs(value) < MAX_VALUE for value in values(text, [0.0, 0.5, 1.0]))
+        agree(text, TS)

@@ -2,47 +2,46 @@
 
 An expression is flattened to a program for a stack machine: a tuple of (operation, operand).
 It is evaluated over whole lists or arrays, one operation at a time, with the functions that the
-caller brings (`LIST_FUNCTIONS` here, NumPy's in `terratool.field.curves`).
+caller brings (those of `listmath`, or NumPy's in `terratool.field.curves`).
 """
 
 from __future__ import annotations
 
 import math
-import operator
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from terratool.definition.findings import shown
+from terratool.definition.listmath import LIST_FUNCTIONS
+from terratool.definition.vocabulary import (
+    DECIMAL_POINT,
+    INSTEAD_OF_CONDITIONS,
+    NAMED,
+    PRODUCT,
+    UNARY,
+    VARIADIC,
+    instead_of_sign,
+    instead_of_word,
+)
+
 MAX_LENGTH = 500
 MAX_DEPTH = 40
+MAX_OPERATIONS = 128
+"""Passes over all t; a text has room for twice as many, which would take too long."""
 CHECK_POINTS = 4097
 MAX_VALUE = 1e9
 
-NAMED = {
-    "flat": "1",
-    "ramp": "t",
-    "tent": "1 - abs(2*t - 1)",
-    "cos": "cos(pi*(t - 0.5))",
-    "cosbell": "0.5 - 0.5*cos(2*pi*t)",
-    "dome": "sqrt(1 - (2*t - 1)**2)",
-    "gauss": "exp(-18*(t - 0.5)**2)",
-    "smoothstep": "t**2*(3 - 2*t)",
-}
-"""Named curves as expressions."""
-
-UNARY = (
-    "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt",
-    "abs",
-)  # fmt: skip
-VARIADIC = ("min", "max")
 _BINARY = {"+": "add", "-": "sub", "*": "mul", "/": "div"}
 
-_token = re.compile(
+_BLANKS = " \t\r\n"
+_tokens = re.compile(
     r"[ \t\r\n]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
-    r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)|(?P<sign>\*\*|[-+*/(),])|(?P<end>\Z))"
-).match
+    r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)|(?P<sign>\*\*|[-+*/(),])|(?P<end>\Z)|(?P<other>.))"
+).finditer
+_decimal_comma = re.compile("[0-9],[0-9]").search
 
 Op = tuple[str, float | int | None]
 
@@ -69,15 +68,14 @@ def parse(text: str) -> Expression:
     """Parse a named curve or an expression in `t`.
 
     Raises:
-        ExpressionError: it is too long, too deep or says something else than the grammar allows.
+        ExpressionError: it is too long, too deep or no expression.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(
             f"the expression has {len(text)} characters, more than {MAX_LENGTH}",
             "Shorten it, or write the curve as a vector of samples.",
         )
-    stripped = text.strip()
-    return Expression(text, _Parser(NAMED.get(stripped, stripped)).program())
+    return Expression(text, _Parser(NAMED.get(text.strip(_BLANKS), text)).program())
 
 
 class _Parser:
@@ -85,39 +83,47 @@ class _Parser:
 
     def __init__(self, text: str) -> None:
         self._text = text
+        self._tokens = _tokens(text)
         self._ops: list[Op] = []
         self._depth = 0
-        self._kind = self._value = ""
+        self._kind = self._value = self._taken = ""
         self._at = self._next_at = 0
         self._advance()
 
     def program(self) -> tuple[Op, ...]:
+        if self._kind == "end":
+            raise ExpressionError(
+                "the expression is empty",
+                "Write one in t, such as t*(1 - t), or the name of a curve, such as cosbell.",
+            )
         self._sum()
         if self._kind != "end":
-            raise self._unexpected("an operator or the end")
+            raise self._no_operator()
+        count = _operations(self._ops)
+        if count > MAX_OPERATIONS:
+            raise ExpressionError(
+                f"the expression has {count} operations, more than {MAX_OPERATIONS}",
+                "Simplify it, or write the curve as a vector of samples.",
+            )
         return tuple(self._ops)
 
     def _advance(self) -> None:
-        match = _token(self._text, self._next_at)
-        if match is None:
-            at = (
-                self._next_at
-                + len(self._text[self._next_at :])
-                - len(self._text[self._next_at :].lstrip())
-            )
-            hint = "Use numbers, t, pi, + - * / **, parentheses and the functions of the format."
-            if self._text[at] == "^":
-                hint = "Write ** for a power."
-            raise ExpressionError(
-                f'"{self._text[at]}" at character {at + 1} belongs to no expression', hint
-            )
+        match = next(self._tokens)
         self._kind = str(match.lastgroup)
-        self._value = match.group(self._kind)
-        self._at, self._next_at = match.start(self._kind), match.end()
+        self._value = match[self._kind]
+        self._at, self._next_at = match.span(self._kind)
+        if self._kind == "other":
+            raise ExpressionError(
+                f"{shown(self._value)} {self._place()} has no meaning in an expression",
+                instead_of_sign(self._text, self._at),
+            )
+
+    def _place(self) -> str:
+        return f"at character {self._at + 1}"
 
     def _take(self, *signs: str) -> str:
         if self._kind == "sign" and self._value in signs:
-            sign = self._value
+            sign, self._taken = self._value, self._place()
             self._advance()
             return sign
         return ""
@@ -126,7 +132,7 @@ class _Parser:
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise ExpressionError(
-                f"the expression nests deeper than {MAX_DEPTH} levels",
+                f"the expression nests deeper than {MAX_DEPTH} levels {self._taken}",
                 "Simplify it, or write the curve as a vector of samples.",
             )
         parse()
@@ -155,69 +161,108 @@ class _Parser:
             self._ops.append(("pow", None))
 
     def _atom(self) -> None:
-        kind, value, at = self._kind, self._value, self._at
-        if kind == "number":
-            number = float(value)
-            if math.isinf(number):
-                raise ExpressionError(
-                    f"the number {value[:20]} is too large", "Write a smaller number."
-                )
+        if self._kind == "number":
+            self._number()
+        elif self._kind == "name" and self._value in ("t", "pi"):
+            self._ops.append(("t", None) if self._value == "t" else ("number", math.pi))
             self._advance()
-            self._ops.append(("number", number))
-        elif kind == "name" and value in ("t", "pi"):
-            self._advance()
-            self._ops.append(("t", None) if value == "t" else ("number", math.pi))
-        elif kind == "name":
-            self._call(value, at)
+        elif self._kind == "name" and self._value in UNARY + VARIADIC:
+            self._call()
+        elif self._kind == "name":
+            raise self._unknown_name()
         elif self._take("("):
+            opened = self._taken
             self._deeper(self._sum)
-            self._close()
+            self._close(opened)
         else:
-            raise self._unexpected("a number, t, pi, a function or (")
+            raise self._no_value()
 
-    def _call(self, name: str, at: int) -> None:
-        if name not in UNARY and name not in VARIADIC:
-            hint = f"Use t, pi or one of {' '.join(UNARY + VARIADIC)}."
-            if name.lower() in NAMED and name not in NAMED:
-                hint = f'Write "{name.lower()}" alone for the named curve.'
-            elif name in NAMED:
-                hint = f'Write "{name}" alone for the named curve, or spell out {NAMED[name]}.'
-            raise ExpressionError(f'"{name}" at character {at + 1} is no known name', hint)
+    def _number(self) -> None:
+        number = float(self._value)
+        if math.isinf(number):
+            raise ExpressionError(
+                f"the number {shown(self._value)} {self._place()} is too large",
+                "Write a smaller one.",
+            )
+        self._ops.append(("number", number))
+        self._advance()
+
+    def _call(self) -> None:
+        name = self._value
+        function = f'the function "{name}" {self._place()}'
+        example = f"{name}(t)" if name in UNARY else f"{name}(t, 0.5)"
         self._advance()
         if not self._take("("):
-            raise self._unexpected(f"( after {name}")
-        count = 1
+            hint = f"Write parentheses behind it, as in {example}."
+            if name in NAMED:
+                hint = f"Write {example}, or ({NAMED[name]}) for the named curve."
+            raise ExpressionError(f"{function} has no argument in parentheses", hint)
+        count, opened = 1, self._taken
         self._deeper(self._sum)
         while self._take(","):
             self._deeper(self._sum)
             count += 1
-        self._close()
+        self._close(opened)
         if name in UNARY and count != 1:
+            decimal = _decimal_comma(self._text)
             raise ExpressionError(
-                f"{name} takes one argument, not {count}", f"Write {name}(…) with one argument."
+                f"{function} takes one argument, not {count}",
+                DECIMAL_POINT if decimal else f"Write {example}, with one argument.",
             )
-        if name in VARIADIC and count < 2:
-            raise ExpressionError(f"{name} takes two arguments or more", f"Write {name}(a, b).")
+        if name in VARIADIC and count == 1:
+            raise ExpressionError(
+                f"{function} takes two arguments or more, not 1", f"Write {example}, with two."
+            )
         self._ops.append((name, count if name in VARIADIC else None))
 
-    def _close(self) -> None:
-        if not self._take(")"):
-            raise self._unexpected(")")
-
-    def _unexpected(self, wanted: str) -> ExpressionError:
-        if not self._text.strip():
-            return ExpressionError(
-                "the expression is empty", 'Write one in t, such as "t*(1 - t)".'
-            )
+    def _close(self, opened: str) -> None:
         if self._kind == "end":
+            raise ExpressionError(f'the "(" {opened} is never closed', 'Close it with a ")".')
+        if not self._take(")"):
+            raise self._no_operator()
+
+    def _unknown_name(self) -> ExpressionError:
+        before, behind = self._text[: self._at], self._text[self._next_at :]
+        named = self._value.lower()
+        if named in NAMED and named not in UNARY and (before + behind).strip():
             return ExpressionError(
-                f"the expression ends where {wanted} is expected", "Complete it."
+                f'the named curve "{self._value}" {self._place()} stands inside an expression',
+                f"Write its formula in its place: ({NAMED[named]}).",
             )
-        hint = f"Put {wanted} there."
-        if wanted == "an operator or the end" and self._kind != "sign":
-            hint = "A product needs its *, as in 2*t."
         return ExpressionError(
-            f'"{self._value}" at character {self._at + 1} stands where {wanted} is expected', hint
+            f"{shown(self._value)} {self._place()} is no known name",
+            instead_of_word(self._value, before, behind),
+        )
+
+    def _no_value(self) -> ExpressionError:
+        if self._kind == "end":
+            end = len(self._text.rstrip(_BLANKS))
+            return ExpressionError(
+                f"the expression ends after character {end}, where a value is missing",
+                "Write a number, t, pi, a function or a parenthesis there.",
+            )
+        hint = "Write a number, t, pi, a function or a parenthesis before it."
+        if self._value == "+":
+            hint = "Leave this plus sign out."
+        return ExpressionError(
+            f'there is no value before the "{self._value}" {self._place()}', hint
+        )
+
+    def _no_operator(self) -> ExpressionError:
+        """A value is complete, and something follows that goes on with nothing."""
+        if self._value == ")":
+            return ExpressionError(
+                f'the ")" {self._place()} closes nothing', 'Remove it, or write a "(" before it.'
+            )
+        if self._value == ",":
+            decimal = _decimal_comma(self._text, self._at - 1, self._at + 2)
+            return ExpressionError(
+                f'the "," {self._place()} separates no arguments',
+                DECIMAL_POINT if decimal else "Remove it: only min and max take several values.",
+            )
+        return ExpressionError(
+            f"there is no operator before {shown(self._value)} {self._place()}",
+            INSTEAD_OF_CONDITIONS.get(self._value, PRODUCT),
         )
 
 
@@ -252,6 +297,22 @@ def samples(expression: Expression) -> list[float]:
     return values if isinstance(values, list) else [values] * CHECK_POINTS
 
 
+def _operations(program: Iterable[Op]) -> int:
+    """Passes over all t; what holds no t takes none, and a power takes as long as two."""
+    count = 0
+    varying: list[bool] = []
+    for name, operand in program:
+        if name in ("number", "t"):
+            varying.append(name == "t")
+            continue
+        arity = _arity(name, operand)
+        varies = any(varying[-arity:])
+        varying[-arity:] = [varies]
+        if varies:
+            count += 2 if name == "pow" else max(1, arity - 1)
+    return count
+
+
 def check(expression: Expression) -> None:
     """See that the values are finite and below 1e9 in size at 4,097 evenly spaced t.
 
@@ -260,82 +321,8 @@ def check(expression: Expression) -> None:
     """
     for t, value in zip(_TS, samples(expression), strict=True):
         if not abs(value) < MAX_VALUE:
-            what = "not a finite number" if not math.isfinite(value) else f"as large as {value:.3g}"
+            what = f"reaches {value:.3g}" if math.isfinite(value) else "is not a finite number"
             raise ExpressionError(
-                f"the expression is {what} at t = {t:g}",
+                f"the expression {what} at t = {t:g}",
                 "Keep it finite and below 1e9 for every t from 0 to 1.",
             )
-
-
-# Evaluation over plain lists, for readers that have no NumPy loaded: each operation runs over the
-# whole list in C by `map`; where Python raises, the list is gone through again as IEEE 754 would.
-
-
-def _ieee(function: Callable[..., float]) -> Callable[..., float]:
-    def safe(*arguments: float) -> float:
-        try:
-            return function(*arguments)
-        except ZeroDivisionError:
-            return _divide_by_zero(arguments[0], arguments[1])
-        except OverflowError:
-            return _overflow(function, arguments)
-        except ValueError:
-            if function is math.log and arguments[0] == 0:
-                return -math.inf
-            if function is math.pow and arguments[0] == 0:
-                return math.copysign(math.inf, arguments[0] if arguments[1] % 2 == 1 else 1.0)
-            return math.nan
-
-    return safe
-
-
-def _divide_by_zero(numerator: float, zero: float) -> float:
-    if numerator == 0 or math.isnan(numerator):
-        return math.nan
-    return math.copysign(math.inf, numerator) * math.copysign(1.0, zero)
-
-
-def _overflow(function: Callable[..., float], arguments: Sequence[float]) -> float:
-    negative = function is math.sinh and arguments[0] < 0
-    if function is math.pow:
-        negative = arguments[0] < 0 and arguments[1] % 2 == 1
-    return -math.inf if negative else math.inf
-
-
-def _over_lists(function: Callable[..., float]) -> Callable[..., Any]:
-    def run(*arguments: Any) -> Any:
-        length = max((len(item) for item in arguments if isinstance(item, list)), default=0)
-        if length == 0:
-            return _ieee(function)(*arguments)
-        lists = [item if isinstance(item, list) else [item] * length for item in arguments]
-        try:
-            return list(map(function, *lists))
-        except (ValueError, ZeroDivisionError, OverflowError):
-            return list(map(_ieee(function), *lists))
-
-    return run
-
-
-def _least(*arguments: float) -> float:
-    return math.nan if any(map(math.isnan, arguments)) else min(arguments)
-
-
-def _largest(*arguments: float) -> float:
-    return math.nan if any(map(math.isnan, arguments)) else max(arguments)
-
-
-LIST_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    name: _over_lists(function)
-    for name, function in {
-        **{name: getattr(math, name) for name in UNARY if name != "abs"},
-        "abs": abs,
-        "add": operator.add,
-        "sub": operator.sub,
-        "mul": operator.mul,
-        "div": operator.truediv,
-        "pow": math.pow,
-        "neg": operator.neg,
-        "min": _least,
-        "max": _largest,
-    }.items()
-}

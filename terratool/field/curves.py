@@ -27,7 +27,7 @@ _MAX_BINS = 4096
 
 Floats = NDArray[np.float64]
 
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
+FUNCTIONS: dict[str, Callable[..., Any]] = {
     "add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "pow": np.power,
     "neg": np.negative, "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin,
     "acos": np.arccos, "atan": np.arctan, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh,
@@ -99,7 +99,7 @@ def _knots(points: Floats) -> Pieces:
 def values_of(expression: Expression, t: Floats) -> Floats:
     """Evaluate an expression at `t`; what is not finite between the checked points is bounded."""
     with np.errstate(all="ignore"):
-        values = np.asarray(evaluate(expression, t, _FUNCTIONS), np.float64)
+        values = np.asarray(evaluate(expression, t, FUNCTIONS), np.float64)
     bounded: Floats = np.clip(np.nan_to_num(values, nan=0.0), -MAX_VALUE, MAX_VALUE)
     return np.broadcast_to(bounded, t.shape)
 
