@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from terratool.definition.built import Owner
 from terratool.definition.findings import Remark, shown
 from terratool.definition.rules import Rule
-from terratool.definition.structure import Owner
 from terratool.definition.tree import Tree
 
 

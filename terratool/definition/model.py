@@ -7,6 +7,7 @@ they depend on the place in the tree, and `terratool.field` gives them their mea
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
@@ -17,6 +18,11 @@ DEFAULT_CELLS = 10
 Pair = tuple[float, float]
 CurveValue = tuple[float | Pair, ...] | str
 """A vector, a list of knots (never both in one list; a rule sees to that), or a string."""
+
+
+def names_of(kind: type) -> Iterator[tuple[str, str]]:
+    """Each attribute of a class of the model, and its key in the text."""
+    yield from zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True)  # type: ignore[attr-defined]
 
 
 class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):

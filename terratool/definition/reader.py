@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from msgspec import Struct, field
 
-from terratool.definition import structure
+from terratool.definition.built import Built, complete
 from terratool.definition.findings import Collected, Finding, Remark, shown, unescape
 from terratool.definition.ignoring import Ignores
 from terratool.definition.keys import COMBINES, KEYS, Key
-from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.model import Definition, Element, Primitive, Surface, names_of
 from terratool.definition.rules import Subject, all_rules
 from terratool.definition.source import Source, read_source
 from terratool.definition.tree import Tree, flatten
@@ -99,11 +99,13 @@ def _check(source: Source, options: Options) -> Checked:
     found = Collected(options.limit)
     built, clean = _quickly(data)
     if built is None:
+        from terratool.definition.structure import build
+
         value, misspelt = _values(data)
         if misspelt is not None:
             return _unreadable(source, misspelt)
         clean = lost_no_key(data, value)
-        built = structure.build(value, found)
+        built = build(value, found)
         del value
     if not clean:
         repeated, count = repeated_keys(data, options.limit)
@@ -117,7 +119,7 @@ def _check(source: Source, options: Options) -> Checked:
     definition = None
     rules = all_rules()
     if all(rules[code].severity != "error" for code in found.counts):
-        definition = structure.complete(built)
+        definition = complete(built)
     found.kept = [kept for kept in found.kept if options.shows(kept[0])]
     if not found.kept:
         return Checked(definition, (), found.counts)
@@ -148,7 +150,7 @@ def _values(data: bytes) -> tuple[Any, MisspeltError | None]:
         return None, _bad_encoding(data, error)
 
 
-def _quickly(data: bytes) -> tuple[structure.Built | None, bool]:
+def _quickly(data: bytes) -> tuple[Built | None, bool]:
     """What the text says, if all of it fits; and whether surely no key stands twice."""
     try:
         definition = msgspec.json.decode(data, type=Definition)
@@ -160,14 +162,14 @@ def _quickly(data: bytes) -> tuple[structure.Built | None, bool]:
     free = isinstance(crs, dict) or (isinstance(crs, int) and crs.bit_length() > 64)
     if free or not _in_range(definition, tree):
         return None, False
-    return structure.Built(definition, tree), lost_no_key(data, definition)
+    return Built(definition, tree), lost_no_key(data, definition)
 
 
 _RANGED: dict[type, list[tuple[str, Key]]] = {
     kind: [
-        (f.name, KEYS[kind][f.encode_name])
-        for f in msgspec.structs.fields(kind)
-        if KEYS[kind][f.encode_name].kind in ("number", "whole")
+        (name, KEYS[kind][key])
+        for name, key in names_of(kind)
+        if KEYS[kind][key].kind in ("number", "whole")
     ]
     for kind in (Definition, Surface, Element)
 }
@@ -210,7 +212,7 @@ def _apply_rules(subject: Subject, found: Collected, ignores: Ignores, options: 
         found.take("TT113", ignores.unused(all_rules(), idle))
 
 
-def _place(source: Source, found: Collected, built: structure.Built) -> tuple[Finding, ...]:
+def _place(source: Source, found: Collected, built: Built) -> tuple[Finding, ...]:
     from terratool.definition.places import Spot, locate
 
     tree = built.tree

@@ -9,18 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import lru_cache
-from itertools import chain, pairwise
+from itertools import chain
 from typing import Any, NamedTuple
 
-from msgspec import UNSET, Struct, UnsetType, field, structs
+from msgspec import UNSET, UnsetType
 
+from terratool.definition.built import Built, Owner
 from terratool.definition.findings import Collected, Remark, escape, shown
 from terratool.definition.keys import KEYS, Key
-from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.model import Definition, Element, Primitive, Surface, names_of
 from terratool.definition.tree import Tree
-
-Owner = int | str
-"""An element by its index in the tree, anything else by its JSON pointer."""
 
 _BIGGEST = math.nextafter(math.inf, 0)
 _LONG = 60  # characters of a key that may be a typo
@@ -66,49 +64,13 @@ def _slot(name: str, key: Key) -> _Slot:
 
 
 _SLOTS: dict[type, dict[str, _Slot]] = {
-    kind: {f.encode_name: _slot(f.name, KEYS[kind][f.encode_name]) for f in structs.fields(kind)}
-    for kind in KEYS
+    kind: {key: _slot(name, KEYS[kind][key]) for name, key in names_of(kind)} for kind in KEYS
 }
-
-
-class Built(Struct):
-    """The model as far as it could be built.
-
-    Attributes:
-        definition: without its elements; None where the text is no object.
-        tree: the elements.
-        unfit: of each key the owners whose value was left out; "" is for the owner itself.
-        ignores: owner and value of each `x-ignore`.
-    """
-
-    definition: Definition | None = None
-    tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
-    unfit: dict[str, set[Owner]] = field(default_factory=dict)
-    ignores: list[tuple[Owner, Any]] = field(default_factory=list)
 
 
 def build(value: Any, found: Collected) -> Built:
     """Build the model of a parsed JSON value, without recursion over the elements."""
     return _Builder(found).build(value)
-
-
-def complete(built: Built) -> Definition:
-    """The definition with its elements; none of its values may have been left out."""
-    tree, definition = built.tree, built.definition
-    assert definition is not None
-    if tree.elements:
-        return definition
-    broods: list[Any] = [UNSET] * len(tree)
-    families = list(tree.families)
-    elements: list[Element] = []  # of the level below
-    names = [f.name for f in structs.fields(Element) if f.name != "children"]
-    for begin, end in reversed(list(pairwise(tree.levels))):
-        while families and families[-1][0] >= begin:
-            parent, first, last = families.pop()
-            broods[parent] = tuple(elements[first - end : last - end])
-        columns = [tree.column(name)[begin:end] for name in names]
-        elements = list(map(Element, *columns, broods[begin:end]))
-    return structs.replace(definition, elem_tree=elements[0])
 
 
 class _Builder:

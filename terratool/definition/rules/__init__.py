@@ -16,9 +16,9 @@ from inspect import cleandoc
 
 from msgspec import Struct
 
+from terratool.definition.built import Owner
 from terratool.definition.findings import Remark, Severity
 from terratool.definition.model import Definition
-from terratool.definition.structure import Owner
 from terratool.definition.tree import Tree
 
 _MODULES = (
