@@ -84,4 +84,4 @@ def _artifact(file: str) -> dict[str, str]:
     path = Path(file)
     if path.is_absolute():
         return {"uri": path.as_uri()}
-    return {"uri": quote(file.replace(os.sep, "/"))}
+    return {"uri": quote(os.fsencode(file.replace(os.sep, "/")))}
