@@ -208,16 +208,29 @@ def test_validate_standard_input(text: str, code: int) -> None:
     assert "<stdin>:" in ran.out
 
 
-def test_validate_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
+@pytest.mark.parametrize("absolute", [True, False])
+@pytest.mark.parametrize(
+    ("form", "shown"),
+    [
+        ("text", b".json:2:10: error TT106"), ("github", b".json,line=2,col=10,title=TT106"),
+        ("json", b"\\udcff.json"), ("sarif", b"%FF.json"),
+    ],
+)  # fmt: skip
+def test_validate_a_file_whose_name_is_no_text(
+    tmp_path: Path, form: str, shown: bytes, absolute: bool
+) -> None:
     """A file name that is no UTF-8 is checked and shown as well as can be."""
     path = os.fsencode(tmp_path) + b"/\xff.json"
     Path(os.fsdecode(path)).write_text(INVALID)
     done = subprocess.run(
-        [*map(os.fsencode, COMMAND), b"validate", path],
-        capture_output=True, cwd=ROOT, env=ENVIRONMENT, check=False,
+        [*map(os.fsencode, COMMAND), b"validate", b"--format", form.encode(),
+         path if absolute else b"\xff.json"],
+        capture_output=True, cwd=tmp_path, env=ENVIRONMENT, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (1, b"")
-    assert b".json:2:10: error TT106" in done.stdout
+    assert shown in done.stdout
+    if form in ("json", "sarif"):
+        json.loads(done.stdout)
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])
@@ -228,6 +241,18 @@ def test_names_that_the_terminal_cannot_show(tmp_path: Path, encoding: str) -> N
     ran = run("validate", path, PYTHONUTF8="0", PYTHONIOENCODING=encoding)
     assert ran.code == 1
     assert "TT201" in ran.out
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1", "utf-8"])
+@pytest.mark.parametrize(
+    "command", [["validate", "--format", "json"], ["validate", "--format", "sarif"], ["format"]]
+)
+def test_json_is_utf_8_whatever_the_terminal(command: list[str], encoding: str) -> None:
+    """What is piped is UTF-8, as JSON has no other encoding."""
+    text = '{"descr": "é \\u0081 世界", "size": 1, "é\x81": 0}'
+    ran = run(*command, "-", stdin=text, PYTHONUTF8="0", PYTHONIOENCODING=encoding)
+    json.loads(ran.out)
+    assert "é" in ran.out
 
 
 # info and rules

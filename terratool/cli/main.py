@@ -71,10 +71,12 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line and exit."""
-    # a terminal that lacks the characters of a name gets a substitute
+    # a terminal that lacks the characters of a name gets a substitute; files and pipes get UTF-8,
+    # as JSON has no other encoding
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+            encoding = None if stream is sys.stderr or stream.isatty() else "utf-8"
+            stream.reconfigure(encoding=encoding, errors="backslashreplace")
     code = _run()
     if sys.stdout is not None:  # as it is where it was closed
         try:
