@@ -1,0 +1,350 @@
+"""What CI runs: the hooks, the shell of the action, and the examples of docs/ci.md, as written."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tests.commands import ENVIRONMENT, ROOT, SAMPLE, run
+
+INVALID = ROOT / "samples" / "invalid" / "TT103-unknown-key.json"
+DOUBTFUL = ROOT / "samples" / "invalid" / "TT401-missing-soil.json"  # a warning, no error
+HOOKS = {hook["id"]: hook for hook in yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text())}
+ACTION = yaml.safe_load((ROOT / "action.yml").read_text())
+INPUTS: dict[str, dict[str, Any]] = ACTION["inputs"]
+STEPS = {step["name"]: step for step in ACTION["runs"]["steps"]}
+PAGE = (ROOT / "docs" / "ci.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+YAMLS = [body for language, body in BLOCKS if language == "yaml"]
+
+needs_bash = pytest.mark.skipif(
+    os.name == "nt" or shutil.which("bash") is None, reason="needs bash on a POSIX system"
+)
+needs_make = pytest.mark.skipif(
+    os.name == "nt" or shutil.which("make") is None, reason="needs make on a POSIX system"
+)
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Path:
+    """A checkout with a valid, a doubtful and an invalid terrain, and names that shells dislike."""
+    top = tmp_path / "work space"
+    (top / "terrains" / "old ones").mkdir(parents=True)
+    shutil.copy(SAMPLE, top / "terrains" / "old ones" / "good one.json")
+    shutil.copy(SAMPLE, top / "$(touch hit) [a] `b`; 'c'.json")
+    shutil.copy(SAMPLE, top / "-dash.json")
+    shutil.copy(DOUBTFUL, top / "doubtful.json")
+    shutil.copy(INVALID, top / "bad, one.json")
+    (top / "json.py").write_text("raise SystemExit('a module of the workspace was run')")
+    return top
+
+
+def stand_in(path: Path, script: str = f'exec "{sys.executable}" -P -m terratool "$@"') -> Path:
+    """An executable in place of one that would have to be installed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(0o755)
+    return path
+
+
+def bash(script: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a script as GitHub's runner does."""
+    file = cwd.parent / "step.sh"
+    file.write_text(script, encoding="utf-8")
+    return subprocess.run(
+        ["bash", "--noprofile", "--norc", "-eo", "pipefail", str(file)],
+        cwd=cwd, env={**ENVIRONMENT, **environment}, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, encoding="utf-8", check=False, timeout=120,
+    )  # fmt: skip
+
+
+def step(name: str, workspace: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
+    """Run a step of the action; names of inputs have _ for -."""
+    given = {key.replace("_", "-"): value for key, value in inputs.items()}
+    temporary = workspace.parent / "runner temp"
+    known = {f"inputs.{key}": given.get(key, value.get("default")) for key, value in INPUTS.items()}
+    known["steps.python.outputs.python-path"] = str(temporary / "python")
+    environment = {
+        key: re.sub(r"\$\{\{ (.*?) }}", lambda match: known[match[1]], value)
+        for key, value in STEPS[name]["env"].items()
+    }
+    environment |= {"RUNNER_TEMP": str(temporary), "GITHUB_ACTION_PATH": str(ROOT)}
+    stand_in(temporary / "terratool" / "bin" / "terratool")
+    return bash(STEPS[name]["run"], workspace, **environment)
+
+
+def options_of(command: str) -> set[str]:
+    """What a command knows, from its help."""
+    return set(re.findall(r"^  (?:-\w, )?(--[\w-]+)", run(command, "--help").out, re.MULTILINE))
+
+
+# pre-commit
+
+
+@pytest.mark.parametrize("name", HOOKS)
+def test_a_hook_calls_a_command_that_there_is(name: str) -> None:
+    """Its entry is the installed command, with options that it has."""
+    program, command, *options = HOOKS[name]["entry"].split()
+    assert (program, HOOKS[name]["language"]) == ("terratool", "python")
+    assert set(options) <= options_of(command)
+
+
+@pytest.mark.parametrize(
+    ("path", "checked", "formatted"),
+    [
+        ("yard.terrain.json", True, True), ("a b/yard.terrain.json", True, True),
+        ("yard.terrain.json.gz", True, False), ("package.json", False, False),
+        ("terrain.json.md", False, False), ("yard.terrain.json.orig", False, False),
+        ("terrain/tsconfig.json", False, False), ("yardterrain.json", False, False),
+    ],
+)  # fmt: skip
+def test_a_hook_looks_at_terrains_only(path: str, checked: bool, formatted: bool) -> None:
+    """JSON files that are no terrains are not checked by accident."""
+    found = {name: bool(re.search(hook["files"], path)) for name, hook in HOOKS.items()}
+    assert found == {"terratool-validate": checked, "terratool-format": formatted}
+
+
+def test_the_hooks_pass_and_fail(tmp_path: Path) -> None:
+    """With file names behind the entry, as pre-commit calls them."""
+    validate, layout = (
+        HOOKS[f"terratool-{name}"]["entry"].split()[1:] for name in ("validate", "format")
+    )
+    path = tmp_path / "a b.terrain.json"
+    path.write_text(json.dumps(json.loads(Path(SAMPLE).read_text())))
+    assert run(*validate, path, SAMPLE).code == 0
+    assert run(*validate, "--strict", path, INVALID).code == 1
+    assert run(*layout, "--check", path).code == 1
+    assert run(*layout, path).code == 0
+    assert path.read_text().count("\n") > 5
+    assert run(*layout, "--check", path).code == 0
+
+
+# The action
+
+
+def test_the_action_passes_its_inputs_as_variables_only() -> None:
+    """No text of an input gets into the shell; each input is used, and each used one declared."""
+    assert not any("${{" in step.get("run", "") for step in STEPS.values())
+    assert all(step["shell"] == "bash" for step in STEPS.values() if "run" in step)
+    used = re.findall(r"\$\{\{ inputs\.([\w-]+) }}", (ROOT / "action.yml").read_text())
+    assert sorted(used) == sorted(INPUTS)
+    assert [name for name, value in INPUTS.items() if "default" not in value] == ["paths"]
+
+
+@needs_bash
+def test_the_action_installs_itself(workspace: Path) -> None:
+    """Into an environment of its own, with no module of the workspace on the way."""
+    calls = workspace.parent / "calls"
+    python = stand_in(
+        workspace.parent / "runner temp" / "python",
+        f'echo "$*" >> "{calls}"\n'
+        'if [ "$3" = venv ]; then mkdir -p "$4/bin"; cp "$0" "$4/bin/python"; fi',
+    )
+    done = step("Install terratool", workspace)
+    assert (done.returncode, done.stderr) == (0, "")
+    venv, pip = calls.read_text().splitlines()
+    assert venv == f"-I -m venv {python.parent}/terratool"
+    assert pip.startswith("-I -m pip install ")
+    assert pip.endswith(f" {ROOT}")
+
+
+@needs_bash
+@pytest.mark.parametrize(
+    ("inputs", "code", "files"),
+    [
+        ({"paths": "terrains"}, 0, 1),
+        ({"paths": "bad, one.json"}, 1, 1),
+        ({"paths": "\n  terrains/old ones \n\n$(touch hit) [a] `b`; 'c'.json\n-dash.json"}, 0, 3),
+        ({"paths": "terr*/old ones/*.json"}, 0, 1),
+        ({"paths": "terrains\nbad*.json"}, 1, 2),
+        ({"paths": "terrains\nabsent*.json"}, 3, 2),
+        ({"paths": "absent.json\nbad, one.json"}, 3, 2),
+        ({"paths": "doubtful.json"}, 0, 1),
+        ({"paths": "doubtful.json", "strict": "true"}, 1, 1),
+        ({"paths": "doubtful.json", "strict": "true", "ignore": "TT2, TT401"}, 0, 1),
+        ({"paths": "doubtful.json", "strict": "true", "select": "TT2,TT4"}, 1, 1),
+        ({"paths": "terrains", "strict": "true", "max_step": "0.001"}, 1, 1),
+        ({"paths": "bad, one.json", "format": "text"}, 1, 1),
+        ({"paths": " \n"}, 2, 0),
+        ({"paths": "terrains", "strict": "yes"}, 2, 0),
+        ({"paths": "terrains", "select": "$(touch hit)"}, 2, 0),
+        ({"paths": "terrains", "ignore": "TT1; touch hit"}, 2, 0),
+        ({"paths": "terrains", "max_step": "-1"}, 2, 0),
+        ({"paths": "terrains", "format": "github --strict"}, 2, 0),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_the_action_validates(
+    workspace: Path, inputs: dict[str, str], code: int, files: int
+) -> None:
+    """The exit code of the step is that of terratool, whatever the names are."""
+    done = step("Validate", workspace, **inputs)
+    assert done.returncode == code, done.stderr
+    if files:
+        assert f"{files} file{'s' * (files > 1)} checked" in done.stdout
+    if code == 1 and "format" not in inputs:
+        assert re.search(r"^::(error|warning) file=.*,line=\d+,col=\d+,title=TT", done.stdout, re.M)
+    if code == 2:
+        assert "::error title=terratool::" in done.stdout or "Usage:" in done.stderr
+    assert not (workspace / "hit").exists()
+
+
+@needs_bash
+@pytest.mark.skipif(sys.platform == "darwin", reason="the bash of macOS has no **")
+def test_the_action_knows_double_stars(workspace: Path) -> None:
+    """A pattern may reach into directories."""
+    assert "1 file checked" in step("Validate", workspace, paths="**/good one.json").stdout
+
+
+@needs_bash
+@pytest.mark.parametrize(
+    ("paths", "code", "codes"),
+    [("terrains", 0, set()), ("bad, one.json", 1, {"TT103"}), ("terrains\nabsent.json", 3, set())],
+)
+def test_the_action_writes_sarif(workspace: Path, paths: str, code: int, codes: set[str]) -> None:
+    """Beside the annotations, in a directory that need not be there, whatever was found."""
+    done = step(
+        "Validate", workspace, paths=paths, sarif_file="new dir/report.sarif", ignore="TT2,TT4"
+    )
+    assert done.returncode == code
+    log = json.loads((workspace / "new dir" / "report.sarif").read_text(encoding="utf-8"))
+    assert {result["ruleId"] for result in log["runs"][0]["results"]} == codes
+    assert log["runs"][0]["invocations"][0]["executionSuccessful"] == (code != 3)
+    assert ("::error file=" in done.stdout) == (code != 0)
+
+
+@needs_bash
+def test_the_action_fails_if_sarif_cannot_be_written(workspace: Path) -> None:
+    """A report that is not there would be uploaded as none."""
+    done = step("Validate", workspace, paths="terrains", sarif_file="doubtful.json/report.sarif")
+    assert done.returncode == 1
+    assert "doubtful.json" in done.stderr
+
+
+# docs/ci.md
+
+
+def test_the_page_uses_what_there_is() -> None:
+    """Every option and file that it names exists, and no option of validate is left out."""
+    code = re.findall(r"`([^`\n]+)`", PAGE) + [body for _, body in BLOCKS]
+    known = {command: options_of(command) for command in ("validate", "format")}
+    for command, options in known.items():
+        for line in "\n".join(code).splitlines():
+            match = re.search(rf"terratool\S* {command}( .*)?$", line)
+            named = re.findall(r"--[\w-]+", match[1] or "") if match else []
+            assert set(named) <= options, line
+    stated = re.findall(r"`(--[\w-]+)", PAGE.split("\n## GitHub")[0])
+    assert set(stated) == known["validate"] - {"--help"}
+    for target in re.findall(r"\]\(([^)#]+)\)", PAGE):
+        assert (ROOT / "docs" / target).exists(), target
+
+
+def test_the_table_of_inputs() -> None:
+    """It has all inputs, with their defaults."""
+    rows = PAGE.split("| input |")[1].split("\n\n")[0].splitlines()[2:]
+    stated = {
+        name: default.strip(" `")
+        for _, names, default, *_ in (row.split("|") for row in rows)
+        for name in re.findall(r"`([\w-]+)`", names)
+    }
+    assert stated == {
+        name: value.get("default", "required") or "none" for name, value in INPUTS.items()
+    }
+
+
+@pytest.mark.parametrize("text", YAMLS, ids=lambda text: text.splitlines()[0][2:])
+def test_yaml_of_the_page(text: str) -> None:
+    """It parses, names where it belongs, and uses inputs and hooks that there are."""
+    assert text.startswith("# .")
+    for found in _mappings(yaml.safe_load(text)):
+        if str(found.get("uses", "")).startswith("OWNER/terratool@"):
+            assert set(found["with"]) <= set(INPUTS)
+            assert "paths" in found["with"]
+        for hook in found.get("hooks", []):
+            assert hook["id"] in HOOKS
+            assert set(hook.get("args", [])) <= options_of(hook["id"].removeprefix("terratool-"))
+    for place in re.findall(r"\S*/terratool\b\S*", text.replace("OWNER/terratool", "")):
+        pytest.fail(f"{place} is another place-holder")
+
+
+def _mappings(value: Any) -> list[dict[str, Any]]:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    below = [found for item in inner for found in _mappings(item)]
+    return [value, *below] if isinstance(value, dict) else below
+
+
+@needs_bash
+@pytest.mark.parametrize(("bad", "code"), [(False, 0), (True, 1)])
+def test_plain_steps_for_github(workspace: Path, bad: bool, code: int) -> None:
+    """The last step without the action, with the command on the path."""
+    (text,) = (text for text in YAMLS if "terrains-plain" in text)
+    *_, last = yaml.safe_load(text)["jobs"]["validate"]["steps"]
+    done = bash(last["run"], _with_bad(workspace, bad), PATH=_path(workspace))
+    assert done.returncode == code
+    assert ("::error file=terrains/bad.json,line=" in done.stdout) == bad
+
+
+@needs_bash
+@pytest.mark.parametrize(("bad", "code"), [(False, 0), (True, 1)])
+def test_the_job_for_gitlab(workspace: Path, bad: bool, code: int) -> None:
+    """The script fails as it should, and the report is as GitLab documents it."""
+    first, rest = (text for text in YAMLS if text.startswith("# .gitlab-ci.yml"))
+    job = yaml.safe_load(first + rest)["terrains"]
+    top, path = _with_bad(workspace, bad), _path(workspace)
+    assert bash("\n".join(job["script"]), top, PATH=path).returncode == code
+    done = bash("\n".join(job["after_script"]), top, PATH=path)
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads((top / job["artifacts"]["reports"]["codequality"]).read_text())
+    assert bool(report) == bad
+    assert len({item["fingerprint"] for item in report}) == len(report)
+    for item in report:
+        assert set(item) == {"description", "check_name", "severity", "fingerprint", "location"}
+        assert item["severity"] in ("info", "minor", "major", "critical", "blocker")
+        assert item["location"]["path"] == "terrains/bad.json"
+        assert item["location"]["lines"]["begin"] >= 1
+
+
+@needs_make
+@pytest.mark.parametrize(("bad", "code"), [(False, 0), (True, 2)])
+def test_the_example_for_make(workspace: Path, bad: bool, code: int) -> None:
+    """Copied into a Makefile: it installs what is not there, and ends with 2 as make does."""
+    (text,) = (body for language, body in BLOCKS if language == "make")
+    (workspace / "Makefile").write_text(text)
+    _with_bad(workspace, bad)
+
+    def make(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            ["make", *arguments], cwd=workspace, env=ENVIRONMENT, capture_output=True, text=True,
+            check=False,
+        )  # fmt: skip
+
+    planned = [line.split()[1:3] for line in make("--dry-run").stdout.splitlines()]
+    assert planned == [["-m", "venv"], ["-m", "pip"], ["validate", "--strict"]]
+    stand_in(workspace / ".venv" / "bin" / "terratool")
+    done = make()
+    assert done.returncode == code
+    assert ("error TT103" in done.stdout) == bad
+    assert "pip install" not in done.stdout
+
+
+def _with_bad(workspace: Path, bad: bool) -> Path:
+    if bad:
+        shutil.copy(INVALID, workspace / "terrains" / "bad.json")
+    return workspace
+
+
+def _path(workspace: Path) -> str:
+    """A search path with the command and the python that runs this."""
+    folder = workspace.parent / "bin"
+    stand_in(folder / "terratool")
+    stand_in(folder / "python", f'exec "{sys.executable}" "$@"')
+    return os.pathsep.join([str(folder), os.environ["PATH"]])
