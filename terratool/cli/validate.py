@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from itertools import chain
@@ -28,6 +29,12 @@ def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
                 f"no rule has the code {code or 'of no letters'}. Run terratool rules for the list."
             )
     return codes
+
+
+def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and math.isnan(value):
+        raise click.BadParameter("nan is no number.")
+    return value
 
 
 @click.command(
@@ -57,6 +64,7 @@ def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
     "--max-step",
     type=click.FloatRange(min=0),
     metavar="H",
+    callback=_number,
     help="Warn of elements that make a vertical step taller than H.",
 )
 @click.option(
@@ -87,7 +95,7 @@ def command(
     findings: list[Finding] = []
     unreadable: list[Unreadable] = []
     count = valid = errors = warnings = 0
-    limit = max_findings or _ALL
+    limit = min(max_findings or _ALL, _ALL)
     for name in _names(files, unreadable):
         options = Options(True, max_step, max(0, limit - len(findings)), select, ignore)
         try:
@@ -99,7 +107,7 @@ def command(
         wrong, doubtful = _count(checked, options)
         errors, warnings = errors + wrong, warnings + doubtful
         valid += not wrong and not (strict and doubtful)
-        findings += checked.findings
+        findings += checked.findings[: options.limit]  # one that is no JSON has one anyhow
     summary = Summary(
         files=count + len(unreadable),
         valid=valid,
