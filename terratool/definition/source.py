@@ -41,16 +41,15 @@ def read_source(path: str | Path) -> Source:
     name = str(path)
     try:
         if name == "-":
+            if sys.stdin is None:  # as it is where it was closed
+                raise OSError("it is closed")
             data = sys.stdin.buffer.read(MAX_BYTES + 1)
             name = "<stdin>"
         else:
             with open(path, "rb") as file:
                 data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise ReadError(
-            f"{name}: cannot be read ({(error.strerror or str(error)).lower()}).",
-            "Check the path and its permissions.",
-        ) from error
+        raise _unreadable(name, error) from error
     data = _within_limit(name, data)
     packed = data.startswith(_GZIP)
     if packed:
@@ -62,18 +61,21 @@ def sources(name: str) -> Iterator[str]:
     """The file of that name, or all definitions in the directory of that name, in order.
 
     Raises:
-        ReadError: the directory has none.
+        ReadError: the directory has none, or one in it cannot be listed; after the others.
     """
-    if name == "-" or not Path(name).is_dir():
+    if name == "-" or not os.path.isdir(name):  # noqa: PTH112, that of Path raises
         yield name
         return
     found = False
-    for directory, below, files in os.walk(name):
+    errors: list[OSError] = []
+    for directory, below, files in os.walk(name, onerror=errors.append):
         below[:] = sorted(part for part in below if not part.startswith("."))
         for file in sorted(files):
             if file.endswith((".json", ".json.gz")) and not file.startswith("."):
                 found = True
                 yield str(Path(directory, file))
+    for error in errors:
+        raise _unreadable(error.filename, error) from error
     if not found:
         raise ReadError(
             f"{name}: has no *.json and no *.json.gz.", "Name a file, or another directory."
@@ -85,6 +87,13 @@ def line_starts(text: str) -> Iterator[int]:
     yield 0
     for match in _line_end(text):
         yield match.end()
+
+
+def _unreadable(name: str, error: OSError) -> ReadError:
+    return ReadError(
+        f"{name}: cannot be read ({(error.strerror or str(error)).lower()}).",
+        "Check the path and its permissions.",
+    )
 
 
 def _within_limit(name: str, data: bytes) -> bytes:
