@@ -89,7 +89,7 @@ def _excerpt(data: bytes, offset: int) -> Excerpt:
     before = re.split(rb"[\r\n]", data[max(0, offset - size) : offset])[-1].decode(
         "utf-8", "ignore"
     )
-    behind = re.split(rb"[\r\n]", data[offset : offset + size])[0].decode("utf-8", "ignore")
+    behind = re.split(rb"[\r\n]", data[offset : offset + size])[0].decode("utf-8", "replace")
     if len(before) > _ABOUT:
         before = "…" + before[1 - _ABOUT :]
     if len(behind) > _ABOUT:
