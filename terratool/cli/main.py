@@ -113,7 +113,9 @@ def _run() -> int:
 
 
 def _say(message: str, hint: str) -> None:
-    click.echo(f"terratool: {message}", err=True)
+    from terratool.definition.findings import printable
+
+    click.echo(f"terratool: {printable(message)}", err=True)
     if hint:
         click.echo(f"  {hint}", err=True)
 

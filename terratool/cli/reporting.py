@@ -8,7 +8,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from terratool.definition.findings import Excerpt, Finding
+from terratool.definition.findings import Excerpt, Finding, printable
 
 FORMAT_VERSION = 1
 _COLORS = {"error": "red", "warning": "yellow"}
@@ -52,7 +52,7 @@ def as_text(report: Report) -> str:
     lines = []
     for finding in report.findings:
         color = _COLORS[finding.severity]
-        place = click.style(f"{finding.file}:{finding.line}:{finding.column}:", bold=True)
+        place = click.style(f"{printable(finding.file)}:{finding.line}:{finding.column}:", bold=True)
         label = click.style(f"{finding.severity} {finding.code}:", fg=color, bold=True)
         lines.append(f"{place} {label} {finding.message}")
         if finding.excerpt is not None and finding.excerpt.text:
@@ -110,8 +110,7 @@ def as_json(report: Report) -> str:
             "unreadable": [asdict(file) for file in report.unreadable],
             "summary": asdict(report.summary),
         },
-        indent=2,
-        ensure_ascii=False,
+        indent=2,  # in ASCII, so that no encoding of the output spoils it
     )
 
 
@@ -142,7 +141,7 @@ def as_sarif(report: Report) -> str:
     from terratool.cli import sarif
 
     notes = [(file.file, f"{file.message} {file.hint}") for file in report.unreadable]
-    return json.dumps(sarif.log(report.findings, notes), indent=2, ensure_ascii=False)
+    return json.dumps(sarif.log(report.findings, notes), indent=2)
 
 
 REPORTERS: dict[str, Callable[[Report], str]] = {

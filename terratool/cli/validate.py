@@ -10,7 +10,7 @@ from itertools import chain
 import click
 
 from terratool.cli.reporting import REPORTERS, Report, Summary, Unreadable
-from terratool.definition.findings import Finding
+from terratool.definition.findings import Finding, printable
 from terratool.definition.reader import Checked, Options, check
 from terratool.definition.rules import all_rules
 from terratool.definition.source import read_source, sources
@@ -119,7 +119,7 @@ def command(
     )
     if form != "sarif":
         for file in unreadable:
-            click.echo(f"terratool: {file.message}\n  {file.hint}", err=True)
+            click.echo(f"terratool: {printable(file.message)}\n  {file.hint}", err=True)
     color = False if os.environ.get("NO_COLOR") else None
     click.echo(REPORTERS[form](Report(tuple(findings), tuple(unreadable), summary)), color=color)
     ctx.exit(3 if unreadable else int(summary.invalid > 0))

@@ -114,11 +114,15 @@ def unescape(token: str) -> str:
     return token.replace("~1", "/").replace("~0", "~")
 
 
+def printable(text: str) -> str:
+    """A text on one line, with what cannot be printed as escapes."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 def shown(value: object) -> str:
     """A name, text or number as a message shows it: on one line, printable, and not too long."""
     if isinstance(value, str):
-        text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in value[:60])
-        return f'"{text}{"…" if len(value) > 60 else ""}"'
+        return f'"{printable(value[:60])}{"…" if len(value) > 60 else ""}"'
     if isinstance(value, int):
         digits = str(abs(value))
         text = digits if len(digits) < 20 else f"{digits[0]}.{digits[1:4]}…e+{len(digits) - 1}"
