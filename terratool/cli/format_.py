@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from itertools import chain
 
 import click
 
 from terratool.cli.reporting import Report, Summary, as_text
+from terratool.definition.findings import printable
 from terratool.definition.reader import Options, check
 from terratool.definition.source import Source, read_source, sources
 from terratool.definition.writer import canonical
@@ -29,32 +31,48 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     standard input and writes to standard output. Exits 1 if a text is not JSON, or with --check if
     one is not laid out so.
     """
-    changed = broken = unreadable = count = 0
-    for name in chain.from_iterable(map(sources, files)):
+    changed = broken = count = 0
+    failed: list[ReadError | WriteError] = []
+    for name in chain.from_iterable(_names(given, failed) for given in files):
         count += 1
         try:
             source = read_source(name)
         except ReadError as error:
-            click.echo(f"terratool: {error.message}\n  {error.hint}", err=True)
-            unreadable += 1
+            failed.append(_said(error))
             continue
         if not _is_json(source):
             broken += 1
             continue
         text = canonical(source.data.decode("utf-8"))
         differs = text.encode() != source.data
-        changed += differs
         if name == "-" and not only_check:
-            click.echo(text, nl=False)
+            click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
         elif differs:
             what = "would be laid out anew" if only_check else "laid out anew"
-            if not only_check:
-                _write(source, name, text)
-            click.echo(f"{source.name}: {what}")
-    if "-" not in files or only_check:
+            try:
+                if not only_check:
+                    _write(source, name, text)
+            except WriteError as error:
+                failed.append(_said(error))
+                continue
+            click.echo(f"{printable(source.name)}: {what}", err=True)
+        changed += differs
+    if count > 1 or only_check:
         files_read = f"{count} file{'s' * (count != 1)} read"
-        click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.")
-    ctx.exit(3 if unreadable else int(broken > 0 or (only_check and changed > 0)))
+        click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.", err=True)
+    ctx.exit(3 if failed else int(broken > 0 or (only_check and changed > 0)))
+
+
+def _names(given: str, failed: list[ReadError | WriteError]) -> Iterator[str]:
+    try:
+        yield from sources(given)
+    except ReadError as error:
+        failed.append(_said(error))
+
+
+def _said(error: ReadError | WriteError) -> ReadError | WriteError:
+    click.echo(f"terratool: {printable(error.message)}\n  {error.hint}", err=True)
+    return error
 
 
 def _is_json(source: Source) -> bool:
