@@ -85,7 +85,10 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
         keys = [pointer for pointer, _ in jsontext.parse(data.decode("utf-8")).duplicates]
         first = dict.fromkeys(keys)
         return list(_repeated([*first, *keys]))[:limit], len(keys)
-    return [each for _, each in zip(range(limit), _pointed(value, found), strict=False)], count
+    repeated = [each for _, each in zip(range(limit), _pointed(value, found), strict=False)]
+    if len(repeated) < limit:  # what is left is in a value that another of its key replaced
+        count = len(repeated)
+    return repeated, count
 
 
 def _repeated(keys: Iterable[str]) -> Iterator[Repeated]:
