@@ -52,7 +52,8 @@ def as_text(report: Report) -> str:
     lines = []
     for finding in report.findings:
         color = _COLORS[finding.severity]
-        place = click.style(f"{printable(finding.file)}:{finding.line}:{finding.column}:", bold=True)
+        file = printable(finding.file)
+        place = click.style(f"{file}:{finding.line}:{finding.column}:", bold=True)
         label = click.style(f"{finding.severity} {finding.code}:", fg=color, bold=True)
         lines.append(f"{place} {label} {finding.message}")
         if finding.excerpt is not None and finding.excerpt.text:
