@@ -25,7 +25,7 @@ _LINE_ENDS = (b"\n", b"\r", b"\r\n")
 _gap = re.compile(rb"[ \t\n\r,]*").match
 _key = re.compile(rb'[ \t\n\r,]*("(?:[^"\\]++|\\.)*+")[ \t\n\r]*:[ \t\n\r]*').match
 _scalar = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[^,\]} \t\n\r]+').match
-_bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]]').finditer
+_bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]"]').finditer
 
 
 class Spot(NamedTuple):
@@ -164,6 +164,8 @@ class _Value:
             return Raw(_scalar(self._data, begin).group())  # type: ignore[union-attr]
         depth = 0
         for match in _bracket(self._data, begin, end):
+            if match.group() == b'"':  # this text does not end here, whatever is in it
+                return None
             depth += (match.group() in (b"{", b"[")) - (match.group() in (b"}", b"]"))
             if depth == 0:
                 return Raw(self._data[begin : match.end()])
