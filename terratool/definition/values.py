@@ -86,7 +86,7 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
         first = dict.fromkeys(keys)
         return list(_repeated([*first, *keys]))[:limit], len(keys)
     repeated = [each for _, each in zip(range(limit), _pointed(value, found), strict=False)]
-    if len(repeated) < limit:  # what is left is in a value that another of its key replaced
+    if count <= limit:  # those not found are in values that another of their key replaced
         count = len(repeated)
     return repeated, count
 
