@@ -10,26 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terratool.definition.findings import escape
 from terratool.definition.jsontext import MAX_DEPTH, parse
 from terratool.definition.misspelt import MisspeltError
-
-characters = st.characters(exclude_categories=["Cs"])
-texts = st.text(characters, max_size=8)
-scalars = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(-(10**40), 10**40),
-    st.floats(allow_nan=False, allow_infinity=False),
-    texts,
-)
-values = st.recursive(
-    scalars,
-    lambda inner: (
-        st.lists(inner, max_size=4) | st.dictionaries(texts | st.just("a/b~c"), inner, max_size=4)
-    ),
-    max_leaves=20,
-)
+from tests.layouts import Cursor, Layout, gaps, texts, values
 
 
 def same(value: Any) -> str:
@@ -46,58 +29,6 @@ def refusal(text: str) -> tuple[int, int, str]:
     return *Cursor().after(text[: error.offset]), error.code
 
 
-class Cursor:
-    """Line and column, counted one character at a time; LF, CR and CRLF end a line."""
-
-    def __init__(self) -> None:
-        self.line, self.column, self._before = 1, 1, ""
-
-    def after(self, text: str) -> tuple[int, int]:
-        for char in text:
-            if char == "\r" or (char == "\n" and self._before != "\r"):
-                self.line, self.column = self.line + 1, 1
-            elif char != "\n":
-                self.column += 1
-            self._before = char
-        return self.line, self.column
-
-
-class Layout:
-    """Writes a value with the spacing it is given, and notes where each value and key begins."""
-
-    def __init__(self, spaces: Any, ascii_only: bool) -> None:
-        self.text, self.places, self.keys = "", {}, {}
-        self._cursor, self._spaces, self._ascii = Cursor(), spaces, ascii_only
-
-    def write(self, text: str) -> tuple[int, int]:
-        here = (self._cursor.line, self._cursor.column)
-        self.text += text
-        self._cursor.after(text)
-        return here
-
-    def space(self) -> None:
-        self.write(self._spaces())
-
-    def value(self, value: Any, pointer: str = "") -> None:
-        if isinstance(value, dict | list):
-            self.places[pointer] = self.write("{" if isinstance(value, dict) else "[")
-            for index, key in enumerate(value):
-                self.write("," if index else "")
-                self.space()
-                here = f"{pointer}/{escape(key) if isinstance(value, dict) else index}"
-                if isinstance(value, dict):
-                    self.keys[here] = self.write(json.dumps(key, ensure_ascii=self._ascii))
-                    self.space()
-                    self.write(":")
-                    self.space()
-                self.value(value[key] if isinstance(value, dict) else key, here)
-                self.space()
-            self.space()
-            self.write("}" if isinstance(value, dict) else "]")
-        else:
-            self.places[pointer] = self.write(json.dumps(value, ensure_ascii=self._ascii))
-
-
 @given(values, st.sampled_from([None, 0, 2, "\t"]), st.booleans(), st.sampled_from(["\n", "\r\n"]))
 def test_reads_what_json_writes(value: Any, indent: Any, ascii_only: bool, newline: str) -> None:
     """Any JSON value survives, in any layout, with its type and the order of its keys."""
@@ -112,7 +43,6 @@ def test_reads_what_json_writes(value: Any, indent: Any, ascii_only: bool, newli
 @given(values, st.data(), st.booleans())
 def test_knows_where_everything_stands(value: Any, data: st.DataObject, ascii_only: bool) -> None:
     """Each value and each key is found at its line and column, whatever stands before it."""
-    gaps = st.sampled_from(["", "", " ", "\t", "\n", "\r\n", "\r", " \n\t ", "\n\r\n"])
     layout = Layout(lambda: data.draw(gaps), ascii_only)
     layout.space()
     layout.value(value)
