@@ -17,7 +17,7 @@ def command(file: str, as_json: bool) -> None:
     from terratool.field.terrain import load
 
     summary = summarise(load(file))
-    click.echo(json.dumps(summary, indent=2) if as_json else _text(summary))
+    click.echo(json.dumps(summary, indent=2, ensure_ascii=False) if as_json else _text(summary))
 
 
 def _text(s: dict[str, Any]) -> str:

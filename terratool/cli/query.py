@@ -183,7 +183,7 @@ def _write_json(rows: Iterator[tuple[Any, ...]]) -> None:
     first = list(islice(rows, 1))
     separator = f'{{"format_version": {FORMAT_VERSION}, "points": ['
     for row in chain(first, rows):
-        point = json.dumps(dict(zip(COLUMNS, row, strict=True)))
+        point = json.dumps(dict(zip(COLUMNS, row, strict=True)), ensure_ascii=False)
         click.echo(f"{separator}\n  {point}", nl=False)
         separator = ","
     click.echo("\n]}" if first else separator + "]}")

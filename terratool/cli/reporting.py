@@ -111,7 +111,8 @@ def as_json(report: Report) -> str:
             "unreadable": [asdict(file) for file in report.unreadable],
             "summary": asdict(report.summary),
         },
-        indent=2,  # in ASCII, so that no encoding of the output spoils it
+        indent=2,
+        ensure_ascii=False,
     )
 
 
@@ -142,7 +143,7 @@ def as_sarif(report: Report) -> str:
     from terratool.cli import sarif
 
     notes = [(file.file, f"{file.message} {file.hint}") for file in report.unreadable]
-    return json.dumps(sarif.log(report.findings, notes), indent=2)
+    return json.dumps(sarif.log(report.findings, notes), indent=2, ensure_ascii=False)
 
 
 REPORTERS: dict[str, Callable[[Report], str]] = {
