@@ -40,6 +40,7 @@ lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one run
 	$(BIN)/python benchmarks/query.py
 	$(BIN)/python benchmarks/compiling.py
+	$(BIN)/python benchmarks/validating.py
 	$(BIN)/python benchmarks/startup.py
 
 docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 SURFACES = {
-    "sand": {"color": [194, 178, 128]},
-    "grass": {"color": [0, 150, 0]},
-    "brick": {"color": [120, 40, 30]},
+    "sand": {"color": [194, 178, 128], "cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18},
+    "grass": {"color": [0, 150, 0], "cohesion": 8.5, "fricAngle": 32, "sinkage": 0.03},
+    "brick": {"color": [120, 40, 30], "cohesion": 0, "fricAngle": 35, "sinkage": 0},
 }
 PRIMITIVES = {
     "box": {"x": [1, 1]},
