@@ -75,7 +75,7 @@ def sources(name: str) -> Iterator[str]:
                 found = True
                 yield str(Path(directory, file))
     for error in errors:
-        raise _unreadable(error.filename, error) from error
+        raise _unreadable(str(Path(error.filename)), error) from error
     if not found:
         raise ReadError(
             f"{name}: has no *.json and no *.json.gz.", "Name a file, or another directory."
