@@ -119,6 +119,85 @@ def test_both_ways_have_one_verdict_on_broken_bytes(definition: Json, data: st.D
     assert check(text) == explain(text)
 
 
+@given(definitions(), st.data())
+def test_both_ways_have_one_opinion(definition: Json, data: st.DataObject) -> None:
+    """Warnings too are the same both ways, as are their places, bounds and counts."""
+    for _ in range(data.draw(st.integers(0, 2))):
+        owner, key = data.draw(st.sampled_from(spots(definition)))
+        owner[key] = data.draw(st.sampled_from([*WRONG, owner[key], owner[key]]))
+    text = json.dumps(definition, separators=(",", ":"))
+    options = Options(max_step=data.draw(st.sampled_from([None, 0.0, 1.5])))
+    with mock.patch.object(reader, "_quickly", return_value=(None, False)):
+        explained = reader.check(Source("t.json", text.encode()), options)
+    assert reader.check(Source("t.json", text.encode()), options) == explained
+    bad = [f.code for f in explained.findings if f.severity == "error"]
+    assert (explained.definition is None) == bool(bad)
+
+
+@given(definitions(), st.data())
+def test_no_more_findings_than_are_wanted(definition: Json, data: st.DataObject) -> None:
+    """A limit leaves some out, and changes neither the others nor the counts nor the verdict."""
+    for _ in range(data.draw(st.integers(0, 4))):
+        owner, key = data.draw(st.sampled_from(spots(definition)))
+        owner[key] = data.draw(st.sampled_from(WRONG))
+    for owner, key in data.draw(st.lists(st.sampled_from(spots(definition)), max_size=2)):
+        if isinstance(owner, dict):
+            owner["x-ignore"] = [key, "TT2"]
+    source = Source("t.json", json.dumps(definition).encode())
+    everything = reader.check(source, Options(max_step=0.0))
+    assert everything.counts.total() == len(everything.findings)
+    places = [(f.line, f.column) for f in everything.findings]
+    assert places == sorted(places)
+    limit = data.draw(st.integers(0, len(places) + 1))
+    some = reader.check(source, Options(max_step=0.0, limit=limit))
+    assert len(some.findings) == min(limit, len(places))
+    assert (some.counts, some.definition) == (everything.counts, everything.definition)
+    rest = iter(everything.findings)
+    assert all(finding in rest for finding in some.findings)  # in this order
+
+
+def crowd(wrong: list[bool]) -> str:
+    """Elements side by side, one a line, all without scale and some in too large a cell."""
+    children = [
+        f'{{"type":"b","cellX":{x},"cellY":{place // 100},"vScale":0}}'
+        for place, bad in enumerate(wrong)
+        for x in [70_000 if bad else place % 100]
+    ]
+    listed = ",\n".join(children)
+    return GOOD[:-2] + f',"cells":100,"children":[\n{listed}]}}}}'
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(1, 70))
+def test_the_first_findings_are_those_that_are_placed(wrong: list[bool], limit: int) -> None:
+    """Of elements side by side the first ones are named, whatever their codes; all are counted."""
+    source = Source("t.json", crowd(wrong).encode())
+    everything, some = reader.check(source), reader.check(source, Options(limit=limit))
+    expected = [
+        (line, code)
+        for line, bad in enumerate(wrong, 2)
+        for code in (["TT106", "TT210"] if bad else ["TT210"])
+    ]
+    assert [(f.line, f.code) for f in everything.findings] == expected
+    assert some.findings == everything.findings[:limit]
+    assert some.counts == everything.counts
+    assert (some.counts["TT106"], some.counts["TT210"]) == (sum(wrong), len(wrong))
+
+
+@pytest.mark.parametrize("limit", [0, 1, 999, 1000, 5000])
+def test_thousands_of_findings_are_counted(limit: int) -> None:
+    """However many there are of each kind, their counts are exact and the first are named."""
+    wrong = [place % 3 == 0 for place in range(5000)]
+    text = crowd(wrong).replace('"type":"b","cellX":1,', '"type":"b","cellX":1,"cellX":1,')
+    source = Source("t.json", text.encode())
+    checked = reader.check(source, Options(limit=limit))
+    # those in column 1 whose number is no multiple of 3 stand in cell 1 as they are written
+    twice = sum(place % 100 == 1 and not bad for place, bad in enumerate(wrong))
+    assert checked.counts == {"TT102": twice, "TT106": sum(wrong), "TT210": 5000}
+    total = twice + sum(wrong) + 5000
+    assert len(checked.findings) == min(limit, total)
+    assert [f.line for f in checked.findings[:3]] == [2, 2, 3][:limit]
+
+
 COLONS = [":", " :", "  :", "\t:", "\n:", "\r\n:", "\n\n  :", " : "]
 
 
