@@ -209,7 +209,7 @@ def test_validate_standard_input(text: str, code: int) -> None:
     ran = run("validate", "-", stdin=text)
     assert ran.code == code
     assert (": error " in ran.out) == (code == 1)
-    assert "<stdin>:" in ran.out
+    assert ("<stdin>:" in ran.out) == (code == 1)
 
 
 @pytest.mark.parametrize("absolute", [True, False])
