@@ -2,55 +2,64 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from math import isqrt
+from bisect import bisect_left, insort
+from collections.abc import Sequence
+from heapq import heappop, heappush
 
 Block = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
 
 
-def overlaps(blocks: Sequence[Block]) -> Iterator[tuple[int, int]]:
-    """(later, earlier) for each block that shares a cell with an earlier one.
+def overlaps(blocks: Sequence[Block]) -> list[tuple[int, int]]:
+    """Pairs (later, earlier) of blocks that share a cell, sorted.
 
-    A block that is named takes no part in what follows. Time and memory about linear: blocks are
-    sorted into bins as large as a block on average.
+    Each block is named as the later one at most once, and those that are not share no cell. A line
+    sweeps over the columns, with those blocks on it that overlap no other so far: n log n steps,
+    however large the blocks are.
     """
-    area = sum(width * height for _, _, width, height in blocks)
-    side = max(1, isqrt(area // max(1, len(blocks))))
-    bins: dict[tuple[int, int], list[int]] = {}
-    for index, (x, y, width, height) in enumerate(blocks):
-        its = [
-            (i, j)
-            for i in range(x // side, (x + width - 1) // side + 1)
-            for j in range(y // side, (y + height - 1) // side + 1)
-        ]
-        for other in (other for key in its for other in bins.get(key, ())):
-            left, low, wide, high = blocks[other]
-            if x < left + wide and left < x + width and y < low + high and low < y + height:
-                yield index, other
-                break
-        else:
-            for key in its:
-                bins.setdefault(key, []).append(index)
+    found = []
+    line: list[tuple[int, int]] = []  # first row and index, in order
+    ends: list[tuple[int, int]] = []  # column where a block ends, and its index
+    for index in sorted(range(len(blocks)), key=lambda index: blocks[index][0]):
+        x, y, width, height = blocks[index]
+        while ends and ends[0][0] <= x:
+            _, over = heappop(ends)
+            at = bisect_left(line, (blocks[over][1], over))
+            if line[at : at + 1] == [(blocks[over][1], over)]:  # not taken off before
+                del line[at]
+        first = bisect_left(line, (y, -1))
+        if first and y < line[first - 1][0] + blocks[line[first - 1][1]][3]:
+            first -= 1
+        last = bisect_left(line, (y + height, -1))
+        sharing = [other for _, other in line[first:last]]
+        earliest = min(sharing, default=index)
+        if earliest < index:
+            found.append((index, earliest))
+            continue
+        found += [(other, index) for other in sharing]
+        del line[first:last]
+        insort(line, (y, index))
+        heappush(ends, (x + width, index))
+    return sorted(found)
 
 
 def cover(blocks: Sequence[Block], target: Block) -> bool:
-    """Whether blocks together cover another; time at most cubic in their number."""
+    """Whether blocks together cover another; time about quadratic in their number."""
     x, y, width, height = target
-    near = [
-        (left, low, left + wide, low + high)
+    near = sorted(
+        (low, low + high, left, left + wide)
         for left, low, wide, high in blocks
         if left < x + width and x < left + wide and low < y + height and y < low + high
-    ]
-    edges = sorted({x, x + width, *(e for b in near for e in (b[0], b[2]) if x < e < x + width)})
-    for edge in edges[:-1]:
+    )
+    edges = {x, *(edge for block in near for edge in block[2:] if x < edge < x + width)}
+    for edge in edges:
         reached = y
-        for _, low, _, high in sorted(
-            (b for b in near if b[0] <= edge < b[2]), key=lambda block: block[1]
-        ):
-            if low > reached:
-                break
-            reached = max(reached, high)
+        for low, high, left, right in near:
+            if left <= edge < right:
+                if low > reached:
+                    return False
+                if high > reached:
+                    reached = high
         if reached < y + height:
             return False
     return True

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 from functools import cached_property
 from itertools import chain, repeat
-from operator import attrgetter
+from operator import add, attrgetter
 from typing import Any
 
 from msgspec import UNSET, Struct, field
@@ -37,6 +37,7 @@ class Tree(Struct, frozen=True, dict=True):
     levels: list[int]
     columns: dict[str, list[Any]] = field(default_factory=dict)
     _distinct: dict[str, set[Any]] = field(default_factory=dict)
+    _above: dict[int, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return self.levels[-1]
@@ -110,8 +111,7 @@ class Tree(Struct, frozen=True, dict=True):
                 cells = set(zip(xs[begin:end], ys[begin:end], strict=True))
                 few = len(cells) < end - begin
                 wide = spans and spans[begin:end].count(UNSET) < end - begin
-                missing = few and UNSET in chain.from_iterable(cells)
-                if (few or wide) and not missing:
+                if (few or wide) and UNSET not in chain.from_iterable(cells):
                     crowded.append((begin, end))
         return crowded
 
@@ -135,11 +135,20 @@ class Tree(Struct, frozen=True, dict=True):
 
     def pointer(self, index: int) -> str:
         """JSON pointer of an element."""
+        parent = self.parents[index]
+        if parent < 0:
+            return ROOT
+        if parent not in self._above:  # kept for the siblings, which mostly follow
+            self._above.clear()
+            self._above[parent] = self._path(parent)
+        return f"{self._above[parent]}/children/{index - self.first_child[parent]}"
+
+    def _path(self, index: int) -> str:
         steps = []
         while (parent := self.parents[index]) >= 0:
-            steps.append(str(index - self.first_child[parent]))
+            steps.append(f"/children/{index - self.first_child[parent]}")
             index = parent
-        return ROOT + "".join(f"/children/{step}" for step in reversed(steps))
+        return ROOT + "".join(reversed(steps))
 
     def rectangle(self, index: int, definition: Definition) -> Rectangle | None:
         """The world rectangle of an element's cell; None where that is not known."""
@@ -152,17 +161,23 @@ class Tree(Struct, frozen=True, dict=True):
         corner, extent = definition.corner, definition.extent
         if not all(map(_finite, (*corner, *extent))):
             return None
-        # exact, so that neither depth nor large coordinates blur it
-        low, side = [*map(Fraction, corner)], [*map(Fraction, extent)]
+        # exact, so that neither depth nor large coordinates blur it; whole numbers over a common
+        # denominator, as reducing fractions takes long where the tree is deep
+        low, side, whole = [0, 0], [1, 1], [1, 1]
         for parent, element in zip(reversed(path), reversed(path[:-1]), strict=False):
             grid, block = self.grid(parent), self.block(element)
             if min(block) < 0:
                 return None
             for axis in (0, 1):
-                side[axis] /= grid[axis]
-                low[axis] += side[axis] * block[axis]
+                low[axis] = low[axis] * grid[axis] + side[axis] * block[axis]
                 side[axis] *= block[axis + 2]
-        return float(low[0]), float(low[1]), float(low[0] + side[0]), float(low[1] + side[1])
+                whole[axis] *= grid[axis]
+        west, south, east, north = (
+            float(Fraction(corner[axis]) + Fraction(extent[axis]) * Fraction(part, whole[axis]))
+            for parts in (low, map(add, low, side))
+            for axis, part in enumerate(parts)
+        )
+        return west, south, east, north
 
 
 def _finite(number: float) -> bool:

@@ -11,6 +11,7 @@ from terratool.definition.model import DEFAULT_CELLS
 from terratool.definition.rules import Subject, rule
 from terratool.definition.tree import Tree
 
+_LONG = 80
 _AXES = (("cellX", "columns"), ("cellY", "rows"))
 
 
@@ -127,9 +128,12 @@ def shared_cell(subject: Subject) -> Iterator[Remark]:
     """
     tree = subject.tree
     for later, earlier in tree.shared:
+        pointer = tree.pointer(earlier)
+        if len(pointer) > _LONG:
+            pointer = "…/children/" + pointer.rpartition("/")[2]
         yield Remark(
             "",
-            f"the element shares cells with {tree.pointer(earlier)}.",
+            f"the element shares cells with {pointer}.",
             "Move one of them, or make the one a child of the other.",
             element=later,
         )
