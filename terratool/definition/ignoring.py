@@ -30,18 +30,27 @@ class Ignores:
 
     def others(self, code: str, remarks: Iterable[Remark], tree: Tree) -> Iterator[Remark]:
         """The warnings that no list around them silences; the lists that do are of use."""
-        scopes = [
-            (owner, index, _pointer(owner, tree) + "/")
-            for owner, index, listed in self._codes
-            if code.startswith(listed)
-        ]
+        lists: dict[Owner, list[tuple[Owner, int]]] = {}
+        for owner, index, listed in self._codes:
+            if code.startswith(listed):
+                lists.setdefault(owner, []).append((owner, index))
+        if not lists:
+            yield from remarks
+            return
+        silent: dict[Owner, bool] = {}  # what is known of owners, and so of all in them
         for remark in remarks:
-            pointer = _pointer(remark.element, tree) + remark.pointer + "/"
-            silencing = [
-                (owner, index) for owner, index, scope in scopes if pointer.startswith(scope)
-            ]
-            self._used.update(silencing)
-            if not silencing:
+            owner: Owner | None = remark.element
+            if remark.element < 0:
+                owner = "/".join(remark.pointer.split("/", 3)[:3])
+            path = []
+            while owner is not None and owner not in silent:
+                path.append(owner)
+                owner = _around(owner, tree)
+            silenced = owner is not None and silent[owner]
+            for inner in reversed(path):
+                self._used.update(lists.get(inner, ()))
+                silenced = silent[inner] = silenced or inner in lists
+            if not silenced:
                 yield remark
 
     def unused(self, rules: Mapping[str, Rule], idle: frozenset[str]) -> Iterator[Remark]:
@@ -81,7 +90,9 @@ def _remark(owner: Owner, rest: str, message: str, hint: str) -> Remark:
     return Remark(owner + pointer, message, hint)
 
 
-def _pointer(owner: Owner, tree: Tree) -> str:
+def _around(owner: Owner, tree: Tree) -> Owner | None:
+    """The object that another is in, of those that may have a list."""
     if isinstance(owner, int):
-        return tree.pointer(owner) if owner >= 0 else ""
-    return owner
+        parent = tree.parents[owner]
+        return parent if parent >= 0 else ""
+    return "" if owner else None
