@@ -123,8 +123,7 @@ def _check(source: Source, options: Options) -> Checked:
     found.kept = [kept for kept in found.kept if options.shows(kept[0])]
     if not found.kept:
         return Checked(definition, (), found.counts)
-    findings = _place(source, found, built)
-    return Checked(definition, findings[: options.limit], found.counts)
+    return Checked(definition, _place(source, found, built), found.counts)
 
 
 @contextmanager
@@ -224,15 +223,19 @@ def _place(source: Source, found: Collected, built: Built) -> tuple[Finding, ...
         Spot(pointer, remark.on_key, remark.occurrence)
         for pointer, (_, remark) in zip(pointers, found.kept, strict=True)
     ]
+    placed = sorted(
+        zip(
+            locate(source.data, spots, found.counts["TT102"] > 0), found.kept, pointers, strict=True
+        ),
+        key=lambda each: (each[0].line, each[0].column, each[1][0]),
+    )
     findings = []
-    for (code, remark), spot, place in zip(
-        found.kept, spots, locate(source.data, spots, found.counts["TT102"] > 0), strict=True
-    ):
+    for place, (code, remark), pointer in placed[: found.limit]:
         bounds = None
         if built.definition is not None and remark.element >= 0:
             bounds = tree.rectangle(remark.element, built.definition)
-        findings.append(_finding(source, code, spot.pointer, remark, place, bounds))
-    return tuple(sorted(findings, key=lambda f: (f.line, f.column, f.code)))
+        findings.append(_finding(source, code, pointer, remark, place, bounds))
+    return tuple(findings)
 
 
 def _finding(
