@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from msgspec import UNSET
 
 from terratool.definition.blocks import cover, overlaps
-from terratool.definition.findings import Remark, shown
+from terratool.definition.findings import Remark, escape, shown
 from terratool.definition.rules import Subject, rule
 from terratool.definition.tree import Tree
 
-_MANY = 300
+_MANY = 100
 """Overlapping siblings from which on comparing all with all takes longer than it helps."""
 
 
@@ -58,7 +58,7 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
     tree = subject.tree
     filling = _Filling(subject)
     passed_on = _passed_on(tree)
-    for index in filling.tiled:
+    for index in sorted(filling.tiled):
         if tree.column("surface")[index] is not UNSET and index not in passed_on:
             yield _remark(tree, index, "its children")
     sharing = {tree.parents[later] for later, _ in tree.shared}
@@ -110,12 +110,18 @@ class _Filling:
     """Which elements fill their cells, and which have children that do so together."""
 
     def __init__(self, subject: Subject) -> None:
+        self._subject = subject
         self._tree = tree = subject.tree
-        self._radial = {
-            name for name, p in subject.definition.primitives.items() if p.combine == "radial"
+        self._square = {
+            name
+            for name, primitive in subject.definition.primitives.items()
+            if primitive.combine != "radial"
+            and not subject.left_out(f"/elemTypes/{escape(name)}", "combine")
         }
-        self._plain = self._radial.isdisjoint(tree.distinct("type")) and all(
-            turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg")
+        self._plain = (
+            tree.distinct("type") <= self._square
+            and all(turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg"))
+            and not subject.unfit
         )
         self.tiled: set[int] = set()
         spans = tree.distinct("span") != {UNSET}
@@ -127,18 +133,25 @@ class _Filling:
                 self.tiled.add(index)
 
     def fills(self, index: int) -> bool:
-        """Whether the footprint of an element is all of its cell."""
+        """Whether the footprint of an element is surely all of its cell."""
         if self._plain:
             return True
-        if self._tree.column("type")[index] in self._radial:
-            return False
         turn = self._tree.column("turn_deg")[index]
-        return turn is UNSET or turn % 180 == 0
+        return (
+            self._tree.column("type")[index] in self._square
+            and (turn is UNSET or turn % 180 == 0)
+            and not self._subject.left_out(index, "turnDeg")
+        )
 
     def _tiles(self, children: Sequence[int], columns: int, rows: int) -> bool:
         blocks = [self._tree.block(i) for i in children if i in self.tiled or self.fills(i)]
         if sum(width * height for _, _, width, height in blocks) < columns * rows:
             return False
-        if not any(True for _ in overlaps(blocks)):
+        if any(
+            x < 0 or y < 0 or x + width > columns or y + height > rows
+            for x, y, width, height in blocks
+        ):
+            return False  # what stands in no cell hides nothing, and there is an error to mend
+        if not overlaps(blocks):
             return True  # none twice, so none is left
         return len(blocks) <= _MANY and cover(blocks, (0, 0, columns, rows))
