@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import chain, repeat
 
-from terratool.definition import curves, expression
+from terratool.definition import expression
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.definition.reader import check
 from terratool.definition.source import Source
@@ -143,7 +143,6 @@ def spelled(text: str) -> bytes:
 def fault(text: str) -> tuple[str, float, bool]:
     """What is wrong with the outcome ("" if nothing), the seconds it took, whether it is valid."""
     source = Source("fuzz.json", spelled(text))
-    curves.problems.cache_clear()
     expression.parse.cache_clear()
     begin = time.perf_counter()
     try:

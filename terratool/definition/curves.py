@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from itertools import pairwise
 
 from msgspec import UNSET, Struct, UnsetType
@@ -112,7 +111,6 @@ def _knots(value: tuple[float | Pair, ...], key: str) -> Knots:
     return Knots(points)
 
 
-@lru_cache(maxsize=1024)
 def problems(primitive: Primitive) -> tuple[CurveError, ...]:
     """Everything that is wrong with the curves of a primitive; each rule asks for its part."""
     found = []

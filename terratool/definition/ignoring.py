@@ -39,14 +39,12 @@ class Ignores:
             return
         silent: dict[Owner, bool] = {}  # what is known of owners, and so of all in them
         for remark in remarks:
-            owner: Owner | None = remark.element
-            if remark.element < 0:
-                owner = "/".join(remark.pointer.split("/", 3)[:3])
-            path = []
-            while owner is not None and owner not in silent:
-                path.append(owner)
-                owner = _around(owner, tree)
-            silenced = owner is not None and silent[owner]
+            path: list[Owner] = []
+            around: Owner | None = _owner(remark)
+            while around is not None and around not in silent:
+                path.append(around)
+                around = _around(around, tree)
+            silenced = around is not None and silent[around]
             for inner in reversed(path):
                 self._used.update(lists.get(inner, ()))
                 silenced = silent[inner] = silenced or inner in lists
@@ -90,8 +88,15 @@ def _remark(owner: Owner, rest: str, message: str, hint: str) -> Remark:
     return Remark(owner + pointer, message, hint)
 
 
+def _owner(remark: Remark) -> Owner:
+    """The innermost object around a remark, of those that may have a list."""
+    if remark.element >= 0:
+        return remark.element
+    return "/".join(remark.pointer.split("/", 3)[:3])
+
+
 def _around(owner: Owner, tree: Tree) -> Owner | None:
-    """The object that another is in, of those that may have a list."""
+    """The next one out."""
     if isinstance(owner, int):
         parent = tree.parents[owner]
         return parent if parent >= 0 else ""

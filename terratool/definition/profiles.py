@@ -2,66 +2,122 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from itertools import pairwise
 
 from msgspec import Struct
 
 from terratool.definition import expression
-from terratool.definition.curves import Curve, Formula, Samples, Shape, problems, shape_of
-from terratool.definition.model import Primitive
+from terratool.definition.curves import Curve, Formula, Samples, shape_of
+from terratool.definition.model import Pair, Primitive
+
+Range = tuple[float, float]
+"""Least and largest value."""
+
+_CLOSE = 1e-9
 
 
 class Profile(Struct, frozen=True):
-    """A curve in short.
+    """A curve in short; of a formula, from its values at 4,097 evenly spaced t.
+
+    A step at t = 0 or t = 1 leaves one side no room: that on the left of t = 0 is nowhere, and the
+    value at t = 1 itself is the height of no ground. It counts in `whole` and in `right` alone.
 
     Attributes:
-        values: those at its samples or knots; at 4,097 evenly spaced t for a formula.
-        times: the t of the knots, none where the values are evenly spaced.
-        steps: (t, value to the left, value to the right) of each vertical step.
+        whole: range of all values.
+        inner: range of those between the ends.
+        right: range of those from t = 0.5 on, which a radial shape has.
+        ends: values beside t = 0 and t = 1.
+        steps: (t, value to the left, value to the right) of each vertical step between.
+        mirrored: whether the left half mirrors the right one.
     """
 
-    values: tuple[float, ...]
-    times: tuple[float, ...] = ()
+    whole: Range
+    inner: Range
+    right: Range
+    ends: Pair
     steps: tuple[tuple[float, float, float], ...] = ()
-
-    @property
-    def low(self) -> float:
-        """The least value."""
-        return min(self.values)
-
-    @property
-    def high(self) -> float:
-        """The largest value."""
-        return max(self.values)
-
-    @property
-    def right(self) -> tuple[float, ...]:
-        """The values from t = 0.5 on, those that a radial shape has."""
-        count = len(self.values)
-        times = self.times or [i / max(1, count - 1) for i in range(count)]
-        first = next((i for i, t in enumerate(times) if t >= 0.5), count - 1)
-        if first == 0 or times[first] == 0.5:
-            return self.values[first:]
-        share = (0.5 - times[first - 1]) / (times[first] - times[first - 1])
-        before, behind = self.values[first - 1], self.values[first]
-        return before + share * (behind - before), *self.values[first:]
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """The values at t = 0 and t = 1."""
-        return self.values[0], self.values[-1]
+    mirrored: bool = False
 
 
 def profile_of(curve: Curve) -> Profile:
     """The profile of a curve."""
     if isinstance(curve, Samples):
-        return Profile(curve.values)
+        return _of_values(curve.values)
     if isinstance(curve, Formula):
-        return Profile(tuple(expression.samples(curve.expression)))
-    points = curve.points
-    steps = tuple((t, before, after) for (t, before), (end, after) in pairwise(points) if end == t)
-    return Profile(tuple(z for _, z in points), tuple(t for t, _ in points), steps)
+        return _of_values(expression.samples(curve.expression))
+    return _of_knots(curve.points)
+
+
+def _of_values(values: Sequence[float]) -> Profile:
+    count = len(values)
+    middle = (values[(count - 1) // 2] + values[count // 2]) / 2
+    slack = _slack(values)
+    whole = _range(values)
+    return Profile(
+        whole=whole,
+        inner=whole,
+        right=_range([middle, *values[count // 2 :]]),
+        ends=(values[0], values[-1]),
+        mirrored=all(abs(a - b) <= slack for a, b in zip(values, reversed(values), strict=True)),
+    )
+
+
+def _of_knots(points: Sequence[Pair]) -> Profile:
+    times = [t for t, _ in points]
+    # of more than two knots at one t the first and the last count, at t = 0 the last alone
+    counting = [
+        (t, z)
+        for i, (t, z) in enumerate(points)
+        if i in (0, len(points) - 1) or not times[i - 1] == t == times[i + 1]
+    ][bisect_right(times, 0.0) > 1 :]
+    inner = counting[:-1] if counting[-2][0] == 1.0 else counting
+    heights = [z for _, z in inner]
+    return Profile(
+        whole=_range([z for _, z in counting]),
+        inner=_range(heights),
+        right=_range([_beside(counting, 0.5)[1], *(z for t, z in counting if t > 0.5)]),
+        ends=(heights[0], heights[-1]),
+        steps=tuple(
+            (t, before, after)
+            for (t, before), (end, after) in pairwise(inner)
+            if end == t and before != after
+        ),
+        mirrored=_is_mirrored(inner),
+    )
+
+
+def _range(values: Sequence[float]) -> Range:
+    return min(values), max(values)
+
+
+def _slack(values: Sequence[float]) -> float:
+    return _CLOSE * max(1.0, abs(min(values)), abs(max(values)))
+
+
+def _is_mirrored(points: Sequence[Pair]) -> bool:
+    slack = _slack([z for _, z in points])
+    return all(
+        abs(here - there) <= slack
+        for t, _ in points
+        for here, there in zip(_beside(points, t), _beside(points, 1 - t)[::-1], strict=True)
+    )
+
+
+def _beside(points: Sequence[Pair], t: float) -> Pair:
+    """The values to the left and to the right of a t."""
+    first = bisect_left(points, t - _CLOSE, key=_time)
+    last = bisect_right(points, t + _CLOSE, key=_time) - 1
+    if first <= last:
+        return points[first][1], points[last][1]
+    (a, y), (b, z) = points[first - 1], points[first]
+    value = y + (t - a) / (b - a) * (z - y)
+    return value, value
+
+
+def _time(point: Pair) -> float:
+    return point[0]
 
 
 class Outline(Struct, frozen=True):
@@ -72,29 +128,49 @@ class Outline(Struct, frozen=True):
     combine: str
 
 
-@lru_cache(maxsize=1024)
-def outline_of(primitive: Primitive) -> Outline | None:
-    """The profiles of a primitive; None where its curves mean nothing."""
-    if problems(primitive):
-        return None
-    shape: Shape = shape_of(primitive)
+def outline_of(primitive: Primitive) -> Outline:
+    """The profiles of a primitive whose curves have no problems."""
+    shape = shape_of(primitive)
     y = None if shape.y is None else profile_of(shape.y)
     return Outline(profile_of(shape.x), y, shape.combine)
 
 
-def value_range(outline: Outline) -> tuple[float, float]:
+def value_range(outline: Outline) -> Range:
     """Least and largest value of a shape."""
     if outline.y is None:
-        return min(outline.x.right), max(outline.x.right)
-    return combined(outline, (outline.x.low, outline.x.high), (outline.y.low, outline.y.high))
+        return outline.x.right
+    return _combined(outline.combine, outline.x.whole, outline.y.whole)
 
 
-def combined(
-    outline: Outline, x: tuple[float, float], y: tuple[float, float]
-) -> tuple[float, float]:
+def edge_range(outline: Outline) -> Range:
+    """Least and largest value along the edges of the footprint."""
+    x, y = outline.x, outline.y
+    if y is None:
+        return x.ends[1], x.ends[1]
+    edges = [_combined(outline.combine, (end, end), y.inner) for end in x.ends]
+    edges += [_combined(outline.combine, x.inner, (end, end)) for end in y.ends]
+    return min(low for low, _ in edges), max(high for _, high in edges)
+
+
+def tallest_step(outline: Outline) -> float:
+    """The largest vertical step within a shape, for a factor of 1."""
+    x, y = outline.x, outline.y
+    if y is None:
+        return max((abs(b - a) for t, a, b in x.steps if t > 0.5), default=0.0)
+    return max(
+        (
+            abs(_combine(outline.combine, after, z) - _combine(outline.combine, before, z))
+            for own, other in ((x, y), (y, x))
+            for _, before, after in own.steps
+            for z in other.inner
+        ),
+        default=0.0,
+    )
+
+
+def _combined(how: str, x: Range, y: Range) -> Range:
     """Least and largest value where the curves run through these ranges."""
-    corners = [_combine(outline.combine, a, b) for a in x for b in y]
-    return min(corners), max(corners)
+    return _range([_combine(how, a, b) for a in x for b in y])
 
 
 def _combine(how: str, a: float, b: float) -> float:
@@ -103,26 +179,3 @@ def _combine(how: str, a: float, b: float) -> float:
     if how == "sum":
         return a + b
     return min(a, b) if how == "min" else max(a, b)
-
-
-def tallest_step(outline: Outline) -> float:
-    """The largest vertical step within a shape, for a factor of 1."""
-    if outline.y is None:
-        return max((abs(b - a) for t, a, b in outline.x.steps if t > 0.5), default=0.0)
-    best = 0.0
-    for own, other in ((outline.x, outline.y), (outline.y, outline.x)):
-        for _, before, after in own.steps:
-            for value in (other.low, other.high):
-                how = outline.combine
-                best = max(best, abs(_combine(how, after, value) - _combine(how, before, value)))
-    return best
-
-
-def edge_ranges(outline: Outline) -> list[tuple[float, float]]:
-    """Least and largest value along each edge of the footprint."""
-    if outline.y is None:
-        rim = outline.x.values[-1]
-        return [(rim, rim)]
-    x, y = outline.x, outline.y
-    along_y = [combined(outline, (end, end), (y.low, y.high)) for end in x.ends]
-    return along_y + [combined(outline, (x.low, x.high), (end, end)) for end in y.ends]

@@ -10,15 +10,17 @@ Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, 
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from inspect import cleandoc
 
 from msgspec import Struct
 
 from terratool.definition.built import Owner
+from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Remark, Severity
 from terratool.definition.model import Definition
+from terratool.definition.profiles import Outline, outline_of
 from terratool.definition.tree import Tree
 
 _MODULES = (
@@ -27,7 +29,7 @@ _MODULES = (
 )  # fmt: skip
 
 
-class Subject(Struct, frozen=True):
+class Subject(Struct, frozen=True, dict=True):
     """What a rule looks at.
 
     Attributes:
@@ -49,6 +51,18 @@ class Subject(Struct, frozen=True):
     def left_out(self, owner: Owner, *keys: str) -> bool:
         """Whether one of these values of an object, or all of it, did not fit."""
         return bool(self.unfit) and any(owner in self.unfit.get(key, ()) for key in ("", *keys))
+
+    @cached_property
+    def flaws(self) -> dict[str, tuple[CurveError, ...]]:
+        """What is wrong with the curves of primitives, by name; none of those that are good."""
+        found = ((name, problems(p)) for name, p in self.definition.primitives.items())
+        return {name: flaws for name, flaws in found if flaws}
+
+    @cached_property
+    def outlines(self) -> dict[str, Outline]:
+        """What the curves of primitives are like, by name; none of those that mean nothing."""
+        primitives = self.definition.primitives.items()
+        return {name: outline_of(p) for name, p in primitives if name not in self.flaws}
 
 
 Check = Callable[[Subject], Iterator[Remark]]

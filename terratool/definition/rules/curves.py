@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from terratool.definition.curves import problems
 from terratool.definition.findings import Remark, escape
 from terratool.definition.rules import Subject, rule
 
 
 def _remarks(subject: Subject, code: str) -> Iterator[Remark]:
-    for name, primitive in subject.definition.primitives.items():
+    for name, flaws in subject.flaws.items():
         here = f"/elemTypes/{escape(name)}"
         if code == "TT303" and subject.left_out(here, "x", "y"):
             continue  # what it has does not fit
-        for problem in problems(primitive):
-            if problem.code == code:
-                remark = problem.remark
-                pointer = here + remark.pointer
-                yield Remark(pointer, remark.message, remark.hint)
+        for flaw in flaws:
+            if flaw.code == code:
+                yield Remark(here + flaw.remark.pointer, flaw.remark.message, flaw.remark.hint)
 
 
 @rule("TT301", "expression")

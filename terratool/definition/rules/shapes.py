@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.curves import read_curve
 from terratool.definition.findings import Remark, escape, shown
-from terratool.definition.profiles import outline_of, profile_of, value_range
+from terratool.definition.model import CurveValue
+from terratool.definition.profiles import value_range
 from terratool.definition.rules import Subject, rule
 
 _CLOSE = 1e-9
@@ -35,23 +35,31 @@ def curve_range(subject: Subject) -> Iterator[Remark]:
 
     To mend: divide the values by the largest, and multiply vScale by it.
     """
-    for name, primitive in subject.definition.primitives.items():
-        if outline_of(primitive) is None:
-            continue
-        for key, curve in (("x", primitive.x), ("y", primitive.y)):
-            if curve is UNSET or curve == ():
-                continue
-            values = profile_of(read_curve(curve, key)).values
-            worst = max(values, key=lambda value: abs(value - 0.5))
+    for name, outline in subject.outlines.items():
+        primitive = subject.definition.primitives[name]
+        for key, curve, profile in (
+            ("x", primitive.x, outline.x),
+            ("y", primitive.y, outline.y),
+        ):
+            if curve is UNSET or curve == () or profile is None:
+                continue  # the other one is told of
+            worst = max(profile.whole, key=lambda value: abs(value - 0.5))
             if -_CLOSE <= worst <= 1 + _CLOSE:
                 continue
-            place = "" if isinstance(curve, str) else f"/{values.index(worst)}"
-            knot = "/1" if place and isinstance(curve[0], tuple) else ""
             yield Remark(
-                f"/elemTypes/{escape(name)}/{key}{place}{knot}",
+                f"/elemTypes/{escape(name)}/{key}{_place(curve, worst)}",
                 f'the curve "{key}" reaches {shown(float(f"{worst:.6g}"))}, outside of 0 to 1.',
                 "Scale it to a height of 1, and give the height by vScale and vOffset.",
             )
+
+
+def _place(curve: CurveValue, value: float) -> str:
+    """Where in a list a value of the curve stands."""
+    if isinstance(curve, str):
+        return ""
+    if isinstance(curve[0], tuple):
+        return next(f"/{i}/1" for i, (_, z) in enumerate(curve) if z == value)  # type: ignore[misc]
+    return f"/{curve.index(value)}"
 
 
 @rule("TT307", "asymmetric-radial", "warning")
@@ -79,18 +87,8 @@ def asymmetric_radial(subject: Subject) -> Iterator[Remark]:
 
     To mend: write both halves, the left one mirrored.
     """
-    for name, primitive in subject.definition.primitives.items():
-        outline = outline_of(primitive)
-        if outline is None or outline.y is not None:
-            continue
-        values = outline.x.values
-        times = outline.x.times or [0.5] * len(values)
-        slack = _CLOSE * max(1.0, *map(abs, values))
-        same = all(
-            abs(z - mirrored) <= slack and abs(t + late - 1) <= _CLOSE
-            for z, mirrored, t, late in zip(values, values[::-1], times, times[::-1], strict=True)
-        )
-        if not same:
+    for name, outline in subject.outlines.items():
+        if outline.y is None and not outline.x.mirrored:
             yield Remark(
                 f"/elemTypes/{escape(name)}/x",
                 "the radial curve is not symmetric, and its left half has no effect.",
@@ -113,9 +111,8 @@ def zero_primitive(subject: Subject) -> Iterator[Remark]:
     To mend: give it a shape; level ground is a primitive that is 1 everywhere, and where only a
     surface is meant, silence TT308 by x-ignore in the primitive.
     """
-    for name, primitive in subject.definition.primitives.items():
-        outline = outline_of(primitive)
-        if outline is not None and value_range(outline) == (0, 0):
+    for name, outline in subject.outlines.items():
+        if value_range(outline) == (0, 0):
             yield Remark(
                 f"/elemTypes/{escape(name)}",
                 f"the primitive {shown(name)} is 0 everywhere.",

@@ -7,8 +7,11 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark, shown
-from terratool.definition.profiles import edge_ranges, outline_of, tallest_step, value_range
+from terratool.definition.profiles import Outline, Range, edge_range, tallest_step, value_range
 from terratool.definition.rules import Subject, rule
+from terratool.definition.tree import Tree
+
+_CLOSE = 1e-9
 
 
 @rule("TT210", "zero-scale", "warning")
@@ -71,42 +74,50 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     limit = subject.max_step
     if limit is None:
         return
-    scales = _default_scales(subject)
-    outlines = {name: outline_of(p) for name, p in subject.definition.primitives.items()}
+    walls = {name: _walls(outline) for name, outline in subject.outlines.items()}
     tree = subject.tree
+    cells = _cells(tree)
+    width, height = subject.definition.extent
     for index, name in enumerate(tree.column("type")):
-        outline = outlines.get(name)
-        if outline is None:
+        if name not in walls:
             continue
-        scale, offset, turn = (
-            tree.column(key)[index] for key in ("v_scale", "v_offset", "turn_deg")
-        )
-        scale = scales[index] if scale is UNSET else scale
+        step, edge, anywhere, radial = walls[name]
+        (w, h), scale, offset, turn = (
+            cells[index], *(tree.column(key)[index] for key in ("v_scale", "v_offset", "turn_deg"))
+        )  # fmt: skip
+        scale = min(w, h) if scale is UNSET else scale
         offset = 0.0 if offset is UNSET else offset
-        turn = 0.0 if turn is UNSET else turn
-        step = abs(scale) * tallest_step(outline)
-        ranges = []
-        if turn % 90 != 0 and outline.y is not None:
-            ranges = [value_range(outline)]  # its cell cuts it somewhere
-        elif index or outline.y is None:
-            ranges = edge_ranges(outline)
-        step = max([step, *(abs(scale * value + offset) for pair in ranges for value in pair)])
-        if step > limit * (1 + 1e-9):
+        w, h = w * width, h * height
+        # a shape that is turned out of its cell ends anywhere: it is cut off, or leaves some bare
+        moved = turn is not UNSET and turn % 180 != 0
+        if moved and abs(w - h) <= _CLOSE * w:
+            moved = turn % 90 != 0 and not radial
+        ends: tuple[float, ...] = anywhere if moved else edge
+        if index == 0 and (radial or not moved):  # what the edge of the terrain cuts is no step
+            ends = edge if radial else ()
+        tallest = max([abs(scale) * step, *(abs(scale * value + offset) for value in ends)])
+        size = abs(offset) + abs(scale) * max(map(abs, anywhere))
+        if tallest > limit + _CLOSE * size:  # what is more than rounding
             yield Remark(
                 "",
-                f"the element makes a step of up to {step:.4g}, more than {shown(limit)}.",
+                f"the element makes a step of up to {tallest:.4g}, more than {shown(limit)}.",
                 "Lower it, or let its curves end at 0 or without a step.",
                 element=index,
             )
 
 
-def _default_scales(subject: Subject) -> list[float]:
-    """What vScale is where it is left out: side of the cell over side of the terrain."""
-    tree = subject.tree
+def _walls(outline: Outline) -> tuple[float, Range, Range, bool]:
+    """Tallest step within a shape, ranges at its edges and anywhere, and whether it is radial."""
+    radial = outline.y is None
+    return tallest_step(outline), edge_range(outline), value_range(outline), radial
+
+
+def _cells(tree: Tree) -> list[tuple[float, float]]:
+    """Sides of the cell of each element over those of the terrain."""
     sides = [(1.0, 1.0)] * len(tree)
     for parent, begin, end in tree.families:
         grid, (width, height) = tree.grid(parent), sides[parent]
         for index in range(begin, end):
             _, _, columns, rows = tree.block(index)
             sides[index] = width * columns / grid[0], height * rows / grid[1]
-    return list(map(min, sides))
+    return sides
