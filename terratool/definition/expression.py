@@ -319,7 +319,10 @@ def check(expression: Expression) -> None:
     Raises:
         ExpressionError: naming the first t at which they are not.
     """
-    for t, value in zip(_TS, samples(expression), strict=True):
+    values = samples(expression)
+    if all(map(MAX_VALUE.__gt__, map(abs, values))):  # not of what is no number
+        return
+    for t, value in zip(_TS, values, strict=True):
         if not abs(value) < MAX_VALUE:
             what = f"reaches {value:.3g}" if math.isfinite(value) else "is not a finite number"
             raise ExpressionError(

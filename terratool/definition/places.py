@@ -105,26 +105,32 @@ def _printable(text: str) -> str:
 class _Value:
     """A value at its place; what is in it is looked up as far as it is asked for."""
 
-    __slots__ = ("_data", "_found", "_raw", "_rest", "start")
+    __slots__ = ("_begins", "_data", "_found", "_inner", "_raw", "_raws", "_rest", "start")
 
     def __init__(self, data: bytes, start: int, raw: Raw) -> None:
         self._data = data
         self.start = start
         self._raw = raw
-        self._found: dict[str | int, list[tuple[int, _Value]]] = {}
-        first = data[start : start + 1]
-        self._rest: Iterator[tuple[str | int, int, _Value]] = (
-            self._items() if first == b"[" else self._members() if first == b"{" else iter(())
-        )
+        # of a list: its items, where those begin that were looked at, and the values among them
+        self._raws: list[Raw] | None = None
+        self._begins: list[int] = []
+        self._inner: dict[int, _Value] = {}
+        # of an object: the members so far, and the others
+        self._found: dict[str, list[tuple[int, _Value]]] = {}
+        self._rest: Iterator[tuple[str, int, _Value]] | None = None
 
     def find(self, token: str, occurrence: int) -> tuple[int, _Value] | None:
         """Where the member of this key, or the item of this index, begins, and its value.
 
         The occurrence counts from 1; 0 is the last one.
         """
-        key: str | int = unescape(token)
-        if self._data[self.start : self.start + 1] == b"[" and token.isdigit():
-            key = int(token)
+        first = self._data[self.start : self.start + 1]
+        if first == b"[":
+            return self._item(int(token)) if token.isdigit() else None
+        if first != b"{":
+            return None
+        key = unescape(token)
+        self._rest = self._rest or self._members()
         while occurrence == 0 or len(self._found.get(key, ())) < occurrence:
             following = next(self._rest, None)
             if following is None:
@@ -134,12 +140,18 @@ class _Value:
         found = self._found.get(key, ())
         return found[occurrence - 1] if len(found) >= max(1, occurrence) else None
 
-    def _items(self) -> Iterator[tuple[int, int, _Value]]:
-        at = self.start + 1
-        for index, raw in enumerate(msgspec.json.decode(self._raw, type=list[Raw])):
-            at = _gap(self._data, at).end()  # type: ignore[union-attr]
-            yield index, at, _Value(self._data, at, raw)
-            at += len(memoryview(raw))
+    def _item(self, index: int) -> tuple[int, _Value] | None:
+        if self._raws is None:
+            self._raws = msgspec.json.decode(self._raw, type=list[Raw])
+        if index >= len(self._raws):
+            return None
+        begins = self._begins
+        while len(begins) <= index:
+            behind = begins[-1] + len(memoryview(self._raws[len(begins) - 1])) if begins else 0
+            begins.append(_gap(self._data, behind or self.start + 1).end())  # type: ignore[union-attr]
+        if index not in self._inner:
+            self._inner[index] = _Value(self._data, begins[index], self._raws[index])
+        return begins[index], self._inner[index]
 
     def _members(self) -> Iterator[tuple[str, int, _Value]]:
         raws: dict[str, Raw] = {}

@@ -76,15 +76,14 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
         return
     walls = {name: _walls(outline) for name, outline in subject.outlines.items()}
     tree = subject.tree
-    cells = _cells(tree)
+    columns = (tree.column(key) for key in ("type", "v_scale", "v_offset", "turn_deg"))
     width, height = subject.definition.extent
-    for index, name in enumerate(tree.column("type")):
+    for index, (name, scale, offset, turn, (w, h)) in enumerate(
+        zip(*columns, _cells(tree), strict=True)
+    ):
         if name not in walls:
             continue
         step, edge, anywhere, radial = walls[name]
-        (w, h), scale, offset, turn = (
-            cells[index], *(tree.column(key)[index] for key in ("v_scale", "v_offset", "turn_deg"))
-        )  # fmt: skip
         scale = min(w, h) if scale is UNSET else scale
         offset = 0.0 if offset is UNSET else offset
         w, h = w * width, h * height
@@ -95,9 +94,11 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
         ends: tuple[float, ...] = anywhere if moved else edge
         if index == 0 and (radial or not moved):  # what the edge of the terrain cuts is no step
             ends = edge if radial else ()
-        tallest = max([abs(scale) * step, *(abs(scale * value + offset) for value in ends)])
-        size = abs(offset) + abs(scale) * max(map(abs, anywhere))
-        if tallest > limit + _CLOSE * size:  # what is more than rounding
+        tallest = abs(scale) * step
+        for value in ends:
+            tallest = max(tallest, abs(scale * value + offset))
+        rounding = _CLOSE * (abs(offset) + abs(scale) * max(-anywhere[0], anywhere[1]))
+        if tallest > limit + rounding:
             yield Remark(
                 "",
                 f"the element makes a step of up to {tallest:.4g}, more than {shown(limit)}.",
