@@ -6,6 +6,7 @@ sets of cells and by walking along edges.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections import Counter
@@ -21,7 +22,6 @@ from hypothesis import strategies as st
 
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Options, check
-from terratool.definition.rules import all_rules
 from terratool.definition.source import Source
 from tests.conftest import terrain_of, text_of
 from tests.oracle import COMBINES, cos_sin, curve_value
@@ -736,8 +736,10 @@ def test_soil_values_outside_of_the_plausible(soil: Json) -> None:
         for key, (low, high) in ranges.items()
         if key in soil and not low <= soil[key] <= high
     }
-    if soil.get("sinkage") == 0:
+    if soil.get("sinkage") == 0:  # rock has more, and ice less
         expected -= {"/surfTypes/s/cohesion"}
+        if soil.get("fricAngle", 5) < 5:
+            expected -= {"/surfTypes/s/fricAngle"}
     assert pointers(definition, "TT403") == expected
 
 
@@ -775,7 +777,83 @@ def test_bounds_are_those_of_exact_fractions(root: Json, size: Any, origin: list
         assert text[finding.column - 1 :].startswith("0")
 
 
-def test_every_warning_has_a_test_here_or_an_example() -> None:
-    """No warning is without a manual page that tells it from an error."""
-    warnings = {code for code, rule in all_rules().items() if rule.severity == "warning"}
-    assert warnings >= {"TT208", "TT209", "TT211", "TT306", "TT307", "TT308"}
+# Texts that are made to take long
+
+
+def nested(levels: int, inner: str, **keys: Any) -> str:
+    """So many elements, each the child of another."""
+    own = json.dumps({"type": "box", "cellX": 1, "cellY": 1, **keys})[:-1]
+    elements = f'{own}, "children": [' * levels + inner + "]}" * levels
+    root = f'{{"type": "box", "children": [{elements}]}}'
+    return f'{{"size": 1, "elemTypes": {{"box": {{"x": [1]}}}}, "elemTree": {root}}}'
+
+
+def test_the_bounds_of_what_lies_deep() -> None:
+    """A thousand levels down the rectangle is still that of exact fractions."""
+    checked = check(Source("t.json", nested(1000, "", vScale=0).encode()))
+    assert checked.counts == {"TT210": 1000}
+    for level, finding in enumerate(checked.findings, 1):
+        low = sum(Fraction(1, 10**k) for k in range(1, level + 1))
+        high = low + Fraction(1, 10**level)
+        assert finding.bounds == (float(low), float(low), float(high), float(high))
+        assert finding.pointer == "/elemTree" + "/children/0" * level + "/vScale"
+
+
+def test_a_sibling_that_lies_deep_is_named_shortly() -> None:
+    """A message stays readable however long the pointer of the other sibling is."""
+    pair = '{"type": "box", "cellX": 0, "cellY": 3},' * 2
+    checked = check(Source("t.json", nested(100, pair[:-1]).encode()))
+    (finding,) = checked.findings
+    assert finding.message == "the element shares cells with …/children/0."
+
+
+def test_a_list_in_every_element_silences_its_own() -> None:
+    """Each x-ignore is of use for the element that it stands in, and for those in it."""
+    child = {"type": "box", "cellX": 0, "cellY": 0, "vScale": 0, "x-ignore": ["TT208", "TT21"]}
+    shared = [child] * 2000
+    root = {"type": "box", "children": shared}
+    definition = {"size": 1, "elemTypes": PLAIN, "elemTree": root}
+    counts = check(Source("t.json", text_of(definition).encode())).counts
+    assert counts == {"TT113": 1}, "the first shares with no earlier one"
+    root["x-ignore"] = ["TT"]
+    counts = check(Source("t.json", text_of(definition).encode())).counts
+    assert counts == {"TT113": 1}, "what is silenced twice counts for both"
+    root["children"] = [{**child, "x-ignore": [], "children": shared}]
+    counts = check(Source("t.json", text_of(definition).encode())).counts
+    assert counts == {"TT113": 1}
+
+
+@pytest.mark.parametrize("count", [100, 101])
+def test_the_limit_of_siblings_that_are_compared(count: int) -> None:
+    """Of up to 100 siblings those are found that several hide together; of more, by one alone."""
+    below = [{"cellX": 0, "span": [2, 1]}, {"cellX": 0}, {"cellX": 1}]
+    children = [{"type": "box", "surface": "a", "cellY": 0, **child} for child in below]
+    twice = [{"type": "box", "surface": "b", "cellX": 5, "cellY": 0} for _ in range(2)]
+    rest = [
+        {"type": "box", "surface": "b", "cellX": x, "cellY": 1} for x in range(count - 5)
+    ]  # fmt: skip
+    root = {"type": "box", "cells": [count, 2], "children": [*children, *twice, *rest]}
+    together = {"/elemTree/children/0"} if count == 100 else set()
+    assert pointers(terrain(root, PLAIN), "TT209") == {"/elemTree/children/3"} | together
+
+
+def test_many_names_that_are_not_there() -> None:
+    """Every one is counted, and the first of them are told what they are close to."""
+    known = {f"shape{k}": {"x": [1]} for k in range(3)}
+    children = [{"type": f"shapes{k}", "cellX": k, "cellY": 0} for k in range(3000)]
+    root = {"type": "shape0", "cells": 3000, "children": children}
+    checked = check(
+        Source("t.json", text_of({"size": 1, "elemTypes": known, "elemTree": root}).encode())
+    )
+    assert checked.counts["TT201"] == 3000
+    assert checked.findings[0].hint == 'Did you mean "shape0"?'
+
+
+@pytest.mark.parametrize("key", ["cellX", "vScale", "span"])
+def test_numbers_of_very_many_digits(key: str) -> None:
+    """A whole number beyond all floats is called too large, whatever its key takes."""
+    number = "1" + "0" * 5000
+    child = {"type": "box", "cellX": 1, "cellY": 1, key: [1, "N"] if key == "span" else "N"}
+    root = {"type": "box", "children": [child]}
+    text = text_of({"size": 1, "elemTypes": PLAIN, "elemTree": root}).replace('"N"', number)
+    assert check(Source("t.json", text.encode())).counts == {"TT107": 1}

@@ -273,6 +273,8 @@ class _Builder:
     ) -> Any:
         if wanted.kind == "whole" and isinstance(item, float) and item.is_integer():
             item = int(item)  # as in JSON Schema
+        if wanted.kind in ("whole", "number") and type(item) in (int, float) and not _fits(item):
+            return self._not_finite(owner, rest)
         if type(item) not in _JSON_TYPES[wanted.kind]:
             return self._wrong_type(owner, rest, subject, wanted.words, item)
         if wanted.choices and item not in wanted.choices:
@@ -280,8 +282,6 @@ class _Builder:
             message = f"{shown(item)} is no way to combine two curves."
             self._add("TT106", rest, message, f"Write {wanted.words}.", owner)
             return None
-        if isinstance(item, int | float) and not _fits(item):
-            return self._not_finite(owner, rest)
         if isinstance(item, int | float) and not wanted.holds(item):
             self._failed = True
             if self._found.wants("TT106"):

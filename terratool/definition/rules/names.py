@@ -33,16 +33,15 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
     if subject.definition.elem_types is UNSET:
         return
-    told = {}
-    for name in subject.tree.distinct("type") - primitives.keys() - {UNSET}:
-        told[name] = f"no primitive is called {shown(name)}.", _hint(name, primitives, "elemTypes")
+    missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
+    hints = _Hints(primitives, "elemTypes")
+    for index, name in subject.tree.having("type", missing):
         if name in surfaces:
-            told[name] = (
-                f"{shown(name)} is a surface, where a primitive belongs.",
-                f'Write the primitive as "type" and "surface": {shown(name)}.',
-            )
-    for index, name in subject.tree.having("type", told):
-        yield Remark("/type", *told[name], element=index)
+            message = f"{shown(name)} is a surface, where a primitive belongs."
+            hint = f'Write the primitive as "type" and "surface": {shown(name)}.'
+        else:
+            message, hint = f"no primitive is called {shown(name)}.", hints[name]
+        yield Remark("/type", message, hint, element=index)
 
 
 @rule("TT202", "unknown-surface")
@@ -75,25 +74,34 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
     primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
     if subject.left_out("", "surfTypes"):
         return
-    told = {}
-    for name in subject.tree.distinct("surface") - surfaces.keys() - {UNSET}:
-        told[name] = f"no surface is called {shown(name)}.", _hint(name, surfaces, "surfTypes")
+    missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
+    hints = _Hints(surfaces, "surfTypes")
+    for index, name in subject.tree.having("surface", missing):
         if name in primitives:
-            told[name] = (
-                f"{shown(name)} is a primitive, where a surface belongs.",
-                f'Write "type": {shown(name)} and the surface as "surface".',
-            )
-    for index, name in subject.tree.having("surface", told):
-        yield Remark("/surface", *told[name], element=index)
+            message = f"{shown(name)} is a primitive, where a surface belongs."
+            hint = f'Write "type": {shown(name)} and the surface as "surface".'
+        else:
+            message, hint = f"no surface is called {shown(name)}.", hints[name]
+        yield Remark("/surface", message, hint, element=index)
 
 
-def _hint(name: str, known: Collection[str], dictionary: str) -> str:
-    from difflib import get_close_matches
+class _Hints(dict[str, str]):
+    """What to write instead of names that a dictionary does not have."""
 
-    close = [k for k in known if k.lower() == name.lower()]
-    # comparing with more takes longer than it helps
-    if not close and len(known) <= _MANY and len(name) <= _LONG:
-        close = get_close_matches(name, [k for k in known if len(k) <= _LONG], 1)
-    if close:
-        return f"Did you mean {shown(close[0])}?"
-    return f'Add {shown(name)} to "{dictionary}", or use a name that is there.'
+    def __init__(self, known: Collection[str], dictionary: str) -> None:
+        self._dictionary = dictionary
+        self._alike = {name.lower(): name for name in known}
+        self._close = [name for name in known if len(name) <= _LONG] if len(known) <= _MANY else []
+
+    def __missing__(self, name: str) -> str:
+        close = self._alike.get(name.lower())
+        # comparing more, or with more, takes longer than it helps
+        if close is None and len(self) < _MANY and len(name) <= _LONG:
+            from difflib import get_close_matches
+
+            close = next(iter(get_close_matches(name, self._close, 1)), None)
+        hint = f'Add {shown(name)} to "{self._dictionary}", or use a name that is there.'
+        if close is not None:
+            hint = f"Did you mean {shown(close)}?"
+        self[name] = hint
+        return hint

@@ -10,14 +10,17 @@ from terratool.definition.findings import Remark, escape, shown
 from terratool.definition.rules import Subject, rule
 
 _SOIL = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
-_WONG = "Wong, Theory of Ground Vehicles, 4th ed., 2008, table 2.3"
+_WONG = "Wong, Theory of Ground Vehicles, 4th ed., 2008"
 _PLAUSIBLE = (
-    # key, attribute, low, high, unit, the soils that reach so far
-    ("cohesion", "cohesion", 0, 100, "kPa", "heavy clay has 69"),
-    ("fricAngle", "fric_angle", 5, 50, "degrees", "wet heavy clay has 6, dry sand 28"),
-    ("sinkage", "sinkage", 0, 2, "m/kN", "a small wheel in dry snow has 1.3"),
-    ("shearModulus", "shear_modulus", 0.003, 0.15, "m", "most soils have 0.01 to 0.05"),
-)
+    # key, attribute, low, high, unit, why
+    ("cohesion", "cohesion", 0, 100, "kPa", f"stiff clay has 69 (heavy clay in {_WONG})"),
+    ("fricAngle", "fric_angle", 5, 50, "degrees", f"wet clay has 6, sand 28 to 31 ({_WONG})"),
+    (
+        "sinkage", "sinkage", 0, 2, "m/kN",
+        f"a small wheel has 0.18 on dry sand and 1.3 in snow (Bekker's formula, soils of {_WONG})",
+    ),
+    ("shearModulus", "shear_modulus", 0.003, 0.15, "m", f"most soils have 0.01 to 0.05 ({_WONG})"),
+)  # fmt: skip
 
 
 @rule("TT401", "missing-soil", "warning")
@@ -115,8 +118,11 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
     """A soil value that no common soil has; most often its unit is another.
 
     Plausible are cohesion up to 100 kPa, fricAngle from 5 to 50 degrees, sinkage up to 2 m/kN and
-    shearModulus from 0.003 to 0.15 m. The soils in table 2.3 of Wong, Theory of Ground Vehicles,
-    4th ed., Wiley 2008, lie within. The cohesion of rigid ground, sinkage 0, is not looked at.
+    shearModulus from 0.003 to 0.15 m. In Wong, Theory of Ground Vehicles, 4th ed., Wiley 2008,
+    cohesions reach from 1 to 69 kPa and angles from 6 to 35 degrees (table 2.3), and shear moduli
+    are mostly 0.01 to 0.05 m. With its soils and Bekker's formula, a wheel of 0.2 m radius and
+    0.1 m width under 100 N sinks 0.02 to 0.18 m/kN, and 1.3 in snow. Rigid ground, sinkage 0, may
+    be more cohesive, as rock is, or smoother, as ice is.
 
     Fails:
 
@@ -137,16 +143,16 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
     To mend: write cohesion in kPa, angles in degrees, sinkage in m/kN and shearModulus in m.
     """
     for name, surface in subject.definition.surfaces.items():
-        for key, attribute, low, high, unit, known in _PLAUSIBLE:
+        for key, attribute, low, high, unit, why in _PLAUSIBLE:
             value = getattr(surface, attribute)
             if value is UNSET or low <= value <= high:
                 continue
-            if key == "cohesion" and surface.sinkage == 0:
-                continue
+            rigid = surface.sinkage == 0
+            if rigid and (key, value > high) in (("cohesion", True), ("fricAngle", False)):
+                continue  # rock, or ice
             yield Remark(
                 f"/surfTypes/{escape(name)}/{key}",
-                f'"{key}" is {shown(value)} {unit}; plausible is {low:g} to {high:g}, '
-                f"as {known} ({_WONG}).",
+                f'"{key}" is {shown(value)} {unit}; plausible is {low:g} to {high:g}: {why}.',
                 f"Check the unit: it is {unit}.",
             )
 
