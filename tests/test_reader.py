@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.definition import reader
+from terratool.definition.findings import Collected
 from terratool.definition.reader import Checked, Options, load_definition
 from terratool.definition.source import Source, read_source
 from terratool.errors import DefinitionError, ReadError
@@ -62,12 +63,14 @@ def test_both_ways_make_one_model(definition: Json, layout: dict[str, Any]) -> N
     for surface in definition.get("surfTypes", {}).values():
         surface.pop("x-note", None)
     compact = json.dumps(definition, separators=(",", ":"))
-    assert reader._quickly(compact.encode())[1], "the fast way was not taken"
+    assert reader._quickly(compact.encode(), Collected(1))[1], "the fast way was not taken"
     fast = check(compact)
     assert fast.definition is not None, fast.findings
     assert check(json.dumps(definition, **layout)) == fast
     slow = json.dumps({**definition, "x-slow": [{"x-slow": 1}]}, **layout)
-    assert reader._quickly(slow.encode())[0] is None, "the explaining way was not taken"
+    assert reader._quickly(slow.encode(), Collected(1))[0] is None, (
+        "the explaining way was not taken"
+    )
     assert check(slow).definition == fast.definition
 
 

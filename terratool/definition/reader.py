@@ -19,7 +19,7 @@ from terratool.definition.keys import COMBINES, KEYS, Key
 from terratool.definition.model import Definition, Element, Primitive, Surface, names_of
 from terratool.definition.rules import Subject, all_rules
 from terratool.definition.source import Source, read_source
-from terratool.definition.tree import Tree, flatten
+from terratool.definition.tree import flatten
 from terratool.definition.values import Repeated, lost_no_key, read_values, repeated_keys
 from terratool.errors import DefinitionError
 
@@ -97,7 +97,7 @@ def check(source: Source, options: Options | None = None) -> Checked:
 def _check(source: Source, options: Options) -> Checked:
     data = source.data
     found = Collected(options.limit)
-    built, clean = _quickly(data)
+    built, clean = _quickly(data, found)
     if built is None:
         from terratool.definition.structure import build
 
@@ -149,7 +149,7 @@ def _values(data: bytes) -> tuple[Any, MisspeltError | None]:
         return None, _bad_encoding(data, error)
 
 
-def _quickly(data: bytes) -> tuple[Built | None, bool]:
+def _quickly(data: bytes, found: Collected) -> tuple[Built | None, bool]:
     """What the text says, if all of it fits; and whether surely no key stands twice."""
     try:
         definition = msgspec.json.decode(data, type=Definition)
@@ -159,9 +159,14 @@ def _quickly(data: bytes) -> tuple[Built | None, bool]:
     crs = definition.crs
     # the values of a crs are free, and may be beyond any float
     free = isinstance(crs, dict) or (isinstance(crs, int) and crs.bit_length() > 64)
-    if free or not _in_range(definition, tree):
+    if free or not _in_range(definition):
         return None, False
-    return Built(definition, tree), lost_no_key(data, definition)
+    built = Built(definition, tree)
+    if not all(map(_all_hold, ((tree.distinct(name), key) for name, key in _RANGED[Element]))):
+        from terratool.definition.structure import mend
+
+        built = mend(built, found)
+    return built, lost_no_key(data, definition)
 
 
 _RANGED: dict[type, list[tuple[str, Key]]] = {
@@ -174,20 +179,18 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
 }
 
 
-def _in_range(definition: Definition, tree: Tree) -> bool:
-    """Whether every number lies in the range of its key; if not, `structure` says which."""
+def _in_range(definition: Definition) -> bool:
+    """Whether every number outside of the tree lies in the range of its key."""
     ranged = [
         ({getattr(owner, name)}, key)
         for owner in (definition, *definition.surfaces.values())
         for name, key in _RANGED[type(owner)]
     ]
-    ranged += [(tree.distinct(name), key) for name, key in _RANGED[Element]]
     for primitive in definition.primitives.values():
         if primitive.combine is not msgspec.UNSET and primitive.combine not in COMBINES:
             return False
-        for curve in (primitive.x, primitive.y):
-            if isinstance(curve, tuple):
-                ranged.append((set(curve), KEYS[Primitive]["x"]))
+        curves = (primitive.x, primitive.y)
+        ranged += [(set(curve), KEYS[Primitive]["x"]) for curve in curves if type(curve) is tuple]
     return all(map(_all_hold, ranged))
 
 

@@ -35,6 +35,8 @@ _JSON_TYPES: dict[str, frozenset[type]] = {
     "number": frozenset([int, float]), "object": frozenset([dict]), "list": frozenset([list]),
 }  # fmt: skip
 _NO_TYPES: frozenset[type] = frozenset()
+_NEVER = frozenset([str, bool, dict, type(None)])
+"""Types that an element's key takes as they are, or not at all."""
 
 
 class _Slot(NamedTuple):
@@ -71,6 +73,13 @@ _SLOTS: dict[type, dict[str, _Slot]] = {
 def build(value: Any, found: Collected) -> Built:
     """Build the model of a parsed JSON value, without recursion over the elements."""
     return _Builder(found).build(value)
+
+
+def mend(built: Built, found: Collected) -> Built:
+    """Leave out the numbers of elements that are beyond their range."""
+    mended = _Builder(found).mend(built.tree)
+    mended.definition = built.definition
+    return mended
 
 
 class _Builder:
@@ -136,15 +145,28 @@ class _Builder:
                         wanted = KEYS[Element]["children"].words
                         self._wrong_type(index, "/children", '"children"', wanted, children)
                         self._leave_out(index, "children")
+        used = set(chain.from_iterable(values))
         columns = {}
         for key, slot in _SLOTS[Element].items():
-            if key != "children":
-                column = [value.get(key, UNSET) for value in values]
-                self._mend(key, slot, column)
-                columns[slot.name] = column
-        own = set(chain.from_iterable(values)) - _SLOTS[Element].keys()
-        self._own_keys(own, values)
+            if key in used and key != "children":
+                columns[slot.name] = [value.get(key, UNSET) for value in values]
+                self._mend(key, slot, columns[slot.name])
+            else:
+                columns[slot.name] = [UNSET] * len(values)
+        self._own_keys(used - _SLOTS[Element].keys(), values)
         return Tree([], families, levels, columns)
+
+    def mend(self, tree: Tree) -> Built:
+        """Leave out what is beyond its range in a tree of the right types."""
+        for key, slot in _SLOTS[Element].items():
+            if slot.high < _BIGGEST:
+                # pairs are lists in a text
+                column = [list(v) if type(v) is tuple else v for v in tree.column(slot.name)]
+                self._mend(key, slot, column)
+                tree.columns[slot.name] = column
+        tree.forget()
+        self._built.tree = tree
+        return self._built
 
     def _own_keys(self, own: set[str], values: list[dict[str, Any]]) -> None:
         """All keys that elements have besides those of the format."""
@@ -181,7 +203,7 @@ class _Builder:
                 if slot.number and int in types:
                     column[:] = [float(n) if type(n) is int else n for n in column]
                 return
-        wanted, uncounted = KEYS[Element][key], 0
+        wanted, uncounted, misfits = KEYS[Element][key], 0, 0
         unfit: set[Owner] = set()
         full = self._found.full("TT106")
         for index, item in enumerate(column):
@@ -198,6 +220,11 @@ class _Builder:
                     column[index] = UNSET
                     unfit.add(index)
                     continue
+            elif its in _NEVER and self._found.full("TT105"):
+                misfits += 1
+                column[index] = UNSET
+                unfit.add(index)
+                continue
             self._failed = False
             column[index] = self._fit(wanted, key, item, index)
             if self._failed:
@@ -205,6 +232,7 @@ class _Builder:
                 unfit.add(index)
                 full = self._found.full("TT106")
         self._found.take("TT106", iter(()), uncounted)
+        self._found.take("TT105", iter(()), misfits)
         if unfit:
             self._built.unfit[key] = unfit
 
