@@ -37,7 +37,7 @@ def expression(subject: Subject) -> Iterator[Remark]:
 
         {"size": 10, "elemTypes": {"wave": {"x": "sin(t)"}}, "elemTree": {"type": "wave"}}
 
-    To mend: the message counts the characters up to where it does not go on.
+    To mend: the message says at which character the trouble is, and the hint what to write.
     """
     yield from _remarks(subject, "TT301")
 
@@ -45,6 +45,8 @@ def expression(subject: Subject) -> Iterator[Remark]:
 @rule("TT302", "expression-value")
 def expression_value(subject: Subject) -> Iterator[Remark]:
     """An expression is not finite, or reaches 1e9 in size, at one of 4,097 evenly spaced t.
+
+    There would be no height at that place.
 
     Fails:
 
@@ -85,7 +87,9 @@ def no_curve(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT304", "knots")
 def knots(subject: Subject) -> Iterator[Remark]:
-    """Knots [t, z] must reach from t = 0 to t = 1 and be sorted by t.
+    """Knots [t, z] do not run from t = 0 to t = 1 in order, or are mixed with plain numbers.
+
+    A curve has to have a value at every t, and only one.
 
     Fails:
 
@@ -103,14 +107,14 @@ def knots(subject: Subject) -> Iterator[Remark]:
           "elemTree": {"type": "kerb"}
         }
 
-    To mend: sort them; two at one t are a vertical step.
+    To mend: sort them and begin and end at 0 and 1; two at one t are a vertical step.
     """
     yield from _remarks(subject, "TT304")
 
 
 @rule("TT305", "radial-y")
 def radial_y(subject: Subject) -> Iterator[Remark]:
-    """A radial primitive turns its curve x about the middle; there is no y.
+    """A radial primitive has a curve y, though x alone is turned about the middle.
 
     Fails:
 

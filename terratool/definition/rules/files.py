@@ -34,7 +34,7 @@ def unresolved(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}
         }
 
-    To mend: move the origin nearer to 0.
+    To mend: move the origin nearer to 0, or check the unit of size.
     """
     definition = subject.definition
     if definition.size is UNSET:

@@ -12,16 +12,21 @@ from terratool.definition.rules import Subject, rule
 from terratool.definition.tree import Tree
 
 _MANY = 100
-"""Overlapping siblings from which on comparing all with all takes longer than it helps."""
+"""Overlapping siblings that are compared all with all; of more it takes longer than it helps."""
 
 
 @rule("TT209", "hidden-element", "warning")
 def hidden_element(subject: Subject) -> Iterator[Remark]:
-    """The surface of an element is hidden all over, by its children or by later siblings.
+    """The surface of an element is hidden all over, by its children or by its siblings.
 
     Its height still counts, but what it says of soil and colour holds nowhere. An element whose
-    surface a child wears, for want of one of its own, is not hidden. Only elements that fill their
-    cells are taken to hide others, no turned or radial ones.
+    surface a child wears, for want of one of its own, is not called hidden.
+
+    What is reported is surely hidden, but not all that is hidden is reported. The children of an
+    element are looked at by themselves, and so are its siblings: the later ones, and those whose
+    children fill their cells. Elements that are radial, or turned by other than half turns, are
+    taken to hide nothing. Where more than 100 siblings or children overlap, one of them has to hide
+    the element alone.
 
     Fails:
 

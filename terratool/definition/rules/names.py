@@ -17,18 +17,27 @@ _LONG = 60
 def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     """The type of an element is a name that elemTypes does not have.
 
-    A surface is no primitive: the printed example of the paper behind the format has the surface
-    pebble as a type.
+    Names are case-sensitive. A surface is no primitive, though the paper behind the format prints
+    the surface pebble as a type.
 
     Fails:
 
         {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "bxo"}}
 
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {"pebble": {"cohesion": 0.3, "fricAngle": 33, "sinkage": 0.05}},
+          "elemTypes": {"box": {"x": [1]}},
+          "elemTree": {"type": "pebble"}
+        }
+
     Passes:
 
         {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
 
-    To mend: write a name that is there, in its own case, or add the primitive.
+    To mend: write a name that is there, in the same case, or add the primitive.
     """
     primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
     if subject.definition.elem_types is UNSET:
@@ -47,6 +56,8 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
 @rule("TT202", "unknown-surface")
 def unknown_surface(subject: Subject) -> Iterator[Remark]:
     """The surface of an element is a name that surfTypes does not have.
+
+    Names are case-sensitive.
 
     Fails:
 
@@ -69,7 +80,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
           "elemTree": {"type": "box", "surface": "sand"}
         }
 
-    To mend: write a name that is there, in its own case, or add the surface.
+    To mend: write a name that is there, in the same case, or add the surface.
     """
     primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
     if subject.left_out("", "surfTypes"):

@@ -61,6 +61,8 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
 def root_placed(subject: Subject) -> Iterator[Remark]:
     """The root has a cell or a span, though it covers the whole terrain.
 
+    It stands in no grid, so the numbers could mean nothing.
+
     Fails:
 
         {

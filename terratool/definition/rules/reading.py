@@ -6,10 +6,10 @@ reader_rule(
     "TT101",
     "syntax",
     """
-    The text is no JSON (RFC 8259).
+    The text is not JSON (RFC 8259).
 
-    Nothing behind the first such place can be read, so it is the only finding. Most often a comma
-    is missing or one too many, quotes are single, or a number has leading zeros.
+    What comes after the first such place cannot be read with certainty, so it is the only finding.
+    Most often a comma is missing or one too many, quotes are single, or a number has leading zeros.
 
     Fails:
 
@@ -55,9 +55,9 @@ reader_rule(
     """
     A key that the format does not have.
 
-    Most often it is a typo, and what was meant would be missing without a word. Keys that begin
-    with x- are yours: they are kept and mean nothing, but for x-ignore, a list of codes of warnings
-    that are not wanted for the object it stands in and all in it.
+    Most often it is a typo, and what was meant would silently be missing. Keys that begin with x-
+    are yours: they are kept and mean nothing. The one exception is x-ignore, a list of codes of
+    warnings that are not wanted for the object it stands in and for everything inside it.
 
     Fails:
 
@@ -78,7 +78,7 @@ reader_rule(
     "TT105",
     "wrong-type",
     """
-    A value of a type that its key does not take.
+    A value has a type that its key does not take.
 
     A number in quotes is a text, and no key takes null: leave the key out instead.
 
@@ -97,8 +97,9 @@ reader_rule(
     "TT106",
     "out-of-range",
     """
-    A number, or one of a list, lies outside the range of its key, or curves are to be combined in
-    a way that there is none of.
+    A number lies outside the range of its key, or combine names no way to combine curves.
+
+    Most often a value is in another unit, or a sign or a decimal point is wrong.
 
     Fails:
 
@@ -121,7 +122,7 @@ reader_rule(
     """
     NaN, Infinity, or a number beyond the range of a 64-bit float.
 
-    JSON has none of the first two; ground that is unknown is a surface with "void": true.
+    JSON has neither NaN nor Infinity. Where the ground is unknown, use a surface with "void": true.
 
     Fails:
 
@@ -152,7 +153,9 @@ reader_rule(
 
         {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
 
-    To mend: flatten the terrain; long before, a cell is smaller than any grain of sand.
+    Even grids of 2 × 2 cells shrink a kilometre below a grain of sand in 30 levels.
+
+    To mend: give elements finer grids instead of more levels.
     """,
 )
 reader_rule(
@@ -160,6 +163,8 @@ reader_rule(
     "encoding",
     """
     The bytes are not UTF-8.
+
+    JSON is always UTF-8; in another encoding names and descriptions would be read as other ones.
 
     Fails, in Latin-1:
 
@@ -178,7 +183,7 @@ reader_rule(
     """
     An entry of x-ignore silences nothing.
 
-    Either what it was for has been mended, or its code is misspelt or that of an error, which
+    What it was for has been mended, or its code is misspelt, or it is that of an error, which
     cannot be ignored. An entry is the code of a warning or the beginning of codes, such as TT4.
 
     Fails:

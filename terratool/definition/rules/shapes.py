@@ -18,8 +18,8 @@ _CLOSE = 1e-9
 def curve_range(subject: Subject) -> Iterator[Remark]:
     """The values of a curve leave the range from 0 to 1.
 
-    By habit a primitive is a shape of height 1, and vScale and vOffset of its elements make metres
-    of it; then vScale is the height, and primitives can be exchanged.
+    By habit a primitive is a shape of height 1 that stands on 0, and vScale and vOffset of its
+    elements make metres of it. Then vScale is the height, and primitives can be exchanged.
 
     Fails:
 
@@ -33,7 +33,8 @@ def curve_range(subject: Subject) -> Iterator[Remark]:
           "elemTree": {"type": "ramp", "vScale": 2.5}
         }
 
-    To mend: divide the values by the largest, and multiply vScale by it.
+    To mend: divide the values by the largest and multiply vScale by it; a pit is a hill with a
+    negative vScale. Where other values are meant, silence TT306 by x-ignore in the primitive.
     """
     for name, outline in subject.outlines.items():
         primitive = subject.definition.primitives[name]
@@ -66,8 +67,8 @@ def _place(curve: CurveValue, value: float) -> str:
 def asymmetric_radial(subject: Subject) -> Iterator[Remark]:
     """The curve of a radial primitive is not symmetric, though only its right half is used.
 
-    The half from t = 0.5, the middle, to t = 1, the rim, is turned about the middle. What stands to
-    the left means nothing; most often the whole curve was meant as the profile.
+    The half from t = 0.5, the middle, to t = 1, the rim, is turned about the middle. The left half
+    means nothing; most often the whole curve was meant to run from the middle to the rim.
 
     Fails:
 
@@ -85,7 +86,7 @@ def asymmetric_radial(subject: Subject) -> Iterator[Remark]:
           "elemTree": {"type": "cone"}
         }
 
-    To mend: write both halves, the left one mirrored.
+    To mend: let the curve run from rim to rim, its left half the mirror image of the right one.
     """
     for name, outline in subject.outlines.items():
         if outline.y is None and not outline.x.mirrored:

@@ -26,8 +26,8 @@ def zero_scale(subject: Subject) -> Iterator[Remark]:
 
         {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "vScale": 0.2}}
 
-    To mend: give the height that is meant; where only the surface or vOffset is, silence TT210 by
-    x-ignore.
+    To mend: give the height that is meant. Where only the surface or vOffset is meant to count,
+    silence TT210 by x-ignore.
     """
     for index, _ in subject.tree.having("v_scale", (0,)):
         yield Remark(
@@ -42,10 +42,11 @@ def zero_scale(subject: Subject) -> Iterator[Remark]:
 def tall_step(subject: Subject) -> Iterator[Remark]:
     """An element makes a vertical step taller than the limit given by --max-step.
 
-    A step is a jump inside of its curves, or its height above or below what is around where its
-    footprint ends. Each element is looked at by itself: what stands beside it may make up for the
-    step. The edge of the root is that of the terrain and no step. Without --max-step nothing is
-    looked at.
+    A step is a jump inside its curves, or the height that the element adds where its footprint
+    ends. Each element is looked at by itself: what stands beside it may make up for the step. The
+    edge of the terrain is no step. Where a turned element is cut off by its cell, the step is taken
+    to be as tall as the shape has it anywhere, which can be too much. Without --max-step nothing
+    is looked at.
 
     Fails with --max-step 0.15:
 

@@ -25,10 +25,10 @@ _PLAUSIBLE = (
 
 @rule("TT401", "missing-soil", "warning")
 def missing_soil(subject: Subject) -> Iterator[Remark]:
-    """A surface lacks one of cohesion, fricAngle and sinkage, and is not void.
+    """A surface that is not void lacks cohesion, fricAngle or sinkage.
 
-    Whether a vehicle can drive there cannot be said without. Rigid ground has sinkage 0, cohesion 0
-    and the angle whose tangent is the friction coefficient.
+    Without them nobody can say whether a vehicle can drive there. Rigid ground has sinkage 0,
+    cohesion 0 and the angle whose tangent is the friction coefficient.
 
     Fails:
 
@@ -66,7 +66,7 @@ def missing_soil(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT402", "same-color", "warning")
 def same_color(subject: Subject) -> Iterator[Remark]:
-    """Two surfaces have one colour, so that pictures and meshes cannot tell them apart.
+    """Two surfaces have the same colour, so that pictures and meshes do not tell them apart.
 
     Fails:
 
@@ -115,7 +115,7 @@ def same_color(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT403", "implausible-soil", "warning")
 def implausible_soil(subject: Subject) -> Iterator[Remark]:
-    """A soil value that no common soil has; most often its unit is another.
+    """A soil value is one that hardly any soil has; most often it is in another unit.
 
     Plausible are cohesion up to 100 kPa, fricAngle from 5 to 50 degrees, sinkage up to 2 m/kN and
     shearModulus from 0.003 to 0.15 m. In Wong, Theory of Ground Vehicles, 4th ed., Wiley 2008,
@@ -159,7 +159,7 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT404", "implausible-color", "warning")
 def implausible_color(subject: Subject) -> Iterator[Remark]:
-    """A colour of zeros and ones: most likely meant as shares from 0 to 1.
+    """A colour has only zeros and ones, so it was most likely meant in shares from 0 to 1.
 
     The channels of a colour run from 0 to 255, so it is nearly black.
 

@@ -12,10 +12,10 @@ from terratool.definition.rules import Subject, rule
 
 @rule("TT204", "unused-primitive", "warning")
 def unused_primitive(subject: Subject) -> Iterator[Remark]:
-    """A primitive that no element uses.
+    """A primitive is used by no element.
 
-    It may be a leftover, or the element that should use it names another. Where an element has a
-    type that there is no primitive of, TT201 says so and this rule waits.
+    It may be a leftover, or the element that should use it names another. While the type of some
+    element is unknown (TT201), nothing is said, as this one may be meant there.
 
     Fails:
 
@@ -42,9 +42,10 @@ def unused_primitive(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT205", "unused-surface", "warning")
 def unused_surface(subject: Subject) -> Iterator[Remark]:
-    """A surface that no element wears.
+    """A surface is worn by no element.
 
-    Where an element names a surface that there is none of, TT202 says so and this rule waits.
+    It may be a leftover, or the element that should wear it names another. While the surface of
+    some element is unknown (TT202), nothing is said, as this one may be meant there.
 
     Fails:
 
@@ -78,9 +79,10 @@ def unused_surface(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT206", "shared-name", "warning")
 def shared_name(subject: Subject) -> Iterator[Remark]:
-    """One name for both a surface and a primitive.
+    """One name is both a surface and a primitive.
 
-    They do not clash, but a reader takes the one for the other, and a slip is not found.
+    That is allowed, but people take the one for the other, and where the one is written in the
+    place of the other, it cannot be found out.
 
     Fails:
 
@@ -111,10 +113,10 @@ def shared_name(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT207", "similar-names", "warning")
 def similar_names(subject: Subject) -> Iterator[Remark]:
-    """A name that differs from another only by case.
+    """A name differs from another only by case.
 
     Names are case-sensitive: sand and Sand are two surfaces, and one is easily written for the
-    other.
+    other. Surfaces and primitives are looked at together.
 
     Fails:
 
