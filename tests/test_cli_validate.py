@@ -502,6 +502,8 @@ def test_x_ignore_silences_no_errors() -> None:
     assert ran.out.startswith("<stdin>:1:")
     assert " error TT106: " in ran.out
     assert ran.out.endswith("1 file checked, 1 invalid, 1 error, no warnings.\n")
+    text = terrain(terrain='["T"]').replace('"surface": "r"', '"surface": "nosuch"')
+    assert codes("-", stdin=text) == ["TT202"]
 
 
 def test_x_ignore_holds_where_it_is_meant_to() -> None:

@@ -109,6 +109,16 @@ def test_a_layout_written_by_hand() -> None:
     assert canonical(MESSY) == TIDY
 
 
+def test_a_description_has_a_line_of_its_own() -> None:
+    """Where an element does not fit on one line, what it is comes first and alone."""
+    children = '"children":[{"type":"b","cellX":0,"cellY":0}]'
+    text = f'{{"elemTree":{{{children},"surface":"s","type":"b","descr":"a road"}}}}'
+    assert canonical(text).splitlines()[1:5] == [
+        '  "elemTree": {', '    "descr": "a road",', '    "type": "b", "surface": "s",',
+        '    "children": [',
+    ]  # fmt: skip
+
+
 layouts = st.sampled_from(
     [{}, {"indent": 1}, {"indent": "\t", "ensure_ascii": False}, {"separators": (" ,\r\n", " :\r")}]
 )

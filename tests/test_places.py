@@ -257,6 +257,8 @@ def test_repeated_keys_worked_out_by_hand() -> None:
     named = [("/a", 2), ("/a", 3), ("/b/c", 2), ("/a/0/", 2)]
     assert repeated_keys(text.encode(), 6) == (named, 4)
     assert repeated_keys(text.encode(), 0) == ([], 6)
+    text = '{"a/b":[0,{"~":{"/":1,"~1":2,"/":3}}]}'
+    assert repeated_keys(text.encode(), 6) == ([("/a~1b/1/~0/~1", 2)], 1)
 
 
 def test_repeated_keys_far_down() -> None:
@@ -310,7 +312,13 @@ def test_skimming_finds_the_first_fault(value: Any, data: st.DataObject) -> None
 
 @pytest.mark.parametrize("depth", [5, 99, 100, 101, 3000])
 @pytest.mark.parametrize("opening", ["[", '{"a":', '{"b":[1,2],"a":', '[{"b":{"c":[]}},', "[[1],"])
-@pytest.mark.parametrize("fault", ["", "]", "}", "x", "1 2", '"\\q"', "[1,]", "{,}", '{"a" 1}'])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "", "]", "}", "x", "1 2", '"\\q"', "[1,]", "{,}", '{"a" 1}', r'"\ud83d"', r'"\ud83d\u0041"',
+        r'"\uDE00"', r'"\ud83d\ude00" 1', '{"\t":1}', "-", "01", "1.", "tru", "NaN", "[1 2]",
+    ],
+)  # fmt: skip
 def test_skimming_deep_texts(depth: int, opening: str, fault: str) -> None:
     """So it does where the fault is deeper than what is skipped, and behind what is."""
     plain = '[{"size": [1, 2], "a": "]"}, []], '
@@ -318,6 +326,8 @@ def test_skimming_deep_texts(depth: int, opening: str, fault: str) -> None:
         opening * depth + fault,
         "[" + opening * 3 + plain * (opening[-1] != ":") + fault,
         "[" + plain * depth + fault + opening * depth,
+        "[" + plain + fault + ", 1, 2",
+        '{"a":' + fault + ', "b": 1, "c": [' + fault + ",1], 2",
     ):
         assert refusal(skimming.explain, text) == refusal(jsontext.parse, text)
 
@@ -344,3 +354,19 @@ def test_values_are_those_of_the_careful_reader(
     except MisspeltError:
         read = None
     assert read == strictly(text)
+
+
+@pytest.mark.parametrize("number", ["1", "1e999", "9" * 5000])
+@pytest.mark.parametrize(
+    "item",
+    ["NaN", "-Infinity", r'"\ud83d"', r'"\ude00\ud83d"', '"\t"', '"\x00"', r'"\q"', "01", "1.",
+     "+1", "[1,]", '{"a":1,}', "{1:1}", "", "1 ", r'"\ud83d\ude00"', '"\x7f"', "1e-999", "\u00a01"],
+)  # fmt: skip
+def test_values_behind_numbers_of_any_size(number: str, item: str) -> None:
+    """No number is so large that the text behind it is read with less care."""
+    for text in (f"[{number},{item}]", f'{{"a":{number},"b":[{item}]}}'):
+        try:
+            read = json.dumps(read_values(text.encode()))
+        except MisspeltError:
+            read = None
+        assert read == strictly(text)
