@@ -269,6 +269,16 @@ def test_the_surface_of_an_element_may_only_be_worn_by_a_child() -> None:
     assert pointers(terrain(root, PLAIN), "TT209") == {"/elemTree"}
 
 
+def test_a_disc_whose_children_fill_its_cell_hides_what_is_around() -> None:
+    """It does not fill its cell itself, but with its children it leaves nothing of its parent."""
+    own = {"type": "disc", "surface": "b", "cellX": 0, "cellY": 0, "cells": 1}
+    root = {"type": "box", "surface": "a", "cells": 1, "children": [own]}
+    assert pointers(terrain(root, SHAPES), "TT209") == set()
+    own["children"] = [{"type": "box", "surface": "a", "cellX": 0, "cellY": 0}]
+    hidden = {"/elemTree", "/elemTree/children/0"}
+    assert pointers(terrain(root, SHAPES), "TT209") == hidden
+
+
 @pytest.mark.parametrize(
     "children",
     [
