@@ -335,7 +335,7 @@ def test_what_cannot_be_laid_out_stops_nothing(tmp_path: Path) -> None:
     packed.write_bytes(data)
     path.write_bytes(MESSY.encode())
     (tmp_path / "empty").mkdir()
-    ran = run("format", tmp_path / "absent.json", tmp_path / "empty", tmp_path)
+    ran = run("format", tmp_path / "absent.json", tmp_path / "empty", packed, tmp_path)
     assert ran.code == 3
     for name in ("absent.json", "empty", "a.json.gz"):
         assert f"terratool: {tmp_path / name}: " in ran.err

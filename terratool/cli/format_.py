@@ -11,7 +11,7 @@ import click
 from terratool.cli.reporting import Report, Summary, as_text
 from terratool.definition.findings import printable
 from terratool.definition.reader import Options, check
-from terratool.definition.source import Source, read_source, sources
+from terratool.definition.source import PLAIN, Source, read_source, sources
 from terratool.definition.writer import canonical
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
@@ -28,8 +28,9 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
 
     Keys stand in the format's order, short vectors and members share a line, lines have up to 120
     characters. Numbers and texts stay as they are spelled, keys of your own are kept. - reads
-    standard input and writes to standard output. Exits 1 if a text is not JSON, or with --check if
-    one is not laid out so.
+    standard input and writes to standard output. Of a DIR all *.json are laid out; compressed files
+    are not. Exits 1 if a text is not JSON, or with --check if one is not laid out so, and 3 if one
+    cannot be read or written.
     """
     changed = broken = count = 0
     failed: list[ReadError | WriteError] = []
@@ -50,8 +51,13 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
         elif differs:
             what = "would be laid out anew" if only_check else "laid out anew"
             try:
+                if source.packed:
+                    raise WriteError(
+                        f"{name}: is compressed, and only plain files are laid out.",
+                        "Unpack it with gunzip first.",
+                    )
                 if not only_check:
-                    _write(source, name, text)
+                    _write(name, text)
             except WriteError as error:
                 failed.append(_said(error))
                 continue
@@ -65,7 +71,7 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
 
 def _names(given: str, failed: list[ReadError | WriteError]) -> Iterator[str]:
     try:
-        yield from sources(given)
+        yield from sources(given, PLAIN)
     except ReadError as error:
         failed.append(_said(error))
 
@@ -84,12 +90,7 @@ def _is_json(source: Source) -> bool:
     return False
 
 
-def _write(source: Source, name: str, text: str) -> None:
-    if source.packed:
-        raise WriteError(
-            f"{name}: is compressed, and only plain files are laid out anew.",
-            "Unpack it with gunzip first.",
-        )
+def _write(name: str, text: str) -> None:
     with whole_file(name, overwrite=True) as path:
         path.write_text(text, encoding="utf-8", newline="\n")
         shutil.copymode(name, path)

@@ -21,20 +21,21 @@ This page is written by `make docs` from the same text that `terratool rules COD
 
 @click.command("rules", epilog="Example: terratool rules TT201")
 @click.argument("code", required=False)
-@click.option("--markdown", is_flag=True, help="Explain all of them, as Markdown.")
+@click.option("--markdown", is_flag=True, help="Explain them as Markdown.")
 def command(code: str | None, markdown: bool) -> None:
-    """List the validator's rules, or explain the one with CODE."""
-    rules = all_rules()
+    """List the validator's rules, those that begin with CODE, or explain the one with CODE."""
+    wanted = [rule for rule in all_rules().values() if rule.code.startswith((code or "").upper())]
+    if not wanted:
+        raise click.UsageError(f"No rule has the code {code}. Run terratool rules for the list.")
     if markdown:
-        click.echo("\n".join([_HEAD, _table(), *map(_section, rules.values())]))
-    elif code is None:
-        for rule in rules.values():
-            click.echo(f"{rule.code}  {rule.severity:7}  {rule.name}")
-    elif code.upper() in rules:
-        rule = rules[code.upper()]
+        head = [] if code else [_HEAD, _table()]
+        click.echo("\n".join([*head, *map(_section, wanted)]))
+    elif len(wanted) == 1:
+        rule = wanted[0]
         click.echo(f"{rule.code} {rule.name} ({rule.severity})\n\n{rule.manual}")
     else:
-        raise click.UsageError(f"No rule has the code {code}. Run terratool rules for the list.")
+        for rule in wanted:
+            click.echo(f"{rule.code}  {rule.severity:7}  {rule.name}")
 
 
 def _table() -> str:

@@ -25,9 +25,8 @@ def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
     )
     for code in codes:
         if not code or not any(known.startswith(code) for known in all_rules()):
-            raise click.BadParameter(
-                f"no rule has the code {code or 'of no letters'}. Run terratool rules for the list."
-            )
+            what = f"no rule has the code {code}" if code else "there is an empty code"
+            raise click.BadParameter(f"{what}. Run terratool rules for the list.")
     return codes
 
 
@@ -92,6 +91,8 @@ def command(
     nothing whose name begins with a dot. Exits 0 if all are valid, 1 if one is not, 3 if one cannot
     be read. A text that is not JSON is an error whatever is selected.
     """
+    if not any(map(Options(select=select, ignore=ignore).shows, all_rules())):
+        raise click.UsageError("--select and --ignore leave no rule. Drop one of them.")
     findings: list[Finding] = []
     unreadable: list[Unreadable] = []
     count = valid = errors = warnings = 0

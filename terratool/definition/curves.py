@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 from msgspec import UNSET, Struct, UnsetType
@@ -76,50 +77,59 @@ def _formula(text: str, key: str) -> Formula:
 
 
 def _knots(value: tuple[float | Pair, ...], key: str) -> Knots:
+    for problem in _knot_problems(value, key):
+        raise problem
+    return Knots(value)  # type: ignore[arg-type]
+
+
+def _knot_problems(value: tuple[float | Pair, ...], key: str) -> Iterator[CurveError]:
     for index, item in enumerate(value):
         if isinstance(item, float):
-            raise CurveError(
+            yield CurveError(
                 "TT304",
                 f"/{key}/{index}",
                 "numbers and [t, z] knots are mixed in one curve.",
                 "Write numbers only, or knots only.",
             )
+            return
     points: tuple[Pair, ...] = value  # type: ignore[assignment]
-    for index, ((before, _), (after, _)) in enumerate(pairwise(points), 1):
-        if after < before:
-            raise CurveError(
-                "TT304",
-                f"/{key}/{index}/0",
-                f"the knot at t = {shown(after)} comes after the one at t = {shown(before)}.",
-                "Sort the knots by t; two at the same t make a vertical step.",
-            )
     if len(points) == 1:
-        raise CurveError(
+        yield CurveError(
             "TT304",
             f"/{key}",
             "there is only one knot.",
             "Give one at t = 0 and one at t = 1, or write a number alone for a constant.",
         )
-    for index, wanted in ((0, 0.0), (len(points) - 1, 1.0)):
-        if points[index][0] != wanted:
-            raise CurveError(
+        return
+    for index, ((before, _), (after, _)) in enumerate(pairwise(points), 1):
+        if after < before:
+            yield CurveError(
                 "TT304",
                 f"/{key}/{index}/0",
-                f"the {'last' if index else 'first'} knot stands at t = {shown(points[index][0])}.",
-                f"Let the knots reach from t = 0 to t = 1: it must be {wanted:g}.",
+                f"the knot at t = {shown(after)} comes after the one at t = {shown(before)}.",
+                "Sort the knots by t; two at the same t make a vertical step.",
             )
-    return Knots(points)
+    for index, wanted, which in ((0, 0.0, "first"), (len(points) - 1, 1.0, "last")):
+        if points[index][0] != wanted:
+            yield CurveError(
+                "TT304",
+                f"/{key}/{index}/0",
+                f"the {which} knot stands at t = {shown(points[index][0])}.",
+                f"Let the {which} knot have t = {wanted:g}.",
+            )
 
 
 def problems(primitive: Primitive) -> tuple[CurveError, ...]:
     """Everything that is wrong with the curves of a primitive; each rule asks for its part."""
     found = []
     for key, value in (("x", primitive.x), ("y", primitive.y)):
-        if _given(value):
+        if isinstance(value, str):
             try:
-                read_curve(value, key)  # type: ignore[arg-type]
+                read_curve(value, key)
             except CurveError as error:
                 found.append(error)
+        elif value is not UNSET and any(isinstance(item, tuple) for item in value):
+            found.extend(_knot_problems(value, key))
     if primitive.combine == "radial":
         found.extend(_radial_problems(primitive))
     elif not _given(primitive.x) and not _given(primitive.y):

@@ -108,8 +108,8 @@ def parse(text: str) -> JsonText:
                 raise MisspeltError(
                     "TT108",
                     begin,
-                    f"the text nests deeper than {MAX_DEPTH} levels.",
-                    "Flatten the terrain: a level below the width of a grain has no meaning.",
+                    f"the text nests deeper than {MAX_DEPTH:,} levels.",
+                    "Give elements finer grids in place of more levels.",
                 )
         else:
             value, offset = _scalar(text, offset)

@@ -79,10 +79,10 @@ def load_definition(path: str | Path) -> Definition:
     if checked.definition is None:
         first = checked.findings[0]
         count = checked.counts.total()
-        more = f" (and {count - 1} more)" if count > 1 else ""
+        more = f" terratool validate lists {count - 1} more." if count > 1 else ""
         raise DefinitionError(
-            f"{first.file}:{first.line}:{first.column}: {first.code}: {first.message}{more}",
-            first.hint,
+            f"{first.file}:{first.line}:{first.column}: {first.code}: {first.message}",
+            first.hint + more,
             checked.findings,
         )
     return checked.definition

@@ -57,8 +57,11 @@ def read_source(path: str | Path) -> Source:
     return Source(name, data.removeprefix(_BOM), packed)
 
 
-def sources(name: str) -> Iterator[str]:
-    """The file of that name, or all definitions in the directory of that name, in order.
+PLAIN, ALL = (".json",), (".json", ".json.gz")
+
+
+def sources(name: str, endings: tuple[str, ...] = ALL) -> Iterator[str]:
+    """The file of that name, or all in the directory of that name with these endings, in order.
 
     Raises:
         ReadError: the directory has none, or one in it cannot be listed; after the others.
@@ -71,14 +74,15 @@ def sources(name: str) -> Iterator[str]:
     for directory, below, files in os.walk(name, onerror=errors.append):
         below[:] = sorted(part for part in below if not part.startswith("."))
         for file in sorted(files):
-            if file.endswith((".json", ".json.gz")) and not file.startswith("."):
+            if file.endswith(endings) and not file.startswith("."):
                 found = True
                 yield str(Path(directory, file))
     for error in errors:
         raise _unreadable(str(Path(error.filename)), error) from error
     if not found:
         raise ReadError(
-            f"{name}: has no *.json and no *.json.gz.", "Name a file, or another directory."
+            f"{name}: has no {' and no '.join('*' + ending for ending in endings)}.",
+            "Name a file, or another directory.",
         )
 
 

@@ -179,7 +179,12 @@ class _Builder:
         own = {key for key in own if not key.startswith("x-")}
         if own:
             remarks = (
-                _remark(index, "/" + escape(key), *_unknown_key(Element, key), on_key=True)
+                _remark(
+                    index,
+                    "/" + escape(key),
+                    *_unknown_key(Element, key, frozenset(value)),
+                    on_key=True,
+                )
                 for index, value in enumerate(values)
                 if not own.isdisjoint(value)
                 for key in value
@@ -246,7 +251,7 @@ class _Builder:
         for key, item in value.items():
             slot = slots.get(key)
             if slot is None:
-                self._own_key(kind, key, item, owner)
+                self._own_key(kind, key, value, owner)
                 continue
             name, types, low, high, number = slot
             its = type(item)
@@ -266,11 +271,11 @@ class _Builder:
                 fields[name] = fitting
         return fields
 
-    def _own_key(self, kind: type, key: str, item: Any, owner: Owner) -> None:
+    def _own_key(self, kind: type, key: str, value: dict[str, Any], owner: Owner) -> None:
         if key == "x-ignore":
-            self._built.ignores.append((owner, item))
+            self._built.ignores.append((owner, value[key]))
         elif not key.startswith("x-") and self._found.wants("TT103"):
-            message, hint = _unknown_key(kind, key)
+            message, hint = _unknown_key(kind, key, frozenset(value))
             remark = _remark(owner, "/" + escape(key), message, hint, on_key=True)
             self._found.keep("TT103", remark)
 
@@ -356,7 +361,9 @@ class _Builder:
         elif isinstance(item, int | float):
             found = f"the number {shown(item)}"
         elif isinstance(item, list):
-            found = f"a list of {len(item)}"
+            found = (
+                f"a list of {len(item)} item{'s' * (len(item) != 1)}" if item else "an empty list"
+            )
         message = f"{subject} is {found}, which does not fit."
         self._found.keep("TT105", _remark(owner, rest, message, f"Write {words}."))
 
@@ -401,7 +408,7 @@ def _fits(number: float) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _unknown_key(kind: type, key: str) -> tuple[str, str]:
+def _unknown_key(kind: type, key: str, beside: frozenset[str]) -> tuple[str, str]:
     from difflib import get_close_matches
 
     known = list(_SLOTS[kind])
@@ -409,5 +416,7 @@ def _unknown_key(kind: type, key: str) -> tuple[str, str]:
     if not close and len(key) <= _LONG:
         close = get_close_matches(key, known, 1, 0.6)
     hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
+    if close and close[0] in beside:
+        hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
     hint += " A key of your own begins with x-."
     return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint

@@ -55,8 +55,8 @@ def missing_soil(subject: Subject) -> Iterator[Remark]:
             for key, attribute in _SOIL
             if getattr(surface, attribute) is UNSET and not subject.left_out(here, key)
         ]
-        if lacking and surface.void is not True:
-            words = ", ".join(f'"{key}"' for key in lacking)
+        if lacking and surface.void is not True and not subject.left_out(here, "void"):
+            words = " or ".join(f'"{key}"' for key in lacking)
             yield Remark(
                 here,
                 f"the surface {shown(name)} has no {words}.",
@@ -152,8 +152,8 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
                 continue  # rock, or ice
             yield Remark(
                 f"/surfTypes/{escape(name)}/{key}",
-                f'"{key}" is {shown(value)} {unit}; plausible is {low:g} to {high:g}: {why}.',
-                f"Check the unit: it is {unit}.",
+                f'"{key}" is {shown(value)}; plausible is {low:g} to {high:g} {unit}: {why}.',
+                f"Check that it is written in {unit}.",
             )
 
 
@@ -190,5 +190,5 @@ def implausible_color(subject: Subject) -> Iterator[Remark]:
             yield Remark(
                 f"/surfTypes/{escape(name)}/color",
                 f"the colour {list(surface.color)} is nearly black.",
-                "Write channels from 0 to 255.",
+                f"Write {[255 * channel for channel in surface.color]} if shares of 1 are meant.",
             )
