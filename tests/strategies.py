@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from fractions import Fraction
 from typing import Any
@@ -175,7 +174,7 @@ def definitions(draw: Draw) -> Json:
     optionally(draw, found, "origin", origins())
     spelled = draw(st.booleans())
     if surfaces or spelled:
-        found["surfTypes"] = {name: copy.deepcopy(SURFACES[name]) for name in surfaces}
+        found["surfTypes"] = {name: dict(SURFACES[name]) for name in surfaces}
     found["elemTypes"] = types
     found["elemTree"] = draw(elements(list(types), surfaces, 3, {}, huge=True))
     return found

@@ -63,7 +63,8 @@ class Ignores:
                 yield _remark(owner, "", "it is no list.", 'Write a list of codes, as ["TT208"].')
                 continue
             for index, code in enumerate(listed):
-                if (owner, index) not in self._used and code not in list(idle):  # may be unhashable
+                waits = isinstance(code, str) and any(rule.startswith(code) for rule in idle)
+                if (owner, index) not in self._used and not (waits and code):
                     yield _remark(owner, f"/{index}", *_why(code, rules))
 
 
