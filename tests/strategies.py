@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 from fractions import Fraction
 from typing import Any
 
@@ -177,7 +178,7 @@ def definitions(draw: Draw) -> Json:
         found["surfTypes"] = {name: dict(SURFACES[name]) for name in surfaces}
     found["elemTypes"] = types
     found["elemTree"] = draw(elements(list(types), surfaces, 3, {}, huge=True))
-    return found
+    return deepcopy(found)  # tests change what they are given
 
 
 # Points
