@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from copy import deepcopy
 from fractions import Fraction
@@ -175,7 +176,7 @@ def definitions(draw: Draw) -> Json:
     optionally(draw, found, "origin", origins())
     spelled = draw(st.booleans())
     if surfaces or spelled:
-        found["surfTypes"] = {name: dict(SURFACES[name]) for name in surfaces}
+        found["surfTypes"] = {name: copy.deepcopy(SURFACES[name]) for name in surfaces}
     found["elemTypes"] = types
     found["elemTree"] = draw(elements(list(types), surfaces, 3, {}, huge=True))
     return deepcopy(found)  # tests change what they are given

@@ -63,8 +63,7 @@ class Ignores:
                 yield _remark(owner, "", "it is no list.", 'Write a list of codes, as ["TT208"].')
                 continue
             for index, code in enumerate(listed):
-                waits = isinstance(code, str) and any(rule.startswith(code) for rule in idle)
-                if (owner, index) not in self._used and not (waits and code):
+                if (owner, index) not in self._used and code not in list(idle):  # may be unhashable
                     yield _remark(owner, f"/{index}", *_why(code, rules))
 
 
