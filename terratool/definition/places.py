@@ -24,7 +24,8 @@ _LINE_ENDS = (b"\n", b"\r", b"\r\n")
 
 _gap = re.compile(rb"[ \t\n\r,]*").match
 _key = re.compile(rb'[ \t\n\r,]*("(?:[^"\\]++|\\.)*+")[ \t\n\r]*:[ \t\n\r]*').match
-_scalar = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[^,\]} \t\n\r]+').match
+_text = re.compile(rb'"(?:[^"\\]++|\\.)*+"').match
+_scalar = re.compile(rb"[^,\]} \t\n\r]+").match
 _bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]"]').finditer
 
 
@@ -172,6 +173,9 @@ class _Value:
 
     def _short(self, begin: int, end: int) -> Raw | None:
         """The value that begins there, if it ends soon enough."""
+        if self._data.startswith(b'"', begin):
+            match = _text(self._data, begin, end)
+            return None if match is None else Raw(match.group())
         if self._data[begin : begin + 1] not in b"{[":
             return Raw(_scalar(self._data, begin).group())  # type: ignore[union-attr]
         depth = 0
