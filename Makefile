@@ -39,9 +39,12 @@ lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 
 bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one run
 	$(BIN)/python benchmarks/query.py
+	$(BIN)/python benchmarks/painting.py
+	$(BIN)/python benchmarks/exporting.py
 	$(BIN)/python benchmarks/compiling.py
 	$(BIN)/python benchmarks/validating.py
 	$(BIN)/python benchmarks/startup.py
+	$(BIN)/python benchmarks/scaling.py
 
 docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 	$(BIN)/terratool rules --markdown > docs/rules.md

@@ -18,7 +18,7 @@ from terratool.definition.reader import check
 from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.raster.painting import painted
+from terratool.raster.painting import Painter
 
 
 @njit(nogil=True)
@@ -38,10 +38,8 @@ def bilinear(dem, x, y, per, out):
 def dem_of(terrain: Terrain, pixels: int) -> np.ndarray:
     """Heights at the pixel centres, rows from the south, float32."""
     grid = grid_over(terrain, 100 / pixels)
-    dem = np.empty((pixels, pixels), np.float32)
-    for window, heights in painted(terrain, grid, grid.windows(512, pixels)):
-        dem[window.row : window.row + window.height] = heights
-    return np.ascontiguousarray(dem[::-1])
+    heights = Painter(terrain, grid, surfaces=False).paint(grid.whole).heights
+    return np.ascontiguousarray(heights[::-1])
 
 
 def compare(name: str, points: int, pixels: int, scipy_points: int) -> None:

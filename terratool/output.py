@@ -14,43 +14,94 @@ from uuid import uuid4
 
 from terratool.errors import WriteError
 
+PART = ".terratool-"
+"""How the names of what is not yet whole begin."""
+
 
 @contextlib.contextmanager
-def whole_file(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
-    """A temporary path beside `path`, which takes its place when the block ends well.
+def whole_file(
+    path: str | Path,
+    overwrite: bool = False,
+    companions: tuple[str, ...] = (),
+    within: Path | None = None,
+) -> Iterator[Path]:
+    """A temporary path, which takes the place of `path` when the block ends well.
 
-    The temporary is removed on any failure, Ctrl-C, SIGTERM and SIGHUP included.
+    What else is written into its folder takes its place beside `path`, just before. The temporary
+    is removed on any failure, Ctrl-C, SIGTERM and SIGHUP included.
+
+    Args:
+        path: the file that is to be.
+        overwrite: whether it may be there already.
+        companions: suffixes of files that belong to it: instead of its own, or after its name
+            where they begin with a star; older ones are removed.
+        within: a folder on the same disk for the temporary; that of `path`, if not said.
 
     Raises:
         WriteError: `path` exists and is not to be overwritten, or its folder cannot be written.
     """
     path = Path(os.path.realpath(path))  # behind a link stands what is meant
-    refuse_existing(path, overwrite)
+    refuse_existing(path, overwrite, companions)
     if not path.parent.is_dir():
         raise WriteError(f"{path}: the folder {path.parent} does not exist.", "Create it first.")
-    part = path.with_name(f".terratool-{uuid4().hex[:12]}.part")
+    folder = (within or path.parent) / f"{PART}{uuid4().hex[:12]}.part"
     try:
-        with _stop_on_signals():
-            yield part
-            with open(part, "rb+") as file:
-                os.fsync(file.fileno())
-            part.replace(path)
+        with stop_on_signals():
+            folder.mkdir()
+            yield folder / path.name
+            # what else there is goes first, as its reader comes by way of `path`
+            parts = sorted(folder.iterdir(), key=lambda part: part.name == path.name)
+            for part in parts:
+                with open(part, "rb+") as file:
+                    os.fsync(file.fileno())
+            for part in parts:
+                refuse_existing(path.with_name(part.name), overwrite)
+            for old in _beside(path, companions):
+                old.unlink(missing_ok=True)
+            for part in parts:
+                part.replace(path.with_name(part.name))
+            _sync_folder(path.parent)
     except OSError as error:
         raise WriteError(
             f"{path}: cannot be written ({(error.strerror or str(error)).lower()}).",
             "Check the folder, its permissions and the space on the disk.",
         ) from error
     finally:
-        with contextlib.suppress(OSError):
-            part.unlink()
+        shutil.rmtree(folder, ignore_errors=True)
 
 
-def refuse_existing(path: Path, overwrite: bool) -> None:
-    """Refuse a path that is there already.
+def _beside(path: Path, companions: tuple[str, ...]) -> list[Path]:
+    """Files that belong to another one, by their names."""
+    return [
+        path.with_name(path.name + suffix[1:]) if suffix[0] == "*" else path.with_suffix(suffix)
+        for suffix in companions
+    ]
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the new names in a folder survive a loss of power, where the system can."""
+    if hasattr(os, "O_DIRECTORY"):
+        number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+
+
+def refuse_existing(path: Path, overwrite: bool, companions: tuple[str, ...] = ()) -> None:
+    """Refuse a path that is there already, or whose companions are, or that cannot be.
 
     Raises:
         WriteError: it is, and `overwrite` is not set; or it is a folder.
     """
+    try:
+        if "\0" in str(path):
+            raise ValueError
+        str(path).encode()
+    except ValueError as error:
+        raise WriteError(f"{str(path)!r}: is no name in UTF-8.", "Choose another name.") from error
+    for companion in _beside(path, companions) if path.name else []:
+        refuse_existing(companion, overwrite)
     if path.is_dir():
         raise WriteError(f"{path}: is a folder.", "Give the name of a file.")
     if path.exists() and not path.is_file():
@@ -60,12 +111,14 @@ def refuse_existing(path: Path, overwrite: bool) -> None:
 
 
 def free_bytes(path: Path) -> int:
-    """Free space, in bytes, on the disk that will hold `path`."""
-    return shutil.disk_usage(path.absolute().parent).free
+    """Free space, in bytes, on the disk that will hold `path`, or that holds the folder `path`."""
+    path = Path(os.path.realpath(path))
+    return shutil.disk_usage(path if path.is_dir() else path.parent).free
 
 
 @contextlib.contextmanager
-def _stop_on_signals() -> Iterator[None]:
+def stop_on_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end the block by SystemExit, as Ctrl-C does by KeyboardInterrupt."""
     # only the main thread may set handlers; elsewhere its exception ends the work
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -17,16 +17,15 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from terratool import output
 from terratool.errors import DefinitionError, RequestError, WriteError
-from terratool.raster import geotiff
-from terratool.raster.geotiff import write_geotiff
+from terratool.raster import export, geotiff
+from terratool.raster.export import export_dem
 from terratool.raster.grid import Grid, Window, default_resolution, grid_over
-from terratool.raster.painting import painted, window_heights
 from tests.conftest import terrain_of
-from tests.strategies import definitions
 
 # asymmetric and oblong: a flip, a transposition or a shift by half a pixel shows
 SITE: dict[str, Any] = {
@@ -67,51 +66,26 @@ def test_every_pixel_is_the_height_at_its_centre(tmp_path: Path, resolution: flo
     """Also where the resolution divides neither side: beyond the edges there is nodata."""
     terrain = terrain_of(SITE)
     grid = grid_over(terrain, resolution)
-    written = write_geotiff(terrain, grid, tmp_path / "a.tif")
+    written = export_dem(terrain, grid, tmp_path / "a.tif")
     pixels, profile = read(tmp_path / "a.tif")
     rows, columns = np.indices(pixels.shape)
     x, y = rasterio.transform.xy(profile["transform"], rows.ravel(), columns.ravel())
     wanted = terrain.height(np.array(x), np.array(y)).astype(np.float32).reshape(pixels.shape)
     assert np.array_equal(pixels, wanted, equal_nan=True)
     assert written.nodata == np.isnan(pixels).sum() > 0
-    assert (written.low, written.high) == (np.nanmin(pixels), np.nanmax(pixels))
+    (part,) = written.files[0].statistics
+    assert (part.low, part.high) == (np.nanmin(pixels), np.nanmax(pixels))
+    exactly = pixels.astype(np.float64)
+    assert part.mean == pytest.approx(np.nanmean(exactly), rel=1e-12)
+    assert part.deviation == pytest.approx(np.nanstd(exactly), rel=1e-9)
     west, south, east, north = grid.bounds
     assert (west, south) == (500000, 4649776)
     assert 0 <= east - 500012 < resolution and 0 <= north - 4649784 < resolution
 
 
-@settings(max_examples=40)
-@given(definitions(), st.sampled_from([1, 7, 64, 100]))
-def test_pixels_are_queries(definition: dict[str, Any], pixels: int) -> None:
-    """Of any terrain, in any window."""
-    terrain = terrain_of(definition)
-    grid = grid_over(terrain, min(terrain.size) / pixels)
-    height, width = (grid.height + 1) // 2, min(100, (grid.width + 1) // 2)
-    window = Window(grid.height // 3, grid.width // 4, height, width)
-    x, y = np.meshgrid(grid.columns(window), grid.rows(window))
-    heights = window_heights(terrain, grid, window)
-    assert np.array_equal(heights, terrain.height(x, y).astype(np.float32), equal_nan=True)
-
-
-def test_windows_and_threads_change_nothing() -> None:
-    """Whole = windows = threads, bit for bit."""
-    terrain = terrain_of(SITE)
-    grid = grid_over(terrain, 0.05)
-    whole = window_heights(terrain, grid, Window(0, 0, grid.height, grid.width))
-    for height, width, threads in ((grid.height, 37, 1), (13, grid.width, 3), (29, 31, 2)):
-        seen = np.zeros_like(whole)
-        for window, heights in painted(terrain, grid, grid.windows(height, width), threads):
-            part = np.s_[
-                window.row : window.row + window.height,
-                window.column : window.column + window.width,
-            ]
-            seen[part] = heights
-        assert np.array_equal(seen, whole, equal_nan=True)
-
-
 def test_the_file_says_what_it_is(tmp_path: Path) -> None:
     terrain = terrain_of(SITE)
-    write_geotiff(terrain, grid_over(terrain, 0.01), tmp_path / "a.tif")
+    export_dem(terrain, grid_over(terrain, 0.01), tmp_path / "a.tif")
     with rasterio.open(tmp_path / "a.tif") as file:
         assert file.driver == "GTiff" and file.dtypes == ("float32",)
         assert file.crs.to_epsg() == 32633
@@ -128,15 +102,15 @@ def test_bytes_are_the_same_from_run_to_run(tmp_path: Path) -> None:
     terrain = terrain_of(SITE)
     grid = grid_over(terrain, 0.005)
     for name in "ab":
-        write_geotiff(terrain, grid, tmp_path / name, threads=3)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+        export_dem(terrain, grid, tmp_path / f"{name}.tif", threads=3)
+    assert (tmp_path / "a.tif").read_bytes() == (tmp_path / "b.tif").read_bytes()
 
 
 @pytest.mark.skipif(not shutil.which("gdalinfo"), reason="gdalinfo is not installed")
 def test_gdalinfo_reads_it(tmp_path: Path) -> None:
     """Debian's GDAL is older than the one inside rasterio."""
     terrain = terrain_of(SITE)
-    written = write_geotiff(terrain, grid_over(terrain, 0.25), tmp_path / "a.tif")
+    written = export_dem(terrain, grid_over(terrain, 0.25), tmp_path / "a.tif")
     told = subprocess.run(
         ["gdalinfo", "-json", "-stats", tmp_path / "a.tif"],
         capture_output=True, text=True, check=True,
@@ -148,8 +122,9 @@ def test_gdalinfo_reads_it(tmp_path: Path) -> None:
     assert info["cornerCoordinates"]["upperRight"] == [500012, 4649784]
     assert "32633" in info["coordinateSystem"]["wkt"]
     assert (band["type"], band["noDataValue"]) == ("Float32", "NaN")
-    assert band["minimum"] == pytest.approx(written.low, abs=1e-3)
-    assert band["maximum"] == pytest.approx(written.high, abs=1e-3)
+    (part,) = written.files[0].statistics
+    assert band["minimum"] == pytest.approx(part.low, abs=1e-3)
+    assert band["maximum"] == pytest.approx(part.high, abs=1e-3)
 
 
 class TestGrid:
@@ -160,9 +135,12 @@ class TestGrid:
 
     def test_default_is_bounded(self) -> None:
         small = {**SITE["elemTree"], "cells": [1200, 800]}
-        resolution, why = default_resolution(terrain_of({**SITE, "elemTree": small}))
-        assert resolution == 12 / 4096
-        assert "4096" in why
+        terrain = terrain_of({**SITE, "elemTree": small})
+        resolution, why = default_resolution(terrain)
+        assert (resolution, why) == (12 / 4095, "4095 pixels on the longer side")
+        grid = grid_over(terrain, resolution)
+        assert grid.bounds == pytest.approx(terrain.bounds, abs=1e-6)  # whole pixels on both sides
+        assert (grid.width, grid.height) == (4095, 2730)
 
     def test_default_fits_a_long_narrow_terrain(self) -> None:
         road = {**SITE["elemTree"], "cells": [10000, 1], "children": []}
@@ -175,7 +153,7 @@ class TestGrid:
         terrain = terrain_of(SITE)
         grid = grid_over(terrain, 1, (499998, 4649780, 500004, 4649790))
         assert (grid.height, grid.width) == (10, 6)
-        written = write_geotiff(terrain, grid, tmp_path / "a.tif")
+        written = export_dem(terrain, grid, tmp_path / "a.tif")
         pixels, _ = read(tmp_path / "a.tif")
         ground = np.zeros((10, 6), bool)
         ground[6:, 2:] = True  # the terrain ends at north 4649784 and begins at east 500000
@@ -185,7 +163,7 @@ class TestGrid:
 
     def test_one_pixel(self, tmp_path: Path) -> None:
         terrain = terrain_of(SITE)
-        write_geotiff(terrain, grid_over(terrain, 12), tmp_path / "a.tif")
+        export_dem(terrain, grid_over(terrain, 12), tmp_path / "a.tif")
         pixels, _ = read(tmp_path / "a.tif")
         assert pixels.tolist() == [[terrain.height(500006, 4649782)]]
 
@@ -250,13 +228,13 @@ class TestWholeOrNotAtAll:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         def fail(*_: Any) -> Any:
-            yield Window(0, 0, 4, 4), np.zeros((4, 4), np.float32)
+            yield from ()
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(geotiff, "painted", fail)
+        monkeypatch.setattr(export, "ahead", fail)
         terrain = terrain_of(SITE)
         with pytest.raises(KeyboardInterrupt):
-            write_geotiff(terrain, grid_over(terrain, 1), tmp_path / "a.tif")
+            export_dem(terrain, grid_over(terrain, 1), tmp_path / "a.tif")
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -283,11 +261,84 @@ class TestWholeOrNotAtAll:
     def test_a_full_disk_is_refused_early(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(geotiff, "free_bytes", lambda _: 5_000)
+        monkeypatch.setattr(export, "free_bytes", lambda _: 5_000)
         terrain = terrain_of(SITE)
-        with pytest.raises(WriteError, match=r"48 × 32 pixels may take .* GB are free"):
-            write_geotiff(terrain, grid_over(terrain, 0.25), tmp_path / "a.tif")
+        with pytest.raises(WriteError, match=r"48 × 32 pixels may take 6,144 bytes, but 5,000 are"):
+            export_dem(terrain, grid_over(terrain, 0.25), tmp_path / "a.tif")
         assert list(tmp_path.iterdir()) == []
+
+    def test_the_disk_is_that_of_the_file(self, tmp_path: Path) -> None:
+        """Behind a link, and of a folder that is there."""
+        (tmp_path / "there").mkdir()
+        (tmp_path / "link.tif").symlink_to(tmp_path / "there" / "a.tif")
+        seen: list[Path] = []
+
+        def usage(path: Path) -> Any:
+            seen.append(Path(path))
+            return shutil._ntuple_diskusage(9, 9, 9)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(output.shutil, "disk_usage", usage)
+            output.free_bytes(tmp_path / "link.tif")
+            output.free_bytes(tmp_path / "there")
+            output.free_bytes(tmp_path / "new.tif")
+        assert seen == [tmp_path / "there", tmp_path / "there", tmp_path]
+
+    @pytest.mark.parametrize("suffix", ["tif", "npy"])
+    def test_a_disk_that_fills_leaves_nothing(
+        self, tmp_path: Path, saved: Callable[..., Path], suffix: str
+    ) -> None:
+        """A sentence, no crash: the largest file may have 20 kB here."""
+        source = saved(SITE)
+        folder = tmp_path / "out"
+        folder.mkdir()
+        code = (
+            "import resource, signal, sys\n"
+            "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+            "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))\n"
+            "from terratool.cli.main import main\n"
+            f"sys.argv = ['terratool', 'export-dem', {str(source)!r}, "
+            f"{str(folder / f'a.{suffix}')!r}, '--resolution', '0.02']\n"
+            "main()"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 3, done.stderr
+        assert "terratool: a." in done.stderr or "out/a." in done.stderr
+        assert "Traceback" not in done.stderr
+        assert list(folder.iterdir()) == []
+
+    @pytest.mark.parametrize(
+        ("heights", "words"), [((-1e9, 1e9), "beyond 3.4e38"), ((0, 1e9), "beyond 3.4e38")]
+    )
+    def test_numbers_beyond_the_type(
+        self, tmp_path: Path, heights: tuple[float, float], words: str
+    ) -> None:
+        """Refused in single precision, written in double."""
+        terrain = terrain_of(
+            {"size": 4, "elemTypes": {"p": {"x": list(heights)}},
+             "elemTree": {"type": "p", "vScale": 1e30}}
+        )  # fmt: skip
+        with pytest.raises(RequestError, match=words):
+            export_dem(terrain, grid_over(terrain, 1), tmp_path / "a.tif")
+        assert list(tmp_path.iterdir()) == []
+        export_dem(terrain, grid_over(terrain, 1), tmp_path / "a.tif", dtype="float64")
+
+    def test_a_name_that_is_no_text_is_refused(
+        self, tmp_path: Path, saved: Callable[..., Path]
+    ) -> None:
+        name = os.fsencode(tmp_path) + b"/bad\xff.tif"
+        command = [sys.executable, "-m", "terratool", "export-dem", saved(SITE), name]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 3 and "is no name in UTF-8" in done.stderr
+
+    def test_a_closed_standard_error_is_no_matter(
+        self, tmp_path: Path, saved: Callable[..., Path]
+    ) -> None:
+        command = f"{sys.executable} -m terratool export-dem {saved(SITE)} {tmp_path}/a.tif 2>&-"
+        assert subprocess.run(command, shell=True, check=False).returncode == 0
+        assert (tmp_path / "a.tif").exists()
 
     @pytest.mark.parametrize(
         ("crs", "code"), [("EPSG:99999999", 1), ("nonsense", 1), ("EPSG:4326", 0), (32633, 0)]
@@ -340,10 +391,13 @@ def test_the_command_says_what_it_did(tmp_path: Path, saved: Callable[..., Path]
     done = run("export-dem", saved(SITE), tmp_path / "a.tif", "--json")
     report = json.loads(done.stdout)
     pixels, _ = read(tmp_path / "a.tif")
-    assert report["format_version"] == 1
+    assert report["format_version"] == 2
     assert (report["width"], report["height"], report["resolution"]) == (60, 40, 0.2)
     assert report["bounds"] == [500000, 4649776, 500012, 4649784]
     assert report["nodata"] == np.isnan(pixels).sum() == 100
-    assert report["low"] == np.nanmin(pixels) and report["high"] == np.nanmax(pixels)
+    (file,) = report["files"]
+    (band,) = file["bands"]
+    assert band["low"] == np.nanmin(pixels) and band["high"] == np.nanmax(pixels)
+    assert (band["name"], band["unit"], file["dtype"]) == ("height", "m", "float32")
     text = run("export-dem", saved(SITE), tmp_path / "b.tif").stdout
     assert "60 × 40 pixels of 0.2 (a tenth of the smallest cell)" in text

@@ -2,45 +2,124 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-import math
-from dataclasses import asdict
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from terratool.raster.export import Report, Tiles, Written
+
+# as terratool.raster.layers and .geotiff have them, which are not imported for --help;
+# a test holds them equal
+LAYERS = (
+    "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
+    "color",
+)  # fmt: skip
+COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 
 
 @click.command(
     "export-dem",
-    epilog="Example: terratool export-dem samples/paper-example.json out.tif --resolution 0.1",
+    epilog="Example: terratool export-dem samples/nested-site.json out.tif --resolution 0.5 "
+    "--layer height --layer slope --layer surface",
 )
 @click.argument("file")
-@click.argument("output")
+@click.argument("output", required=False)
 @click.option("--resolution", type=float, metavar="R", help="Side of a pixel.")
 @click.option("--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to write.")
-@click.option("--overwrite", is_flag=True, help="Replace OUTPUT if it exists.")
+@click.option(
+    "--layer",
+    "layers",
+    multiple=True,
+    type=click.Choice(LAYERS),
+    default=("height",),
+    metavar="NAME",
+    help=f"What to write, once or several times: {', '.join(LAYERS)}.  [default: height]",
+)
+@click.option(
+    "--dtype",
+    type=click.Choice(["float32", "float64"]),
+    default="float32",
+    show_default=True,
+    help="Of all layers of numbers.",
+)
+@click.option(
+    "--compress",
+    type=click.Choice(COMPRESSIONS),
+    default="zstd",
+    show_default=True,
+    help="Of a GeoTIFF.",
+)
+@click.option(
+    "--max-z-error", type=float, metavar="E", help="How far --compress lerc may be off, at most."
+)
+@click.option("--cog", is_flag=True, help="Write a cloud-optimised GeoTIFF.")
+@click.option(
+    "--tiles",
+    type=click.Path(),
+    metavar="DIR",
+    help="Write a mosaic of GeoTIFFs in DIR; the same again goes on where it was interrupted.",
+)
+@click.option("--tile-size", type=int, metavar="PIXELS", help="Side of a tile.  [default: 4096]")
+@click.option(
+    "--dask", metavar="ADDRESS|local", help="Let the workers of a Dask scheduler make the tiles."
+)
+@click.option("--threads", type=click.IntRange(1), metavar="N", help="Default: all processors.")
+@click.option(
+    "--losses/--no-losses", default=True, help="Whether to say what the pixels do not show."
+)
+@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
 def command(
     file: str,
-    output: str,
+    output: str | None,
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
+    layers: tuple[str, ...],
+    dtype: str,
+    compress: str,
+    max_z_error: float | None,
+    cog: bool,
+    tiles: str | None,
+    tile_size: int | None,
+    dask: str | None,
+    threads: int | None,
+    losses: bool,
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Write the heights of FILE as a GeoTIFF.
+    """Write FILE as a raster: heights, and what else is known of the ground.
 
-    Float32 heights at the pixel centres, north up, NaN where there is no ground. Without
+    The suffix of OUTPUT names the format: .tif, .asc, .png (16 bits), .npy, or another one that
+    GDAL writes. Values are those at the pixel centres, north up, NaN where there is no ground.
+    Layers of numbers are bands of one file; surface and color get a file of their own. Without
     --resolution a pixel is a tenth of the smallest cell, but the longer side has at most 4096.
+
+    With --tiles, OUTPUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
+    Tiles that an interrupted run had finished are kept if they are unchanged.
     """
     from pathlib import Path
 
     from terratool.errors import WriteError
     from terratool.field.terrain import load
     from terratool.output import refuse_existing
-    from terratool.raster.geotiff import write_geotiff
+    from terratool.raster.export import export_dem
+    from terratool.raster.geotiff import Compression
     from terratool.raster.grid import default_resolution, grid_over
+    from terratool.raster.mosaic import TILE_SIZE, export_mosaic
+    from terratool.raster.tiles import INDEX
 
-    refuse_existing(Path(output), overwrite)
+    _refuse_odd(output, tiles, tile_size, dask, cog)
+    compression = Compression(compress, max_z_error or 0.0)
+    if output is None:
+        output = str(Path(str(tiles), INDEX))
+    if tiles is None:
+        refuse_existing(Path(output), overwrite)
     if Path(output).exists() and Path(file).exists() and Path(output).samefile(file):
         raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
     terrain = load(file)
@@ -48,24 +127,172 @@ def command(
     if resolution is None:
         resolution, why = default_resolution(terrain)
     grid = grid_over(terrain, resolution, bounds)
-    written = write_geotiff(terrain, grid, output, overwrite)
-    if as_json:
-        report = {
-            "format_version": 1,
-            "file": output,
-            "width": grid.width,
-            "height": grid.height,
-            "resolution": resolution,
-            "resolution_chosen": why,
-            "bounds": list(grid.bounds),
-            **{k: None if v != v else v for k, v in asdict(written).items()},
-        }
-        click.echo(json.dumps(report, indent=2, ensure_ascii=False))
-        return
-    heights = "no heights"
-    if not math.isnan(written.low):
-        heights = f"heights {written.low:.6g} to {written.high:.6g}"
-    click.echo(
-        f"{output}: {grid.width} × {grid.height} pixels of {resolution:g} ({why}), {heights}, "
-        f"{written.nodata:,} of {written.pixels:,} pixels without a height"
+    write = (
+        partial(export_dem, terrain, grid, output, cog=cog)
+        if tiles is None
+        else partial(
+            export_mosaic,
+            terrain,
+            grid,
+            tiles,
+            output,
+            tile_size=TILE_SIZE if tile_size is None else tile_size,
+            dask=dask,
+        )
     )
+    with bar(grid.width * grid.height) as progress:
+        report = write(
+            layers=layers,
+            dtype=dtype,
+            compression=compression,
+            overwrite=overwrite,
+            losses=losses,
+            threads=threads,
+            progress=progress,
+        )
+    if as_json:
+        click.echo(json.dumps(as_dict(report, why), indent=2, ensure_ascii=False))
+    else:
+        for line in as_text(report, why):
+            click.echo(line)
+
+
+def _refuse_odd(
+    output: str | None, tiles: str | None, tile_size: int | None, dask: str | None, cog: bool
+) -> None:
+    """Refuse options that do not go together."""
+    from terratool.errors import RequestError
+
+    if tiles == "":
+        raise RequestError("The name of the folder for --tiles is empty.", "Give one.")
+    if tiles is None:
+        if output is None:
+            raise click.UsageError("Missing argument 'OUTPUT'; only --tiles DIR goes without.")
+        for name, value in (("--dask", dask), ("--tile-size", tile_size)):
+            if value is not None:
+                raise RequestError(
+                    f"{name} is about tiles, but a single file is asked for.", "Add --tiles DIR."
+                )
+    elif cog:
+        raise RequestError(
+            "The tiles of a mosaic are plain GeoTIFFs, not cloud-optimised ones.",
+            "Leave out --cog or --tiles.",
+        )
+
+
+@contextlib.contextmanager
+def bar(pixels: int) -> Iterator[Callable[[int], object] | None]:
+    """A progress bar over so many pixels on a terminal; nothing elsewhere."""
+    if sys.stderr is None or not sys.stderr.isatty():  # None where it was closed
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=pixels, unit="px", unit_scale=True, leave=False, delay=0.5) as shown:
+
+        def update(more: int) -> None:
+            shown.update(more)
+            if shown.n >= pixels:  # a copy in another format may take as long again
+                shown.set_description_str("finishing")
+
+        yield update
+
+
+def as_dict(report: Report, why: str) -> dict[str, Any]:
+    """A report ready for JSON; `why` says who chose the resolution."""
+    grid = report.grid
+    return {
+        "format_version": 2,
+        "width": grid.width,
+        "height": grid.height,
+        "resolution": grid.resolution,
+        "resolution_chosen": why,
+        "bounds": list(grid.bounds),
+        "pixels": report.pixels,
+        "nodata": report.nodata,
+        "files": [_file_as_dict(written) for written in report.files],
+        "surfaces": report.surfaces,
+        "lacking": report.lacking,
+        "losses": report.losses.as_json() if report.losses else None,
+        "tiles": _tiles_as_dict(report.tiles) if report.tiles else None,
+    }
+
+
+def _tiles_as_dict(tiles: Tiles) -> dict[str, Any]:
+    return {
+        "folder": str(tiles.folder),
+        "size": tiles.size,
+        "rows": tiles.rows,
+        "columns": tiles.columns,
+        "kept": tiles.kept,
+        "made": tiles.made,
+    }
+
+
+def _file_as_dict(written: Written) -> dict[str, Any]:
+    bands = []
+    for index, (name, unit) in enumerate(
+        zip(written.bands.names, written.bands.units, strict=True)
+    ):
+        band: dict[str, Any] = {"band": index + 1, "name": name, "unit": unit}
+        if written.statistics:
+            part = written.statistics[index]
+            known = part.count > 0
+            band |= {
+                "low": part.low if known else None,
+                "high": part.high if known else None,
+                "mean": part.mean if known else None,
+                "deviation": part.deviation if known else None,
+                "nodata": written.pixels - part.count,
+            }
+        bands.append(band)
+    return {
+        "file": str(written.path),
+        "dtype": written.dtype.name,
+        "scale": written.scale,
+        "offset": written.offset,
+        "difference": written.difference,
+        "bands": bands,
+    }
+
+
+def as_text(report: Report, why: str) -> Iterator[str]:
+    """A report in lines for people; `why` says who chose the resolution."""
+    grid = report.grid
+    yield (
+        f"{grid.width} × {grid.height} pixels of {grid.resolution:g} ({why}), "
+        f"{report.nodata:,} of {report.pixels:,} without a height"
+    )
+    for written in report.files:
+        yield f"{written.path}: {written.dtype.name}"
+        for index, name in enumerate(written.bands.names):
+            yield f"  band {index + 1}: {_band(written, index, name)}"
+        if written.scale != 1.0:
+            yield (
+                f"  value = pixel × {written.scale:.9g} + {written.offset:.9g}, "
+                f"pixel {written.nodata} for none"
+            )
+        if written.difference:
+            yield f"  values may be off by {written.difference:.3g}"
+    if report.tiles:
+        tiles = report.tiles
+        yield (
+            f"{tiles.folder}: {tiles.rows} × {tiles.columns} tiles of {tiles.size}², "
+            f"{tiles.made} made, {tiles.kept} kept of an earlier run"
+        )
+    for layer, names in report.lacking.items():
+        some = ", ".join(map(repr, names[:5])) + (", …" if len(names) > 5 else "")
+        what = "grey" if layer == "color" else "nodata"
+        yield f"No {layer} is given for {some}: {what} there."
+    if report.losses:
+        yield report.losses.sentence()
+
+
+def _band(written: Written, index: int, name: str) -> str:
+    if not written.statistics:
+        return name
+    part = written.statistics[index]
+    if not part.count:
+        return f"{name}, nodata everywhere"
+    unit = written.bands.units[index]
+    return f"{name}, {part.low:.6g} to {part.high:.6g}{' ' + unit if unit else ''}"

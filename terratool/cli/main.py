@@ -18,7 +18,7 @@ _COMMANDS = {
     "format": ("format_", "Lay definitions out in the canonical way."),
     "info": ("info", "Say what a terrain consists of."),
     "query": ("query", "Answer height, surface, element and normal at points."),
-    "export-dem": ("export_dem", "Write the heights as a GeoTIFF."),
+    "export-dem": ("export_dem", "Write a raster: heights, surfaces, slopes, soils, …."),
     "rules": ("rules", "List the validator's rules, or explain one."),
 }
 

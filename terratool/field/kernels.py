@@ -1,4 +1,4 @@
-"""The descent: which elements hold a point, and what they add up to, for points and for grids."""
+"""The descent: which elements hold a point, and what they add up to."""
 
 from __future__ import annotations
 
@@ -270,14 +270,6 @@ def heights(field, x, y, scratch, out):
     else:
         for n in range(len(x)):
             out[n] = height_at(field, x[n], y[n], scratch.stack)
-
-
-@kernel
-def grid_heights(field, x, y, scratch, out):
-    """Heights at the crossings of columns `x` (n,) and rows `y` (m,) into `out` (m, n)."""
-    for row in range(len(y)):
-        for column in range(len(x)):
-            out[row, column] = height_at(field, x[column], y[row], scratch.stack)
 
 
 @kernel

@@ -150,11 +150,11 @@ def knotted_curve(curves, knotted, first, knot, bin_, last, t):
     return knotted_piece(curves, first, knot, i, max(t, curves.knots[np.int64(knot) + i]))
 
 
-@kernel
-def placed_curve(
-    curves, first, knot, bin_, last, t, x, corner, rest, near, pitch, pitch_rest, cell, width
-):
-    """Value and slope of a curve with steps of an unturned element at `t`, at `x` in the world."""
+@device
+def placed_piece(
+    curves, knot, bin_, last, t, x, corner, rest, near, pitch, pitch_rest, cell, width
+):  # fmt: skip
+    """The piece of a curve with steps of an unturned element at `t`, at `x` in the world."""
     knots = curves.knots
     i = find_piece(curves, knot, bin_, last, t)
     begin = np.int64(knot)
@@ -169,8 +169,20 @@ def placed_curve(
         and not reaches(x, corner, rest, pitch, pitch_rest, cell, width, knots[here])
     ):
         here -= 1
+    return here - begin
+
+
+@kernel
+def placed_curve(
+    curves, first, knot, bin_, last, t, x, corner, rest, near, pitch, pitch_rest, cell, width
+):
+    """Value and slope of a curve with steps of an unturned element at `t`, at `x` in the world."""
+    i = placed_piece(
+        curves, knot, bin_, last, t, x, corner, rest, near, pitch, pitch_rest, cell, width
+    )
+    here = np.int64(knot) + i
     return knotted_piece(
-        curves, first, knot, here - begin, min(max(t, knots[here]), knots[here + 1])
+        curves, first, knot, i, min(max(t, curves.knots[here]), curves.knots[here + 1])
     )
 
 
@@ -221,10 +233,16 @@ def placed_curves(curves, kind, element, grid, width, height, u, v, x, y):
     return fx, fx_slope, fy, fy_slope
 
 
+@device
+def radius(u, v):
+    """Distance of (u, v) from the middle of the disc, in radii."""
+    return math.sqrt((2.0 * u - 1.0) ** 2 + (2.0 * v - 1.0) ** 2)
+
+
 @kernel
 def radial(curves, kind, u, v):
     """Whether (u, v) lies in the disc, and value and slopes there of the turned curve."""
-    rho = math.sqrt((2.0 * u - 1.0) ** 2 + (2.0 * v - 1.0) ** 2)
+    rho = radius(u, v)
     if rho > 1.0 + EDGE:
         return False, 0.0, 0.0, 0.0
     t = min(0.5 + 0.5 * rho, 1.0)

@@ -1,106 +1,254 @@
-"""GeoTIFF: heights of a terrain written window by window."""
+"""GeoTIFF: what is said to GDAL of a file, and files written window by window."""
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rasterio
+import rasterio.shutil
+from numpy.typing import NDArray
+from rasterio._err import CPLE_BaseError
 from rasterio.crs import CRS
+from rasterio.enums import ColorInterp
 from rasterio.errors import CRSError, RasterioError
 from rasterio.transform import Affine
 from rasterio.windows import Window as RasterioWindow
 
+from terratool import __version__
 from terratool.errors import DefinitionError, RequestError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.output import free_bytes, refuse_existing, whole_file
-from terratool.raster.grid import Grid
-from terratool.raster.painting import painted, processors
+from terratool.raster.grid import Grid, Window
+from terratool.raster.layers import Bands
+from terratool.raster.palette import MOST_COLORS, auxiliary, colormap, printable
+from terratool.raster.statistics import Statistics
+from terratool.raster.windows import TILE
 
-TILE = 512
-_WINDOW_WIDTH = 8192
+COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
+
+_CACHE_BYTES = 1 << 26
+"""GDAL would take a twentieth of the machine's memory for tiles that are complete anyway."""
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
-    """What a raster file holds.
+class Compression:
+    """How a GeoTIFF is compressed.
 
     Attributes:
-        pixels: number of pixels.
-        nodata: how many of them have no height.
-        low, high: range of the heights; NaN where there is none.
+        name: one of COMPRESSIONS.
+        max_z_error: how far LERC may be off, in units of the values; 0 for not at all.
     """
 
-    pixels: int
-    nodata: int
-    low: float
-    high: float
+    name: str = "zstd"
+    max_z_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.name not in COMPRESSIONS:
+            raise RequestError(
+                f"There is no compression {self.name!r}.",
+                f"The compressions are {', '.join(COMPRESSIONS)}.",
+            )
+        if not (math.isfinite(self.max_z_error) and self.max_z_error >= 0):
+            raise RequestError(
+                f"The largest error is {self.max_z_error:g}.", "Give a number from 0."
+            )
+        if self.max_z_error and self.name != "lerc":
+            raise RequestError(
+                f"Compression by {self.name} makes no error.",
+                'Leave out --max-z-error, or add "--compress lerc".',
+            )
+
+    def options(self, bands: Bands) -> dict[str, Any]:
+        """What GDAL is told for a file."""
+        real = bands.dtype.kind == "f"
+        if self.name == "none":
+            return {}
+        if self.name == "lerc":
+            if real:
+                return {"compress": "lerc_zstd", "zstd_level": 1, "max_z_error": self.max_z_error}
+            return {"compress": "zstd", "zstd_level": 1}  # ids and colours bear no error
+        level = {"zstd": {"zstd_level": 1}, "deflate": {"zlevel": 1}, "lzw": {}}[self.name]
+        # neighbouring ids and colours are equal more often than they are near
+        return {"compress": self.name, **level, **({"predictor": 3} if real else {})}
 
 
-def write_geotiff(
+@contextlib.contextmanager
+def geotiff(
+    path: Path,
     terrain: Terrain,
     grid: Grid,
-    path: str | Path,
-    overwrite: bool = False,
-    threads: int | None = None,
-) -> Written:
-    """Write the heights at the pixel centres as a float32 GeoTIFF, nodata NaN, ZSTD, tiled.
+    bands: Bands,
+    compression: Compression,
+    threads: int,
+    nodata: float | None = None,
+    window: Window | None = None,
+    colors: int = MOST_COLORS,
+) -> Iterator[GeoTiff]:
+    """A tiled GeoTIFF of a window, or the whole, of a grid; complete when the block has ended.
 
-    Memory is bounded by a row of tiles, whatever the size of the raster.
+    Surfaces get a colour table if they are fewer than `colors`.
 
     Raises:
-        WriteError: the file exists, cannot be written or does not fit on the disk.
-        RequestError: heights beyond the range of float32.
-        DefinitionError: the CRS of the terrain is unknown.
+        WriteError: GDAL cannot write it.
     """
-    path = Path(path)
-    refuse_existing(path, overwrite)
-    crs = crs_of(terrain)
-    _refuse_full_disk(path, grid)
-    west, _, _, north = grid.bounds
-    threads = threads or processors()
+    window = window or grid.whole
     profile: dict[str, Any] = {
-        "driver": "GTiff", "dtype": "float32", "count": 1, "nodata": math.nan,
-        "width": grid.width, "height": grid.height, "crs": crs,
-        "transform": Affine(grid.resolution, 0.0, west, 0.0, -grid.resolution, north),
-        "compress": "zstd", "zstd_level": 1, "predictor": 3,
-        "tiled": True, "blockxsize": TILE, "blockysize": TILE,
-        "bigtiff": "if_safer", "num_threads": str(threads),
+        "driver": "GTiff", "dtype": bands.dtype.name, "count": bands.count,
+        "nodata": bands.nodata if nodata is None else nodata,
+        "width": window.width, "height": window.height, "crs": crs_of(terrain),
+        "transform": transform_of(grid, window), **compression.options(bands),
+        "tiled": True, "blockxsize": TILE, "blockysize": TILE, "interleave": "band",
+        "bigtiff": "if_safer", "num_threads": str(max(1, threads)),
     }  # fmt: skip
-    nodata, low, high = 0, math.inf, -math.inf
-    with whole_file(path, overwrite) as part:
-        try:
-            with rasterio.open(part, "w", **profile) as file:
-                windows = grid.windows(TILE, _WINDOW_WIDTH)
-                for window, heights in painted(terrain, grid, windows, threads):
-                    file.write(
-                        heights,
-                        1,
-                        window=RasterioWindow(
-                            window.column, window.row, window.width, window.height
-                        ),
+    if bands.kind == "color":
+        profile |= {"photometric": "rgb", "interleave": "pixel"}
+    with (
+        complaints(path),
+        rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES),
+        rasterio.open(path, "w", **profile) as file,
+    ):
+        file.descriptions = bands.names
+        file.units = bands.units
+        about = {"TIFFTAG_SOFTWARE": f"terratool {__version__}"}
+        if terrain.descr:
+            about["TIFFTAG_IMAGEDESCRIPTION"] = printable(terrain.descr)
+        file.update_tags(**about)
+        if bands.kind == "surface":
+            if len(terrain.surfaces) < colors:
+                file.write_colormap(1, colormap(terrain))
+        elif bands.kind == "number":
+            file.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (bands.count - 1)
+        yield GeoTiff(file, window)
+    _check_blocks(path)
+
+
+@dataclass(frozen=True, slots=True)
+class GeoTiff:
+    """A GeoTIFF that is being written.
+
+    Attributes:
+        file: rasterio's.
+        extent: the window of the grid that it holds.
+    """
+
+    file: Any
+    extent: Window
+
+    def write(self, window: Window, pixels: NDArray[Any]) -> None:
+        """Write the bands of a window of the grid, (bands, height, width)."""
+        column, row = window.column - self.extent.column, window.row - self.extent.row
+        self.file.write(pixels, window=RasterioWindow(column, row, window.width, window.height))
+
+    def finish(self, statistics: Sequence[Statistics]) -> None:
+        """Write what is known of the bands when all windows are."""
+        pixels = self.file.width * self.file.height
+        for band, part in enumerate(statistics, 1):
+            if part.count:
+                self.file.update_tags(band, **statistics_tags(part, pixels))
+
+
+def statistics_tags(statistics: Statistics, pixels: int) -> dict[str, str]:
+    """Statistics as GDAL keeps them with a band."""
+    return {
+        "STATISTICS_MINIMUM": repr(statistics.low),
+        "STATISTICS_MAXIMUM": repr(statistics.high),
+        "STATISTICS_MEAN": repr(statistics.mean),
+        "STATISTICS_STDDEV": repr(statistics.deviation),
+        "STATISTICS_VALID_PERCENT": f"{100 * statistics.count / pixels:.4g}",
+    }
+
+
+def name_surfaces(path: Path, terrain: Terrain, counts: NDArray[np.int64]) -> None:
+    """Write the names, colours and soils of the surfaces beside a raster of their ids."""
+    path.with_name(path.name + ".aux.xml").write_bytes(auxiliary(terrain, counts))
+
+
+def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threads: int) -> None:
+    """Write a raster once more, by another driver of GDAL; in bounded memory where that can.
+
+    Raises:
+        WriteError: the driver cannot write it.
+    """
+    if driver == "COG":
+        options = {**options, "num_threads": str(threads)}
+    hint = "Ask for a .tif, or for a layer or type that this format holds."
+    with complaints(path, hint), rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES):
+        rasterio.shutil.copy(source, path, driver=driver, strict=True, **options)
+    if driver == "COG":
+        _check_blocks(path)
+
+
+def _check_blocks(path: Path) -> None:
+    """Make sure that all blocks of a GeoTIFF are in it: GDAL keeps errors at closing to itself.
+
+    Raises:
+        WriteError: it is not complete.
+    """
+    size = path.stat().st_size
+    with complaints(path), rasterio.open(path) as file:
+        for band in file.indexes:
+            for (row, column), _ in file.block_windows(band):
+                begin, length = (
+                    file.get_tag_item(f"BLOCK_{what}_{column}_{row}", "TIFF", bidx=band)
+                    for what in ("OFFSET", "SIZE")
+                )
+                if begin is None or length is None or int(begin) + int(length) > size:
+                    raise WriteError(
+                        f"{path.name}: could not be written to its end.",
+                        "Check the space on the disk.",
                     )
-                    if np.isinf(heights).any():
-                        raise RequestError(
-                            "The heights go beyond 3.4e38, the largest number of the file.",
-                            "Look at the vScale and vOffset of the elements.",
-                        )
-                    missing = int(np.isnan(heights).sum())
-                    nodata += missing
-                    if missing < heights.size:
-                        low = min(low, float(np.nanmin(heights)))
-                        high = max(high, float(np.nanmax(heights)))
-        except RasterioError as error:
-            raise WriteError(
-                f"{path}: cannot be written ({error}).",
-                "Check the folder, its permissions and the space on the disk.",
-            ) from error
-    if low > high:
-        low = high = math.nan
-    return Written(grid.width * grid.height, nodata, low, high)
+
+
+def cog_options(bands: Bands, compression: Compression) -> dict[str, Any]:
+    """What the driver of cloud-optimised GeoTIFFs is told for a file."""
+    plain = compression.options(bands)
+    average = bands.kind != "surface" and all(layer.average for layer in bands.layers)
+    options: dict[str, Any] = {
+        "compress": plain.get("compress", "none"),
+        "blocksize": TILE,
+        "bigtiff": "if_safer",
+        "overview_resampling": "average" if average else "nearest",
+    }
+    if "zstd_level" in plain or "zlevel" in plain:
+        options["level"] = 1
+    if "predictor" in plain:
+        options["predictor"] = "floating_point"
+    if "max_z_error" in plain:
+        options["max_z_error"] = plain["max_z_error"]
+    return options
+
+
+@contextlib.contextmanager
+def complaints(
+    path: Path, hint: str = "Check the folder, its permissions and the space on the disk."
+) -> Iterator[None]:
+    """Turn GDAL's errors into sentences.
+
+    Raises:
+        WriteError: instead of any of them.
+    """
+    try:
+        yield
+    except (RasterioError, CPLE_BaseError, SystemError, ValueError) as error:
+        # what it is called before it is complete is nobody's concern
+        reason = str(error.__cause__ or error).rstrip(".").replace(f"{path.parent}/", "")
+        if isinstance(error, SystemError):
+            reason = "GDAL does not say why"
+        raise WriteError(f"{path.name}: cannot be written ({reason}).", hint) from error
+
+
+def transform_of(grid: Grid, window: Window | None = None) -> Affine:
+    """From columns and rows of a window, or the whole, of a grid to the world."""
+    west, _, _, north = grid.bounds
+    size = grid.resolution
+    if window is not None:
+        west, north = west + window.column * size, north - window.row * size
+    return Affine(size, 0.0, west, 0.0, -size, north)
 
 
 def crs_of(terrain: Terrain) -> CRS | None:
@@ -119,15 +267,3 @@ def crs_of(terrain: Terrain) -> CRS | None:
             f'The "crs" of the definition, {terrain.crs!r}, is unknown.',
             'Write an authority and code such as "EPSG:32633", or WKT.',
         ) from error
-
-
-def _refuse_full_disk(path: Path, grid: Grid) -> None:
-    if not path.parent.is_dir():
-        return  # whole_file says so
-    needed, free = 4 * grid.width * grid.height, free_bytes(path)
-    if needed > free:
-        raise WriteError(
-            f"{path}: {grid.width} × {grid.height} pixels may take {needed / 1e9:.1f} GB, "
-            f"but {free / 1e9:.1f} GB are free.",
-            "Give a coarser resolution or smaller bounds, or another disk.",
-        )

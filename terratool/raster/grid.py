@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
+from terratool.field.extents import finest_details
 from terratool.field.terrain import Terrain
 
 Bounds = tuple[float, float, float, float]
@@ -32,6 +33,17 @@ class Window:
     height: int
     width: int
 
+    def cut(self, height: int, width: int) -> Iterator[Window]:
+        """Windows of at most this size that cover it, row by row from the north-west."""
+        for row in range(0, self.height, height):
+            for column in range(0, self.width, width):
+                yield Window(
+                    self.row + row,
+                    self.column + column,
+                    min(height, self.height - row),
+                    min(width, self.width - column),
+                )
+
 
 @dataclass(frozen=True, slots=True)
 class Grid:
@@ -48,6 +60,11 @@ class Grid:
     resolution: float
     height: int
     width: int
+
+    @property
+    def whole(self) -> Window:
+        """The window of all pixels."""
+        return Window(0, 0, self.height, self.width)
 
     @property
     def bounds(self) -> Bounds:
@@ -74,25 +91,31 @@ class Grid:
 
     def windows(self, height: int, width: int) -> Iterator[Window]:
         """Cut the grid into windows of at most this size, row by row from the north-west."""
-        for row in range(0, self.height, height):
-            for column in range(0, self.width, width):
-                yield Window(
-                    row,
-                    column,
-                    min(height, self.height - row),
-                    min(width, self.width - column),
-                )
+        return self.whole.cut(height, width)
 
 
 def default_resolution(terrain: Terrain) -> tuple[float, str]:
-    """A resolution for a terrain, and in words why: a tenth of its smallest cell, within reason."""
-    finest = terrain.smallest_cell / PIXELS_PER_CELL
+    """A resolution for a terrain, and in words why: a tenth of its smallest cell, within reason.
+
+    A curve with details finer than that gets a pixel for each. Where the longer side would have too
+    many pixels, it gets about as many as there may be, and if possible a number that makes the
+    shorter side one of whole pixels, too.
+    """
+    finest, why = terrain.smallest_cell / PIXELS_PER_CELL, "a tenth of the smallest cell"
+    west, south, east, north = terrain.cells()
+    detail = float(finest_details(terrain.arrays, east - west, north - south).min())
+    if detail < finest * (1 - _WHOLE):
+        finest, why = detail, "the finest detail of a curve"
     longest, shortest = max(terrain.size), min(terrain.size)
     if longest / finest > DEFAULT_PIXELS * (1 + _WHOLE):
         if longest / DEFAULT_PIXELS > shortest:
             return shortest, "one row of pixels"
+        for pixels in range(DEFAULT_PIXELS, DEFAULT_PIXELS // 2, -1):
+            across = pixels * (shortest / longest)
+            if abs(across - round(across)) < _WHOLE:
+                return longest / pixels, f"{pixels} pixels on the longer side"
         return longest / DEFAULT_PIXELS, f"{DEFAULT_PIXELS} pixels on the longer side"
-    return finest, "a tenth of the smallest cell"
+    return finest, why
 
 
 def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None) -> Grid:

@@ -1,51 +1,167 @@
-"""Heights over windows of a grid."""
+"""Heights, surfaces, slopes and patches over windows of a grid."""
 
 from __future__ import annotations
 
-import os
 from collections import deque
-from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from terratool.field import kernels
+from terratool.field import painting
+from terratool.field.canvas import HEIGHT, Canvas, canvas_for
+from terratool.field.extents import rims
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 
 
-def processors() -> int:
-    """Processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+def id_type(terrain: Terrain) -> np.dtype[Any]:
+    """The smallest unsigned type that holds 0 for no surface, and one more than each index."""
+    return np.min_scalar_type(len(terrain.surfaces))
 
 
-def window_heights(terrain: Terrain, grid: Grid, window: Window) -> NDArray[np.float32]:
-    """Heights at the pixel centres of a window, (height, width) float32, NaN for nodata."""
-    out = np.empty((window.height, window.width), np.float32)
-    arrays = terrain.arrays
-    kernels.grid_heights(arrays, grid.columns(window), grid.rows(window), arrays.scratch(), out)
-    return out
+@dataclass(frozen=True, slots=True)
+class Planes:
+    """What is painted over a window: (height, width), C-contiguous, rows from the north.
+
+    All but the heights are None where not asked for.
+
+    Attributes:
+        heights: float32 or float64, NaN outside and in the void.
+        surfaces: of `id_type(terrain)`, the index of the surface and one, 0 where there is none.
+        slope_x, slope_y: dz/dx to the east and dz/dy to the north, analytic, in the type of the
+            heights; NaN where these are.
+        patches: uint32; two neighbours of one patch have no wall between them, but for a feature
+            that lies wholly between their centres. Where patches differ there may be one.
+    """
+
+    heights: NDArray[Any]
+    surfaces: NDArray[Any] | None = None
+    slope_x: NDArray[Any] | None = None
+    slope_y: NDArray[Any] | None = None
+    patches: NDArray[np.uint32] | None = None
+
+    def rows(self, begin: int, end: int) -> Planes:
+        """Some of the rows, not copied."""
+        heights, *others = (None if p is None else p[begin:end] for p in self._all())
+        assert heights is not None
+        return Planes(heights, *others)
+
+    def cropped(self, height: int, width: int) -> Planes:
+        """The first rows and columns, not copied."""
+        heights, *others = (None if p is None else p[:height, :width] for p in self._all())
+        assert heights is not None
+        return Planes(heights, *others)
+
+    def _all(self) -> tuple[Any, ...]:
+        return self.heights, self.surfaces, self.slope_x, self.slope_y, self.patches
 
 
-def painted(
-    terrain: Terrain, grid: Grid, windows: Iterable[Window], threads: int | None = None
-) -> Iterator[tuple[Window, NDArray[np.float32]]]:
-    """Heights of windows in their order, painted by threads a few windows ahead of the reader."""
-    threads = threads or processors()
-    with ThreadPoolExecutor(threads) as pool:
-        ahead: deque[tuple[Window, Future[NDArray[np.float32]]]] = deque()
+class Painter:
+    """Paints windows of a grid over a terrain; may be used by several threads at a time.
+
+    At every pixel centre the same elements as the queries find, the same heights and slopes but for
+    the rounding of sums in double precision and then to the type of the planes. What a pixel is
+    worth depends neither on the window nor on the planes that are asked for.
+
+    Args:
+        terrain: the terrain.
+        grid: the pixels.
+        dtype: float32 or float64, of heights and slopes.
+        surfaces, slopes, patches: which planes there are besides the heights.
+    """
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        grid: Grid,
+        dtype: DTypeLike = np.float32,
+        surfaces: bool = True,
+        slopes: bool = False,
+        patches: bool = False,
+    ) -> None:
+        self._arrays = terrain.arrays
+        self._grid = grid
+        self._ids = id_type(terrain)
+        dtype = np.dtype(dtype)
+        self._dtypes = (
+            dtype,
+            self._ids if surfaces else None,
+            dtype if slopes else None,
+            dtype if slopes else None,
+            np.dtype(np.uint32) if patches else None,
+        )
+        kinds = self._arrays.kinds
+        self._voids = np.zeros(len(terrain.surfaces) + 1, np.bool_)
+        self._voids[kinds["surface"] + 1] = kinds["void"]
+        self._rims = rims(self._arrays) if patches else np.empty(0, np.uint8)
+        self._canvases: deque[Canvas] = deque()
+
+    def blank(self, window: Window) -> Planes:
+        """Planes for a window, their contents undefined."""
+        shape = (window.height, window.width)
+        heights, *others = self._dtypes
+        return Planes(np.empty(shape, heights), *(d and np.empty(shape, d) for d in others))
+
+    def paint(self, window: Window, planes: Planes | None = None) -> Planes:
+        """Paint a window, on one thread, into the planes given or new ones.
+
+        Memory beside the planes is that of a tile.
+        """
+        if planes is None:
+            planes = self.blank(window)
+        else:
+            self._check(window, planes)
+        x = self._grid.columns(window)
+        y = np.ascontiguousarray(self._grid.rows(window)[::-1])
+        empty = self._dtypes[0], self._ids, self._dtypes[0], self._dtypes[0], np.uint32
+        flat = tuple(
+            np.empty(0, dtype) if plane is None else plane.reshape(-1)
+            for plane, dtype in zip(planes._all(), empty, strict=True)
+        )
         try:
-            for window in windows:
-                ahead.append((window, pool.submit(window_heights, terrain, grid, window)))
-                if len(ahead) > threads:
-                    done, future = ahead.popleft()
-                    yield done, future.result()
-            while ahead:
-                done, future = ahead.popleft()
-                yield done, future.result()
-        finally:
-            for _, future in ahead:
-                future.cancel()
+            canvas = self._canvases.pop()
+        except IndexError:
+            canvas = canvas_for(
+                self._arrays,
+                self._ids,
+                self._rims,
+                slopes=planes.slope_x is not None,
+                patches=planes.patches is not None,
+            )
+        tile = 0
+        while tile >= 0:
+            tile = painting.paint_window(
+                self._arrays, canvas, self._voids, x, y, self._grid.resolution,
+                (window.row, window.column), tile, flat,
+            )  # fmt: skip
+            if tile >= 0:  # its queue was too short
+                longer = np.empty((4 * len(canvas.queue), canvas.queue.shape[1]), np.int64)
+                canvas = canvas._replace(queue=longer)
+        self._canvases.append(canvas)
+        return planes
+
+    def paint_bands(self, window: Window, planes: Planes, threads: int) -> None:
+        """As `paint`, bands of rows on several threads; makes no other difference."""
+        self._check(window, planes)
+
+        def paint_band(row: int) -> None:
+            height = min(HEIGHT, window.height - row)
+            part = Window(window.row + row, window.column, height, window.width)
+            self.paint(part, planes.rows(row, row + height))
+
+        with ThreadPoolExecutor(threads) as pool:
+            for _ in pool.map(paint_band, range(0, window.height, HEIGHT)):
+                pass
+
+    def _check(self, window: Window, planes: Planes) -> None:
+        shape = (window.height, window.width)
+        for plane, dtype in zip(planes._all(), self._dtypes, strict=True):
+            if (plane is None) != (dtype is None) or not (
+                plane is None
+                or (plane.shape == shape and plane.dtype == dtype and plane.flags.c_contiguous)
+            ):
+                wanted = "nothing" if dtype is None else f"{dtype}"
+                raise ValueError(f"{wanted} of {shape[0]} × {shape[1]}, contiguous, is wanted")

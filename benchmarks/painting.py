@@ -1,0 +1,122 @@
+"""Painting heights and surfaces against a plain fill of the two arrays, on one and two threads.
+
+And what slopes, patches and the statement of loss cost beside them.
+"""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import terrains
+from measure import line, medians
+from numba import njit
+
+from terratool.definition.reader import check
+from terratool.definition.source import Source
+from terratool.field.terrain import Terrain
+from terratool.raster.grid import Window, grid_over
+from terratool.raster.losses import Losses, Part
+from terratool.raster.painting import Painter
+
+
+@njit(nogil=True)
+def busy(rounds):
+    """Work that touches no memory, to see what a second thread is worth just now."""
+    x = 0.0
+    for n in range(rounds):
+        x = x * 0.5 + n
+    return x
+
+
+def on_two_threads(rounds: int) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(busy, [rounds // 2, rounds // 2]))
+
+
+def compare(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
+    """Measure one terrain."""
+    grid = grid_over(terrain, 100 / pixels)
+    window = Window(0, 0, pixels, pixels)
+    painter = Painter(terrain, grid)
+    planes = painter.blank(window)
+    assert planes.surfaces is not None
+    sloped = Painter(terrain, grid, slopes=True)
+    patched = Painter(terrain, grid, slopes=True, patches=True)
+    more = patched.blank(window)
+
+    def fill() -> None:
+        planes.heights.fill(1.0)
+        planes.surfaces.fill(1)
+
+    rounds = 200_000_000
+    seconds = medians(
+        {
+            "fill": fill,
+            "one": lambda: painter.paint(window, planes),
+            "two": lambda: painter.paint_bands(window, planes, threads=2),
+            "slopes": lambda: sloped.paint(window, replace(more, patches=None)),
+            "patches": lambda: patched.paint(window, more),
+            "alone": lambda: busy(rounds),
+            "together": lambda: on_two_threads(rounds),
+        },
+        runs,
+    )
+    speed = pixels * pixels / seconds["one"] / 1e6
+    target = ("<= 16" if name == "s3" else "<= 4") if pixels == 16384 else "none"
+    label = f"{name.upper()} {pixels}²: "
+    line(
+        f"{label}painting against the fill ({speed:.0f} Mpixel/s)",
+        seconds["one"] / seconds["fill"],
+        target,
+    )
+    line(
+        f"{label}two threads ({seconds['alone'] / seconds['together']:.2f} for mere arithmetic)",
+        seconds["one"] / seconds["two"],
+        ">= 1.7" if pixels == 16384 else "none",
+    )
+    line(f"{label}with slopes against without", seconds["slopes"] / seconds["one"], "none")
+    line(
+        f"{label}with slopes and patches against without",
+        seconds["patches"] / seconds["one"],
+        "none",
+    )
+
+
+def compare_losses(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
+    """What it costs to say what the pixels lose, window by window as files are written."""
+    grid = grid_over(terrain, 100 / pixels)
+    windows = list(grid.windows(512, 8192))
+    painter, patched = Painter(terrain, grid), Painter(terrain, grid, patches=True)
+    found = Losses(terrain, grid)
+    margins = [found.margins(window) for window in windows]
+    planes = [patched.paint(window) for window in margins]
+    whole = sum(map(found.of, windows, planes), Part())
+    seconds = medians(
+        {
+            "paint": lambda: [painter.paint(window) for window in windows],
+            "patches": lambda: [patched.paint(window) for window in margins],
+            "losses": lambda: [found.of(*pair) for pair in zip(windows, planes, strict=True)],
+            "statement": lambda: found.statement(whole, 0),
+        },
+        runs,
+    )
+    label = f"{name.upper()} {pixels}²: "
+    added = seconds["patches"] - seconds["paint"] + seconds["losses"] + seconds["statement"]
+    line(f"{label}losses against painting", added / seconds["paint"], "none")
+    line(
+        f"{label}… of which the statement ({seconds['statement']:.2f} s)",
+        seconds["statement"] / seconds["paint"],
+        "none",
+    )
+
+
+if __name__ == "__main__":
+    sizes = (1024,) if "--quick" in sys.argv else (4096, 16384)
+    for name in ("s1", "s2", "s3"):
+        definition = check(Source(name, terrains.text(getattr(terrains, name)()))).definition
+        terrain = Terrain(definition)
+        for pixels in sizes:
+            compare(name, terrain, pixels, runs=7)
+        compare_losses(name, terrain, sizes[0], runs=3)

@@ -1,0 +1,366 @@
+"""The one way from a terrain to raster files: painted, written and accounted for."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terratool.errors import RequestError, WriteError
+from terratool.field.terrain import Terrain
+from terratool.output import free_bytes, refuse_existing, whole_file
+from terratool.raster.formats import (
+    Coding,
+    Format,
+    check_fit,
+    coding_of,
+    format_of,
+    wants_range,
+)
+from terratool.raster.geotiff import Compression, crs_of
+from terratool.raster.grid import Grid, Window
+from terratool.raster.layers import Bands, Soils, files_of, layers_named
+from terratool.raster.losses import Losses
+from terratool.raster.sinks import sink
+from terratool.raster.statement import Statement
+from terratool.raster.statistics import Statistics, together
+from terratool.raster.tally import Account, Tally, tally_of
+from terratool.raster.windows import Maker, ahead, heights_type, processors, windows_of
+
+COMPANIONS = ("*.aux.xml", "*.ovr", "*.msk")
+"""What GDAL keeps beside a raster, and would believe of a newer one, too; * is its name."""
+
+DTYPES = ("float32", "float64")
+
+Progress = Callable[[int], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """One file that was written.
+
+    Attributes:
+        path: where.
+        bands: what it holds.
+        statistics: of its bands; none for surfaces and colours.
+        dtype: of its pixels.
+        nodata: the pixel that stands for nothing; None if there is none.
+        scale, offset: number = pixel · scale + offset, for formats that hold integers.
+        difference: how far its numbers may be from those that were painted.
+        pixels: number of pixels.
+    """
+
+    path: Path
+    bands: Bands
+    statistics: tuple[Statistics, ...]
+    dtype: np.dtype[Any]
+    nodata: float | None
+    scale: float
+    offset: float
+    difference: float
+    pixels: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tiles:
+    """How a mosaic is cut.
+
+    Attributes:
+        folder: where the tiles are.
+        size: pixels on the side of a tile.
+        rows, columns: of tiles.
+        kept: tiles that an earlier run had finished.
+        made: tiles that this one has.
+    """
+
+    folder: Path
+    size: int
+    rows: int
+    columns: int
+    kept: int
+    made: int
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What an export has written, and what it could not keep.
+
+    Attributes:
+        grid: the pixels.
+        files: in the order of the layers.
+        nodata: pixels without a height.
+        surfaces: pixels by name of the surface, where a file holds them.
+        lacking: for each layer the surfaces that have no value for it.
+        losses: what the pixels do not show; None where it was not asked for.
+        tiles: of a mosaic; None for single files.
+    """
+
+    grid: Grid
+    files: tuple[Written, ...]
+    nodata: int
+    surfaces: dict[str, int]
+    lacking: dict[str, list[str]]
+    losses: Statement | None
+    tiles: Tiles | None = None
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels."""
+        return self.grid.width * self.grid.height
+
+
+def export_dem(
+    terrain: Terrain,
+    grid: Grid,
+    path: str | Path,
+    layers: Sequence[str] = ("height",),
+    *,
+    dtype: str = "float32",
+    compression: Compression | None = None,
+    cog: bool = False,
+    overwrite: bool = False,
+    losses: bool = True,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Write layers of a terrain at the pixel centres of a grid.
+
+    All layers of numbers are bands of one file; surfaces and colours get one of their own each. The
+    file of the first layer is `path`, the others have the name of their layer before the suffix.
+    Memory is bounded by some windows, whatever the size of the raster.
+
+    Args:
+        terrain: the terrain.
+        grid: the pixels.
+        path: the file; its suffix names the format.
+        layers: names from `terratool.raster.layers.LAYERS`.
+        dtype: "float32" or "float64", of all layers of numbers.
+        compression: of GeoTIFFs.
+        cog: whether a GeoTIFF is to be cloud-optimised.
+        overwrite: whether files may be there already.
+        losses: whether to find out what the pixels do not show.
+        threads: number of threads; as many as there are processors, if not said.
+        progress: is told the number of pixels of each window that is done.
+
+    Raises:
+        WriteError: a file exists, cannot be written or does not fit on the disk.
+        RequestError: layers, type or format do not go together, or numbers are beyond the type.
+        DefinitionError: the CRS of the terrain is unknown.
+    """
+    path = Path(path)
+    compression = compression or Compression()
+    threads = checked_threads(threads)
+    form = format_of(path, cog)
+    if compression.max_z_error and form.driver not in ("GTiff", "COG"):
+        raise RequestError(
+            f"{path.name}: only a .tif is compressed by LERC.", "Leave out --max-z-error."
+        )
+    files = files_of(layers_named(layers), terrain, checked_dtype(dtype))
+    paths = paths_of(path, files)
+    companions = (*COMPANIONS, *form.companions)
+    for name, bands in zip(paths, files, strict=True):
+        refuse_existing(name, overwrite, companions)
+        check_fit(form, name, bands, terrain, grid)
+    crs_of(terrain)
+    refuse_full_disk(path, grid, files, form)
+
+    lost = Losses(terrain, grid, heights_type(files)) if losses else None
+    ranges = _ranges(terrain, grid, files, form, threads)
+    codings = list(map(partial(coding_of, form), files, ranges))
+    with contextlib.ExitStack() as stack:
+        # every file is complete before the first one takes its place
+        parts = [stack.enter_context(whole_file(name, overwrite, companions)) for name in paths]
+        maker = Maker(terrain, grid, files, lost)
+        filled = fill(
+            parts, form, terrain, grid, files, maker, compression, codings,
+            threads=threads, progress=progress,
+        )  # fmt: skip
+    written = (
+        Written(
+            name, bands, statistics,
+            coding.dtype if coding else bands.dtype, coding.nodata if coding else bands.nodata,
+            coding.scale if coding else 1.0, coding.offset if coding else 0.0, difference,
+            grid.width * grid.height,
+        )
+        for name, bands, statistics, coding, difference in zip(
+            paths, files, filled.tally.statistics, codings, filled.differences, strict=True
+        )
+    )  # fmt: skip
+    return report_of(terrain, grid, tuple(written), filled.tally, lost)
+
+
+@dataclass(frozen=True, slots=True)
+class Filled:
+    """What came of painting a window into files.
+
+    Attributes:
+        tally: what is known of its pixels.
+        differences: how far the numbers of each file may be from those that were painted.
+    """
+
+    tally: Tally
+    differences: tuple[float, ...]
+
+
+def fill(
+    paths: Sequence[Path],
+    form: Format,
+    terrain: Terrain,
+    grid: Grid,
+    files: Sequence[Bands],
+    maker: Maker,
+    compression: Compression,
+    codings: Sequence[Coding | None] = (),
+    *,
+    window: Window | None = None,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> Filled:
+    """Paint a window, or the whole, of a grid into files, which are complete afterwards.
+
+    Args:
+        paths: the files.
+        form: of each file.
+        terrain: the terrain.
+        grid: the pixels.
+        files: what they hold.
+        maker: paints them.
+        compression: of GeoTIFFs.
+        codings: how the numbers of each file are coded; as they are, if not said.
+        window: of the grid; all of it, if not said. Only GeoTIFFs hold less.
+        threads: that paint and compress; 0 for the calling one alone.
+        progress: is told the number of pixels of each window that is done.
+    """
+    account = Account(files)
+    with contextlib.ExitStack() as stack:
+        sinks = [
+            stack.enter_context(
+                sink(path, form, terrain, grid, bands, compression, coding, threads, window)
+            )
+            for path, bands, coding in zip(
+                paths, files, codings or [None] * len(files), strict=True
+            )
+        ]
+        for made in ahead(maker.make, windows_of(window or grid.whole, files), threads):
+            for into, pixels in zip(sinks, made.pixels, strict=True):
+                into.write(made.window, pixels)
+            account.add(tally_of(made))
+            maker.reuse(made)
+            if progress:
+                progress(made.window.width * made.window.height)
+        tally = account.total()
+        for into, statistics in zip(sinks, tally.statistics, strict=True):
+            into.finish(statistics, tally.counts)
+    return Filled(tally, tuple(into.difference for into in sinks))
+
+
+def report_of(
+    terrain: Terrain,
+    grid: Grid,
+    written: tuple[Written, ...],
+    tally: Tally,
+    losses: Losses | None,
+    tiles: Tiles | None = None,
+) -> Report:
+    """What there is to say when all is written."""
+    soils = Soils(terrain)
+    lacking = {
+        layer.name: names
+        for file in written
+        for layer in file.bands.layers
+        if (names := soils.lacking(layer))
+    }
+    return Report(
+        grid,
+        written,
+        tally.nodata,
+        dict(zip(terrain.surfaces, tally.counts[1:].tolist(), strict=False)),
+        lacking,
+        losses.statement(tally.lost, tally.nodata) if losses else None,
+        tiles,
+    )
+
+
+def paths_of(path: Path, files: Sequence[Bands]) -> list[Path]:
+    """Where the files go: the first to `path`, the others with their kind before the suffix."""
+    names = {"number": "numbers", "surface": "surface", "color": "color"}
+    others = [
+        path.with_name(
+            f"{path.stem}-{bands.layers[0].name if bands.count == 1 else names[bands.kind]}"
+            f"{path.suffix}"
+        )
+        for bands in files[1:]
+    ]
+    return [path, *others]
+
+
+def checked_threads(threads: int | None) -> int:
+    """The number of threads; as many as there are processors, if not said.
+
+    Raises:
+        RequestError: it is below 1.
+    """
+    if threads is not None and threads < 1:
+        raise RequestError(f"The number of threads is {threads}.", "Give 1 or more.")
+    return threads or processors()
+
+
+def checked_dtype(dtype: str) -> np.dtype[Any]:
+    """The type of this name.
+
+    Raises:
+        RequestError: numbers are not written in it.
+    """
+    if dtype not in DTYPES:
+        raise RequestError(f"There is no type {dtype!r}.", f"The types are {', '.join(DTYPES)}.")
+    return np.dtype(dtype)
+
+
+def _ranges(
+    terrain: Terrain, grid: Grid, files: Sequence[Bands], form: Format, threads: int
+) -> list[Statistics | None]:
+    """Ranges of the numbers of each file whose format wants them: all is painted once for that."""
+    if not any(wants_range(form, bands) for bands in files):
+        return [None] * len(files)
+    wanting = [bands for bands in files if wants_range(form, bands)]
+    maker = Maker(terrain, grid, wanting)
+    account = Account(wanting)
+    for made in ahead(maker.make, windows_of(grid.whole, wanting), threads):
+        account.add(tally_of(made))
+        maker.reuse(made)
+    ranges = iter(together(statistics) for statistics in account.total().statistics)
+    return [next(ranges) if wants_range(form, bands) else None for bands in files]
+
+
+def refuse_full_disk(
+    path: Path, grid: Grid, files: Sequence[Bands], form: Format, there: int = 0
+) -> None:
+    """Refuse what may not fit on the disk; so many pixels are there already.
+
+    Raises:
+        WriteError: there is less free than the pixels may take.
+    """
+    if not path.absolute().parent.is_dir():
+        return  # whole_file says so
+    pixels = grid.width * grid.height - there
+    needed = pixels * sum(bands.pixel_bytes for bands in files)
+    if form.driver == "COG":
+        needed += needed + needed // 3  # what it is copied from, and its overviews
+    elif form.text_bytes[0]:
+        short, long = form.text_bytes
+        needed += pixels * sum(long if bands.dtype.itemsize == 8 else short for bands in files)
+    elif form.driver not in ("GTiff", "NPY"):
+        needed *= 2
+    free = free_bytes(path)
+    if needed > free:
+        rest = "the rest of " if there else ""
+        raise WriteError(
+            f"{path}: {rest}{grid.width} × {grid.height} pixels may take "
+            f"{needed:,} bytes, but {free:,} are free.",
+            "Give a coarser resolution or smaller bounds, or another disk.",
+        )

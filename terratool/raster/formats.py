@@ -1,0 +1,208 @@
+"""File formats by suffix: what they hold, and how numbers are coded for them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rasterio.drivers import raster_driver_extensions
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
+from terratool.raster.geotiff import crs_of
+from terratool.raster.grid import Grid
+from terratool.raster.layers import Bands
+from terratool.raster.statistics import Statistics
+
+Pixels = NDArray[Any]
+
+_ESRI_NODATA = -9999.0
+_HGT_NODATA = -32768
+_HGT_SIDES = (1201, 3601)
+
+
+@dataclass(frozen=True, slots=True)
+class Coding:
+    """How numbers become pixels: number = pixel · scale + offset.
+
+    Attributes:
+        dtype: of the pixels.
+        nodata: the pixel that stands for no number.
+        scale, offset: 1 and 0 where pixels are the numbers themselves.
+        difference: how far a pixel may be from its number.
+    """
+
+    dtype: np.dtype[Any]
+    nodata: float
+    scale: float = 1.0
+    offset: float = 0.0
+    difference: float = 0.0
+
+    @property
+    def exact(self) -> bool:
+        """Whether the pixels are the numbers themselves."""
+        return self.dtype.kind == "f"
+
+    def encode(self, numbers: Pixels) -> Pixels:
+        """Pixels of `numbers`, NaN for none.
+
+        Raises:
+            RequestError: a number has no pixel.
+        """
+        none = np.isnan(numbers)
+        if self.exact:
+            if (numbers == self.nodata).any():
+                raise RequestError(
+                    f"A number is {self.nodata:g}, which stands for none in this format.",
+                    "Ask for a .tif instead.",
+                )
+            return np.where(none, self.dtype.type(self.nodata), numbers)
+        pixels = np.rint((numbers.astype(np.float64) - self.offset) / self.scale)
+        pixels[none] = self.nodata
+        limits = np.iinfo(self.dtype)
+        if pixels.min() < limits.min or pixels.max() > limits.max:
+            raise RequestError(
+                f"Some numbers are not between {limits.min} and {limits.max}, as the format "
+                "wants them.",
+                "Ask for a .tif instead.",
+            )
+        return pixels.astype(self.dtype)
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A file format.
+
+    Attributes:
+        driver: GDAL's name for it, or "NPY".
+        options: what its driver is told.
+        bits: of the integers that numbers become; 0 where they stay what they are.
+        nodata: what stands for no number; NaN if not said.
+        one_band: whether a file holds one band of numbers only.
+        text_bytes: that a number takes, of 4 and of 8 bytes; 0 for as many.
+        companions: suffixes of files that its driver may put beside.
+    """
+
+    driver: str
+    options: dict[str, Any] = field(default_factory=dict)
+    bits: int = 0
+    nodata: float = math.nan
+    one_band: bool = False
+    text_bytes: tuple[int, int] = (0, 0)
+    companions: tuple[str, ...] = ()
+
+
+_FORMATS = {
+    ".tif": Format("GTiff"),
+    ".tiff": Format("GTiff"),
+    ".npy": Format("NPY"),
+    ".png": Format("PNG", {"zlevel": 6}, bits=16, nodata=0, one_band=True),
+    ".asc": Format(
+        "AAIGrid",
+        {"force_cellsize": True},
+        nodata=_ESRI_NODATA,
+        one_band=True,
+        text_bytes=(14, 24),
+        companions=(".prj",),
+    ),
+    ".xyz": Format("XYZ", nodata=_ESRI_NODATA, one_band=True, text_bytes=(60, 70)),
+    ".hgt": Format("SRTMHGT", bits=-16, nodata=_HGT_NODATA, one_band=True),
+}
+
+
+def format_of(path: Path, cog: bool = False) -> Format:
+    """The format that a file's name asks for.
+
+    Raises:
+        RequestError: it names none that can be written.
+    """
+    suffix = path.suffix.lower()
+    if cog:
+        if suffix not in (".tif", ".tiff"):
+            raise RequestError(
+                f"{path.name}: a cloud-optimised GeoTIFF is a .tif.",
+                "Give such a name, or leave out --cog.",
+            )
+        return Format("COG")
+    if suffix in _FORMATS:
+        return _FORMATS[suffix]
+    known: dict[str, str] = raster_driver_extensions()
+    if suffix[1:] not in known or suffix == ".vrt":
+        names = ", ".join([*sorted(_FORMATS), ".img", ".bil", ".nc"])
+        raise RequestError(
+            f"{path.name}: no raster format has the suffix {suffix!r}."
+            if suffix
+            else f"{path.name}: has no suffix, so its format is unknown.",
+            "A .vrt is the index of a mosaic: give --tiles with it."
+            if suffix == ".vrt"
+            else f"Try {names}.",
+        )
+    return Format(known[suffix[1:]])
+
+
+def check_fit(form: Format, path: Path, bands: Bands, terrain: Terrain, grid: Grid) -> None:
+    """Refuse what a format cannot hold.
+
+    Raises:
+        RequestError: it cannot.
+    """
+    if form.one_band and bands.count > 1 and not (form.driver == "PNG" and bands.kind == "color"):
+        raise RequestError(
+            f"{path.name}: a {path.suffix} holds one band, but these are {bands.count}: "
+            f"{', '.join(bands.names)}.",
+            "Ask for one layer at a time, or for a .tif.",
+        )
+    if form.driver == "SRTMHGT" and (bands.kind != "number" or path.name != _degree(terrain, grid)):
+        raise RequestError(
+            f"{path.name}: is no degree in EPSG:4326 at 1201² or 3601² points, or not the one of "
+            "that name.",
+            "Ask for a .tif instead; or for N46E007.hgt from 46° to 47° north.",
+        )
+
+
+def _degree(terrain: Terrain, grid: Grid) -> str:
+    """Name of the tile of a degree that a grid is the points of; empty if it is none."""
+    crs = crs_of(terrain)
+    side, step = grid.width, grid.resolution
+    east, north = grid.west + step / 2, grid.south + step / 2
+    if (
+        crs is None
+        or crs.to_epsg() != 4326
+        or side != grid.height
+        or side not in _HGT_SIDES
+        or max(abs(step * (side - 1) - 1), abs(east - round(east)), abs(north - round(north)))
+        > 1e-3 * step
+    ):
+        return ""
+    return (
+        f"{'N' if north > -0.5 else 'S'}{abs(round(north)):02}"
+        f"{'E' if east > -0.5 else 'W'}{abs(round(east)):03}.hgt"
+    )
+
+
+def coding_of(form: Format, bands: Bands, range_: Statistics | None) -> Coding | None:
+    """How a format wants numbers to be coded; None for as they are.
+
+    `range_` is that of the numbers, where `wants_range` says that it is needed.
+    """
+    if bands.kind != "number" or (not form.bits and math.isnan(form.nodata)):
+        return None
+    if not form.bits:
+        return Coding(bands.dtype, form.nodata)
+    if form.bits < 0:
+        return Coding(np.dtype(np.int16), form.nodata, difference=0.5)
+    low, high = (range_.low, range_.high) if range_ and range_.count else (0.0, 0.0)
+    levels = (1 << form.bits) - 2  # 0 is nodata
+    scale = (high - low) / levels
+    lost = scale / 2
+    scale = scale or 1.0  # a level place
+    return Coding(np.dtype(f"u{form.bits // 8}"), form.nodata, scale, low - scale, lost)
+
+
+def wants_range(form: Format, bands: Bands) -> bool:
+    """Whether the range of the numbers has to be known before they are written."""
+    return form.bits > 0 and bands.kind == "number"

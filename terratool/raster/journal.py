@@ -1,0 +1,260 @@
+"""The journal of a mosaic: which of its tiles are finished, in lines that are whole or ignored.
+
+The first line says what the mosaic is of, each other one what was finished: a tile, or an index
+that is about to be written. A line is a list of a checksum and the text that it is of, so that a
+line that was torn, or changed later, does not count. Only one process at a time writes it.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+import os
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+import numpy as np
+
+from terratool.errors import WriteError
+from terratool.raster.tally import Tally
+from terratool.raster.tiles import (
+    OWNED,
+    SCRATCH,
+    Finished,
+    Whole,
+    checksum,
+    remove_scratch,
+    scratch_in,
+)
+
+NAME = "mosaic.journal"
+
+_HINT = "Choose another folder, or add --overwrite to begin anew."
+
+
+class Journal:
+    """An open journal.
+
+    Attributes:
+        known: the finished tiles by row and column.
+        indexes: checksums of the indexes by name, as seen from the folder.
+    """
+
+    def __init__(self, folder: Path, file: BinaryIO | None, request: dict[str, Any]) -> None:
+        self._folder, self._file, self._request = folder, file, request
+        self.header: dict[str, Any] | None = None
+        self.known: dict[tuple[int, int], Finished] = {}
+        self.indexes: dict[str, str] = {}
+        self._end = 0
+        if file is not None:
+            self._read(file)
+
+    def _read(self, file: BinaryIO) -> None:
+        for line in file:
+            if line.endswith(b"\n"):
+                self._end += len(line)
+            # what is not whole, or says something else, is as good as not there
+            with contextlib.suppress(ValueError, TypeError, KeyError, msgspec.MsgspecError):
+                self._take(_entry_of(line))
+
+    def _take(self, entry: dict[str, Any]) -> None:
+        if "mosaic" in entry:
+            self.header = dict(entry["mosaic"])
+        elif "tile" in entry:
+            finished = _finished(entry)
+            self.known[finished.row, finished.column] = finished
+        else:
+            self.indexes[str(entry["index"])] = str(entry["checksum"])
+
+    def begin(self, overwrite: bool) -> Path:
+        """Be ready for entries, in a folder that is made if need be.
+
+        What an earlier run was in the middle of is removed; if this one begins anew, so are its
+        tiles and indexes, and nothing else.
+
+        Returns:
+            A folder in that of the mosaic for what is not yet complete.
+        """
+        with _sentences(self._folder):
+            self._folder.mkdir(exist_ok=True)
+            for left in self._folder.glob(f"{SCRATCH}*.part"):
+                remove_scratch(left)
+            if overwrite or self.header is None:
+                self._clear()
+                if self._file is None:
+                    self._file = open(self._folder / NAME, "x+b")  # noqa: SIM115 # close() does
+                    _lock(self._file, self._folder)
+                self._end = 0
+            assert self._file is not None
+            self._file.truncate(self._end)
+            self._file.seek(self._end)
+            if not self._end:
+                self._add({"mosaic": self._request})
+            scratch = scratch_in(self._folder)
+            scratch.mkdir()
+        return scratch
+
+    def _clear(self) -> None:
+        for name, known in self.indexes.items():
+            path = self._folder / name
+            if path.is_file() and checksum(path) == known:
+                path.unlink()
+        for path in owned(self._folder):
+            path.unlink()
+        self.known, self.indexes = {}, {}
+
+    def add_tile(self, finished: Finished) -> None:
+        """Note that a tile is finished; it is on the disk when this returns."""
+        tally = msgspec.msgpack.encode(finished.tally, enc_hook=_encoded)
+        self._add(
+            {
+                "tile": [finished.row, finished.column],
+                "files": [[file.name, file.size, file.checksum] for file in finished.files],
+                "tally": base64.b64encode(tally).decode(),
+            }
+        )
+
+    def add_index(self, name: str, known: str) -> None:
+        """Note that an index with this checksum is about to be written."""
+        if self.indexes.get(name) != known:
+            self.indexes[name] = known
+            self._add({"index": name, "checksum": known})
+
+    def _add(self, entry: dict[str, Any]) -> None:
+        text = json.dumps(entry, ensure_ascii=False)
+        with _sentences(self._folder):
+            assert self._file is not None
+            self._file.write(json.dumps([zlib.crc32(text.encode()), text]).encode() + b"\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Let other processes write it."""
+        if self._file is not None:
+            self._file.close()
+
+
+@contextlib.contextmanager
+def journal_of(folder: Path, request: dict[str, Any], overwrite: bool) -> Iterator[Journal]:
+    """The journal of a folder, which nobody else can open meanwhile; nothing is written yet.
+
+    Args:
+        folder: of the mosaic; need not exist.
+        request: what the mosaic is to be of, ready for JSON.
+        overwrite: whether another mosaic may be there.
+
+    Raises:
+        WriteError: there is, or tiles that no journal tells of, or another process at work.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
+    if not folder.absolute().parent.is_dir():
+        raise WriteError(
+            f"{folder}: the folder {folder.absolute().parent} does not exist.", "Create it first."
+        )
+    with _sentences(folder):
+        path = folder / NAME
+        file = open(path, "r+b") if path.exists() else None  # noqa: SIM115 # closed below
+    try:
+        if file is not None:
+            _lock(file, folder)
+        journal = Journal(folder, file, request)
+    except BaseException:
+        if file is not None:
+            file.close()
+        raise
+    try:
+        if not overwrite:
+            _refuse_another(journal, folder, request)
+        yield journal
+    finally:
+        journal.close()
+
+
+def _refuse_another(journal: Journal, folder: Path, request: dict[str, Any]) -> None:
+    if journal.header is None:
+        for path in owned(folder):
+            raise WriteError(f"{path}: exists already, but no journal tells of it.", _HINT)
+    elif not journal.known and not any(owned(folder)):
+        journal.header = None  # of a run that came to nothing
+    else:
+        for key, value in request.items():
+            if journal.header.get(key) != value:
+                raise WriteError(f"{folder}: holds a mosaic with another {key}.", _HINT)
+
+
+def owned(folder: Path) -> Iterator[Path]:
+    """Files in a folder that have the names of tiles or indexes, or belong to such."""
+    if folder.is_dir():
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if OWNED.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+                    yield folder / entry.name
+
+
+def _entry_of(line: bytes) -> dict[str, Any]:
+    """The entry of a line.
+
+    Raises:
+        ValueError, TypeError: the line is not whole.
+    """
+    known, text = json.loads(line)
+    if zlib.crc32(str(text).encode()) != known:
+        raise ValueError
+    return dict(json.loads(text))
+
+
+def _finished(entry: dict[str, Any]) -> Finished:
+    tally = msgspec.msgpack.decode(base64.b64decode(entry["tally"]), type=Tally, dec_hook=_decoded)
+    row, column = entry["tile"]
+    return Finished(row, column, tuple(Whole(*file) for file in entry["files"]), tally)
+
+
+def _encoded(value: Any) -> Any:
+    """What msgspec does not know, in terms that it does."""
+    if isinstance(value, np.ndarray):
+        return [value.dtype.str, value.shape, value.tobytes()]
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError(type(value))
+
+
+def _decoded(_type: Any, value: Any) -> Any:
+    dtype, shape, content = value
+    return np.frombuffer(content, dtype).reshape(shape)
+
+
+def _lock(file: BinaryIO, folder: Path) -> None:
+    try:
+        import fcntl
+    except ImportError:  # not there on Windows
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise WriteError(
+            f"{folder}: another process is writing this mosaic.",
+            "Wait until it is done, or choose another folder.",
+        ) from error
+    except OSError:  # some network file systems have no locks
+        return
+
+
+@contextlib.contextmanager
+def _sentences(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except FileExistsError as error:
+        raise WriteError(
+            f"{folder}: another process has just begun a mosaic there.",
+            "Wait until it is done, or choose another folder.",
+        ) from error
+    except OSError as error:
+        raise WriteError(
+            f"{folder}: cannot be written ({(error.strerror or str(error)).lower()}).",
+            "Check the folder, its permissions and the space on the disk.",
+        ) from error

@@ -1,0 +1,286 @@
+"""A raster as tiles and an index; a run that was interrupted is resumed where it stopped."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import threading
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from terratool.errors import RequestError, WriteError
+from terratool.field.terrain import Terrain
+from terratool.output import refuse_existing, stop_on_signals, whole_file
+from terratool.raster.export import (
+    COMPANIONS,
+    Progress,
+    Report,
+    Tiles,
+    Written,
+    checked_dtype,
+    checked_threads,
+    paths_of,
+    refuse_full_disk,
+    report_of,
+)
+from terratool.raster.formats import Format
+from terratool.raster.geotiff import Compression, crs_of
+from terratool.raster.grid import Grid
+from terratool.raster.journal import Journal, journal_of
+from terratool.raster.layers import files_of, layers_named
+from terratool.raster.losses import Losses
+from terratool.raster.tally import Account, Tally, in_order
+from terratool.raster.tiles import (
+    INDEX,
+    OWNED,
+    Done,
+    Finished,
+    Job,
+    Plan,
+    Tiler,
+    checksum,
+    remove_scratch,
+)
+from terratool.raster.vrt import index_of
+from terratool.raster.windows import ahead, heights_type
+
+TILE_SIZE = 4096
+"""Pixels on the side of a tile, if not said."""
+
+
+def export_mosaic(
+    terrain: Terrain,
+    grid: Grid,
+    folder: str | Path,
+    path: str | Path | None = None,
+    layers: Sequence[str] = ("height",),
+    *,
+    tile_size: int = TILE_SIZE,
+    dtype: str = "float32",
+    compression: Compression | None = None,
+    overwrite: bool = False,
+    losses: bool = True,
+    threads: int | None = None,
+    dask: str | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Write layers of a terrain as tiles, which are GeoTIFFs, and an index that opens as one.
+
+    The pixels are those of `export_dem`. A run that was interrupted goes on where it stopped, when
+    the same is asked for again: tiles are kept whose files are as the journal in the folder says.
+    Tiles and indexes are the same, byte for byte, whoever made them and in however many runs.
+
+    Args:
+        terrain: the terrain.
+        grid: the pixels.
+        folder: where the tiles go; is made if need be.
+        path: the index, a .vrt; in the folder, if not said. Where there are several files to a
+            tile, the others have indexes with the name of their layer before the suffix.
+        layers: names from `terratool.raster.layers.LAYERS`.
+        tile_size: pixels on the side of a tile, a multiple of 512.
+        dtype: "float32" or "float64", of all layers of numbers.
+        compression: of the tiles.
+        overwrite: whether to begin anew, whatever is there.
+        losses: whether to find out what the pixels do not show.
+        threads: that make a tile each; as many as there are processors, if not said. With "local"
+            for `dask`, number of processes.
+        dask: address of a Dask scheduler whose workers make the tiles, or "local" for processes on
+            this machine.
+        progress: is told the number of pixels of each tile that is done.
+
+    Raises:
+        WriteError: something else is there, cannot be written or does not fit on the disk.
+        RequestError: what is asked for does not go together, numbers are beyond their type, or
+            there is no Dask or no scheduler.
+        DefinitionError: the CRS of the terrain is unknown.
+    """
+    given, folder = Path(folder), Path(folder).absolute()
+    index = folder / INDEX if path is None else Path(path)
+    if index.suffix.lower() != ".vrt":
+        raise RequestError(
+            f"{index.name}: the index of a mosaic is a .vrt.",
+            "Give such a name, or none: the tiles go to the folder of --tiles.",
+        )
+    files = files_of(layers_named(layers), terrain, checked_dtype(dtype))
+    compression = compression or Compression()
+    plan = Plan(grid, files, compression, tile_size, losses, folder)
+    indexes = paths_of(index, files)
+    crs_of(terrain)
+    threads = checked_threads(threads)
+    connection: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
+    if dask is not None:
+        from terratool.raster.distributed import connected
+
+        connection = connected(dask, threads)
+    with (
+        stop_on_signals(),
+        connection as client,
+        journal_of(folder, request_of(terrain, plan), overwrite) as journal,
+        contextlib.ExitStack() as stack,
+    ):
+        for name in indexes:
+            _refuse_index(name, journal, folder, overwrite)
+        known = {} if overwrite else journal.known
+        jobs = [
+            (number, tile, known.get((tile.row, tile.column)))
+            for number, tile in enumerate(plan.tiles())
+        ]
+        there = sum(
+            tile.window.height * tile.window.width for _, tile, done in jobs if _seems(plan, done)
+        )
+        # on the disk of the folder itself, which may be a mount or a link
+        home = folder / INDEX if folder.is_dir() else folder
+        refuse_full_disk(home, grid, files, Format("GTiff"), there)
+        scratch = journal.begin(overwrite)
+        stack.callback(remove_scratch, scratch)
+        tiler = Tiler(terrain, plan, scratch)
+        tally, kept = _make(tiler, jobs, journal, threads, client, dask, progress)
+        _write_indexes(indexes, plan, terrain, tally, journal, scratch)
+    tiles = Tiles(given, tile_size, plan.rows, plan.columns, kept, len(jobs) - kept)
+    written = tuple(
+        Written(
+            name, bands, statistics, bands.dtype, bands.nodata, 1.0, 0.0,
+            compression.max_z_error if bands.kind == "number" else 0.0, grid.width * grid.height,
+        )
+        for name, bands, statistics in zip(indexes, files, tally.statistics, strict=True)
+    )  # fmt: skip
+    lost = Losses(terrain, grid, heights_type(files)) if losses else None
+    return report_of(terrain, grid, written, tally, lost, tiles)
+
+
+def request_of(terrain: Terrain, plan: Plan) -> dict[str, Any]:
+    """What decides each byte of a mosaic, in words and numbers for its journal."""
+    grid = plan.grid
+    return {
+        "version of terratool": plan.version,
+        "definition": fingerprint(terrain),
+        "grid": [grid.west, grid.south, grid.resolution, grid.height, grid.width],
+        "choice of layers": [[layer.name for layer in bands.layers] for bands in plan.files],
+        "type of numbers": [bands.dtype.name for bands in plan.files],
+        "compression": [plan.compression.name, plan.compression.max_z_error],
+        "tile size": plan.size,
+        "choice of losses": plan.losses,
+    }
+
+
+def fingerprint(terrain: Terrain) -> str:
+    """BLAKE2b of all that a terrain's rasters depend on, however its definition is laid out."""
+    digest = hashlib.blake2b(digest_size=16)
+    surfaces = list(terrain.surface_types.items())
+    digest.update(msgspec.json.encode([terrain.descr, terrain.crs, surfaces], order="sorted"))
+    arrays = terrain.arrays
+    values: list[Any] = [*arrays, *arrays.curves]
+    for value in values:
+        if isinstance(value, np.ndarray):
+            # field by field: what lies between the fields of a record means nothing
+            names = value.dtype.names
+            columns = [value[name] for name in names] if names else [value]
+            for column in columns:
+                digest.update(f"{column.dtype.str}{column.shape}".encode())
+                digest.update(np.ascontiguousarray(column).data)
+    return digest.hexdigest()
+
+
+def _refuse_index(path: Path, journal: Journal, folder: Path, overwrite: bool) -> None:
+    """Refuse an index that is there, unless the mosaic's own."""
+    if path.absolute().parent != folder and not path.absolute().parent.is_dir():
+        raise WriteError(f"{path}: the folder {path.parent} does not exist.", "Create it first.")
+    known = journal.indexes.get(_seen(path, folder))
+    own = known is not None and path.is_file() and checksum(path) == known
+    if path.absolute().parent == folder and journal.header is not None:
+        own = own or bool(OWNED.fullmatch(path.name))
+    refuse_existing(path, overwrite or own)
+
+
+def _seen(path: Path, folder: Path) -> str:
+    """A path as seen from a folder."""
+    return os.path.relpath(path.resolve(), folder.resolve())
+
+
+def _seems(plan: Plan, known: Finished | None) -> bool:
+    """Whether the files of a tile have their sizes, at least; they are read when it is its turn."""
+    try:
+        return known is not None and all(
+            (plan.folder / file.name).stat().st_size == file.size for file in known.files
+        )
+    except OSError:
+        return False
+
+
+def _make(
+    tiler: Tiler,
+    jobs: list[Job],
+    journal: Journal,
+    threads: int,
+    client: Any,
+    dask: str | None,
+    progress: Progress | None,
+) -> tuple[Tally, int]:
+    """Make all tiles; what is known of all together, and how many were kept."""
+    account = Account(tiler.plan.files)
+    kept = 0
+
+    def noted(done: Iterable[Done]) -> Iterator[tuple[int, Finished]]:
+        nonlocal kept
+        for number, finished, was_kept in done:
+            if not was_kept:
+                journal.add_tile(finished)
+            kept += was_kept
+            if progress:
+                window = jobs[number][1].window
+                progress(window.height * window.width)
+            yield number, finished
+
+    if dask is None:
+        done = made_by_threads(tiler, jobs, threads)
+    else:
+        from terratool.raster.distributed import made_by_dask
+
+        done = made_by_dask(client, tiler, jobs, dask)
+    with contextlib.closing(done):
+        for finished in in_order(noted(done)):
+            account.add(finished.tally)
+    return account.total(), kept
+
+
+class _StoppedError(Exception):
+    """Ends a tile whose run has ended."""
+
+
+def made_by_threads(tiler: Tiler, jobs: Iterable[Job], threads: int) -> Generator[Done, None, None]:
+    """Make tiles by threads, one by each at a time."""
+    stopped = threading.Event()
+
+    def check(_pixels: int) -> None:
+        if stopped.is_set():
+            raise _StoppedError
+
+    def make(job: Job) -> Done:
+        number, tile, known = job
+        return number, *tiler.make(tile, known, check)
+
+    return ahead(make, jobs, threads, stopped.set)
+
+
+def _write_indexes(
+    paths: Sequence[Path],
+    plan: Plan,
+    terrain: Terrain,
+    tally: Tally,
+    journal: Journal,
+    scratch: Path,
+) -> None:
+    for file, path in enumerate(paths):
+        text = index_of(path, plan, file, terrain, tally)
+        # known before it is there, so that the next run does not take it for another's
+        journal.add_index(
+            _seen(path, plan.folder), hashlib.blake2b(text, digest_size=16).hexdigest()
+        )
+        within = scratch if path.absolute().parent == plan.folder else None
+        with whole_file(path, True, COMPANIONS, within) as part:
+            part.write_bytes(text)

@@ -1,0 +1,42 @@
+"""What is narrower than a pixel: elements, and details of their curves. All elements at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.extents import finest_details
+from terratool.field.terrain import Terrain
+from terratool.raster.grid import Grid
+from terratool.raster.statement import Narrow, Narrows
+
+FIRST = 20
+"""So many are named."""
+
+
+def narrow_of(terrain: Terrain, grid: Grid) -> tuple[Narrows, Narrows]:
+    """Elements within the grid that are narrower than a pixel, and others with such details.
+
+    An element is as wide as the shorter side of its block of cells. Details are those of
+    `finest_details`.
+    """
+    west, south, east, north = terrain.cells()
+    low_x, low_y, high_x, high_y = grid.bounds
+    within = (west < high_x) & (east > low_x) & (south < high_y) & (north > low_y)
+    wide, tall = east - west, north - south
+    # as far as the edges of far cells can be told
+    side = grid.resolution * (1 - 1e-9) - 4 * np.spacing(np.abs(terrain.bounds).max())
+    widths = np.minimum(wide, tall)
+    narrow = within & (widths < side)
+    details = finest_details(terrain.arrays, wide, tall)
+    detailed = within & ~narrow & (details < side)
+    return _named(terrain, narrow, widths), _named(terrain, detailed, details)
+
+
+def _named(terrain: Terrain, which: NDArray[np.bool_], widths: NDArray[np.float64]) -> Narrows:
+    indices = np.flatnonzero(which)
+    first = tuple(
+        Narrow(str(terrain.pointer(index)), float(widths[index]))
+        for index in indices[:FIRST].tolist()
+    )
+    return Narrows(len(indices), first)

@@ -1,0 +1,79 @@
+"""Statistics of bands, gathered window by window."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.raster.kernels import first_number, gather
+
+_COLUMNS = 512
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """What the valid pixels of a band are like.
+
+    Attributes:
+        count: how many there are.
+        low, high: their range; infinite the wrong way round where there are none.
+        mean: their mean.
+        square: sum of their squared differences from it.
+    """
+
+    count: int = 0
+    low: float = math.inf
+    high: float = -math.inf
+    mean: float = 0.0
+    square: float = 0.0
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the pixels themselves, as GDAL has it."""
+        return math.sqrt(self.square / self.count) if self.count else math.nan
+
+    def with_(self, other: Statistics) -> Statistics:
+        """Of the pixels of both. Chan, Golub & LeVeque (1979), Stanford STAN-CS-79-773."""
+        count = self.count + other.count
+        if not other.count or not self.count:
+            return self if self.count else other
+        delta = other.mean - self.mean
+        return Statistics(
+            count,
+            min(self.low, other.low),
+            max(self.high, other.high),
+            self.mean + delta * (other.count / count),
+            self.square + other.square + delta * delta * (self.count * (other.count / count)),
+        )
+
+
+def statistics_of(pixels: NDArray[Any]) -> Statistics:
+    """Statistics of what is not NaN in `pixels`, (height, width) of floats."""
+    shift = first_number(pixels)  # sums of squares lose less near 0
+    sums = np.zeros((5, _COLUMNS))
+    sums[1:3] = [[math.inf], [-math.inf]]
+    gather(pixels, shift, sums)
+    count, total, square = (float(sums[row].sum()) for row in (0, 3, 4))
+    if not count:
+        return Statistics()
+    mean = total / count
+    return Statistics(
+        int(count),
+        float(sums[1].min()),
+        float(sums[2].max()),
+        shift + mean,
+        max(square - total * mean, 0.0),
+    )
+
+
+def together(parts: Iterable[Statistics]) -> Statistics:
+    """Statistics of all parts, merged in their order."""
+    total = Statistics()
+    for part in parts:
+        total = total.with_(part)
+    return total

@@ -1,0 +1,259 @@
+"""Tiles of a mosaic: how they are cut and named, and made one by one, wherever that is."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import math
+import pickle
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from socket import gethostname
+from typing import Any
+from uuid import uuid4
+
+from terratool import __version__
+from terratool.errors import RequestError, WriteError
+from terratool.field.terrain import Terrain
+from terratool.output import PART, whole_file
+from terratool.raster.export import COMPANIONS, fill, paths_of
+from terratool.raster.formats import Format
+from terratool.raster.geotiff import Compression
+from terratool.raster.grid import Grid, Window
+from terratool.raster.layers import Bands
+from terratool.raster.losses import Losses
+from terratool.raster.tally import Tally
+from terratool.raster.windows import TILE, Maker, heights_type
+
+INDEX = "mosaic.vrt"
+"""The index, if it is not given another name."""
+
+OWNED = re.compile(
+    r"(tile-\d+-\d+(-[a-z]+)?\.tif|mosaic(-[a-z]+)?\.vrt)"
+    f"({'|'.join(re.escape(end[1:]) for end in COMPANIONS)})?"
+)
+"""Names of tiles and of their indexes, and of what GDAL keeps beside them."""
+
+
+SCRATCH = f"{PART}tiles-"
+"""How the names of folders begin in which tiles are made."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All that decides the tiles of a terrain.
+
+    Attributes:
+        grid: the pixels of the whole.
+        files: what the mosaic holds; a tile is a file for each.
+        compression: of all tiles.
+        size: pixels on the side of a tile, but for the last ones.
+        losses: whether to find out what the pixels do not show.
+        folder: where the tiles go.
+        version: of the program that made the plan.
+    """
+
+    grid: Grid
+    files: tuple[Bands, ...]
+    compression: Compression
+    size: int
+    losses: bool
+    folder: Path
+    version: str = __version__
+
+    def __post_init__(self) -> None:
+        if self.size <= 0 or self.size % TILE:
+            raise RequestError(
+                f"The side of a tile is {self.size} pixels.", f"Give a multiple of {TILE}."
+            )
+
+    @property
+    def rows(self) -> int:
+        """Rows of tiles."""
+        return math.ceil(self.grid.height / self.size)
+
+    @property
+    def columns(self) -> int:
+        """Columns of tiles."""
+        return math.ceil(self.grid.width / self.size)
+
+    def tiles(self) -> Iterator[Tile]:
+        """The tiles, row by row from the north-west."""
+        for window in self.grid.windows(self.size, self.size):
+            yield Tile(window.row // self.size, window.column // self.size, window)
+
+    def paths(self, tile: Tile) -> list[Path]:
+        """Where the files of a tile are."""
+        digits = len(str(max(self.rows, self.columns) - 1))
+        name = f"tile-{tile.row:0{digits}}-{tile.column:0{digits}}.tif"
+        return paths_of(self.folder / name, self.files)
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """A tile: its place among the others, from the north-west, and its pixels."""
+
+    row: int
+    column: int
+    window: Window
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """What a file was like when it was complete.
+
+    Attributes:
+        name: in the folder of the mosaic.
+        size: in bytes.
+        checksum: BLAKE2b of 16 bytes, in hexadecimal digits.
+    """
+
+    name: str
+    size: int
+    checksum: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A tile whose files are complete.
+
+    Attributes:
+        row, column: which one.
+        files: what they are like.
+        tally: what is known of its pixels.
+    """
+
+    row: int
+    column: int
+    files: tuple[Whole, ...]
+    tally: Tally
+
+
+Job = tuple[int, Tile, Finished | None]
+"""A tile to be made: its number, itself, and what an earlier run says of it."""
+
+Done = tuple[int, Finished, bool]
+"""A tile that is complete: its number, what is known of it, and whether it was kept."""
+
+
+class Tiler:
+    """Makes tiles; the same for threads and for the workers of Dask, which are sent one.
+
+    Args:
+        terrain: the terrain.
+        plan: its tiles.
+        scratch: a folder in that of the tiles for what is not yet complete. Who removes it stops
+            all that still write.
+    """
+
+    def __init__(self, terrain: Terrain, plan: Plan, scratch: Path) -> None:
+        self.terrain, self.plan, self.scratch = terrain, plan, scratch
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # packed, as Dask hands over bare arrays as they were received: read-only, which kernels
+        # would have to be compiled for once more
+        return _unpacked, (pickle.dumps((self.terrain, self.plan, self.scratch), 5),)
+
+    @cached_property
+    def _maker(self) -> Maker:
+        plan = self.plan
+        losses = Losses(self.terrain, plan.grid, heights_type(plan.files)) if plan.losses else None
+        return Maker(self.terrain, plan.grid, plan.files, losses)
+
+    def make(
+        self,
+        tile: Tile,
+        known: Finished | None = None,
+        progress: Callable[[int], object] | None = None,
+    ) -> tuple[Finished, bool]:
+        """Make a tile in the calling thread, unless its files are as they are known to be.
+
+        Args:
+            tile: which one.
+            known: what an earlier run says of it.
+            progress: is told the number of pixels of each window; may raise to stop.
+
+        Returns:
+            What is known of it now, and whether it was kept.
+
+        Raises:
+            WriteError: its files cannot be written, or the folder is not seen here.
+            RequestError: its numbers are beyond their type, or this is another version.
+        """
+        plan = self.plan
+        if plan.version != __version__:
+            raise RequestError(
+                f"{gethostname()}: has terratool {__version__}, but the mosaic is of "
+                f"{plan.version}.",
+                "Install the same version for all workers.",
+            )
+        paths = plan.paths(tile)
+        if known and all(map(is_whole, paths, known.files)):
+            return known, True
+        self.check()
+        with contextlib.ExitStack() as stack:
+            parts = [
+                stack.enter_context(whole_file(path, True, COMPANIONS, self.scratch))
+                for path in paths
+            ]
+            filled = fill(
+                parts, Format("GTiff"), self.terrain, plan.grid, plan.files, self._maker,
+                plan.compression, window=tile.window, progress=progress,
+            )  # fmt: skip
+            files = tuple(map(_whole, parts))
+        return Finished(tile.row, tile.column, files, filled.tally), False
+
+    def check(self, _pixels: int = 0) -> None:
+        """Find out whether tiles are still wanted.
+
+        Raises:
+            WriteError: their run has ended, or its folder is not seen here.
+        """
+        if not self.scratch.is_dir():
+            raise WriteError(
+                f"{self.plan.folder}: is not seen, or no longer written, from {gethostname()}.",
+                "Choose a folder that all workers share under the same name.",
+            )
+
+
+def remove_scratch(scratch: Path) -> None:
+    """Remove a folder in which tiles are made; who still writes there comes to nothing."""
+    gone = scratch_in(scratch.parent)
+    with contextlib.suppress(OSError):
+        scratch = scratch.rename(gone)  # at once, before its files go one by one
+    shutil.rmtree(scratch, ignore_errors=True)
+
+
+def scratch_in(folder: Path) -> Path:
+    """A new name for a folder in which the tiles of another folder are made."""
+    return folder / f"{SCRATCH}{uuid4().hex[:12]}.part"
+
+
+def is_whole(path: Path, file: Whole) -> bool:
+    """Whether a file is there and as it was when it was complete."""
+    try:
+        return (
+            path.name == file.name
+            and path.stat().st_size == file.size
+            and checksum(path) == file.checksum
+        )
+    except OSError:
+        return False
+
+
+def checksum(path: Path) -> str:
+    """BLAKE2b of a file, 16 bytes in hexadecimal digits."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+
+
+def _whole(path: Path) -> Whole:
+    return Whole(path.name, path.stat().st_size, checksum(path))
+
+
+def _unpacked(packed: bytes) -> Tiler:
+    return Tiler(*pickle.loads(packed))
