@@ -98,7 +98,8 @@ def command(
     The suffix of OUTPUT names the format: .tif, .asc, .png (16 bits), .npy, or another one that
     GDAL writes. Values are those at the pixel centres, north up, NaN where there is no ground.
     Layers of numbers are bands of one file; surface and color get a file of their own. Without
-    --resolution a pixel is a tenth of the smallest cell, but the longer side has at most 4096.
+    --resolution a pixel is a tenth of the smallest cell, or the finest detail of a curve if that is
+    less, but the longer side has at most 4096.
 
     With --tiles, OUTPUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
     Tiles that an interrupted run had finished are kept if they are unchanged.
