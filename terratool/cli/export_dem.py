@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -51,9 +52,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 @click.option(
     "--compress",
     type=click.Choice(COMPRESSIONS),
-    default="zstd",
-    show_default=True,
-    help="Of a GeoTIFF.",
+    help="Of a GeoTIFF.  [default: zstd]",
 )
 @click.option(
     "--max-z-error", type=float, metavar="E", help="How far --compress lerc may be off, at most."
@@ -82,7 +81,7 @@ def command(
     bounds: tuple[float, float, float, float] | None,
     layers: tuple[str, ...],
     dtype: str,
-    compress: str,
+    compress: str | None,
     max_z_error: float | None,
     cog: bool,
     tiles: str | None,
@@ -116,7 +115,9 @@ def command(
     from terratool.raster.tiles import INDEX
 
     _refuse_odd(output, tiles, tile_size, dask, cog)
-    compression = Compression(compress, max_z_error or 0.0)
+    compression = None
+    if compress is not None or max_z_error is not None:
+        compression = Compression(compress or "zstd", max_z_error or 0.0)
     if output is None:
         output = str(Path(str(tiles), INDEX))
     if tiles is None:
@@ -189,7 +190,10 @@ def bar(pixels: int) -> Iterator[Callable[[int], object] | None]:
         return
     from tqdm import tqdm
 
-    with tqdm(total=pixels, unit="px", unit_scale=True, leave=False, delay=0.5) as shown:
+    # some terminals do not know their size, and would be shown nothing
+    columns, lines = os.get_terminal_size(sys.stderr.fileno())
+    shape = {} if columns and lines else {"ncols": 80, "nrows": 24}
+    with tqdm(total=pixels, unit="px", unit_scale=True, leave=False, **shape) as shown:
 
         def update(more: int) -> None:
             shown.update(more)

@@ -140,7 +140,7 @@ def export_dem(
         path: the file; its suffix names the format.
         layers: names from `terratool.raster.layers.LAYERS`.
         dtype: "float32" or "float64", of all layers of numbers.
-        compression: of GeoTIFFs.
+        compression: of a GeoTIFF; ZSTD, if not said.
         cog: whether a GeoTIFF is to be cloud-optimised.
         overwrite: whether files may be there already.
         losses: whether to find out what the pixels do not show.
@@ -153,13 +153,14 @@ def export_dem(
         DefinitionError: the CRS of the terrain is unknown.
     """
     path = Path(path)
-    compression = compression or Compression()
     threads = checked_threads(threads)
     form = format_of(path, cog)
-    if compression.max_z_error and form.driver not in ("GTiff", "COG"):
+    if compression is not None and form.driver not in ("GTiff", "COG"):
         raise RequestError(
-            f"{path.name}: only a .tif is compressed by LERC.", "Leave out --max-z-error."
+            f"{path.name}: only a .tif is compressed as one likes.",
+            "Leave out --compress and --max-z-error, or ask for a .tif.",
         )
+    compression = compression or Compression()
     files = files_of(layers_named(layers), terrain, checked_dtype(dtype))
     paths = paths_of(path, files)
     companions = (*COMPANIONS, *form.companions)

@@ -158,9 +158,9 @@ def check_fit(form: Format, path: Path, bands: Bands, terrain: Terrain, grid: Gr
         )
     if form.driver == "SRTMHGT" and (bands.kind != "number" or path.name != _degree(terrain, grid)):
         raise RequestError(
-            f"{path.name}: is no degree in EPSG:4326 at 1201² or 3601² points, or not the one of "
-            "that name.",
-            "Ask for a .tif instead; or for N46E007.hgt from 46° to 47° north.",
+            f"{path.name}: a .hgt is a degree in EPSG:4326 at 1201² or 3601² points, with the name "
+            f"of its south-west corner; this is {_degree(terrain, grid) or 'none'}.",
+            "Ask for a .tif instead.",
         )
 
 

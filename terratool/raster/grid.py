@@ -166,14 +166,14 @@ def _check_bounds(bounds: Bounds, terrain: Terrain) -> None:
     west, south, east, north = bounds
     if not all(map(math.isfinite, bounds)) or west >= east or south >= north:
         raise RequestError(
-            f"The bounds {' '.join(f'{side:g}' for side in bounds)} are empty.",
+            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} are empty.",
             "Give west south east north, west below east and south below north.",
         )
     t_west, t_south, t_east, t_north = terrain.bounds
     if west >= t_east or east <= t_west or south >= t_north or north <= t_south:
         raise RequestError(
-            f"The bounds {' '.join(f'{side:g}' for side in bounds)} miss the terrain.",
-            f"It lies in {' '.join(f'{side:g}' for side in terrain.bounds)}.",
+            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} miss the terrain.",
+            f"It lies in {' '.join(f'{side:.12g}' for side in terrain.bounds)}.",
         )
 
 
