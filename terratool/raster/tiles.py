@@ -68,7 +68,8 @@ class Plan:
     def __post_init__(self) -> None:
         if self.size <= 0 or self.size % TILE:
             raise RequestError(
-                f"The side of a tile is {self.size} pixels.", f"Give {TILE}, or a multiple of it."
+                f"The side of a tile is {self.size} pixels.",
+                f"Give a positive multiple of {TILE}.",
             )
 
     @property
