@@ -282,6 +282,25 @@ class TestOthers:
                 export_dem(terrain, grid_over(terrain, 0.7), tmp_path / name, layers)
             assert list(tmp_path.iterdir()) == [], name
 
+    @pytest.mark.parametrize("crs", ["EPSG:2056", "EPSG:27700", "IAU_2015:30100", "EPSG:4326"])
+    @pytest.mark.parametrize("suffix", ["asc", "png", "img", "bil", "nc"])
+    def test_any_reference_system_is_written_or_refused(
+        self, tmp_path: Path, suffix: str, crs: str
+    ) -> None:
+        """GDAL's netCDF ends its process where it does not know a projection; ours goes on."""
+        terrain = terrain_of({**SITE, "crs": crs})
+        path = tmp_path / f"a.{suffix}"
+        if (suffix, crs) == ("nc", "EPSG:2056"):
+            with pytest.raises(WriteError, match=r"a\.nc: cannot be written"):
+                export_dem(terrain, grid_over(terrain, 0.7), path)
+            assert list(tmp_path.iterdir()) == []
+            return
+        export_dem(terrain, grid_over(terrain, 0.7), path)
+        with rasterio.open(path) as file:
+            assert file.crs is not None and file.crs.is_geographic == (
+                crs[-5:] in (":4326", "30100")
+            )
+
     def test_a_height_that_stands_for_none_is_refused(self, tmp_path: Path) -> None:
         terrain = terrain_of(
             {"size": 4, "elemTypes": {"p": {"x": [1]}},

@@ -6,21 +6,20 @@ and need not complain about what only follows.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.built import Built, Owner
 from terratool.definition.findings import Collected, Remark, escape, shown
 from terratool.definition.keys import KEYS, Key
-from terratool.definition.model import Definition, Element, Primitive, Surface, names_of
+from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.slots import BIGGEST, JSON_TYPES, NEVER, SLOTS, Slot, fits
 from terratool.definition.tree import Tree
 
-_BIGGEST = math.nextafter(math.inf, 0)
 _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
@@ -30,44 +29,6 @@ _JSON_NAMES = {
     dict: "an object", list: "a list", str: "a text", bool: "true or false",
     int: "a number", float: "a number", type(None): "null",
 }  # fmt: skip
-_JSON_TYPES: dict[str, frozenset[type]] = {
-    "text": frozenset([str]), "flag": frozenset([bool]), "whole": frozenset([int]),
-    "number": frozenset([int, float]), "object": frozenset([dict]), "list": frozenset([list]),
-}  # fmt: skip
-_NO_TYPES: frozenset[type] = frozenset()
-_NEVER = frozenset([str, bool, dict, type(None)])
-"""Types that an element's key takes as they are, or not at all."""
-
-
-class _Slot(NamedTuple):
-    """What a value is compared with first; what passes is good, the others are looked at closely.
-
-    Attributes:
-        name: attribute of the model.
-        types: exact types that need no conversion, none if the value never stands alone.
-        low: least number.
-        high: largest number.
-        number: whole numbers become floats.
-    """
-
-    name: str
-    types: frozenset[type]
-    low: float
-    high: float
-    number: bool
-
-
-def _slot(name: str, key: Key) -> _Slot:
-    low = math.nextafter(key.low, math.inf) if key.open_low else key.low
-    high = math.nextafter(key.high, -math.inf) if key.open_high else key.high
-    plain = key.alone and not key.choices
-    types = _JSON_TYPES.get(key.kind, _NO_TYPES) if plain else _NO_TYPES
-    return _Slot(name, types, max(low, -_BIGGEST), min(high, _BIGGEST), key.kind == "number")
-
-
-_SLOTS: dict[type, dict[str, _Slot]] = {
-    kind: {key: _slot(name, KEYS[kind][key]) for name, key in names_of(kind)} for kind in KEYS
-}
 
 
 def build(value: Any, found: Collected) -> Built:
@@ -147,19 +108,19 @@ class _Builder:
                         self._leave_out(index, "children")
         used = set(chain.from_iterable(values))
         columns = {}
-        for key, slot in _SLOTS[Element].items():
+        for key, slot in SLOTS[Element].items():
             if key in used and key != "children":
                 columns[slot.name] = [value.get(key, UNSET) for value in values]
                 self._mend(key, slot, columns[slot.name])
             else:
                 columns[slot.name] = [UNSET] * len(values)
-        self._own_keys(used - _SLOTS[Element].keys(), values)
+        self._own_keys(used - SLOTS[Element].keys(), values)
         return Tree([], families, levels, columns)
 
     def mend(self, tree: Tree) -> Built:
         """Leave out what is beyond its range in a tree of the right types."""
-        for key, slot in _SLOTS[Element].items():
-            if slot.high < _BIGGEST:
+        for key, slot in SLOTS[Element].items():
+            if slot.high < BIGGEST:
                 # pairs are lists in a text
                 column = [list(v) if type(v) is tuple else v for v in tree.column(slot.name)]
                 self._mend(key, slot, column)
@@ -199,7 +160,7 @@ class _Builder:
         self._wrong_type(index, "", "an element", "an object", value)
         return {}  # keeps its place, so that the others keep their pointers
 
-    def _mend(self, key: str, slot: _Slot, column: list[Any]) -> None:
+    def _mend(self, key: str, slot: Slot, column: list[Any]) -> None:
         """Convert what has to be, and leave out what does not fit."""
         types = set(map(type, column)) - {UnsetType}
         if types <= slot.types:
@@ -220,12 +181,12 @@ class _Builder:
                     if slot.number:
                         column[index] = float(item)
                     continue
-                if full and -_BIGGEST <= item <= _BIGGEST:  # nobody wants to read of it
+                if full and -BIGGEST <= item <= BIGGEST:  # nobody wants to read of it
                     uncounted += 1
                     column[index] = UNSET
                     unfit.add(index)
                     continue
-            elif its in _NEVER and self._found.full("TT105"):
+            elif its in NEVER and self._found.full("TT105"):
                 misfits += 1
                 column[index] = UNSET
                 unfit.add(index)
@@ -247,7 +208,7 @@ class _Builder:
     def _fields(self, kind: type, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
         """The keys of an object whose values fit, converted; the nested ones as they are."""
         fields = {}
-        slots = _SLOTS[kind]
+        slots = SLOTS[kind]
         for key, item in value.items():
             slot = slots.get(key)
             if slot is None:
@@ -285,8 +246,8 @@ class _Builder:
         if wanted.kind == "curve":
             return self._curve(wanted, key, item, owner)
         if wanted.kind == "any":
-            if isinstance(item, float) and (item.is_integer() or not _fits(item)):
-                item = int(item) if _fits(item) else 10**400  # as in JSON Schema
+            if isinstance(item, float) and (item.is_integer() or not fits(item)):
+                item = int(item) if fits(item) else 10**400  # as in JSON Schema
             if isinstance(item, bool) or not isinstance(item, str | int | dict):
                 self._wrong_type(owner, rest, subject, wanted.words, item)
             for place in _nonfinite(item):
@@ -306,9 +267,9 @@ class _Builder:
     ) -> Any:
         if wanted.kind == "whole" and isinstance(item, float) and item.is_integer():
             item = int(item)  # as in JSON Schema
-        if wanted.kind in ("whole", "number") and type(item) in (int, float) and not _fits(item):
+        if wanted.kind in ("whole", "number") and type(item) in (int, float) and not fits(item):
             return self._not_finite(owner, rest)
-        if type(item) not in _JSON_TYPES[wanted.kind]:
+        if type(item) not in JSON_TYPES[wanted.kind]:
             return self._wrong_type(owner, rest, subject, wanted.words, item)
         if wanted.choices and item not in wanted.choices:
             self._failed = True
@@ -328,7 +289,7 @@ class _Builder:
             return item
         if not isinstance(item, list):
             return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
-        fast = _JSON_TYPES["number"].issuperset(map(type, item))
+        fast = JSON_TYPES["number"].issuperset(map(type, item))
         if fast and all(-wanted.high <= number <= wanted.high for number in item):
             return tuple(map(float, item))
         points = []
@@ -399,19 +360,15 @@ def _nonfinite(item: Any) -> Iterator[str]:
             pending.extend((value, f"{here}/{i}") for i, value in enumerate(part))
         elif isinstance(part, dict):
             pending.extend((value, f"{here}/{escape(key)}") for key, value in part.items())
-        elif isinstance(part, float | int) and not _fits(part):
+        elif isinstance(part, float | int) and not fits(part):
             yield here
-
-
-def _fits(number: float) -> bool:
-    return -_BIGGEST <= number <= _BIGGEST
 
 
 @lru_cache(maxsize=256)
 def _unknown_key(kind: type, key: str, beside: frozenset[str]) -> tuple[str, str]:
     from difflib import get_close_matches
 
-    known = list(_SLOTS[kind])
+    known = list(SLOTS[kind])
     close = [name for name in known if name.lower() == key.lower()]
     if not close and len(key) <= _LONG:
         close = get_close_matches(key, known, 1, 0.6)

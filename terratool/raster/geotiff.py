@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import rasterio
-import rasterio.shutil
 from numpy.typing import NDArray
 from rasterio._err import CPLE_BaseError
 from rasterio.crs import CRS
@@ -31,7 +30,7 @@ from terratool.raster.windows import TILE
 
 COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 
-_CACHE_BYTES = 1 << 26
+CACHE_BYTES = 1 << 26
 """GDAL would take a twentieth of the machine's memory for tiles that are complete anyway."""
 
 
@@ -109,7 +108,7 @@ def geotiff(
         profile |= {"photometric": "rgb", "interleave": "pixel"}
     with (
         complaints(path),
-        rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES),
+        rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),
         rasterio.open(path, "w", **profile) as file,
     ):
         file.descriptions = bands.names
@@ -124,7 +123,7 @@ def geotiff(
         elif bands.kind == "number":
             file.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (bands.count - 1)
         yield GeoTiff(file, window)
-    _check_blocks(path)
+    check_blocks(path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,22 +167,7 @@ def name_surfaces(path: Path, terrain: Terrain, counts: NDArray[np.int64]) -> No
     path.with_name(path.name + ".aux.xml").write_bytes(auxiliary(terrain, counts))
 
 
-def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threads: int) -> None:
-    """Write a raster once more, by another driver of GDAL; in bounded memory where that can.
-
-    Raises:
-        WriteError: the driver cannot write it.
-    """
-    if driver == "COG":
-        options = {**options, "num_threads": str(threads)}
-    hint = "Ask for a .tif, or for a layer or type that this format holds."
-    with complaints(path, hint), rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES):
-        rasterio.shutil.copy(source, path, driver=driver, strict=True, **options)
-    if driver == "COG":
-        _check_blocks(path)
-
-
-def _check_blocks(path: Path) -> None:
+def check_blocks(path: Path) -> None:
     """Make sure that all blocks of a GeoTIFF are in it: GDAL keeps errors at closing to itself.
 
     Raises:

@@ -220,7 +220,7 @@ def _encoded(value: Any) -> Any:
         return [value.dtype.str, value.shape, value.tobytes()]
     if isinstance(value, np.generic):
         return value.item()
-    raise NotImplementedError(type(value))
+    raise NotImplementedError(type(value))  # what msgspec expects of its hooks
 
 
 def _decoded(_type: Any, value: Any) -> Any:

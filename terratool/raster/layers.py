@@ -30,7 +30,6 @@ class Layer:
         name: how it is asked for.
         bands: what its bands are called.
         unit: of its values; empty for none.
-        about: one line of manual.
         kind: "number", "surface" or "color".
         soil: the attribute of a surface that it shows; empty for others.
         slopes: whether the slopes are needed for it.
@@ -40,7 +39,6 @@ class Layer:
     name: str
     bands: tuple[str, ...]
     unit: str
-    about: str
     kind: str = "number"
     soil: str = ""
     slopes: bool = False
@@ -55,32 +53,19 @@ class Layer:
 LAYERS: dict[str, Layer] = {
     layer.name: layer
     for layer in (
-        Layer("height", ("height",), "m", "the height"),
-        Layer(
-            "surface", ("surface",), "", "number of the surface, 0 for none", "surface",
-            average=False,
-        ),
-        Layer("slope", ("slope",), "degree", "steepest slope, from the exact gradient",
-              slopes=True),
-        Layer(
-            "aspect", ("aspect",), "degree",
-            "where the ground falls to, clockwise from north; nodata where it is level",
-            slopes=True, average=False,
-        ),
-        Layer(
-            "normal", ("normal x", "normal y", "normal z"), "", "upward unit normal, three bands",
-            slopes=True, average=False,
-        ),
-        Layer("cohesion", ("cohesion",), "kPa", "cohesion of the soil", soil="cohesion"),
-        Layer("friction", ("friction angle",), "degree", "angle of internal friction",
-              soil="fric_angle"),
-        Layer("sinkage", ("sinkage",), "m/kN", "sinkage per load on the wheel", soil="sinkage"),
-        Layer("sonar", ("sonar reflectance",), "", "sonar reflectance, 0 to 1",
-              soil="sonar_refl"),
-        Layer("color", ("red", "green", "blue"), "", "colour, three bytes", "color",
-              soil="color"),
+        Layer("height", ("height",), "m"),
+        Layer("surface", ("surface",), "", "surface", average=False),
+        Layer("slope", ("slope",), "degree", slopes=True),
+        # where the ground falls to, clockwise from north
+        Layer("aspect", ("aspect",), "degree", slopes=True, average=False),
+        Layer("normal", ("normal x", "normal y", "normal z"), "", slopes=True, average=False),
+        Layer("cohesion", ("cohesion",), "kPa", soil="cohesion"),
+        Layer("friction", ("friction angle",), "degree", soil="fric_angle"),
+        Layer("sinkage", ("sinkage",), "m/kN", soil="sinkage"),
+        Layer("sonar", ("sonar reflectance",), "", soil="sonar_refl"),
+        Layer("color", ("red", "green", "blue"), "", "color", soil="color"),
     )
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)

@@ -133,9 +133,7 @@ def export_mosaic(
         there = sum(
             tile.window.height * tile.window.width for _, tile, done in jobs if _seems(plan, done)
         )
-        # on the disk of the folder itself, which may be a mount or a link
-        home = folder / INDEX if folder.is_dir() else folder
-        refuse_full_disk(home, grid, files, Format("GTiff"), there)
+        refuse_full_disk(folder, grid, files, Format("GTiff"), there)
         scratch = journal.begin(overwrite)
         stack.callback(remove_scratch, scratch)
         tiler = Tiler(terrain, plan, scratch)

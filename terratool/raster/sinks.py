@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
+from terratool.raster.copying import copied
 from terratool.raster.formats import Coding, Format
-from terratool.raster.geotiff import Compression, cog_options, copied, geotiff, name_surfaces
+from terratool.raster.geotiff import Compression, cog_options, geotiff, name_surfaces
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands
 from terratool.raster.palette import MOST_COLORS

@@ -72,7 +72,9 @@ def _compare_places(a: Any, b: Any, path: Path) -> None:
         abs(p - q) > _ASIDE * a.transform.a for p, q in zip(a.bounds, b.bounds, strict=True)
     ):
         raise _unfit(path, "where the pixels are")
-    if a.crs is not None and b.crs is not None and a.crs.to_epsg() != b.crs.to_epsg():
+    # many formats write a reference system in their own words, which have no number
+    codes = {crs.to_epsg() for crs in (a.crs, b.crs) if crs is not None} - {None}
+    if len(codes) > 1:
         raise _unfit(path, "the coordinate reference system")
 
 

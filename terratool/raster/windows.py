@@ -41,7 +41,6 @@ class Made:
 
     Attributes:
         window: which one.
-        pixels: for each file its bands, (bands, height, width).
         statistics: for each file that of its bands; none for surfaces and colours.
         counts: (surfaces + 1,) int64 pixels of each surface id, of the files that hold them.
         nodata: pixels without a height.
@@ -50,12 +49,16 @@ class Made:
     """
 
     window: Window
-    pixels: tuple[NDArray[Any], ...]
     statistics: tuple[tuple[Statistics, ...], ...]
     counts: NDArray[np.int64]
     nodata: int
     losses: Part | None
     space: Space
+
+    @property
+    def pixels(self) -> tuple[NDArray[Any], ...]:
+        """For each file its bands, (bands, height, width)."""
+        return self.space.pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +121,7 @@ class Maker:
         ]
         ground = heights[0] if heights else int(np.count_nonzero(~np.isnan(planes.heights)))
         nodata = window.width * window.height - ground
-        return Made(window, pixels, statistics, self._counts(planes), nodata, part, space)
+        return Made(window, statistics, self._counts(planes), nodata, part, space)
 
     def reuse(self, made: Made) -> None:
         """Take back the memory of a window whose pixels are no longer needed."""

@@ -1,0 +1,56 @@
+"""What the keys of the model take at first sight: exact types and ranges, for columns of values."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from terratool.definition.keys import KEYS, Key
+from terratool.definition.model import names_of
+
+BIGGEST = math.nextafter(math.inf, 0)
+"""The largest double."""
+
+JSON_TYPES: dict[str, frozenset[type]] = {
+    "text": frozenset([str]), "flag": frozenset([bool]), "whole": frozenset([int]),
+    "number": frozenset([int, float]), "object": frozenset([dict]), "list": frozenset([list]),
+}  # fmt: skip
+_NO_TYPES: frozenset[type] = frozenset()
+NEVER = frozenset([str, bool, dict, type(None)])
+"""Types that an element's key takes as they are, or not at all."""
+
+
+class Slot(NamedTuple):
+    """What a value is compared with first; what passes is good, the others are looked at closely.
+
+    Attributes:
+        name: attribute of the model.
+        types: exact types that need no conversion, none if the value never stands alone.
+        low: least number.
+        high: largest number.
+        number: whole numbers become floats.
+    """
+
+    name: str
+    types: frozenset[type]
+    low: float
+    high: float
+    number: bool
+
+
+def _slot(name: str, key: Key) -> Slot:
+    low = math.nextafter(key.low, math.inf) if key.open_low else key.low
+    high = math.nextafter(key.high, -math.inf) if key.open_high else key.high
+    plain = key.alone and not key.choices
+    types = JSON_TYPES.get(key.kind, _NO_TYPES) if plain else _NO_TYPES
+    return Slot(name, types, max(low, -BIGGEST), min(high, BIGGEST), key.kind == "number")
+
+
+SLOTS: dict[type, dict[str, Slot]] = {
+    kind: {key: _slot(name, KEYS[kind][key]) for name, key in names_of(kind)} for kind in KEYS
+}
+
+
+def fits(number: float) -> bool:
+    """Whether a double holds a number."""
+    return -BIGGEST <= number <= BIGGEST
