@@ -22,10 +22,11 @@ $(VENV)/.installed-%: pyproject.toml
 install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool
 	@echo "terratool is at $(BIN)/terratool"
 
-demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example and write its DEM to out/
+demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example, write its DEM and its mesh to out/
 	@mkdir -p out
 	$(BIN)/terratool validate samples/paper-example.json
 	$(BIN)/terratool export-dem samples/paper-example.json out/paper-example.tif --overwrite
+	$(BIN)/terratool export-mesh samples/paper-example.json out/paper-example.glb --overwrite
 	@echo "Look at it in QGIS, or ask it: $(BIN)/terratool query samples/paper-example.json 15 15"
 
 test: $(VENV)/.installed-test  ## Run all tests
@@ -45,6 +46,7 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 	$(BIN)/python benchmarks/validating.py
 	$(BIN)/python benchmarks/startup.py
 	$(BIN)/python benchmarks/scaling.py
+	$(BIN)/python benchmarks/meshing.py
 
 docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 	$(BIN)/terratool rules --markdown > docs/rules.md

@@ -42,8 +42,7 @@ def whole_file(
     """
     path = Path(os.path.realpath(path))  # behind a link stands what is meant
     refuse_existing(path, overwrite, companions)
-    if not path.parent.is_dir():
-        raise WriteError(f"{path}: the folder {path.parent} does not exist.", "Create it first.")
+    refuse_missing_folder(path)
     folder = (within or path.parent) / f"{PART}{uuid4().hex[:12]}.part"
     try:
         with stop_on_signals():
@@ -108,6 +107,16 @@ def refuse_existing(path: Path, overwrite: bool, companions: tuple[str, ...] = (
         raise WriteError(f"{path}: is no regular file.", "Give the name of a file.")
     if path.exists() and not overwrite:
         raise WriteError(f"{path}: exists already.", "Choose another name, or add --overwrite.")
+
+
+def refuse_missing_folder(path: Path) -> None:
+    """Refuse a path in a folder that is not there.
+
+    Raises:
+        WriteError: it is not.
+    """
+    if not path.parent.is_dir():
+        raise WriteError(f"{path}: the folder {path.parent} does not exist.", "Create it first.")
 
 
 def free_bytes(path: Path) -> int:

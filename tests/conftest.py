@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -24,6 +24,30 @@ settings.register_profile(
     print_blob=True,
 )
 settings.load_profile("terratool")
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """With TERRATOOL_NO_SKIPS=1, as in CI, a test that lacks a program or a package fails."""
+    return _unskipped((yield))
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """The same for a module that is skipped as a whole."""
+    return _unskipped((yield))
+
+
+Report = TypeVar("Report", pytest.TestReport, pytest.CollectReport)
+
+
+def _unskipped(report: Report) -> Report:
+    why = str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    lacking = "is not installed" in why or "could not import" in why
+    if report.outcome == "skipped" and lacking and os.environ.get("TERRATOOL_NO_SKIPS") == "1":
+        report.outcome = "failed"
+        report.longrepr = f"{why}, and TERRATOOL_NO_SKIPS=1 wants all tests to run"
+    return report
 
 
 def text_of(value: Any) -> str:

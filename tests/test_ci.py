@@ -351,3 +351,49 @@ def _path(workspace: Path) -> str:
     stand_in(folder / "terratool")
     stand_in(folder / "python", f'exec "{sys.executable}" "$@"')
     return os.pathsep.join([str(folder), os.environ["PATH"]])
+
+
+# .ci/run
+
+SKIPS = """
+import pytest
+
+def test_program():
+    pytest.skip("frob is not installed")
+
+@pytest.mark.skipif(True, reason="frob is not installed")
+def test_mark():
+    pass
+
+def test_package():
+    pytest.importorskip("frobnicate")
+
+def test_other():
+    pytest.skip("not on this system")
+"""
+MODULE = "import pytest\npytest.importorskip('frobnicate', reason='frob is not installed')\n"
+
+
+@pytest.mark.parametrize(("value", "code"), [("1", 1), ("", 0)])
+def test_ci_fails_without_a_program(tmp_path: Path, value: str, code: int) -> None:
+    """A test that is skipped as something is not installed fails in CI; other skips are kept."""
+    (tmp_path / "test_skips.py").write_text(SKIPS)
+    (tmp_path / "test_module.py").write_text(MODULE)
+    for name, skipped, words in (
+        ("test_skips.py", 4, "2 failed, 1 skipped, 1 error"), ("test_module.py", 1, "1 error"),
+    ):  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-p", "tests.conftest", "-p", "no:cacheprovider",
+             name],
+            env={**ENVIRONMENT, "TERRATOOL_NO_SKIPS": value}, cwd=tmp_path, text=True,
+            capture_output=True, check=False,
+        )  # fmt: skip
+        assert (words if code else f"{skipped} skipped") in done.stdout, done.stdout
+        assert (done.returncode in (1, 2)) == bool(code)
+        assert ("frob is not installed, and TERRATOOL_NO_SKIPS=1" in done.stdout) == bool(code)
+
+
+def test_ci_wants_all_tests() -> None:
+    """It says so before it runs them."""
+    script = (ROOT / ".ci" / "run").read_text()
+    assert script.index("export TERRATOOL_NO_SKIPS=1") < script.index("make test")

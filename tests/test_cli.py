@@ -14,9 +14,23 @@ import pytest
 
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE, YARD, run
 
-COMMANDS = ["validate", "format", "info", "query", "export-dem", "rules"]
+COMMANDS = [
+    "validate", "format", "info", "query", "export-dem", "export-mesh", "export-obj",
+    "export-vrml", "rules",
+]  # fmt: skip
 MINIMAL = '{"size": 1, "elemTypes": {"b": {"x": [1]}}, "elemTree": {"type": "b"}}'
 INVALID = '{\n "size": 0,\n "elemTypes": {"b": {"x": [1]}},\n "elemTree": {"type": "b"}}\n'
+
+
+ASKING = ["info", "query", "export-dem", "export-mesh", "export-obj", "export-vrml"]
+
+
+def more(command: str, folder: Path) -> list[object]:
+    """What a command needs besides a definition."""
+    suffix = {"export-dem": "tif", "export-mesh": "glb", "export-obj": "obj", "export-vrml": "wrl"}
+    if command == "query":
+        return ["1", "2"]
+    return [folder / f"o.{suffix[command]}"] if command in suffix else []
 
 
 @pytest.fixture
@@ -55,7 +69,7 @@ def test_examples_in_the_help_work(tmp_path: Path) -> None:
         example = re.findall(rf"terratool ({name} (?:samples/|TT).*?)(?: terratool|$)", text)[
             0
         ].split()
-        example = [str(tmp_path / word) if word == "out.tif" else word for word in example]
+        example = [str(tmp_path / word) if word.startswith("out.") else word for word in example]
         ran = run(*example)
         assert ran.code == 0, ran.err
         assert ran.out
@@ -102,33 +116,27 @@ def test_wrong_usage(arguments: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize(
     ("command", "name"),
-    [("validate", "absent.json"), *product(["info", "query", "export-dem"], ["absent.json", "."])],
+    [("validate", "absent.json"), *product(ASKING, ["absent.json", "."])],
 )
 def test_unreadable(tmp_path: Path, command: str, name: str) -> None:
     """A file that cannot be read exits 3 and is named."""
     path = tmp_path / name
-    ran = run(
-        command, path, *{"query": ["1", "2"], "export-dem": [tmp_path / "o.tif"]}.get(command, [])
-    )
+    ran = run(command, path, *more(command, tmp_path))
     assert ran.code == 3
     empty = command == "validate" and name == "."  # a directory is walked
     assert ran.err.startswith(
         f"terratool: {path}: {'has no *.json' if empty else 'cannot be read '}"
     )
-    assert not (tmp_path / "o.tif").exists()
+    assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", ["info", "query", "export-dem"])
+@pytest.mark.parametrize("command", ASKING)
 def test_invalid_definition(tmp_path: Path, invalid: Path, command: str) -> None:
     """An invalid definition exits 1, with the first place on standard error."""
-    ran = run(
-        command,
-        invalid,
-        *{"query": ["1", "2"], "export-dem": [tmp_path / "o.tif"]}.get(command, []),
-    )
+    ran = run(command, invalid, *more(command, tmp_path))
     assert (ran.code, ran.out) == (1, "")
     assert ran.err.startswith(f"terratool: {invalid}:2:10: TT106: ")
-    assert not (tmp_path / "o.tif").exists()
+    assert list(tmp_path.iterdir()) == [invalid]
 
 
 def test_cannot_be_written(tmp_path: Path) -> None:

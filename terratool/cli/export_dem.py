@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from terratool.cli.terminal import shape
 
 if TYPE_CHECKING:
     from terratool.raster.export import Report, Tiles, Written
@@ -185,15 +185,13 @@ def _refuse_odd(
 @contextlib.contextmanager
 def bar(pixels: int) -> Iterator[Callable[[int], object] | None]:
     """A progress bar over so many pixels on a terminal; nothing elsewhere."""
-    if sys.stderr is None or not sys.stderr.isatty():  # None where it was closed
+    sizes = shape()
+    if sizes is None:
         yield None
         return
     from tqdm import tqdm
 
-    # some terminals do not know their size, and would be shown nothing
-    columns, lines = os.get_terminal_size(sys.stderr.fileno())
-    shape = {} if columns and lines else {"ncols": 80, "nrows": 24}
-    with tqdm(total=pixels, unit="px", unit_scale=True, leave=False, **shape) as shown:
+    with tqdm(total=pixels, unit="px", unit_scale=True, leave=False, **sizes) as shown:
 
         def update(more: int) -> None:
             shown.update(more)

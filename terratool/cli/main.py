@@ -19,6 +19,9 @@ _COMMANDS = {
     "info": ("info", "Say what a terrain consists of."),
     "query": ("query", "Answer height, surface, element and normal at points."),
     "export-dem": ("export_dem", "Write a raster: heights, surfaces, slopes, soils, …."),
+    "export-mesh": ("export_mesh", "Write a mesh with walls: OBJ, VRML, glTF, STL, PLY, X3D, USD."),
+    "export-obj": ("export_mesh:obj", "Write a mesh as Wavefront OBJ."),
+    "export-vrml": ("export_mesh:vrml", "Write a mesh, or a grid of heights, as VRML97."),
     "rules": ("rules", "List the validator's rules, or explain one."),
 }
 
@@ -40,8 +43,9 @@ class _Lazy(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:
             return None
-        module = import_module(f"terratool.cli.{_COMMANDS[cmd_name][0]}")
-        command: click.Command = module.command
+        name, _, function = _COMMANDS[cmd_name][0].partition(":")
+        module = import_module(f"terratool.cli.{name}")
+        command: click.Command = getattr(module, function or "command")
         return command
 
     def resolve_command(
@@ -116,7 +120,7 @@ def _run() -> int:
     except MemoryError:
         _say(
             "There is not enough memory for this.",
-            "Give a coarser resolution, smaller bounds or a smaller file.",
+            "Give a coarser resolution or a larger error, smaller bounds or a smaller file.",
         )
         return 3
     except _OutputError as error:

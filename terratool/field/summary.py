@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.field.parts import Bounds, part_within
 from terratool.field.terrain import Terrain
 
 _ALONG = 512
@@ -38,10 +39,18 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
     }
 
 
-def height_range(terrain: Terrain) -> tuple[float | None, float | None, int]:
-    """Lowest and highest height at the points looked at, and their number; None if all is void."""
+def height_range(
+    terrain: Terrain, bounds: Bounds | None = None
+) -> tuple[float | None, float | None, int]:
+    """Lowest and highest height at the points looked at, and their number; None if all is void.
+
+    Args:
+        terrain: the terrain.
+        bounds: the part of it to look at, which must hold something; all of it if None.
+    """
+    part = part_within(terrain, bounds)
     low, high, count = np.inf, -np.inf, 0
-    for x, y in (_grid_points(terrain), _element_points(terrain)):
+    for x, y in (_grid_points(part), _element_points(terrain, part)):
         heights = terrain.height(x, y)
         low, high = (
             float(np.fmin.reduce(heights, initial=low)),
@@ -51,17 +60,26 @@ def height_range(terrain: Terrain) -> tuple[float | None, float | None, int]:
     return (low, high, count) if low <= high else (None, None, count)
 
 
-def _grid_points(terrain: Terrain) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    west, south, east, north = terrain.bounds
-    longest = max(terrain.size)
-    counts = [max(2, round(_ALONG * side / longest)) + 1 for side in terrain.size]
+def _grid_points(part: Bounds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    west, south, east, north = part
+    sides = east - west, north - south
+    counts = [max(2, round(_ALONG * side / max(sides))) + 1 for side in sides]
     x, y = np.meshgrid(np.linspace(west, east, counts[0]), np.linspace(south, north, counts[1]))
     return x.ravel(), y.ravel()
 
 
-def _element_points(terrain: Terrain) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners, edges and middle of each element's cell, just inside of its east and north edges."""
-    west, south, east, north = terrain.cells()
+def _element_points(
+    terrain: Terrain, part: Bounds
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners, edges and middle of what lies of each element's cell in the part.
+
+    They are just inside of its east and north edges.
+    """
+    cells = terrain.cells()
+    west, south = (np.maximum(cells[n], part[n]) for n in (0, 1))
+    east, north = (np.minimum(cells[n], part[n]) for n in (2, 3))
+    there = (west < east) & (south < north)
+    west, south, east, north = (side[there] for side in (west, south, east, north))
     x = np.stack([west, (west + east) / 2, np.nextafter(east, west)])
     y = np.stack([south, (south + north) / 2, np.nextafter(north, south)])
     x, y = np.broadcast_arrays(x[:, None, :], y[None, :, :])

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.extents import finest_details
+from terratool.field.parts import Bounds, check_bounds
 from terratool.field.terrain import Terrain
-
-Bounds = tuple[float, float, float, float]
 
 DEFAULT_PIXELS = 4096
 """The longer side of a raster whose resolution was left to us has at most this many pixels."""
@@ -134,7 +133,7 @@ def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None)
         )
     west, south, east, north = terrain.bounds
     if bounds is not None:
-        _check_bounds(bounds, terrain)
+        check_bounds(bounds, terrain)
         west, south, east, north = bounds
     width, height = _pixels(east - west, resolution), _pixels(north - south, resolution)
     if max(width, height) > MAX_SIDE:
@@ -160,21 +159,6 @@ def _overlap(one: Bounds, other: Bounds) -> float:
     """Shorter side of the rectangle that two have in common."""
     width = min(one[2], other[2]) - max(one[0], other[0])
     return min(width, min(one[3], other[3]) - max(one[1], other[1]))
-
-
-def _check_bounds(bounds: Bounds, terrain: Terrain) -> None:
-    west, south, east, north = bounds
-    if not all(map(math.isfinite, bounds)) or west >= east or south >= north:
-        raise RequestError(
-            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} are empty.",
-            "Give west south east north, west below east and south below north.",
-        )
-    t_west, t_south, t_east, t_north = terrain.bounds
-    if west >= t_east or east <= t_west or south >= t_north or north <= t_south:
-        raise RequestError(
-            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} miss the terrain.",
-            f"It lies in {' '.join(f'{side:.12g}' for side in terrain.bounds)}.",
-        )
 
 
 def _pixels(side: float, resolution: float) -> int:

@@ -1,0 +1,1 @@
+"""Triangle meshes of terrains, with the walls that rasters cannot keep."""

@@ -1,0 +1,196 @@
+"""From a terrain to a mesh: the steps, in order."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.terrain import Terrain
+from terratool.mesh import covering, refining, rims, sides, walling
+from terratool.mesh.missing import DEEPEST
+from terratool.mesh.planar import Triangulation, triangulate
+from terratool.mesh.planning import Left, plan_of
+from terratool.mesh.segments import segments_of
+from terratool.mesh.types import Built, Plan, Regions, Rim
+
+_PLANS = 3
+"""Where discs overlap too much, their polygons are planned again, so often."""
+_ASIDE = 0.6
+"""Discs that overlap may take up so much of the error by being polygons."""
+_ROUNDS = 8
+"""Where edges were split because the higher side changes, triangles are refined again, so often."""
+
+
+class Arranged(NamedTuple):
+    """Triangles before they are refined.
+
+    Attributes:
+        plane: m triangles.
+        parts: the regions.
+        of: (m,) int32, the region of each triangle.
+        heights: (m, 3) float64, one-sided, at their corners.
+    """
+
+    plane: Triangulation
+    parts: Regions
+    of: NDArray[np.int32]
+    heights: NDArray[np.float64]
+
+
+def build(
+    terrain: Terrain,
+    max_error: float,
+    bounds: tuple[float, float, float, float] | None = None,
+    least: float = 0.0,
+    base: float | Literal["below"] | None = None,
+) -> Built:
+    """Mesh a terrain, with walls where its height jumps.
+
+    With a base the mesh is closed, a solid: a skirt leads from where the ground ends, at the rim
+    and at the void, down to the base. Every edge has two faces; for that some vertices lie at the
+    same place, and whoever merges vertices by place, as one who reads an STL file must, has edges
+    with four faces and more again. So has a mesh without a base, where its walls meet.
+
+    Args:
+        terrain: the terrain.
+        max_error: the largest distance, along z, of the mesh from the terrain, in its units.
+        bounds: world rectangle west, south, east, north to mesh; the whole terrain if None.
+        least: elements that change heights by no more are left out, unless it is 0.
+        base: height of the base, in units of the terrain; "below" for `solid.base_below`.
+
+    Raises:
+        ValueError: the error is not positive, or the bounds hold nothing of the terrain.
+        RequestError: the base does not lie below all ground that is meshed.
+    """
+    finer = 1.0
+    for _ in range(_PLANS):
+        plan, left = plan_of(terrain, max_error, bounds, least, finer)
+        drawn = segments_of(plan, np.flatnonzero(plan.frames["drawn"]))
+        arranged = arrange(plan, drawn, rims.NO_SEAMS)
+        most = float(arranged.parts.asides.max(initial=0.0))
+        if most <= _ASIDE * max_error:
+            break
+        finer *= 0.5 * _ASIDE * max_error / most  # many discs overlap
+    return finish(terrain, plan, left, arranged, rims.NO_SEAMS, base)
+
+
+def build_part(
+    terrain: Terrain,
+    plan: Plan,
+    left: Left,
+    drawn: NDArray[np.int64],
+    rim: Rim,
+) -> Built:
+    """Mesh the bounds of a plan.
+
+    Args:
+        terrain: the terrain.
+        plan: its plan.
+        left: what that leaves out.
+        drawn: (n, 4) int64 segments within the bounds.
+        rim: what its sides have in common with other meshes.
+    """
+    return finish(terrain, plan, left, arrange(plan, drawn, rim), rim)
+
+
+def finish(
+    terrain: Terrain,
+    plan: Plan,
+    left: Left,
+    arranged: Arranged,
+    rim: Rim,
+    base: float | Literal["below"] | None = None,
+) -> Built:
+    """Refine what is arranged, and put the mesh together; arguments as above."""
+    plane, parts, of, heights = arranged
+    plane, of, heights, error = approach(plan, parts, plane, of, heights, rim.sides)
+    mesh, shell, moved = walling.assemble(terrain, plan, plane, parts, of, heights, base)
+    return Built(mesh, shell, error + moved, *left)
+
+
+def arrange(plan: Plan, drawn: NDArray[np.int64], rim: Rim) -> Arranged:
+    """Triangles whose edges follow segments, the regions, and the region of each triangle.
+
+    Beside a seam it is the region that holds along the seam, as in the tile beyond.
+    """
+    plane, keys = triangulate(drawn, plan.bounds, partial(covering.keys_of, plan), rim)
+    ends = rim.edges.reshape(-1, 2)
+    first = 2 * np.arange(len(rim.edges), dtype=np.int32)
+    along = np.column_stack([first, first, first + 1])  # their middles lie on the seams
+    own = covering.keys_of(plan, ends, along)
+    beside, corner = rims.beside(plane, rim)
+    keys[beside] = own
+    points = np.concatenate([ends, plane.points])
+    triangles = np.concatenate([along, plane.triangles + np.int32(len(ends))])
+    parts, of = covering.regions_of(plan, points, triangles, np.concatenate([own, keys]))
+    of = of[len(along) :]
+    heights = np.empty(plane.triangles.shape)
+    sides.corner_heights(plan, parts, plane.points, plane.triangles, of, heights)
+    rims.pin(plane, rim, beside, corner, parts.voids[of], heights)
+    return Arranged(plane, parts, of, heights)
+
+
+def approach(
+    plan: Plan,
+    parts: Regions,
+    plane: Triangulation,
+    of: NDArray[np.int32],
+    heights: NDArray[np.float64],
+    locked: NDArray[np.int64],
+) -> tuple[Triangulation, NDArray[np.int32], NDArray[np.float64], float]:
+    """Refine triangles until they are within the error; split edges where the higher side changes.
+
+    Takes and returns triangles, the region of each, and the one-sided heights at their corners;
+    returns also the largest error that there may be. `locked` are the seams, as in `Rim.sides`.
+    """
+    points, count = len(plane.points), len(plane.triangles)
+    work = refining.Parts(
+        *plane, of, heights,
+        queue=np.arange(count, dtype=np.int32),
+        queued=np.ones(count, np.uint8),
+        counts=np.array([points, count, count, 0]),
+        checks=np.empty(4096, np.int32),
+        spots=np.empty((int(np.diff(parts.offsets).max(initial=0)), 6)),
+        nodes=np.empty((3 * DEEPEST + 4, 10)),
+        largest=parts.asides[parts.plane & ~parts.voids].max(initial=0.0, keepdims=True),
+        locked=locked,
+    )  # fmt: skip
+    work = _grown(work)
+    tolerance = walling.tolerance_of(plan)
+    for _ in range(_ROUNDS):
+        while not refining.refine(plan, parts, work, plan.error - tolerance):
+            work = _grown(work)
+        begin = 0
+        while begin < work.counts[1]:
+            begin = refining.part_crossings(plan, parts, work, tolerance, begin)
+            if begin < work.counts[1]:
+                work = _grown(work)
+        if not work.counts[2]:  # nothing was split
+            break
+    points, count = work.counts[:2]
+    plane = Triangulation(work.points[:points], work.triangles[:count], work.neighbours[:count])
+    return plane, work.of[:count], work.heights[:count], float(work.largest[0])
+
+
+def _grown(work: refining.Parts) -> refining.Parts:
+    """The same with more room."""
+    points, count = work.counts[:2]
+    queue = np.roll(work.queue, -work.counts[3])
+    work.counts[3] = 0
+
+    def longer(array: NDArray[Any], used: int) -> NDArray[Any]:
+        out = np.zeros((used + used // 2 + 1024, *array.shape[1:]), array.dtype)
+        out[:used] = array[:used]
+        return out
+
+    return work._replace(
+        points=longer(work.points, points),
+        queue=longer(queue, count),
+        **{
+            name: longer(getattr(work, name), count)
+            for name in ("triangles", "neighbours", "of", "heights", "queued")
+        },
+    )

@@ -1,0 +1,210 @@
+"""A terrain as a grid of heights in a VRML file, where it is plain enough for that."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.parts import Bounds, check_bounds, part_within
+from terratool.field.terrain import Terrain
+from terratool.mesh.building import build
+from terratool.mesh.formats.vrml import write_elevation_grid
+from terratool.mesh.measuring import spread, walls_of
+from terratool.mesh.statement import GridStatement, Peak, Walls
+from terratool.mesh.types import Heights
+from terratool.mesh.writing import check_request
+from terratool.output import whole_file
+
+SUFFIX = ".wrl"
+STEPS_PER_CELL = 10
+STEPS = 128, 512
+"""A grid whose resolution was left to us has at least and at most so many steps along its longer
+side."""
+_MOST_NODES = 1 << 26
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class GridReport:
+    """What was written as a grid of heights. Lengths are in units of the terrain.
+
+    Attributes:
+        file: that was written.
+        bounds: west, south, east, north of the outermost nodes, in the world.
+        origin: world position of the file's zero.
+        columns, rows: number of nodes from west to east and from south to north.
+        spacing: from one node to the next along x and along y.
+        chosen: who chose the resolution, in words.
+        statement: what it loses.
+    """
+
+    file: Path
+    bounds: Bounds
+    origin: tuple[float, float, float]
+    columns: int
+    rows: int
+    spacing: tuple[float, float]
+    chosen: str
+    statement: GridStatement
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, ready for JSON."""
+        return {
+            "format_version": 1,
+            "geometry": "elevation grid",
+            "files": [str(self.file)],
+            "bounds": list(self.bounds),
+            "origin": list(self.origin),
+            "columns": self.columns,
+            "rows": self.rows,
+            "spacing": list(self.spacing),
+            "resolution_chosen": self.chosen,
+            "losses": self.statement.as_json(),
+        }
+
+
+def export_elevation_grid(
+    terrain: Terrain,
+    path: str | Path,
+    resolution: float | None = None,
+    bounds: Bounds | None = None,
+    *,
+    overwrite: bool = False,
+) -> GridReport:
+    """Write the heights of a terrain, or of a part of it, as the ElevationGrid of a VRML97 file.
+
+    Its nodes are evenly spaced from edge to edge, both included. Walls become ramps from one node
+    to the next.
+
+    Args:
+        terrain: the terrain.
+        path: the file, a .wrl.
+        resolution: the longest distance between two neighbouring nodes; if not said, a tenth of the
+            smallest cell, within 128 to 512 steps along the longer side.
+        bounds: world rectangle west, south, east, north; the whole terrain if None.
+        overwrite: whether the file may be there already.
+
+    Raises:
+        WriteError: the file exists, or cannot be written.
+        RequestError: it is no .wrl, there is void in it, or the resolution or bounds make no sense.
+    """
+    path = Path(path)
+    if path.suffix.lower() != SUFFIX:
+        raise RequestError(
+            f"{path.name}: only VRML has an elevation grid.",
+            f"Ask for a {SUFFIX}, or leave out --elevation-grid.",
+        )
+    check_request(path, overwrite)
+    if bounds is not None:
+        check_bounds(bounds, terrain)
+    part = part_within(terrain, bounds)
+    chosen = "as asked"
+    if resolution is None:
+        resolution, chosen = _default_resolution(terrain, part)
+    x, y = _nodes(part, resolution)
+    sample = terrain.sample(*np.meshgrid(x, y[::-1]))
+    heights = sample.height
+    points = spread(part)
+    ground = terrain.height(*points)
+    if np.isnan(heights).any() or np.isnan(ground).any():
+        raise RequestError(
+            f"{path.name}: an elevation grid can have no holes, and there is void in the terrain.",
+            "Leave out --elevation-grid, or give --bounds without void.",
+        )
+    with np.errstate(over="ignore"):
+        stored = heights.astype(np.float32)
+    if not np.isfinite(stored).all():
+        raise RequestError(f"{path.name}: some heights are beyond float32.")
+    # walls are found whatever the error of a mesh
+    coarse = build(terrain, max(float(np.ptp(heights)), 1.0), bounds).mesh
+    grid = Heights(
+        heights=stored,
+        spacing=((part[2] - part[0]) / (len(x) - 1), (part[3] - part[1]) / (len(y) - 1)),
+        surfaces=sample.surface,
+        origin=np.array([part[0], part[1], 0.0]),
+        names=coarse.names,
+        colors=coarse.colors,
+    )
+    statement = _statement(grid, walls_of(coarse), *points, ground)
+    with whole_file(path, overwrite) as file:
+        write_elevation_grid(grid, file, terrain.descr)
+    return GridReport(
+        file=path,
+        bounds=part,
+        origin=(part[0], part[1], 0.0),
+        columns=len(x),
+        rows=len(y),
+        spacing=grid.spacing,
+        chosen=chosen,
+        statement=statement,
+    )
+
+
+def _default_resolution(terrain: Terrain, part: Bounds) -> tuple[float, str]:
+    """A distance between nodes, and in words why."""
+    side = max(part[2] - part[0], part[3] - part[1])
+    wanted = side / (terrain.smallest_cell / STEPS_PER_CELL)
+    steps = min(max(wanted, STEPS[0]), STEPS[1])
+    if steps == wanted:
+        return side / steps, "a tenth of the smallest cell"
+    return side / steps, f"{steps} steps on the longer side"
+
+
+def _nodes(part: Bounds, resolution: float) -> tuple[Floats, Floats]:
+    """The x and the y of the nodes, ascending."""
+    if not (math.isfinite(resolution) and resolution > 0):
+        raise RequestError(
+            f"The resolution is {resolution:g}.",
+            "Give the distance between two nodes, a number above 0.",
+        )
+    sides = part[2] - part[0], part[3] - part[1]
+    # a side that the resolution divides has no step more for a rounded quotient
+    steps = [max(1.0, math.ceil(side / resolution * (1 - 1e-12))) for side in sides]
+    if (steps[0] + 1) * (steps[1] + 1) > _MOST_NODES:
+        raise RequestError(
+            f"A resolution of {resolution:g} makes {steps[0] + 1:.4g} × {steps[1] + 1:.4g} nodes, "
+            "more than a viewer can read.",
+            f"Give a coarser one, such as {max(sides) / STEPS[1]:.3g}.",
+        )
+    return (
+        np.linspace(part[0], part[2], int(steps[0]) + 1),
+        np.linspace(part[1], part[3], int(steps[1]) + 1),
+    )
+
+
+def _statement(grid: Heights, walls: Walls, x: Floats, y: Floats, ground: Floats) -> GridStatement:
+    """What a grid loses, compared with the ground at some points."""
+    off = _off(grid, x, y, ground)
+    worst = int(off.argmax())
+    largest = float(off[worst])
+    scaled = off / largest if largest else off
+    return GridStatement(
+        spacing=max(grid.spacing),
+        walls=walls,
+        points=len(off),
+        miss=Peak(largest, float(x[worst]), float(y[worst])),
+        rms=largest * float(np.sqrt(np.mean(scaled**2))),
+    )
+
+
+def _off(grid: Heights, x: Floats, y: Floats, ground: Floats) -> Floats:
+    """How far a grid is from the ground at points, whichever way its squares are halved."""
+    heights = grid.heights[::-1].astype(np.float64)
+    rows, columns = heights.shape
+    east, north = (x - grid.origin[0]) / grid.spacing[0], (y - grid.origin[1]) / grid.spacing[1]
+    i = np.clip(east.astype(np.int64), 0, columns - 2)
+    j = np.clip(north.astype(np.int64), 0, rows - 2)
+    u, v = east - i, north - j
+    a, b, c, d = heights[j, i], heights[j, i + 1], heights[j + 1, i + 1], heights[j + 1, i]
+    rising = np.where(u >= v, a + u * (b - a) + v * (c - b), a + u * (c - d) + v * (d - a))
+    falling = np.where(
+        u + v <= 1, a + u * (b - a) + v * (d - a), c + (1 - u) * (d - c) + (1 - v) * (b - c)
+    )
+    return np.asarray(np.maximum(np.abs(rising - ground), np.abs(falling - ground)), np.float64)

@@ -1,0 +1,50 @@
+"""Wavefront OBJ, with the materials in an MTL beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from terratool.mesh.formats.parts import parts_of, points_of, world_points_of
+from terratool.mesh.formats.text import (
+    color_text,
+    lines_of,
+    origin_of,
+    plain_names,
+    quoted,
+    write_faces,
+    write_points,
+)
+from terratool.mesh.types import Mesh
+
+
+def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
+    """Write an OBJ and its MTL: one group and one material per surface, z up.
+
+    Names are words of letters, digits, `_`, `-` and `.`, since neither file can quote; the true
+    ones stand in comments. In coordinates of the `world` numbers have 15 digits.
+    """
+    materials = path.with_suffix(".mtl")
+    parts = parts_of(mesh)
+    names = plain_names([part.name for part in parts], _in_name, "surface")
+    with open(path, "wb") as file:
+        for line in lines_of(descr):
+            file.write(f"# {line}\n".encode())
+        file.write(f"# origin {'0 0 0' if world else origin_of(mesh)}\n# z is up\n".encode())
+        file.write(f"mtllib {materials.name}\n".encode())
+        write_points(file, world_points_of(mesh) if world else points_of(mesh), b"v ")
+        for part, name in zip(parts, names, strict=True):
+            if part.surface >= 0:
+                file.write(f"# surface {quoted(part.name)}\n".encode())
+            file.write(f"g {name}\nusemtl {name}\n".encode())
+            write_faces(file, part.faces, 1, b"f ")
+    with open(materials, "wb") as file:
+        for part, name in zip(parts, names, strict=True):
+            if part.surface >= 0:
+                file.write(f"# surface {quoted(part.name)}\n".encode())
+            color = color_text(part.color)
+            file.write(f"newmtl {name}\nKa {color}\nKd {color}\nKs 0 0 0\nillum 1\n".encode())
+
+
+def _in_name(character: str) -> bool:
+    """Whether a character may stand in the name of a group or a material."""
+    return character.isalnum() or character in "_-."

@@ -1,0 +1,34 @@
+"""Binary STL: triangles and their normals, without surfaces."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from terratool.mesh.formats.kernels import put_triangles
+from terratool.mesh.formats.parts import points_of
+from terratool.mesh.formats.text import origin_of
+from terratool.mesh.types import Mesh
+
+_FACE = np.dtype([("normal_and_corners", "<f4", 12), ("attribute", "<u2")])
+_HEADER_BYTES = 80
+_BLOCK = 1 << 14
+
+
+def write_stl(mesh: Mesh, path: Path, descr: str) -> None:
+    """Write a binary STL, z up; its header holds the origin and what fits of `descr`."""
+    # a text that began with "solid" would be an STL of text
+    header = f"STL, z up, origin {origin_of(mesh)}; {' '.join(descr.split())}".rstrip("; ")
+    points = points_of(mesh)
+    with open(path, "wb") as file:
+        file.write(header.encode("ascii", "replace")[:_HEADER_BYTES].ljust(_HEADER_BYTES))
+        file.write(struct.pack("<I", len(mesh.faces)))
+        for begin in range(0, len(mesh.faces), _BLOCK):
+            faces = mesh.faces[begin : begin + _BLOCK]
+            triangles = np.empty((len(faces), 12), np.float32)
+            put_triangles(points, faces, triangles)
+            rows = np.zeros(len(faces), _FACE)
+            rows["normal_and_corners"] = triangles
+            file.write(rows.data)

@@ -1,0 +1,71 @@
+"""File formats of meshes by suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from terratool.errors import RequestError
+from terratool.mesh.formats.glb import write_glb
+from terratool.mesh.formats.obj import write_obj
+from terratool.mesh.formats.ply import write_ply
+from terratool.mesh.formats.stl import write_stl
+from terratool.mesh.formats.usd import write_usd
+from terratool.mesh.formats.vrml import write_vrml
+from terratool.mesh.formats.x3d import write_x3d
+from terratool.mesh.types import Mesh
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A file format.
+
+    Attributes:
+        write: puts a mesh and a description into a file.
+        write_world: the same in coordinates of the world, where float64 can be kept.
+        companions: suffixes of files that it puts beside.
+        surfaces: whether a file says which faces belong to which surface.
+        module, package, extra: what has to be installed for it, as it is imported, as it is called,
+            and the extra of terratool that has it; empty for nothing.
+    """
+
+    write: Callable[[Mesh, Path, str], None]
+    write_world: Callable[[Mesh, Path, str], None] | None = None
+    companions: tuple[str, ...] = ()
+    surfaces: bool = True
+    module: str = ""
+    package: str = ""
+    extra: str = ""
+
+
+_USD = Format(write_usd, module="pxr", package="usd-core", extra="usd")
+
+FORMATS = {
+    ".obj": Format(write_obj, partial(write_obj, world=True), companions=(".mtl",)),
+    ".wrl": Format(write_vrml),
+    ".glb": Format(write_glb),
+    ".stl": Format(write_stl, surfaces=False),
+    ".ply": Format(write_ply, partial(write_ply, world=True)),
+    ".x3d": Format(write_x3d),
+    ".usdc": _USD,
+    ".usda": _USD,
+}
+
+
+def format_of(path: Path) -> Format:
+    """The format that a file's name asks for.
+
+    Raises:
+        RequestError: it names none that can be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise RequestError(
+            f"{path.name}: no mesh format has the suffix {suffix!r}."
+            if suffix
+            else f"{path.name}: has no suffix, so its format is unknown.",
+            f"Try {', '.join(FORMATS)}.",
+        )
+    return FORMATS[suffix]

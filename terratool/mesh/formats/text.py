@@ -1,0 +1,152 @@
+"""What the formats that are text have in common: names, colours, comments, numbers."""
+
+from __future__ import annotations
+
+import json
+import math
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.mesh.formats.kernels import DOUBLE, NUMBER_BYTES, SINGLE, put_faces, put_points
+from terratool.mesh.types import Heights, Mesh
+
+_BLOCK = 1 << 15
+"""Lines that are made at a time: few enough for their text to stay in the cache."""
+
+
+def write_points(
+    file: BinaryIO, points: NDArray[Any], before: bytes = b"", after: bytes = b"\n"
+) -> None:
+    """Write points, (n, 3), as lines.
+
+    Each float32 is the shortest number that reads back as the same, each float64 has 15 digits.
+    """
+    limits = SINGLE if points.dtype == np.float32 else DOUBLE
+    _write(file, points, put_points, (limits,), before, after)
+
+
+def write_faces(
+    file: BinaryIO,
+    faces: NDArray[np.int32],
+    first: int = 0,
+    before: bytes = b"",
+    after: bytes = b"\n",
+) -> None:
+    """Write faces, (m, 3), as lines; the first vertex has the number `first`."""
+    _write(file, faces, put_faces, (first,), before, after)
+
+
+def _write(
+    file: BinaryIO,
+    rows: NDArray[Any],
+    put: Callable[..., int],
+    extra: tuple[Any, ...],
+    before: bytes,
+    after: bytes,
+) -> None:
+    rows = np.ascontiguousarray(rows)
+    size = 3 * NUMBER_BYTES + 2 + len(before) + len(after)
+    out = np.empty(min(_BLOCK, len(rows)) * size, np.uint8)
+    texts = [np.frombuffer(text, np.uint8) for text in (before, after)]
+    for begin in range(0, len(rows), _BLOCK):
+        end = put(out, rows[begin : begin + _BLOCK], *extra, *texts)
+        file.write(out[:end].data)
+
+
+def plain_names(names: Iterable[str], allowed: Callable[[str], bool], other: str) -> list[str]:
+    """Different names of allowed characters only, as close to `names` as they allow.
+
+    Letters lose their accents where only so they are allowed, and runs of others become one `_`;
+    where nothing is left it is `other`; and equal ones are numbered.
+    """
+    taken: set[str] = set()
+    found = []
+    for name in names:
+        plain = _plain(name, allowed)
+        unique = plain = plain if plain.strip("_") else other
+        count = 1
+        while unique in taken:
+            count += 1
+            unique = f"{plain}_{count}"
+        taken.add(unique)
+        found.append(unique)
+    return found
+
+
+def _plain(name: str, allowed: Callable[[str], bool]) -> str:
+    """A name of allowed characters only."""
+    letters: list[str] = []
+    replaced = False
+    for character in name:
+        bare = character
+        if not allowed(character):
+            bare = unicodedata.normalize("NFKD", character)[:1]
+        known = allowed(bare)
+        if known or not replaced:
+            letters.append(bare if known else "_")
+        replaced = not known
+    return "".join(letters)
+
+
+def ascii_word(character: str) -> bool:
+    """Whether a character may stand in identifiers everywhere."""
+    return character.isascii() and (character.isalnum() or character == "_")
+
+
+def quoted(text: str) -> str:
+    """A text as a JSON string on one line, readable, of characters that can be seen and encoded."""
+    return "".join(
+        letter if letter.isprintable() else json.dumps(letter)[1:-1]
+        for letter in json.dumps(text, ensure_ascii=False)
+    )
+
+
+def lines_of(descr: str) -> Iterator[str]:
+    """The lines of a description, of characters that can be seen and encoded."""
+    for line in descr.splitlines():
+        yield "".join(letter if letter.isprintable() else "\ufffd" for letter in line).rstrip()
+
+
+def encodable(text: str) -> str:
+    """A text as it is, but for halves of characters, which JSON may hold and UTF-8 may not."""
+    return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in text)
+
+
+def origin_of(mesh: Mesh | Heights) -> str:
+    """World position of the local zero, each number as the shortest that reads back as the same."""
+    return " ".join(repr(number).removesuffix(".0") for number in mesh.origin.tolist())
+
+
+def color_text(color: tuple[int, int, int]) -> str:
+    """A colour as three numbers from 0 to 1.
+
+    They are rounded up, so that a reader finds the same byte again, be it by rounding or cutting.
+    """
+    return " ".join(f"{math.ceil(shade / 255 * 1e4) / 1e4:g}" for shade in color)
+
+
+def linear(color: tuple[int, int, int]) -> tuple[float, float, float]:
+    """A colour in linear light, as IEC 61966-2-1 (sRGB) has it."""
+    red, green, blue = (
+        shade / 255 / 12.92 if shade <= 10 else ((shade / 255 + 0.055) / 1.055) ** 2.4
+        for shade in color
+    )
+    return red, green, blue
+
+
+def overview(points: NDArray[np.float32]) -> tuple[str, str]:
+    """Where a camera sees all points, from the south and above; and its turn about x from down.
+
+    Cameras of VRML and X3D look along -z, and z is up here: so that is a look at the ground.
+    """
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    # their field of view is an eighth of a circle
+    distance = 0.5 / math.sin(math.pi / 8) * float(np.linalg.norm(high - low))
+    tilt = math.pi / 3
+    x, y, z = ((low + high) / 2).tolist()
+    place = (x, y - distance * math.sin(tilt), z + distance * math.cos(tilt))
+    return " ".join(f"{number:.6g}" for number in place), f"{tilt:.6g}"

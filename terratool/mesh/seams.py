@@ -1,0 +1,302 @@
+"""Where a terrain is cut into tiles, and the vertices on the cuts, which the tiles share.
+
+A seam is a line x = const or y = const of the lattice near which no segment ends and no two cross:
+every segment that comes near passes from one side to the other. So the same regions lie on both
+sides of it, in the same order, and heights along it are those of the line alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.mesh import covering, profiles
+from terratool.mesh.segments import segments_of
+from terratool.mesh.types import Plan, Rim
+from terratool.mesh.walling import tolerance_of
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+BESIDE = 16
+"""No segment ends this near to a seam, and no two cross, in points of the lattice."""
+_SAME = 3.0
+"""Segments that are so near to each other, in points of the lattice, pass a seam at one vertex …"""
+_WIDEST = 64.0
+"""… if they stay this near as far as both go; what lies between them is a crack of walls."""
+_TRIES = 400
+_SPREAD = 0.125
+"""Seams are sought within this part of a tile from where they should be, half to each side."""
+_GOLDEN = 0.6180339887498949
+
+
+class Seam(NamedTuple):
+    """A line that tiles meet in.
+
+    Attributes:
+        axis: 0 if x is the same all along, 1 if y is.
+        at: this x or y, on the lattice.
+        passes: (n,) where along the line segments pass, seams cross, and it begins and ends.
+        begins: (n,) what passes from here on, up to the next of them, has its vertex at `passes`.
+        places: (m,) where along the line its vertices are, `passes` included; ascending.
+        heights: (m - 1, 2) float64, at the two ends of each of its edges.
+    """
+
+    axis: int
+    at: int
+    passes: Ints
+    begins: Ints
+    places: Ints
+    heights: Floats
+
+
+class _Line(NamedTuple):
+    """A seam of which only the place is known; `slants` is how steeply segments pass, (n,)."""
+
+    axis: int
+    at: int
+    passes: Ints
+    begins: Ints
+    slants: Floats
+
+
+def lay_seams(plan: Plan, columns: int, rows: int) -> tuple[list[Seam], list[Seam]]:
+    """The seams between columns of tiles, from west to east, and between rows, south to north.
+
+    Raises:
+        RequestError: edges are too near to each other for a seam between them.
+    """
+    across = [_find(plan, 1, row, rows, []) for row in range(1, rows)]
+    along = [_find(plan, 0, column, columns, across) for column in range(1, columns)]
+    crossings = [line.at for line in along]
+    across = [_with_vertices(line, crossings) for line in across]
+    horizontal = [_profile(plan, line) for line in across]
+    vertical = [_profile(plan, line) for line in along]
+    for seam in vertical:  # where two seams cross, heights are those of one of them
+        for other in horizontal:
+            k, n = np.searchsorted(seam.places, other.at), np.searchsorted(other.places, seam.at)
+            seam.heights[k - 1, 1], seam.heights[k, 0] = (
+                other.heights[n - 1, 1],
+                other.heights[n, 0],
+            )
+    return vertical, horizontal
+
+
+def _find(plan: Plan, axis: int, number: int, count: int, others: Sequence[_Line]) -> _Line:
+    """A line for a seam, as near to where it should be as the first that may be one."""
+    low, high = plan.bounds[axis], plan.bounds[axis + 2]
+    side = (high - low) / count
+    wanted = low + number * side
+    reach = 0.5 * _SPREAD * side
+    names = ("south", "north") if axis else ("west", "east")
+    frames = plan.frames
+    near = (frames[names[0]] <= wanted + reach + BESIDE) & (
+        frames[names[1]] >= wanted - reach - BESIDE
+    )
+    chosen = np.flatnonzero(near & (frames["drawn"] != 0))
+    begins, ends = frames[names[0]][chosen], frames[names[1]][chosen]
+    for k in range(_TRIES):
+        # an irrational step: cells of all sizes have their edges at fractions
+        at = round(wanted + reach * (2.0 * (((k + 0.5) * _GOLDEN) % 1.0) - 1.0))
+        there = (begins <= at + BESIDE) & (ends >= at - BESIDE)
+        line = _line(plan, axis, at, segments_of(plan, chosen[there]), others)
+        if line is not None:
+            return line
+    raise RequestError(
+        "The terrain has edges so near to each other that no seam fits between them.",
+        "Ask for fewer tiles, or leave out small elements.",
+    )
+
+
+def _line(plan: Plan, axis: int, at: int, drawn: Ints, others: Sequence[_Line]) -> _Line | None:
+    """A line as a seam, or None if it may not be one.
+
+    Args:
+        plan: the plan.
+        axis: 0 if x is the same all along, 1 if y is.
+        at: this x or y.
+        drawn: (n, 4) segments, all that are near.
+        others: seams that it crosses.
+    """
+    for other in others:
+        if (np.abs(other.passes - at) < BESIDE * other.slants).any():
+            return None
+    # the rim and other seams are segments that pass, too; they come first
+    b = plan.bounds.astype(np.int64)
+    fixed = np.array([b[1 - axis], b[3 - axis], *(other.at for other in others)], np.int64)
+    straight = np.empty((len(fixed), 4), np.int64)
+    straight[:, axis], straight[:, axis + 2] = b[axis], b[axis + 2]
+    straight[:, 1 - axis] = straight[:, 3 - axis] = fixed
+    drawn = np.concatenate([straight, drawn])
+    if (np.abs(drawn[:, [axis, axis + 2]] - at) <= BESIDE).any():
+        return None
+    passing = np.flatnonzero((drawn[:, axis] < at) != (drawn[:, axis + 2] < at))
+    passing = passing[np.argsort(_at(drawn[passing], axis, at), kind="stable")]
+    drawn = drawn[passing]
+    first, slants = _bundles(drawn, axis, at)
+    if first is None:
+        return None
+    passes = passing_places(drawn, axis, at)[first]
+    begins = np.floor(_at(drawn, axis, at)[first]).astype(np.int64)
+    bundle = np.searchsorted(first, np.arange(len(drawn)), "right") - 1
+    own = np.flatnonzero(passing < len(fixed))
+    passes[bundle[own]] = fixed[passing[own]]
+    # nothing else passes where seams cross
+    crossings = bundle[own[passing[own] >= 2]]
+    if (np.bincount(bundle)[crossings] > 1).any():
+        return None
+    return _Line(axis, at, passes, begins, slants)
+
+
+def _bundles(drawn: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
+    """Segments that pass a line at one vertex: the first of each such bundle, and how they slant.
+
+    Args:
+        drawn: (n, 4) segments that pass the line, in the order in which they do.
+        axis: of the line.
+        at: where it is.
+
+    Returns:
+        The indices, or None if some are neither one nor apart; (m,) the steepest slant of each,
+        as the length of a segment for each step from one side of the line to the other.
+    """
+    run, rise = drawn[:, axis + 2] - drawn[:, axis], drawn[:, 3 - axis] - drawn[:, 1 - axis]
+    slants = np.hypot(run, rise) / np.abs(run)
+    place = _at(drawn, axis, at)
+    steeper = np.maximum(slants[1:], slants[:-1])
+    same = np.diff(place) <= _SAME * steeper
+    if not _are_one(drawn[:-1][same], drawn[1:][same], axis, steeper[same]):
+        return None, slants
+    first = np.flatnonzero(np.concatenate([[True], ~same]))
+    last = np.append(first[1:], len(place)) - 1
+    slants = np.maximum.reduceat(slants, first)
+    if (place[last] - place[first] > 4 * _SAME * slants).any():
+        return None, slants
+    steeper = np.maximum(slants[1:], slants[:-1])
+    for beside in (-BESIDE, BESIDE):  # the same order there: none cross in between
+        there = _at(drawn, axis, at + beside)
+        low, high = np.minimum.reduceat(there, first), np.maximum.reduceat(there, first)
+        if (low[1:] - high[:-1] < 0.5 * _SAME * steeper).any():
+            return None, slants
+    return first, slants
+
+
+def _at(drawn: Ints, axis: int, at: int | Ints) -> Floats:
+    """Where lines through segments pass a line, (n,), not rounded."""
+    begin, end = drawn[:, axis], drawn[:, axis + 2]
+    low, high = drawn[:, 1 - axis], drawn[:, 3 - axis]
+    return np.asarray(low + (at - begin) / (end - begin) * (high - low))
+
+
+def _are_one(one: Ints, two: Ints, axis: int, slants: Floats) -> bool:
+    """Whether segments run side by side as far as both go."""
+    ends = np.sort(one[:, [axis, axis + 2]], axis=1), np.sort(two[:, [axis, axis + 2]], axis=1)
+    for at in (np.maximum(ends[0][:, 0], ends[1][:, 0]), np.minimum(ends[0][:, 1], ends[1][:, 1])):
+        if (np.abs(_at(one, axis, at) - _at(two, axis, at)) > _WIDEST * slants).any():
+            return False
+    return True
+
+
+def passing_places(drawn: Ints, axis: int, at: int) -> Ints:
+    """Where segments pass a line, (n,), rounded to the lattice from their exact places."""
+    run = drawn[:, axis + 2] - drawn[:, axis]
+    rise = (drawn[:, 3 - axis] - drawn[:, 1 - axis]) * np.sign(run)
+    run = np.abs(run)
+    # twice the product of two numbers of 30 bits
+    return np.asarray(drawn[:, 1 - axis] + (2 * (at - drawn[:, axis]) * rise + run) // (2 * run))
+
+
+def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
+    """The same with vertices where others cross it."""
+    more = np.array(places, np.int64)
+    passes = np.append(line.passes, more)
+    order = np.argsort(passes)
+    slants = np.append(line.slants, np.ones(len(more)))
+    begins = np.append(line.begins, more)
+    return line._replace(passes=passes[order], begins=begins[order], slants=slants[order])
+
+
+def _profile(plan: Plan, line: _Line) -> Seam:
+    """Heights along a seam, with as many vertices as they need."""
+    axis, at, passes, begins, slants = line
+    points = np.empty((len(passes), 2), np.int64)
+    points[:, axis], points[:, 1 - axis] = at, passes
+    first = np.arange(len(passes) - 1, dtype=np.int32)
+    stretches = np.column_stack([first, first, first + 1])  # their middles lie on the seam
+    parts, of = covering.regions_of(
+        plan, points, stretches, covering.keys_of(plan, points, stretches)
+    )
+    # vertices stay away from segments that pass at a slant
+    beside = np.maximum(np.ceil(3 * _SAME * slants), profiles.SHORTEST)
+    arguments = plan, parts, of, axis, at, passes, beside, np.empty((64, 2))
+    nothing: tuple[Any, ...] = np.empty(0, np.int64), np.empty((0, 2))
+    count = profiles.follow(*arguments, *nothing)
+    ends, heights = np.empty(count, np.int64), np.empty((count, 2))
+    profiles.follow(*arguments, ends, heights)
+    # what is one height in a mesh is one number
+    tolerance = tolerance_of(plan)
+    one = np.abs(heights[1:, 0] - heights[:-1, 1]) <= tolerance
+    heights[1:, 0] = np.where(one, heights[:-1, 1], heights[1:, 0])
+    return Seam(axis, at, passes, begins, np.concatenate([passes[:1], ends]), heights)
+
+
+def rim_of(
+    bounds: Sequence[int], west: Seam | None, south: Seam | None, east: Seam | None,
+    north: Seam | None,
+) -> Rim:  # fmt: skip
+    """The rim of a tile with these limits and the seams on its sides, None where it has none."""
+    sides = np.full(4, -1)
+    edges, heights = [np.empty((0, 4), np.int64)], [np.empty((0, 2))]
+    for side, seam in enumerate((west, south, east, north)):
+        if seam is None:
+            continue
+        sides[side] = seam.at
+        begin, end = np.searchsorted(
+            seam.places, [bounds[1 - seam.axis], bounds[3 - seam.axis]]
+        ).tolist()
+        places = seam.places[begin : end + 1]
+        own = np.empty((end - begin, 4), np.int64)
+        own[:, seam.axis] = own[:, seam.axis + 2] = seam.at
+        own[:, 1 - seam.axis], own[:, 3 - seam.axis] = places[:-1], places[1:]
+        edges.append(own)
+        heights.append(seam.heights[begin:end])
+    return Rim(sides, np.concatenate(edges), np.concatenate(heights))
+
+
+def cut(drawn: Ints, bounds: Sequence[int], seams: Sequence[Seam | None]) -> Ints:
+    """What of segments lies within a tile, (n, 4); they end in the vertices of its seams.
+
+    Args:
+        drawn: (n, 4) segments, as they are in the whole.
+        bounds: west, south, east, north of the tile.
+        seams: on its west, south, east and north side.
+    """
+    west, south, east, north = bounds
+    low, high = drawn[:, :2], drawn[:, 2:]
+    points, inside = [low, high], []
+    for point in (low, high):
+        x, y = point.T
+        inside.append((x >= west) & (x <= east) & (y >= south) & (y <= north))
+    for seam in seams:
+        if seam is None:
+            continue
+        axis, at = seam.axis, seam.at
+        passing = np.flatnonzero((drawn[:, axis] < at) != (drawn[:, axis + 2] < at))
+        place = np.zeros(len(drawn), np.int64)
+        place[passing] = passing_places(drawn[passing], axis, at)
+        place = seam.passes[np.searchsorted(seam.begins, place, "right") - 1]
+        point = np.empty((len(drawn), 2), np.int64)
+        point[:, axis], point[:, 1 - axis] = at, place
+        points.append(point)
+        within = np.zeros(len(drawn), bool)
+        within[passing] = True
+        within &= (place >= bounds[1 - axis]) & (place <= bounds[3 - axis])
+        inside.append(within)
+    of, which = np.nonzero(np.column_stack(inside))
+    both = np.flatnonzero(of[1:] == of[:-1])
+    ends = np.stack(points, axis=1)
+    return np.hstack([ends[of[both], which[both]], ends[of[both], which[both + 1]]])

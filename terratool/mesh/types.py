@@ -1,0 +1,210 @@
+"""What a mesh is, and the arrays that it is built from: every dtype and meaning, named once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.types import Arrays
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """Triangles with shared vertices.
+
+    Attributes:
+        vertices: (n, 3) float64, relative to `origin`.
+        faces: (m, 3) int32, counter-clockwise seen from outside (from above for ground).
+        surfaces: (m,) int32 index into `names`, -1 for none.
+        walls: (m,) bool, whether a face stands upright.
+        origin: (3,) float64 world position of the local zero.
+        names: names of the surfaces.
+        colors: (k, 3) uint8 colours of the names.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    surfaces: NDArray[np.int32]
+    walls: NDArray[np.bool_]
+    origin: NDArray[np.float64]
+    names: tuple[str, ...]
+    colors: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Built:
+    """A mesh, and how well it shows its terrain.
+
+    Attributes:
+        mesh: the mesh.
+        shell: so many of its faces, the first, are ground and walls; of a solid, skirt and base
+            come after them.
+        error: no less than the distance, along z, of the ground from the terrain anywhere.
+        aside: how far inside of its arc the wall of a disc stands, at most, in its units.
+        small: number of elements left out because their cells are too small for the mesh.
+        faint: number of elements left out because they change no height by more than was asked …
+        faintest: … and the most that one of them changes it.
+    """
+
+    mesh: Mesh
+    shell: int
+    error: float
+    aside: float
+    small: int
+    faint: int
+    faintest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Heights:
+    """Heights at evenly spaced nodes, rows from the north.
+
+    Attributes:
+        heights: (n, m) float32.
+        surfaces: (n, m) int32 index into `names`, -1 for none.
+        spacing: from one node to the next along x and along y.
+        origin: (3,) float64 world position of the south-west node at height 0.
+        names: names of the surfaces.
+        colors: (k, 3) uint8 colours of the names.
+    """
+
+    heights: NDArray[np.float32]
+    surfaces: NDArray[np.int32]
+    spacing: tuple[float, float]
+    origin: NDArray[np.float64]
+    names: tuple[str, ...]
+    colors: NDArray[np.uint8]
+
+
+FRAME = np.dtype(
+    [
+        ("west", np.float64),  # of the element's cell, on the lattice
+        ("south", np.float64),
+        ("east", np.float64),
+        ("north", np.float64),
+        ("per_x", np.float64),  # 1 / (east - west)
+        ("per_y", np.float64),
+        ("corners", np.uint32),  # of the polygon that stands for a disc
+        ("aside", np.float64),  # the most that the polygon changes the height inside of it
+        ("rim", np.float64),  # from this t on a disc that ends too steeply for that is straight
+        ("chord", np.uint32),  # the first of its chords …
+        ("chords_x", np.uint32),  # … the number of those of its curve x, and after them of y
+        ("chords_y", np.uint32),
+        ("drawn", np.uint8),  # large enough for the lattice, and in the part that is meshed
+    ],
+    align=True,
+)
+"""Where an element's cell lies, in units of the lattice."""
+
+AXIS = np.dtype(
+    [
+        ("line", np.uint32),  # the first of its lines …
+        ("lines", np.uint32),  # … and their number
+        ("group", np.uint32),  # the first of its groups
+        ("level", np.uint8),  # the same value everywhere
+        ("linear", np.uint8),  # all of its pieces are straight
+        ("most", np.float64),  # its largest value without sign
+        ("inner", np.float64),  # no less than its slope anywhere but close to the end
+        ("slope", np.float64),  # no less than its slope anywhere
+        ("steep", np.uint8),  # its tangent is, or almost, vertical somewhere
+        ("ringed", np.uint8),  # of a disc: rings make a leaner mesh than triangles of equal sides
+        ("faintest", np.float64),  # the smallest of its creases
+        ("reach", np.uint32),  # the first of its rows of REACH …
+        ("pieces", np.uint32),  # … and how many there are of each level
+        ("turn", np.uint32),  # the first of its turns
+    ],
+    align=True,
+)
+"""One curve of a kind: (kinds, 2)."""
+
+LINE = np.dtype([("t", np.float64), ("crease", np.float64), ("group", np.uint32)], align=True)
+"""Where a curve bends or steps: the crease is how far the chord over it misses, in units of the
+curve, infinite for a step; the group is the one that begins at or before it."""
+
+REACH = np.dtype(
+    [("low", np.float64), ("high", np.float64), ("slope", np.float64), ("bend", np.float64)],
+    align=True,
+)
+"""Bounds of the values of pieces of a curve, and of its first and second derivative without sign.
+Level k of a curve's rows is about 2^k pieces each, beginning with each piece that has them."""
+
+GROUP = np.dtype(
+    [("low", np.float64), ("high", np.float64), ("first", np.int64), ("last", np.int64)],
+    align=True,
+)
+"""A stretch of a curve between two vertical steps: its t and its pieces."""
+
+COVER = np.dtype([("element", np.uint32), ("group_x", np.uint32), ("group_y", np.uint32)])
+"""An element that covers a region, and the groups of its curves that hold there."""
+
+
+class Plan(NamedTuple):
+    """What the kernels need to know of a field to mesh it.
+
+    Attributes:
+        field: the compiled field.
+        frames: (elements,) FRAME.
+        axes: (kinds, 2) AXIS.
+        lines: LINE of all curves.
+        groups: GROUP of all curves.
+        reaches: REACH of all curves.
+        turns: (n, 2) float64, for each piece how much its curve's slope jumps up to its begin,
+            and how much it varies within the pieces before.
+        chords: float64, where chords of curves end, in t.
+        origin: (2,) float64, world position of the lattice's zero.
+        pitch: side of the lattice; a power of two.
+        bounds: (4,) float64 the rectangle that is meshed, on the lattice.
+        error: the largest error of a height, in units of the terrain.
+    """
+
+    field: Arrays
+    frames: NDArray[Any]
+    axes: NDArray[Any]
+    lines: NDArray[Any]
+    groups: NDArray[Any]
+    reaches: NDArray[Any]
+    turns: NDArray[np.float64]
+    chords: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    pitch: float
+    bounds: NDArray[np.float64]
+    error: float
+
+
+class Rim(NamedTuple):
+    """What the sides of a tile have in common with the tiles beyond.
+
+    Attributes:
+        sides: (4,) int64 x, y, x, y of the west, south, east and north side; -1 where no tile is
+            beyond.
+        edges: (n, 4) int64 x, y, x, y on the lattice, all edges that lie on those sides; each from
+            west to east or south to north.
+        heights: (n, 2) float64 of the ground at their two ends.
+    """
+
+    sides: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    heights: NDArray[np.float64]
+
+
+class Regions(NamedTuple):
+    """Parts of the plane that the same elements cover.
+
+    Attributes:
+        offsets: (n + 1,) int64, where the covers of each begin.
+        covers: COVER.
+        surfaces: (n,) int32, index of the surface, -1 for none.
+        voids: (n,) bool, whether there is no ground.
+        plane: (n,) bool, whether the heights of all its elements are known to be affine there.
+        asides: (n,) float64, how much its discs change the height by being polygons.
+    """
+
+    offsets: NDArray[np.int64]
+    covers: NDArray[Any]
+    surfaces: NDArray[np.int32]
+    voids: NDArray[np.bool_]
+    plane: NDArray[np.bool_]
+    asides: NDArray[np.float64]

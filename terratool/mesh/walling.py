@@ -1,0 +1,132 @@
+"""Ground and walls put together: one vertex for each level at each place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from terratool.field.extents import largest_heights
+from terratool.field.terrain import Terrain
+from terratool.mesh import levels as kernels
+from terratool.mesh import solid
+from terratool.mesh.planar import Triangulation
+from terratool.mesh.types import Mesh, Plan, Regions
+
+SAME = 1e-9
+"""Heights that differ by less, in parts of the most that an element is worth, are rounding."""
+LOW = 0.01
+"""Walls are left out that are lower than this part of the error; files of float32 lose them."""
+GREY = 160, 160, 160
+"""The colour of surfaces that have none."""
+
+
+def rounding_of(plan: Plan) -> float:
+    """How much two heights may differ by rounding, in units of the terrain."""
+    return SAME * float(largest_heights(plan.field).max())
+
+
+def tolerance_of(plan: Plan) -> float:
+    """How much two heights may differ and still be one, in units of the terrain."""
+    return max(LOW * plan.error, rounding_of(plan))
+
+
+def assemble(
+    terrain: Terrain,
+    plan: Plan,
+    plane: Triangulation,
+    parts: Regions,
+    of: NDArray[np.int32],
+    heights: NDArray[np.float64],
+    base: float | Literal["below"] | None = None,
+) -> tuple[Mesh, int, float]:
+    """Make a mesh of triangles in the plane and the one-sided heights at their corners.
+
+    Args:
+        terrain: the terrain.
+        plan: its plan.
+        plane: m triangles.
+        parts: the regions.
+        of: (m,) the region of each triangle.
+        heights: (m, 3) float64.
+        base: see `building.build`.
+
+    Returns:
+        The mesh, the number of its faces that are ground or walls (skirt and base come after), and
+        how far a height was moved at most because a wall would be too low.
+    """
+    points, triangles, neighbours = plane
+    ground = ~parts.voids[of]
+    rims = np.zeros(len(points), np.bool_)
+    rim = np.empty((0, 2), np.int32)
+    if base is None or not ground.any():
+        base = None
+    else:
+        lowest, highest = float(heights[ground].min()), float(heights[ground].max())
+        if base == "below":
+            base = solid.base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
+        solid.check_base(base, lowest, rounding_of(plan))
+        rim = solid.rim_of(neighbours, ground)
+        edges = triangles[rim[:, :1], np.column_stack([rim[:, 1], (rim[:, 1] + 1) % 3])]
+        rims[edges] = True
+
+    room = np.zeros(len(points) + 1, np.int64)
+    np.cumsum(np.bincount(triangles.ravel(), minlength=len(points)) + rims, out=room[1:])
+    begins = np.empty(len(points) + 1, np.int64)
+    levels = np.empty(room[-1])
+    corners = np.empty(triangles.shape, np.int32)
+    moved = kernels.find_levels(
+        triangles,
+        heights,
+        ground,
+        rims,
+        base or 0.0,
+        tolerance_of(plan),
+        begins,
+        room,
+        levels,
+        corners,
+    )
+    levels = levels[: begins[-1]].copy()
+
+    walls, above = _filled(kernels.raise_walls, neighbours, corners, levels)
+    skirt, over = _filled(kernels.raise_skirt, triangles, corners, rim, begins, levels)
+    faces = np.concatenate([corners[ground], walls, skirt])
+    owners = np.concatenate([np.flatnonzero(ground).astype(np.int32), above, over])
+    surfaces = parts.surfaces[of[owners]]
+    sources = np.arange(len(levels), dtype=np.int32)
+    upright = len(walls) + len(skirt)
+    floor = np.empty((0, 3), np.int32)
+    if base is not None:
+        floor, more = solid.part_wedges(
+            plane, corners, begins, faces, owners, solid.base_of(points, edges)
+        )
+        sources = np.concatenate([sources, more])
+    place = np.repeat(np.arange(len(points)), np.diff(begins))[sources]
+    mesh = Mesh(
+        vertices=np.column_stack([points[place] * plan.pitch, levels[sources]]),
+        faces=np.concatenate([faces, floor]),
+        surfaces=np.append(surfaces, np.full(len(floor), -1, np.int32)),
+        walls=np.repeat([False, True, False], [len(faces) - upright, upright, len(floor)]),
+        origin=np.append(plan.origin, 0.0),
+        names=terrain.surfaces,
+        colors=np.array(
+            [
+                GREY if surface.color is UNSET else surface.color
+                for surface in terrain.surface_types.values()
+            ],
+            np.uint8,
+        ).reshape(-1, 3),
+    )
+    return mesh, len(faces) - len(skirt), moved
+
+
+def _filled(raise_: Callable[..., int], *given: Any) -> tuple[NDArray[np.int32], ...]:
+    """Faces and their triangles from a kernel that first counts them."""
+    count = raise_(*given, np.empty((0, 3), np.int32), np.empty(0, np.int32))
+    faces, owners = np.empty((count, 3), np.int32), np.empty(count, np.int32)
+    raise_(*given, faces, owners)
+    return faces, owners
