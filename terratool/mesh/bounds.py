@@ -146,6 +146,8 @@ def radial_miss(plan, cover, u0, v0, u1, v1, u2, v2):
         if t0 >= frame.rim:
             return min(steep * outward, abs(last - before))
         bottom, top = min(bottom, last), max(top, last)
+        # the bend lies in a part of the range only, but counts with all of it
+        chord *= 2.0 * (t1 - t0) / (frame.rim - t0)
         chord += 0.25 * (slope + steep) * (t1 - t0)
         slope = max(slope, steep)
     return min(chord + slope * outward, top - bottom)

@@ -217,6 +217,15 @@ def _used(
     return np.flatnonzero((ends > (0.5 if radial else 0.0)) & (starts < end))
 
 
+def _kinks(pieces: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How much the slope jumps from each piece of a curve to the next, (n - 1,)."""
+    c1, c2, c3 = pieces.T[1:]
+    out: NDArray[np.float64] = np.abs(
+        c1[1:] / lengths[1:] - (c1 + 2 * c2 + 3 * c3)[:-1] / lengths[:-1]
+    )
+    return out
+
+
 def _reaches(
     starts: NDArray[np.float64], pieces: NDArray[np.float64]
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
@@ -240,7 +249,7 @@ def _reaches(
             level[name][:-wide] = widen(below[name][:-wide], below[name][wide:])
         rows.append(level)
         wide *= 2
-    jumps = np.abs(c1[1:] / lengths[1:] - (c1 + 2 * c2 + 3 * c3)[:-1] / lengths[:-1])
+    jumps = _kinks(pieces, lengths)
     varied = (bends * lengths)[:-1]
     turns = np.zeros((len(starts), 2))
     np.cumsum(np.column_stack([jumps, varied]), axis=0, out=turns[1:])
@@ -257,10 +266,8 @@ def _axis(
     lengths = np.diff(np.append(starts, 1.0))
     hulls = curve_hulls(pieces)
     size = float(np.abs(hulls).max())
-    c1, c2, c3 = pieces.T[1:]
     jump = np.abs(hulls[0, 1:] - hulls[3, :-1])
-    bend = np.abs(c1[1:] / lengths[1:] - (c1 + 2 * c2 + 3 * c3)[:-1] / lengths[:-1])
-    crease = bend * lengths[1:] * lengths[:-1] / (lengths[1:] + lengths[:-1])
+    crease = _kinks(pieces, lengths) * lengths[1:] * lengths[:-1] / (lengths[1:] + lengths[:-1])
     crease[jump > _NOTHING * size] = np.inf
     at = np.flatnonzero(crease > _NOTHING * size)
     if radial:

@@ -262,27 +262,15 @@ def split_at(plan, regions, parts, t, e, share, least=_LOWEST):
 
 
 @device
-def longest_of(parts, t):
-    """The longest edge of a triangle, and its length."""
+def longest_of(parts, t, free=False):
+    """The longest edge of a triangle, and its length; if `free`, of those not on a seam."""
     points, tri = parts.points, parts.triangles
     edge, long = 0, 0.0
     for e in range(3):
         own = length(points, tri[t, e], tri[t, (e + 1) % 3])
-        if own > long:
+        if own > long and not (free and is_locked(parts, t, e)):
             edge, long = e, own
     return edge, long
-
-
-@device
-def longest_free(parts, t):
-    """The longest edge of a triangle that does not lie on a seam."""
-    points, tri = parts.points, parts.triangles
-    edge, long = 0, 0.0
-    for e in range(3):
-        own = length(points, tri[t, e], tri[t, (e + 1) % 3])
-        if own > long and not is_locked(parts, t, e):
-            edge, long = e, own
-    return edge
 
 
 @kernel
@@ -305,9 +293,11 @@ def bisect(plan, regions, parts, t):
             t = start
             break
         t = beyond
-    done = split_at(plan, regions, parts, t, longest_free(parts, t), 0.5)
+    e, _ = longest_of(parts, t, True)
+    done = split_at(plan, regions, parts, t, e, 0.5)
     if not done and t != start:  # something too low lies there
-        done = split_at(plan, regions, parts, start, longest_free(parts, start), 0.5)
+        e, _ = longest_of(parts, start, True)
+        done = split_at(plan, regions, parts, start, e, 0.5)
     if done:
         enqueue(parts, start)
     return done
