@@ -47,6 +47,9 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 	$(BIN)/python benchmarks/startup.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/meshing.py
+	$(BIN)/python benchmarks/importing.py
+	$(BIN)/python benchmarks/reading.py
+	$(BIN)/python benchmarks/zbuffer.py
 
 docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 	$(BIN)/terratool rules --markdown > docs/rules.md

@@ -49,3 +49,9 @@ class DefinitionError(TerratoolError):
     def __init__(self, message: str, hint: str = "", findings: tuple[Finding, ...] = ()) -> None:
         super().__init__(message, hint)
         self.findings = findings
+
+
+class MissedError(TerratoolError):
+    """The result is not as good as was asked for, so that nothing was written."""
+
+    exit_code = 1

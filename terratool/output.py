@@ -99,6 +99,15 @@ def refuse_existing(path: Path, overwrite: bool, companions: tuple[str, ...] = (
         str(path).encode()
     except ValueError as error:
         raise WriteError(f"{str(path)!r}: is no name in UTF-8.", "Choose another name.") from error
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:
+        raise WriteError(
+            f"{path}: cannot be written ({(error.strerror or str(error)).lower()}).",
+            "Choose another name or folder.",
+        ) from error
     for companion in _beside(path, companions) if path.name else []:
         refuse_existing(companion, overwrite)
     if path.is_dir():

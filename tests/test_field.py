@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from terratool.field import batches
+from terratool.field.terrain import _points
 from tests.conftest import terrain_of
 
 BOX = {"x": [1]}
@@ -338,3 +339,16 @@ class TestExtremes:
         x = np.float64(500000.5) + np.arange(1, 16) * 2.0**-14
         exact = [float((Fraction(float(v)) - 500000 - Fraction(1, 2)) * 1000) for v in x]
         assert t.height(x, 4649776.5) == pytest.approx(exact, abs=1e-9)
+
+
+def test_one_value_beside_a_number_may_be_written_to():
+    """NumPy warns of arrays that it broadcast, which kernels look at."""
+    for x, y in ((1.0, np.array([2.0])), (np.ones((1, 1)), np.array([[2.0]])), (1.0, 2.0)):
+        first, second, shape = _points(x, y)
+        assert first.flags.writeable
+        assert second.flags.writeable
+        assert shape == np.broadcast_shapes(np.shape(x), np.shape(y))
+    first, second, shape = _points(np.array([[1.0], [2.0]]), np.array([3.0, 4.0, 5.0]))
+    assert first.tolist() == [1, 1, 1, 2, 2, 2]
+    assert second.tolist() == [3, 4, 5, 3, 4, 5]
+    assert shape == (2, 3)

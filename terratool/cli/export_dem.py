@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.terminal import shape
+from terratool.cli.terminal import bar
 
 if TYPE_CHECKING:
     from terratool.raster.export import Report, Tiles, Written
@@ -180,25 +179,6 @@ def _refuse_odd(
             "The tiles of a mosaic are plain GeoTIFFs, not cloud-optimised ones.",
             "Leave out --cog or --tiles.",
         )
-
-
-@contextlib.contextmanager
-def bar(pixels: int) -> Iterator[Callable[[int], object] | None]:
-    """A progress bar over so many pixels on a terminal; nothing elsewhere."""
-    sizes = shape()
-    if sizes is None:
-        yield None
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=pixels, unit="px", unit_scale=True, leave=False, **sizes) as shown:
-
-        def update(more: int) -> None:
-            shown.update(more)
-            if shown.n >= pixels:  # a copy in another format may take as long again
-                shown.set_description_str("finishing")
-
-        yield update
 
 
 def as_dict(report: Report, why: str) -> dict[str, Any]:

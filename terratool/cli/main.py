@@ -22,6 +22,8 @@ _COMMANDS = {
     "export-mesh": ("export_mesh", "Write a mesh with walls: OBJ, VRML, glTF, STL, PLY, X3D, USD."),
     "export-obj": ("export_mesh:obj", "Write a mesh as Wavefront OBJ."),
     "export-vrml": ("export_mesh:vrml", "Write a mesh, or a grid of heights, as VRML97."),
+    "import-primitive": ("import_primitive", "Make a primitive of a patch of a DEM or a mesh."),
+    "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
     "rules": ("rules", "List the validator's rules, or explain one."),
 }
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+from collections.abc import Callable, Iterator
 
 
 def shape() -> dict[str, int] | None:
@@ -13,3 +15,22 @@ def shape() -> dict[str, int] | None:
     # some terminals do not know their size, and would be shown nothing
     columns, lines = os.get_terminal_size(sys.stderr.fileno())
     return {} if columns and lines else {"ncols": 80, "nrows": 24}
+
+
+@contextlib.contextmanager
+def bar(pixels: int) -> Iterator[Callable[[int], object] | None]:
+    """A progress bar over so many pixels on a terminal; nothing elsewhere."""
+    sizes = shape()
+    if sizes is None:
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=pixels, unit="px", unit_scale=True, leave=False, **sizes) as shown:
+
+        def update(more: int) -> None:
+            shown.update(more)
+            if shown.n >= pixels:  # a copy in another format may take as long again
+                shown.set_description_str("finishing")
+
+        yield update

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import pairwise
 
 from msgspec import UNSET, Struct, UnsetType
@@ -52,18 +53,19 @@ class CurveError(ValueError):
 
 
 def read_curve(value: CurveValue, key: str) -> Curve:
-    """The curve that a non-empty value of `x` or `y` stands for.
+    """The curve that a non-empty value of `x` or `y` stands for, without a mixture of both kinds.
 
     Raises:
         CurveError: its expression or its knots are wrong.
     """
     if isinstance(value, str):
         return _formula(value, key)
-    if all(isinstance(item, float) for item in value):
+    if isinstance(value[0], float):  # a rule sees to it that all are alike
         return Samples(value)  # type: ignore[arg-type]
     return _knots(value, key)
 
 
+@lru_cache(maxsize=256)
 def _formula(text: str, key: str) -> Formula:
     try:
         parsed = expression.parse(text)
@@ -128,7 +130,7 @@ def problems(primitive: Primitive) -> tuple[CurveError, ...]:
                 read_curve(value, key)
             except CurveError as error:
                 found.append(error)
-        elif value is not UNSET and any(isinstance(item, tuple) for item in value):
+        elif value is not UNSET and tuple in set(map(type, value)):
             found.extend(_knot_problems(value, key))
     if primitive.combine == "radial":
         found.extend(_radial_problems(primitive))

@@ -298,9 +298,9 @@ class _CurveStore:
 
     def put(self, kind: Any, axis: str, curve: Curve) -> None:
         """Write where a curve's pieces are into the fields of one axis of a KIND."""
-        if curve not in self._known:
-            self._known[curve] = self._add(pieces_of(curve))
-        place = self._known[curve]
+        place = self._known.get(curve)  # long vectors take their time to be hashed
+        if place is None:
+            place = self._known[curve] = self._add(pieces_of(curve))
         for name in ("count", "first", "last", "knot", "bin"):
             kind[f"{axis}_{name}"] = place[name]
         kind[f"knotted_{axis}"] = place["knotted"]

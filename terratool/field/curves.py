@@ -61,9 +61,9 @@ class Pieces:
 def pieces_of(curve: Curve) -> Pieces:
     """Cut a curve into pieces."""
     if isinstance(curve, Samples):
-        return _samples(np.array(curve.values))
+        return _samples(np.array(curve.values, np.float64))
     if isinstance(curve, Knots):
-        return _knots(np.array(curve.points))
+        return _knots(np.array(curve.points, np.float64))
     return _formula(curve.expression)
 
 

@@ -178,5 +178,12 @@ def load(path: str | Path) -> Terrain:
 def _points(
     x: ArrayLike, y: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[int, ...]]:
-    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
-    return np.ascontiguousarray(x).ravel(), np.ascontiguousarray(y).ravel(), x.shape
+    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+    shape = np.broadcast_shapes(x.shape, y.shape)
+    # where nothing is to be repeated the array itself is passed on, as what NumPy broadcasts to one
+    # value may not be written to
+    first, second = (
+        np.ascontiguousarray(one if one.shape == shape else np.broadcast_to(one, shape).copy())
+        for one in (x, y)
+    )
+    return first.ravel(), second.ravel(), shape

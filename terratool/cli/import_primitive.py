@@ -1,0 +1,206 @@
+"""`terratool import-primitive`."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.sourcing import options_of, source_options
+
+if TYPE_CHECKING:
+    from terratool.importing.primitives.inserting import Target
+    from terratool.importing.primitives.primitive import Imported, Wanted
+    from terratool.importing.samples import Samples
+
+_MOST_STEPS = 64
+"""A mesh with more walls all across is one of bars, which no curve of this kind is for."""
+
+
+@click.command(
+    "import-primitive",
+    epilog="Example: terratool import-primitive dem.tif --name knoll --window 120 80 64 48 "
+    "--into terrain.json --place 3,2",
+)
+@click.argument("source")
+@click.option("--name", required=True, metavar="NAME", help="Of the primitive.")
+@click.option("--into", metavar="FILE", help="Add it to this definition.")
+@click.option("--output", metavar="OUT", help="Write to this file instead.")
+@click.option(
+    "--place",
+    metavar="X,Y[,PARENT]",
+    help="With --into: also add an element in this cell of the grid of PARENT, a JSON pointer.  "
+    "[default: /elemTree]",
+)
+@click.option(
+    "--span",
+    metavar="W,H",
+    help="With --place: the element takes so many cells to the east and north.  [default: 1,1]",
+)
+@click.option(
+    "--samples",
+    type=int,
+    metavar="N",
+    help="Values in each curve.  [default: the fewest with an error close to the smallest]",
+)
+@click.option("--terms", type=int, default=1, metavar="K", help="So many primitives for one cell.")
+@click.option("--turn", is_flag=True, help="Look for the angle that fits best.")
+@click.option(
+    "--combine",
+    type=click.Choice(["product", "sum", "auto"]),
+    default="product",
+    show_default=True,
+    help="How the two curves become one; auto takes what fits better.",
+)
+@click.option("--recognise", is_flag=True, help="Write named curves where they fit.")
+@click.option(
+    "--tolerance",
+    type=float,
+    metavar="E",
+    help="Largest error, in units of the heights; if it is missed, write nothing and exit 1.",
+)
+@source_options
+@click.option(
+    "--overwrite", is_flag=True, help="Replace a primitive of that name, and an OUT that exists."
+)
+@click.option("--json", "as_json", is_flag=True, help="Say what was found as JSON.")
+def command(
+    source: str,
+    name: str,
+    into: str | None,
+    output: str | None,
+    place: str | None,
+    span: str | None,
+    samples: int | None,
+    terms: int,
+    turn: bool,
+    combine: Any,
+    recognise: bool,
+    tolerance: float | None,
+    overwrite: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Make a primitive of a patch of heights from SOURCE, a DEM or a mesh.
+
+    Without --into, the entry for elemTypes is written to standard output, and what is to be said of
+    it to standard error. The error is that of the compiled primitive at the centres of the pixels.
+    """
+    from terratool.errors import MissedError, RequestError
+    from terratool.importing.primitives import inserting
+    from terratool.importing.primitives.primitive import (
+        Wanted,
+        import_primitive,
+        names_of,
+        sentences,
+    )
+
+    wanted = Wanted(samples, turn, terms, recognise, tolerance, combine)
+    names = names_of(name, wanted)
+    if place is not None and into is None:
+        raise RequestError("--place is about a definition.", "Name it with --into.")
+    if span is not None and place is None:
+        raise RequestError("--span is about a place.", "Say where with --place.")
+    target = None
+    if into is not None:
+        where = None if place is None else inserting.parse_place(place, span)
+        target = inserting.target_of(into, names, where, output, overwrite)
+    elif output is not None:
+        _refuse_output(output, overwrite)
+    if output is not None:
+        _refuse_source(source, output)
+    patch, wanted = _read(source, options, wanted)
+    imported = import_primitive(patch, name, wanted)
+    largest = imported.misfit.largest
+    if tolerance is not None and largest > tolerance:
+        for line in sentences(imported):
+            click.echo(line, err=True)
+        raise MissedError(
+            f"The error is {largest:.4g} {imported.unit}, and {tolerance:g} is allowed; nothing "
+            "was written.",
+            "Allow more, or try more --terms, --turn or a smaller patch.",
+        )
+    _deliver(imported, target, output, overwrite, as_json)
+
+
+def _read(source: str, options: dict[str, Any], wanted: Wanted) -> tuple[Samples, Wanted]:
+    """The patch, and what is wanted with the walls of a mesh as steps."""
+    from dataclasses import replace
+
+    from terratool.importing.primitives.primitive import read_samples
+    from terratool.importing.sources import is_mesh, open_source, refuse_odd
+
+    chosen = options_of(options)
+    if not is_mesh(source) or wanted.turn:
+        with open_source(source, chosen) as heights:
+            return read_samples(heights), wanted
+    from terratool.importing.meshes.sampling import sample
+    from terratool.importing.meshes.steps import steps
+    from terratool.importing.meshes.triangulated import read_triangles
+
+    refuse_odd(source, chosen)
+    triangles = read_triangles(source, chosen.up, chosen.scale)
+    samples = sample(triangles, chosen.resolution, chosen.bounds, name=source)
+    x_steps, y_steps = (tuple(each.tolist()) for each in steps(triangles, samples.lattice.bounds))
+    if len(x_steps) + len(y_steps) > _MOST_STEPS:
+        return samples, wanted
+    return samples, replace(wanted, x_steps=x_steps, y_steps=y_steps)
+
+
+def _refuse_output(output: str, overwrite: bool) -> None:
+    from pathlib import Path
+
+    from terratool.output import refuse_existing, refuse_missing_folder
+
+    refuse_existing(Path(output), overwrite)
+    refuse_missing_folder(Path(output))
+
+
+def _refuse_source(source: str, output: str) -> None:
+    from pathlib import Path
+
+    from terratool.errors import WriteError
+
+    if Path(output).exists() and Path(source).exists() and Path(output).samefile(source):
+        raise WriteError(f"{output}: is the source itself.", "Choose another name.")
+
+
+def _deliver(
+    imported: Imported, target: Target | None, output: str | None, overwrite: bool, as_json: bool
+) -> None:
+    """Write the primitive where it is to go, and say how well it fits."""
+    from terratool.definition.editing import object_of
+    from terratool.importing.primitives import inserting
+    from terratool.importing.primitives.primitive import sentences
+    from terratool.output import whole_file
+
+    written = None
+    notes: list[str] = []
+    if target is not None:
+        place = target.place
+        elements = imported.elements(place.cell, place.span) if place else []
+        data = inserting.text_with(target, imported.primitives(), elements)
+        notes = inserting.remarks(target, imported)
+        inserting.write(target, data, overwrite)
+        written = str(target.output)
+    elif output is not None:
+        with whole_file(output, overwrite) as path:
+            path.write_text(object_of(imported.primitives()), encoding="utf-8", newline="\n")
+        written = output
+    if as_json:
+        report = {"file": written, **imported.to_json()}
+        report["notes"] += notes
+        click.echo(json.dumps(report, indent=2, ensure_ascii=False))
+        return
+    if written is None:
+        click.echo(object_of(imported.primitives()), nl=False)
+    else:
+        click.echo(f"{written}: has {' and '.join(imported.names)} now")
+    lines = [*sentences(imported), *notes]
+    if target is None or target.place is None:
+        lines += [
+            f"Element: {json.dumps(each, ensure_ascii=False)}" for each in imported.elements()
+        ]
+    for line in lines:
+        click.echo(line, err=written is None)

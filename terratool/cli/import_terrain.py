@@ -1,0 +1,190 @@
+"""`terratool import-terrain`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.sourcing import options_of, source_options
+from terratool.cli.terminal import bar
+
+if TYPE_CHECKING:
+    from terratool.importing.terrains.terrain import Report
+
+# as terratool.importing.terrains.methods names them, which is not imported for --help
+_METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
+
+
+@click.command(
+    "import-terrain",
+    epilog="Example: terratool import-terrain dem.tif site.json.gz --max-error 0.1",
+)
+@click.argument("source")
+@click.argument("output")
+@click.option(
+    "--max-error",
+    type=float,
+    required=True,
+    metavar="E",
+    help="How far heights may be off, in their units.",
+)
+@source_options
+@click.option(
+    "--surfaces",
+    metavar="CLASSES.tif",
+    help="Take surfaces from a raster of classes.",
+)
+@click.option("--fill", is_flag=True, help="Fill what is nodata, rather than leave it void.")
+@click.option(
+    "--structures/--no-structures",
+    default=True,
+    help="Whether to look for boxes, ramps and hills.",
+)
+@click.option(
+    "--walls",
+    is_flag=True,
+    help="Give these upright walls, where the DEM has a slope of one pixel.",
+)
+@click.option(
+    "--method",
+    "methods",
+    multiple=True,
+    type=click.Choice(_METHODS),
+    metavar="NAME",
+    help=f"How to write the heights, once or several times: {', '.join(_METHODS)}.  "
+    "[default: the smallest]",
+)
+@click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
+@click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+def command(
+    source: str,
+    output: str,
+    max_error: float,
+    surfaces: str | None,
+    fill: bool,
+    structures: bool,
+    walls: bool,
+    methods: tuple[str, ...],
+    overwrite: bool,
+    as_json: bool,
+    **values: Any,
+) -> None:
+    """Write a DEM or a mesh, SOURCE, as a definition, OUTPUT.
+
+    The terrain is within E of the DEM everywhere, which is bilinear between the centres of its
+    pixels; that is measured before the file appears. What is nodata becomes a void surface.
+    OUTPUT is compressed if its name ends in .json.gz. A SOURCE is whatever GDAL reads, or a mesh
+    (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl), which is looked at from above.
+    """
+    from pathlib import Path
+
+    from terratool.errors import RequestError
+    from terratool.importing.sources import open_source
+    from terratool.importing.terrains.methods import named
+    from terratool.importing.terrains.terrain import Options, import_terrain
+
+    if not output.endswith((".json", ".json.gz")):
+        raise RequestError(
+            f"{output}: is no name of a definition.", "Let it end in .json or .json.gz."
+        )
+    for name in (source, surfaces):
+        if name and _is_same(name, output):
+            raise RequestError(
+                f"{output}: is the same file as {name}.", "Give the definition another name."
+            )
+    options = Options(
+        max_error=max_error,
+        methods=tuple(method for name in methods for method in named(name)),
+        fill=fill,
+        structures=structures,
+        walls=walls,
+        surfaces=surfaces,
+        title=Path(source).name,
+    )
+    with open_source(source, options_of(values)) as heights:
+        lattice = heights.lattice
+        with bar(2 * lattice.rows * lattice.columns) as progress:
+            report = import_terrain(heights, output, options, overwrite, progress)
+    if as_json:
+        click.echo(json.dumps(as_dict(report, output), indent=2, ensure_ascii=False))
+        return
+    for note in report.notes:
+        click.echo(note, err=True)
+    for line in as_text(report, output):
+        click.echo(line)
+
+
+def _is_same(name: str, other: str) -> bool:
+    """Whether two names are of one file, which is there."""
+    from pathlib import Path
+
+    try:
+        return Path(name).samefile(other)
+    except (OSError, ValueError):
+        return False
+
+
+def as_dict(report: Report, output: str) -> dict[str, Any]:
+    """A report ready for JSON."""
+    lattice, misfit = report.lattice, report.misfit
+    return {
+        "format_version": 1,
+        "file": output,
+        "bytes": report.size,
+        "width": lattice.columns,
+        "height": lattice.rows,
+        "pixel": [lattice.dx, lattice.dy],
+        "bounds": list(lattice.bounds),
+        "crs": lattice.crs,
+        "unit": lattice.unit,
+        "method": report.method.sentence if report.method else None,
+        "step": report.step,
+        "relief": report.relief,
+        "error": {
+            "wanted": report.max_error,
+            "bound": None if report.walls else report.bound,
+            "largest": misfit.largest,
+            "at": list(misfit.where or ()),
+            "rms": misfit.rms,
+        },
+        "nodata": report.unknown,
+        "filled": report.filled,
+        "structures": report.structures,
+        "walls": report.walls,
+        "surfaces": report.surfaces,
+        "notes": list(report.notes),
+    }
+
+
+def as_text(report: Report, output: str) -> Iterator[str]:
+    """A report in lines for people."""
+    lattice, misfit, unit = report.lattice, report.misfit, report.lattice.unit
+    pixels = lattice.rows * lattice.columns
+    size = f"{lattice.dx:g}" if lattice.dx == lattice.dy else f"{lattice.dx:g} × {lattice.dy:g}"
+    filled = ", filled" if report.filled else ""
+    what = f", {report.unknown:,} without a height{filled}" if report.unknown else ""
+    yield f"{lattice.columns} × {lattice.rows} pixels of {size}{what}"
+    if report.structures:
+        found = ", ".join(f"{count} {kind}" for kind, count in report.structures.items())
+        yield f"Structures: {found}"
+    how = share = ""
+    if report.method:
+        how = f", by {report.method.sentence} in steps of {report.step:g} {unit}"
+    if report.relief:
+        share = f" ({100 * misfit.largest / report.relief:.3g} % of the relief)"
+    yield f"{output}: {report.size:,} bytes, {8 * report.size / pixels:.3g} bits a pixel{how}"
+    at = " at {:.10g} {:.10g}".format(*misfit.where) if misfit.where and misfit.largest else ""
+    rms = f"{misfit.rms:.4g} {unit} RMS"
+    yield f"Error at the pixels: at most {misfit.largest:.4g} {unit}{share}{at}, {rms}"
+    if report.walls:
+        yield (
+            f"Everywhere else within {report.max_error:g} {unit}, but for gaps of a pixel where "
+            "structures have upright walls or sharp edges."
+        )
+    else:
+        yield f"Everywhere between them: at most {report.bound:.4g} {unit}"
+    for name, count in report.surfaces.items():
+        yield f"{name}: {count:,} pixel{'' if count == 1 else 's'}"

@@ -1,0 +1,1 @@
+"""Meshes as sources: files become triangles, and these heights as seen from above."""

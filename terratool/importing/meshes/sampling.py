@@ -1,0 +1,290 @@
+"""A mesh as a source of heights: sampled from above at the centres of pixels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import ReadError, RequestError
+from terratool.importing.samples import Lattice, Samples
+from terratool.importing.triangles import Triangles
+
+Bounds = tuple[float, float, float, float]
+"""West, south, east, north."""
+
+Progress = Callable[[str], object]
+
+DEFAULT_PIXELS = 512
+"""The longer side of a mesh has at most this many pixels if no resolution was given."""
+
+NARROWEST = 1 / 65536
+"""A side that is a smaller part of the other than this does not decide about the resolution."""
+
+MAX_PIXELS = 2**30
+"""More heights than these, 8 GiB, are not made at once."""
+
+_WHOLE = 1e-6
+"""A quotient this near to a whole number of pixels is one."""
+
+_NEAR = 1e-9
+"""A centre that is no farther than this from a triangle, in pixels, belongs to it."""
+
+_FAR = 0.1
+"""… nor one that is farther than this, however coarse doubles are there."""
+
+_SAME = 1e-6
+"""Two surfaces this near to each other, in parts of the relief, are one."""
+
+
+def read_mesh(
+    path: str | Path,
+    resolution: float | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+    bounds: Bounds | None = None,
+    progress: Progress | None = None,
+) -> Samples:
+    """The heights of a mesh in a file, as seen from above.
+
+    Args:
+        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl or .wrz file.
+        resolution: side of a pixel; a 512th of the longer side or a little more, if None.
+        up: the axis that points up, "y" or "z"; what the format is known for, if None.
+        scale: a factor on all coordinates.
+        bounds: west, south, east, north of what is wanted, in the coordinates that `up` and `scale`
+            lead to; the whole mesh, if None.
+        progress: is told in words what is being done.
+
+    Raises:
+        ReadError: the file cannot be read, or has no face that is seen from above.
+        RequestError: a resolution, axis, scale or bounds that make no sense for this mesh.
+    """
+    from terratool.importing.meshes.triangulated import read_triangles
+
+    if progress:
+        progress("Reading the mesh")
+    triangles = read_triangles(path, up, scale)
+    if progress:
+        progress(f"Sampling {len(triangles.faces):,} faces")
+    return sample(triangles, resolution, bounds, name=str(path))
+
+
+def sample(
+    triangles: Triangles,
+    resolution: float | None = None,
+    bounds: Bounds | None = None,
+    name: str = "the mesh",
+) -> Samples:
+    """The highest surface of a mesh at the centres of square pixels.
+
+    Pixels count from the south-west corner of the mesh or of the bounds. A centre on an edge
+    belongs to the face, as does one within 1e-9 of a pixel (or a few spacings of doubles, where
+    coordinates are large). The notes say what cannot be seen from above.
+
+    Args:
+        triangles: finite vertices, z up.
+        resolution: side of a pixel; a 512th of the longer side or a little more, if None.
+        bounds: west, south, east, north of what is wanted; the whole mesh, if None.
+        name: what messages call the mesh.
+
+    Raises:
+        ReadError: there is no face that is seen from above, or a corner is no place.
+        RequestError: a resolution or bounds that make no sense for this mesh.
+    """
+    from terratool.importing.meshes.zbuffer import paint, reach, survey, to_pixels
+
+    vertices = np.ascontiguousarray(triangles.vertices, np.float64)
+    faces = np.ascontiguousarray(triangles.faces, np.int32)
+    if len(faces) == 0:
+        raise ReadError(f"{name}: there are no faces.", "Give a mesh that has some.")
+    if faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices).all():
+        raise ReadError(
+            f"{name}: faces have corners that are not there, or are no numbers.",
+            "Check how the mesh was made.",
+        )
+    low_x, high_x, low_y, high_y, low_z, high_z = reach(vertices, faces)
+    extent = low_x, low_y, high_x, high_y
+    bounds = extent if bounds is None else _checked(bounds, extent, name)
+    kinds = np.empty(len(faces), np.uint8)
+    upright = survey(vertices, faces, *bounds, kinds)
+    seen, vertical, flat, outside = np.bincount(kinds, minlength=4).tolist()
+    if vertical and not seen and not outside:
+        raise ReadError(
+            f"{name}: all faces are vertical, so that there is nothing to see from above.",
+            "Say which axis points up: y or z.",
+        )
+    if flat == len(faces):
+        raise ReadError(f"{name}: no face has an area.", "Check the coordinates of the mesh.")
+    lattice, why = _lattice(bounds, resolution)
+    # the origin is taken off first, so that coordinates as large as those of UTM lose nothing
+    points = np.empty_like(vertices)
+    to_pixels(vertices, lattice.west, lattice.south, lattice.dx, lattice.dy, points)
+    spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / lattice.dx
+    try:
+        heights = np.full((lattice.rows, lattice.columns), np.nan)
+        counts = np.zeros(heights.shape, np.uint8)
+        paint(points, faces, min(max(_NEAR, 4 * spacing), _FAR), heights, counts)
+        near = _SAME * (high_z - low_z)
+        hidden = _overhangs(points, faces, near, heights, counts) if (counts > 1).any() else 0
+        missing = _missing(heights)
+    except MemoryError as error:
+        raise RequestError(
+            f"{lattice.columns:,} × {lattice.rows:,} heights do not fit into memory.",
+            "Give a coarser resolution or smaller bounds.",
+        ) from error
+    if sum(missing) == heights.size:
+        raise RequestError(
+            f"At a resolution of {lattice.dx:g} no pixel has its centre on the mesh.",
+            f"It lies in {_text(extent)}; give a finer resolution or other bounds.",
+        )
+    lost = _Lost(upright, vertical, flat, outside, len(faces), hidden, *missing)
+    notes = (*triangles.notes, *why, *_sentences(lost, lattice))
+    return Samples(lattice, heights, notes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Lost:
+    """What pixels cannot show of a mesh.
+
+    Attributes:
+        upright: area of vertical faces, but for those on the rim.
+        vertical, flat, outside, faces: vertical faces, those without area, those outside of the
+            bounds, all of them.
+        hidden: pixels with a surface below the highest one that is open to the air.
+        holes, beyond: pixels without a height within the outline of the mesh, and beyond it.
+    """
+
+    upright: float
+    vertical: int
+    flat: int
+    outside: int
+    faces: int
+    hidden: int
+    holes: int
+    beyond: int
+
+
+def _sentences(lost: _Lost, lattice: Lattice) -> Iterator[str]:
+    """What is lost, in numbers."""
+    pixels = lattice.rows * lattice.columns
+
+    def part(count: int) -> str:
+        words = f"{count:,} of {pixels:,} pixels"
+        return f"{words} ({100 * count / pixels:.2g} %, {count * lattice.dx * lattice.dy:.4g} m²)"
+
+    if lost.upright:
+        yield (
+            f"{lost.upright:,.4g} m² of vertical faces are not seen from above; each becomes a "
+            "step within one pixel."
+        )
+    if lost.hidden:
+        yield (
+            f"In {part(lost.hidden)} a surface lies below the highest one, under an overhang; only "
+            "the highest is kept."
+        )
+    if lost.holes:
+        yield f"The mesh has holes: {part(lost.holes)} within its outline have no height."
+    if lost.beyond:
+        yield f"{part(lost.beyond)} lie beyond the outline of the mesh and have no height."
+    if lost.outside:
+        yield f"{lost.outside:,} of {lost.faces:,} faces lie outside of the bounds."
+    if lost.flat:
+        yield f"{lost.flat:,} of {lost.faces:,} faces have no area and count for nothing."
+
+
+def _overhangs(
+    points: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    near: float,
+    heights: NDArray[np.float64],
+    counts: NDArray[np.uint8],
+) -> int:
+    """How many pixels have a surface below the highest one that is open to the air."""
+    from terratool.importing.meshes.zbuffer import look_below, overhangs
+
+    below = np.zeros(heights.shape, np.uint8)
+    turned = np.zeros((2, *heights.shape), np.int16)
+    air, lowest = np.zeros(heights.shape), np.full(heights.shape, np.inf)
+    usual = look_below(points, faces, near, heights, counts, below, turned, air, lowest)
+    return int(overhangs(near, below, turned, air, lowest, usual))
+
+
+def _missing(heights: NDArray[np.float64]) -> tuple[int, int]:
+    """Pixels without a height within the outline of what has one, and beyond it."""
+    from terratool.importing.meshes.zbuffer import holes
+
+    missing = int(np.count_nonzero(np.isnan(heights)))
+    if not missing:
+        return 0, 0
+    within, beyond = holes(heights, np.empty(missing, np.int64))
+    return int(within), int(beyond)
+
+
+def _checked(bounds: Bounds, extent: Bounds, name: str) -> Bounds:
+    """Bounds that are not empty and have something in common with a mesh.
+
+    Raises:
+        RequestError: they have not.
+    """
+    west, south, east, north = bounds
+    if not all(map(math.isfinite, bounds)) or west >= east or south >= north:
+        raise RequestError(
+            f"The bounds {_text(bounds)} are empty.",
+            "Give west south east north, west below east and south below north.",
+        )
+    if west >= extent[2] or east <= extent[0] or south >= extent[3] or north <= extent[1]:
+        raise RequestError(
+            f"The bounds {_text(bounds)} miss {name}.", f"It lies in {_text(extent)}."
+        )
+    return float(west), float(south), float(east), float(north)
+
+
+def _lattice(bounds: Bounds, resolution: float | None) -> tuple[Lattice, tuple[str, ...]]:
+    """Square pixels that cover the bounds, and a sentence if their size was left to us.
+
+    Raises:
+        RequestError: no resolution above 0, or too many pixels.
+    """
+    west, south, east, north = bounds
+    width, depth = east - west, north - south
+    why: tuple[str, ...] = ()
+    if resolution is None:
+        resolution = _default_resolution(width, depth)
+        why = (
+            f"No resolution was given: a pixel is {resolution:.6g} m, a "
+            f"{max(width, depth) / resolution:.4g}th of the longer side.",
+        )
+    elif not (math.isfinite(resolution) and resolution > 0):
+        raise RequestError(
+            f"The resolution is {resolution:g}.", "Give the side of a pixel, a number above 0."
+        )
+    columns, rows = (max(1.0, math.ceil(s / resolution - _WHOLE)) if s / resolution < 1e18 else 1e18
+                     for s in (width, depth))  # fmt: skip
+    if columns * rows > MAX_PIXELS:
+        raise RequestError(
+            f"A resolution of {resolution:g} makes {columns:.4g} × {rows:.4g} pixels, more than "
+            f"{MAX_PIXELS:,}.",
+            "Give a coarser resolution or smaller bounds.",
+        )
+    return Lattice(west, south, resolution, resolution, int(columns), int(rows)), why
+
+
+def _default_resolution(width: float, depth: float) -> float:
+    """At most 512 pixels on the longer side, if possible so that the shorter has whole ones."""
+    longest, shortest = max(width, depth), min(width, depth)
+    if longest * NARROWEST <= shortest < longest / DEFAULT_PIXELS:
+        return shortest
+    for pixels in range(DEFAULT_PIXELS, DEFAULT_PIXELS // 2, -1):
+        across = pixels * (shortest / longest)
+        if abs(across - round(across)) < _WHOLE:
+            return longest / pixels
+    return longest / DEFAULT_PIXELS
+
+
+def _text(bounds: Bounds) -> str:
+    return " ".join(f"{side:.12g}" for side in bounds)

@@ -1,0 +1,1 @@
+"""A patch of heights becomes one primitive, or several that are added."""

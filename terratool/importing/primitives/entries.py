@@ -1,0 +1,172 @@
+"""Fitted curves as a definition spells them: of height 1 at most, rounded, with their factors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from terratool.importing.primitives.terms import Floats, Terms
+
+_DECIMALS = range(3, 10)
+_WORSE = 1.001
+"""Rounding may make the error so many times as large, …"""
+_ALWAYS = 1e-6
+"""… or this part of the relief."""
+_FINE = 1e-4
+"""Factors have decimals for a thousandth of the error, or of this part of the relief."""
+_T_DECIMALS = 9
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A primitive, and the element that stands it on the ground.
+
+    Attributes:
+        x, y: curves as a definition has them; None where left out.
+        scale, offset: `vScale` and `vOffset` of the element, units of the terrain.
+        turn: `turnDeg` of the element.
+        summed: the curves are added.
+    """
+
+    x: Any
+    y: Any
+    scale: float
+    offset: float = 0.0
+    turn: float = 0.0
+    summed: bool = False
+
+    def primitive(self) -> dict[str, Any]:
+        """The value of its entry in `elemTypes`."""
+        found: dict[str, Any] = {}
+        if self.x is not None:
+            found["x"] = self.x
+        if self.y is not None:
+            found["y"] = self.y
+        if self.summed:
+            found["combine"] = "sum"
+        if any(value < 0.0 for value in (*_heights(self.x), *_heights(self.y))):
+            found["x-ignore"] = ["TT306"]
+        return found
+
+    def element(
+        self, name: str, cell: tuple[int, int] | None = None, span: tuple[int, int] = (1, 1)
+    ) -> dict[str, Any]:
+        """An element of this type, in a block of cells if its first cell is given."""
+        found: dict[str, Any] = {"type": name}
+        if cell is not None:
+            found |= {"cellX": cell[0], "cellY": cell[1]}
+            if span != (1, 1):
+                found["span"] = list(span)
+        found["vScale"] = _plain(self.scale)
+        if self.offset != 0.0:
+            found["vOffset"] = _plain(self.offset)
+        if self.turn != 0.0:
+            found["turnDeg"] = _plain(self.turn)
+        return found
+
+
+def level(height: float) -> Entry:
+    """A primitive without relief."""
+    return Entry([1], None, height)
+
+
+def entries_of(
+    terms: Terms, turn: float, relief: float, error: Callable[[Terms], tuple[float, Terms]]
+) -> tuple[Entry, ...]:
+    """The terms as primitives, with as few decimals as serve.
+
+    Args:
+        terms: the fit.
+        turn: in degrees.
+        relief: of the heights, above 0.
+        error: the largest misfit of terms, with the offset that makes it smallest, and those.
+    """
+    terms, factors = _normal(terms)
+    limit = max(_WORSE * error(_scaled(terms, factors))[0], _ALWAYS * relief)
+    for decimals in _DECIMALS:
+        rounded = replace(terms, x=_rounded(terms.x, decimals), y=_rounded(terms.y, decimals))
+        after, fitted = error(_scaled(rounded, factors))
+        if after <= limit:
+            break
+    unit = 1e-3 * max(after, _FINE * relief)
+    places = -math.floor(math.log10(unit))
+    found = []
+    for k in range(terms.count):
+        x = spelled(rounded.x_nodes, rounded.x[k], terms.summed)
+        y = spelled(rounded.y_nodes, rounded.y[k], terms.summed)
+        if x is None and y is None:
+            x = [1]
+        offset = fitted.offset if k == 0 else 0.0
+        scale, offset = round(float(factors[k]), places), round(offset, places)
+        if scale == 0.0 and k > 0:
+            continue  # the others are exact without it
+        found.append(Entry(x, y, scale, offset, turn, terms.summed))
+    return tuple(found)
+
+
+def _normal(terms: Terms) -> tuple[Terms, Floats]:
+    """Curves of size 1 at most, those of a sum from 0 on; and the (K,) factors for them."""
+    if terms.summed:
+        low_x, low_y = float(terms.x.min()), float(terms.y.min())
+        x, y = terms.x - low_x, terms.y - low_y
+        factor = max(float(x.max()), float(y.max())) or 1.0
+        offset = terms.offset + low_x + low_y
+        return replace(terms, x=x / factor, y=y / factor, offset=offset), np.array([factor])
+    terms = _from_zero(terms)
+    # the value of largest size becomes 1
+    by_x = np.take_along_axis(terms.x, np.abs(terms.x).argmax(axis=1)[:, None], axis=1)
+    by_y = np.take_along_axis(terms.y, np.abs(terms.y).argmax(axis=1)[:, None], axis=1)
+    factors = (by_x * by_y)[:, 0]
+    by_x, by_y = np.where(by_x == 0.0, 1.0, by_x), np.where(by_y == 0.0, 1.0, by_y)
+    return replace(terms, x=terms.x / by_x, y=terms.y / by_y), factors
+
+
+def _from_zero(terms: Terms) -> Terms:
+    """If one curve is constant, the other one as it begins at 0: the offset takes the rest."""
+    if terms.count > 1 or 1 not in (len(terms.x_nodes), len(terms.y_nodes)):
+        return terms
+    if len(terms.y_nodes) == 1:
+        curve = terms.x * terms.y[0, 0]
+        low = float(curve.min())
+        one = np.ones((1, 1))
+        return replace(terms, x=curve - low, y=one, offset=terms.offset + low)
+    curve = terms.y * terms.x[0, 0]
+    low = float(curve.min())
+    return replace(terms, y=curve - low, x=np.ones((1, 1)), offset=terms.offset + low)
+
+
+def _scaled(terms: Terms, factors: Floats) -> Terms:
+    """Terms with their factors in the curves."""
+    y = terms.y * factors[:, None] if terms.summed else terms.y
+    return replace(terms, x=terms.x * factors[:, None], y=y)
+
+
+def _rounded(values: Floats, decimals: int) -> Floats:
+    return np.round(values, decimals) + 0.0  # no negative zeros
+
+
+def spelled(nodes: Floats, values: Floats, summed: bool) -> list[Any] | None:
+    """A curve in JSON: numbers where nodes are even, otherwise knots; None for 1 everywhere."""
+    heights = [_plain(z) for z in values.tolist()]
+    if len(set(heights)) == 1:
+        return None if heights[0] == 1 and not summed else heights[:1]
+    if (np.diff(nodes) > 0.0).all():
+        return heights
+    times = [_plain(round(t, _T_DECIMALS)) for t in nodes.tolist()]
+    return [[t, z] for t, z in zip(times, heights, strict=True)]
+
+
+def _plain(number: float) -> float | int:
+    """A number as it is spelled best: whole ones without a point."""
+    return int(number) if number.is_integer() and abs(number) < 1e15 else number
+
+
+def _heights(curve: Any) -> list[float]:
+    """The values of a curve that is no text."""
+    if not isinstance(curve, list):
+        return []
+    return [item[1] if isinstance(item, list) else item for item in curve]

@@ -1,0 +1,1 @@
+"""A whole DEM becomes a definition within an error."""

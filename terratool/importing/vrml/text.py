@@ -1,0 +1,162 @@
+"""The words of a VRML97 text, and where they stand."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.places import places
+from terratool.errors import ReadError
+from terratool.importing.vrml.numbers import ENDED, FULL, HARD, WRONG, scan
+
+_gap = re.compile(rb"(?:[\t-\r ,]++|#[^\r\n]*+)*+").match
+_word = re.compile(rb"[^\x00-\x20,#\"\[\]{}\x7f]++").match
+_string = re.compile(rb'"(?:[^"\\]++|\\.)*+"', re.DOTALL).match
+_numbers = re.compile(rb"#[^\r\n]*+|[^\t-\r ,#]++").finditer
+
+NUMERIC = frozenset(b"+-.0123456789")
+"""First bytes of numbers."""
+
+_GAPS = frozenset(b"\t\n\v\f\r ,#")
+_SHOWN = 40
+
+
+class Text:
+    """A text that is read from its beginning to its end.
+
+    Attributes:
+        at: the next byte.
+        numbers: how many were read.
+    """
+
+    def __init__(self, name: str, data: bytes) -> None:
+        self.name = name
+        self.data = data
+        self.at = 0
+        self.numbers = 0
+        self._bytes = np.frombuffer(data, np.uint8)
+        self._room = np.empty(256)
+
+    def error(self, at: int, message: str, hint: str) -> ReadError:
+        """What is wrong at a byte, with its line and its column."""
+        (place,) = places(self.data, [at])
+        return ReadError(f"{self.name}:{place.line}:{place.column}: {message}", hint)
+
+    def peek(self) -> int:
+        """The first byte of the next word, or -1 at the end."""
+        data, at = self.data, self.at
+        if at < len(data) and data[at] not in _GAPS:
+            return data[at]
+        at = self.at = _gap(data, at).end()  # type: ignore[union-attr]
+        return data[at] if at < len(data) else -1
+
+    def take(self, byte: bytes) -> bool:
+        """Pass over a bracket if it comes next."""
+        if self.peek() == byte[0]:
+            self.at += 1
+            return True
+        return False
+
+    def need(self, byte: bytes, where: str) -> int:
+        """Pass over a bracket, which must come next; returns where it stands.
+
+        Raises:
+            ReadError: it does not.
+        """
+        if not self.take(byte):
+            raise self.unexpected(f'"{byte.decode()}" {where}')
+        return self.at - 1
+
+    def word(self, what: str) -> str:
+        """The next word, which must be there.
+
+        Raises:
+            ReadError: it is not.
+        """
+        self.peek()
+        match = _word(self.data, self.at)
+        if match is None:
+            raise self.unexpected(what)
+        self.at = match.end()
+        return match.group().decode("utf-8", "replace")
+
+    def string(self) -> None:
+        """Pass over a string.
+
+        Raises:
+            ReadError: it has no end.
+        """
+        match = _string(self.data, self.at)
+        if match is None:
+            raise self.error(
+                self.at,
+                "the string that begins here has no end.",
+                "Close it by a quotation mark; the file may be cut off.",
+            )
+        self.at = match.end()
+
+    def run(self) -> NDArray[np.float64]:
+        """The numbers that follow, (n,) float64.
+
+        Raises:
+            ReadError: one is none, or too large.
+        """
+        out, count, at = self._room, 0, self.at
+        while True:
+            count, at, why = scan(self._bytes, at, out, count)
+            if why == ENDED:
+                break
+            if why == FULL:
+                out, full = np.empty(4 * len(out)), out
+                out[:count] = full
+                continue
+            self.at = at
+            if why == WRONG:
+                raise self.error(at, f"{self.shown()} is no number.", "Write it as 12 or 1.5e-3.")
+            assert why == HARD
+            out[count] = self._hard()
+            count, at = count + 1, self.at
+        self.at = at
+        self.numbers += count
+        return out[:count].copy() if out is self._room else out[:count]
+
+    def _hard(self) -> float:
+        word = self.word("a number")
+        number = float(int(word, 16)) if "x" in word.lower() else float(word)
+        if math.isinf(number):
+            raise self.error(
+                self.at - len(word), f"{word[:_SHOWN]} is too large.", "Write a smaller number."
+            )
+        return number
+
+    def place_of(self, at: int, index: int) -> int:
+        """Where the number of an index stands in a run, or a list, that begins at a byte."""
+        begin = at + 1 if self.data[at : at + 1] == b"[" else at
+        for match in _numbers(self.data, begin):
+            if match.group()[:1] != b"#":
+                if not index:
+                    return match.start()
+                index -= 1
+        return at
+
+    def shown(self) -> str:
+        """What comes next, for a message."""
+        if self.peek() < 0:
+            return "the end of the file"
+        match = _word(self.data, self.at)
+        word = (match.group() if match else self.data[self.at : self.at + 1])[: 4 * _SHOWN]
+        text = word.decode("utf-8", "replace")
+        if len(text) > _SHOWN:
+            text = text[: _SHOWN - 1] + "…"
+        return '"' + "".join(c if c.isprintable() else "�" for c in text) + '"'
+
+    def unexpected(self, what: str) -> ReadError:
+        """What comes next is not what it should be."""
+        shown = self.shown()
+        hint = "The file may be cut off; write or fetch it again."
+        if self.at < len(self.data):
+            hint = "Correct the file there, or write it again."
+        return self.error(self.at, f"{what} is missing; there is {shown}.", hint)

@@ -1,0 +1,476 @@
+"""A whole DEM as a definition: within the error everywhere, by every method."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from terratool.definition.reader import Options as CheckOptions
+from terratool.definition.reader import check
+from terratool.definition.source import read_source
+from terratool.errors import ReadError, RequestError, WriteError
+from terratool.field.terrain import Terrain, load
+from terratool.importing.samples import Lattice, Samples
+from terratool.importing.terrains import terrain as importing
+from terratool.importing.terrains import writing
+from terratool.importing.terrains.checking import Checker
+from terratool.importing.terrains.measuring import BoundError
+from terratool.importing.terrains.methods import METHODS, named
+from terratool.importing.terrains.rounding import step_for
+from terratool.importing.terrains.terrain import Options, import_terrain
+from tests.conftest import terrain_of
+
+NAMES = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
+
+
+def samples(heights: NDArray[np.float64], **place: object) -> Samples:
+    """Heights at an odd place, in oblong pixels."""
+    rows, columns = heights.shape
+    given_ = {"west": 12.5, "south": -7.25, "dx": 0.75, "dy": 1.5, **place}
+    return Samples(Lattice(columns=columns, rows=rows, **given_), heights)  # type: ignore[arg-type]
+
+
+def bilinear(source: Samples, x: NDArray[np.float64], y: NDArray[np.float64]):
+    """The DEM at points: bilinear, the nearest centre's height in the outer half pixel."""
+    at = source.lattice
+    u = np.clip((x - at.west) / at.dx - 0.5, 0, at.columns - 1)
+    v = np.clip((y - at.south) / at.dy - 0.5, 0, at.rows - 1)
+    i = np.minimum(u.astype(int), max(0, at.columns - 2))
+    j = np.minimum(v.astype(int), max(0, at.rows - 2))
+    i2, j2 = np.minimum(i + 1, at.columns - 1), np.minimum(j + 1, at.rows - 1)
+    s, t = u - i, v - j
+    z = source.values
+    south = z[j, i] * (1 - s) + z[j, i2] * s
+    north = z[j2, i] * (1 - s) + z[j2, i2] * s
+    return south * (1 - t) + north * t
+
+
+def anywhere(source: Samples, seed: int = 0, count: int = 20_000):
+    """Points all over a DEM, many of them on and beside the lines between pixels."""
+    at = source.lattice
+    rng = np.random.default_rng(seed)
+    west, south, east, north = at.bounds
+    x, y = rng.uniform(west, east, count), rng.uniform(south, north, count)
+    near = rng.integers(0, 3, count)
+    lines = west + np.round((x - west) / at.dx * 2) / 2 * at.dx
+    x = np.where(near == 0, np.clip(lines + rng.choice([-1e-9, 0, 1e-9], count), west, east), x)
+    lines = south + np.round((y - south) / at.dy * 2) / 2 * at.dy
+    y = np.where(near == 1, np.clip(lines + rng.choice([-1e-9, 0, 1e-9], count), south, north), y)
+    return x, y
+
+
+def imported(source: Samples, path: Path, **options: object) -> Terrain:
+    """What comes of an import, read again."""
+    options = {"max_error": 0.05, "structures": False, **options}
+    import_terrain(source, path, Options(**options), overwrite=True)  # type: ignore[arg-type]
+    return load(path)
+
+
+def rough(rows: int, columns: int, seed: int, relief: float = 4.0) -> NDArray[np.float64]:
+    """Ground with large and small features, a slope, and no symmetry."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[0:rows, 0:columns]
+    ground = 0.03 * x - 0.02 * y + rng.normal(0, 0.1, (rows, columns))
+    for _ in range(5):
+        a, b = rng.uniform(0, columns), rng.uniform(0, rows)
+        ground += relief * rng.uniform(-1, 1) * np.exp(-((x - a) ** 2 + (y - b) ** 2) / 60)
+    return ground
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("shape", [(77, 105), (1, 9), (9, 1), (2, 2), (65, 66), (130, 3), (3, 131)])
+def test_the_bound_holds_everywhere_by_every_method(tmp_path, name, shape):
+    source = samples(rough(*shape, seed=shape[0]))
+    terrain = imported(source, tmp_path / "t.json", methods=named(name))
+    x, y = anywhere(source)
+    assert np.abs(terrain.height(x, y) - bilinear(source, x, y)).max() <= 0.05
+    assert terrain.bounds == pytest.approx(source.lattice.bounds, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_unknown_heights_become_void_and_the_rest_is_kept(tmp_path, name):
+    heights = rough(70, 90, seed=3)
+    heights[10:20, 30:33] = np.nan
+    heights[69, :] = heights[:, 0] = np.nan
+    heights[33, 89] = np.nan
+    source = samples(heights)
+    terrain = imported(source, tmp_path / "t.json", methods=named(name))
+    at = source.lattice
+    x, y = np.meshgrid(
+        at.west + (np.arange(at.columns) + 0.5) * at.dx,
+        at.south + (np.arange(at.rows) + 0.5) * at.dy,
+    )
+    ours = terrain.height(x, y)
+    np.testing.assert_array_equal(np.isnan(ours), np.isnan(heights))
+    assert np.nanmax(np.abs(ours - heights)) <= 0.05
+    # the void covers whole pixels
+    corner = at.west + 30 * at.dx + 1e-6, at.south + 10 * at.dy + 1e-6
+    assert np.isnan(terrain.height(*corner))
+    assert not np.isnan(terrain.height(corner[0] - 2e-6, corner[1]))
+    assert terrain.surface(*corner) == "void"
+
+
+def test_filled_heights_lie_between_those_around(tmp_path):
+    heights = np.full((40, 50), 3.0)
+    heights[:, 25:] = 7.0
+    heights[10:30, 15:35] = np.nan
+    terrain = imported(samples(heights), tmp_path / "t.json", fill=True)
+    x, y = anywhere(samples(heights))
+    ours = terrain.height(x, y)
+    assert not np.isnan(ours).any()
+    assert ours.min() >= 2.95
+    assert ours.max() <= 7.05
+
+
+def test_reading_by_rows_makes_the_same_heights(tmp_path, monkeypatch):
+    """A DEM that does not fit into memory: read in blocks, twice."""
+    heights = rough(300, 41, seed=9)
+    heights[120:140, 5:9] = np.nan
+    heights[256] = np.nan
+    source = samples(heights)
+    whole = imported(source, tmp_path / "a.json", methods=METHODS[:1])
+    monkeypatch.setattr(importing, "MOST_IN_MEMORY", 10)
+    blocks = imported(source, tmp_path / "b.json", methods=METHODS[:1])
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+    assert whole.bounds == blocks.bounds
+
+
+@given(
+    shape=st.tuples(st.integers(1, 70), st.integers(1, 70)),
+    seed=st.integers(0, 10**6),
+    log_error=st.floats(-4, 1),
+    name=st.sampled_from(NAMES),
+    holes=st.floats(0, 0.6),
+    height=st.sampled_from([0.0, -400.0, 8848.0]),
+)
+@settings(max_examples=60)
+def test_the_bound_holds_for_any_dem(tmp_path_factory, shape, seed, log_error, name, holes, height):
+    rng = np.random.default_rng(seed)
+    heights = rough(*shape, seed=seed) + height
+    heights[rng.random(shape) < holes] = np.nan
+    source = samples(heights)
+    error = 10.0**log_error
+    if np.prod(shape) < 2 or np.isnan(heights).all():
+        return
+    path = tmp_path_factory.mktemp("any") / "t.json.gz"
+    terrain = imported(source, path, max_error=error, methods=named(name))
+    x, y = anywhere(source, seed, 3000)
+    wanted = bilinear(source, x, y)
+    ours = terrain.height(x, y)
+    known = ~np.isnan(wanted) & ~np.isnan(ours)
+    assert np.abs(ours - wanted)[known].max(initial=0.0) <= error * (1 + 1e-9)
+    # where all pixels around are known there is ground
+    assert not np.isnan(ours[~np.isnan(wanted)]).any()
+
+
+def test_nothing_jumps_where_elements_meet(tmp_path):
+    """Neither between blocks of rows nor at the outer half pixels."""
+    source = samples(rough(130, 70, seed=4))
+    at = source.lattice
+    for name in NAMES:
+        terrain = imported(source, tmp_path / "t.json", methods=named(name))
+        rng = np.random.default_rng(1)
+        edges = at.south + np.arange(1, 2 * at.rows) / 2 * at.dy
+        x = rng.uniform(at.west, at.bounds[2], len(edges))
+        jumps = terrain.height(x, edges + 1e-10) - terrain.height(x, edges - 1e-10)
+        assert np.abs(jumps).max() < 1e-7
+        edges = at.west + np.arange(1, 2 * at.columns) / 2 * at.dx
+        y = rng.uniform(at.south, at.bounds[3], len(edges))
+        jumps = terrain.height(edges + 1e-10, y) - terrain.height(edges - 1e-10, y)
+        assert np.abs(jumps).max() < 1e-7
+
+
+def test_the_smallest_method_is_taken(tmp_path):
+    """Sparse bumps on level ground by hats; ground with the detail along y by columns."""
+    bumps = np.zeros((129, 193))
+    rng = np.random.default_rng(1)
+    odd = 2 * rng.integers(0, 64, 20) + 1, 2 * rng.integers(0, 96, 20) + 1
+    bumps[odd] = rng.uniform(1, 9, 20)
+    ribs = np.random.default_rng(2).normal(0, 1, (1, 300)) + np.zeros((90, 1))
+    sizes = {}
+    for heights, wanted in ((bumps, "sparse hats"), (ribs, "rows"), (ribs.T, "columns")):
+        report = import_terrain(
+            samples(heights), tmp_path / "t.json.gz", Options(0.01, structures=False), True
+        )
+        assert wanted in report.method.sentence
+        for method in METHODS:
+            other = import_terrain(
+                samples(heights),
+                tmp_path / "u.json.gz",
+                Options(0.01, structures=False, methods=(method,)),
+                True,
+            )
+            sizes[method] = other.size
+        assert report.size == min(sizes.values())
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("relief", [0.0, 4.0])
+@pytest.mark.parametrize("holes", [0, 5])
+def test_what_is_written_is_valid_and_clean(tmp_path, name, relief, holes):
+    heights = rough(40, 50, seed=5, relief=relief) * bool(relief)
+    heights[3 : 3 + holes, 7:9] = np.nan
+    imported(samples(heights), tmp_path / "t.json", methods=named(name))
+    checked = check(read_source(tmp_path / "t.json"), CheckOptions())
+    assert checked.definition is not None
+    assert [finding for finding in checked.findings if finding.code != "TT204"] == []
+
+
+def test_compressed_files_hold_the_same_text_each_time(tmp_path):
+    source = samples(rough(60, 61, seed=6))
+    imported(source, tmp_path / "a.json")
+    imported(source, tmp_path / "a.json.gz")
+    first = (tmp_path / "a.json.gz").read_bytes()
+    imported(source, tmp_path / "a.json.gz")
+    assert (tmp_path / "a.json.gz").read_bytes() == first
+    assert gzip.decompress(first) == (tmp_path / "a.json").read_bytes()
+
+
+def test_the_report_says_the_largest_error_and_where(tmp_path):
+    heights = rough(50, 40, seed=7)
+    source = samples(heights)
+    report = import_terrain(source, tmp_path / "t.json", Options(0.2, structures=False))
+    terrain = load(tmp_path / "t.json")
+    at = source.lattice
+    x = at.west + (np.arange(at.columns) + 0.5) * at.dx
+    y = at.south + (np.arange(at.rows) + 0.5) * at.dy
+    apart = np.abs(terrain.height(*np.meshgrid(x, y)) - heights)
+    assert report.misfit.largest == pytest.approx(apart.max(), abs=1e-9)
+    assert report.misfit.rms == pytest.approx(np.sqrt((apart**2).mean()), rel=1e-6)
+    row, column = np.unravel_index(apart.argmax(), apart.shape)
+    assert report.misfit.where == pytest.approx((x[column], y[row]))
+    assert report.misfit.largest <= report.bound <= 0.2
+
+
+@pytest.mark.parametrize(
+    ("heights", "error", "kind"),
+    [
+        (np.full((3, 4), np.nan), 0.1, ReadError),
+        (np.ones((1, 1)), 0.1, ReadError),
+        (np.ones((2, 2)), 0.0, RequestError),
+        (np.ones((2, 2)), -1.0, RequestError),
+        (np.ones((2, 2)), float("nan"), RequestError),
+        (np.array([[1e8, 0.0]]), 1e-9, RequestError),
+        (np.ones((1, 40_000)), 0.1, ReadError),
+    ],
+)
+def test_what_cannot_be_imported_is_refused_and_nothing_written(tmp_path, heights, error, kind):
+    with pytest.raises(kind):
+        import_terrain(samples(heights), tmp_path / "t.json", Options(error))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_file_is_kept(tmp_path):
+    (tmp_path / "t.json").write_text("mine")
+    with pytest.raises(WriteError, match="overwrite"):
+        import_terrain(samples(np.ones((2, 2))), tmp_path / "t.json", Options(0.1))
+    assert (tmp_path / "t.json").read_text() == "mine"
+
+
+def test_level_ground_is_one_element(tmp_path):
+    report = import_terrain(samples(np.full((30, 20), 12.5)), tmp_path / "t.json", Options(0.1))
+    text = json.loads((tmp_path / "t.json").read_text())
+    assert report.misfit.largest <= 0.1
+    assert text["elemTree"]["children"] == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("shape", [(40, 31), (1, 3), (93, 2)])
+def test_steep_ground_far_from_zero_is_no_error(tmp_path, name, shape):
+    """A coordinate is known to a double only, beside walls that is more than a small error."""
+    heights = np.where(np.random.default_rng(1).random(shape) < 0.2, 3000.0, 0.0)
+    place = {"west": 500000.1, "south": 5999999.3, "dx": 0.2, "dy": 0.0028}
+    source = samples(heights, **place)
+    terrain = imported(source, tmp_path / "t.json", max_error=0.0002, methods=named(name))
+    x, y = anywhere(source)
+    slack = 3000 * 4 * np.spacing(6e6) / 0.0028
+    assert np.abs(terrain.height(x, y) - bilinear(source, x, y)).max() <= 0.0002 + slack
+
+
+@given(error=st.floats(1e-4, 10), highest=st.floats(1, 9000))
+def test_a_step_leaves_room_for_single_precision(error, highest):
+    """Half a step and half a unit in the last place of a float32 are no more than the error."""
+    single = float(np.spacing(np.float32(highest))) / 2
+    step = step_for(error, highest)
+    assert 0.9 * error < step / 2 + 2 * single
+    if single < error / 4:
+        assert step / 2 + single <= error * (1 - 1e-4)
+
+
+def test_pixels_that_coordinates_do_not_tell_apart_are_refused(tmp_path):
+    source = samples(np.ones((3, 4)), south=6e6, dx=1e-6, dy=1e-6)
+    with pytest.raises(ReadError, match="told apart"):
+        import_terrain(source, tmp_path / "t.json", Options(0.1))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_room_for_temporary_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(writing, "_PIECE", 10)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    heights = rough(20, 30, seed=1)
+    heights[3, 4] = heights[9, 9] = np.nan
+    with pytest.raises(WriteError, match="temporary"):
+        import_terrain(samples(heights), tmp_path / "t.json", Options(0.1))
+    assert list(tmp_path.iterdir()) == []
+
+
+def built(seed: int, count: int = 30) -> tuple[dict, Terrain]:
+    """A slope with boxes, ramps and hills on a grid of 4 m cells, oblong."""
+    rng = np.random.default_rng(seed)
+    kinds = {
+        "box": {"x": [1]},
+        "ramp": {"x": "ramp", "y": "flat"},
+        "bank": {"x": "flat", "y": "ramp"},
+        "hill": {"x": "cosbell", "y": []},
+        "ridge": {"x": "tent", "y": "flat"},
+        "mound": {"x": "cos", "y": []},
+    }
+    children, taken = [], np.zeros((40, 60), bool)
+    while len(children) < count:
+        w, h = (int(side) for side in rng.integers(2, 8, 2))
+        x, y = int(rng.integers(0, 60 - w)), int(rng.integers(0, 40 - h))
+        if taken[y : y + h, x : x + w].any():
+            continue
+        taken[y : y + h, x : x + w] = True
+        children.append(
+            {
+                "type": str(rng.choice(list(kinds))), "cellX": x, "cellY": y, "span": [w, h],
+                "vScale": round(float(rng.choice([-1, 1]) * rng.uniform(0.5, 4)), 2),
+            }
+        )  # fmt: skip
+    definition = {
+        "size": [240, 160], "origin": [1000, 2000],
+        "elemTypes": {**kinds, "slope": {"x": [0, 3]}},
+        "elemTree": {"type": "slope", "vScale": 1, "cells": [60, 40], "children": children},
+    }  # fmt: skip
+    return definition, terrain_of(definition)
+
+
+def sampled(terrain: Terrain, pixel: float = 0.5) -> Samples:
+    """A terrain at pixel centres, in single precision as a GeoTIFF has it."""
+    west, south, east, north = terrain.bounds
+    x, y = np.arange(west + pixel / 2, east, pixel), np.arange(south + pixel / 2, north, pixel)
+    heights = terrain.height(*np.meshgrid(x, y)).astype(np.float32).astype(float)
+    return samples(heights, west=west, south=south, dx=pixel, dy=pixel)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_structures_are_within_the_bound_everywhere(tmp_path, seed):
+    """Flanks instead of walls: also between the pixels, and in the outer half ones."""
+    _, terrain = built(seed)
+    source = sampled(terrain)
+    report = import_terrain(source, tmp_path / "t.json", Options(0.05))
+    assert sum(report.structures.values()) > 20
+    x, y = anywhere(source, seed, 100_000)
+    apart = np.abs(load(tmp_path / "t.json").height(x, y) - bilinear(source, x, y))
+    assert apart.max() <= report.bound <= 0.05
+
+
+BORDERS = {
+    "one pixel of the south": (slice(None, 1), slice(5, 23), 3.0),
+    "corner": (slice(-2, None), slice(-1, None), -2.0),
+    "one pixel of the east": (slice(20, 30), slice(-1, None), 1.7),
+}
+
+
+@pytest.mark.parametrize("kind", [*BORDERS, "ramp"])
+@pytest.mark.parametrize("error", [0.02, 0.5])
+def test_structures_at_the_border_are_level_in_the_outer_half_pixels(tmp_path, kind, error):
+    heights = np.zeros((61, 47))
+    heights[40:50, 10:22] = 4.0
+    heights[4:12, 20:40] += 1.0
+    heights[10:20, 20:40] += 2.0
+    if kind == "ramp":
+        heights[20:30] += 9.0 * (np.arange(47) + 0.5) / 47
+        heights[:, 30:36] -= 6.0 * (np.arange(61)[:, np.newaxis] + 0.5) / 61
+    else:
+        rows, columns, height = BORDERS[kind]
+        heights[rows, columns] += height
+    source = samples(heights)
+    report = import_terrain(source, tmp_path / "t.json", Options(error))
+    assert report.structures
+    x, y = anywhere(source, 3, 50_000)
+    apart = np.abs(load(tmp_path / "t.json").height(x, y) - bilinear(source, x, y))
+    assert apart.max() <= report.bound + 1e-8
+    assert report.bound <= error
+
+
+CURVES = {
+    "box": ("flat", "flat"),
+    "ramp": ("ramp", "flat"),
+    "bank": ("flat", "ramp"),
+    "hill": ("cosbell", "cosbell"),
+    "ridge": ("tent", "flat"),
+    "mound": ("cos", "cos"),
+}
+
+
+def test_boxes_ramps_and_hills_come_back_by_name_and_number(tmp_path):
+    """With upright walls: the same curves, cells and factors, and the same surface."""
+    same = count = 0
+    for seed in range(4):
+        definition, terrain = built(seed)
+        source = sampled(terrain)
+        import_terrain(source, tmp_path / "t.json", Options(0.02, walls=True), overwrite=True)
+        text = json.loads((tmp_path / "t.json").read_text())
+        found = {}
+        for element in text["elemTree"]["children"]:
+            kind = text["elemTypes"][element["type"]]
+            # 60 cells of 4 m are 480 pixels of 0.5 m, and 960 half pixels
+            place = [element["cellX"], element["cellY"], *element["span"]]
+            curves = str(kind.get("x", "flat")), str(kind.get("y", "flat"))
+            found[curves, *(number / 16 for number in place)] = element["vScale"]
+        for element in definition["elemTree"]["children"]:
+            key = CURVES[element["type"]], element["cellX"], element["cellY"], *element["span"]
+            same += found.get(key, 0) == pytest.approx(element["vScale"], abs=1e-3)
+            count += 1
+        x, y = anywhere(source, seed, 50_000)
+        apart = np.abs(load(tmp_path / "t.json").height(x, y) - terrain.height(x, y))
+        assert (apart <= 0.02).mean() > 0.98
+    assert same >= 0.95 * count
+
+
+def test_structures_make_the_file_smaller(tmp_path):
+    _, terrain = built(5)
+    source = sampled(terrain)
+    sizes = [
+        import_terrain(source, tmp_path / "t.json.gz", Options(0.02, structures=on), True).size
+        for on in (True, False)
+    ]
+    assert sizes[0] < 0.5 * sizes[1]
+
+
+def test_structures_that_turn_out_badly_are_given_up(tmp_path, monkeypatch):
+    """Should what they add between the pixels not be as foreseen, the rest does without them."""
+    _, terrain = built(2)
+    source = sampled(terrain)
+    rims = Checker.rims
+
+    def alarmed(self, texts, levels, step):
+        if self.always:
+            raise BoundError("by the test")
+        rims(self, texts, levels, step)
+
+    monkeypatch.setattr(Checker, "rims", alarmed)
+    report = import_terrain(source, tmp_path / "t.json", Options(0.05))
+    assert report.structures == {}
+    assert report.bound <= 0.05
+    assert [path.name for path in tmp_path.iterdir()] == ["t.json"]
+
+
+def test_an_alarm_leaves_nothing_behind(tmp_path, monkeypatch):
+    def alarmed(*_):
+        raise BoundError("by the test")
+
+    monkeypatch.setattr(Checker, "rims", alarmed)
+    with pytest.raises(WriteError, match="report"):
+        import_terrain(samples(rough(20, 30, 1)), tmp_path / "t.json", Options(0.05))
+    assert list(tmp_path.iterdir()) == []

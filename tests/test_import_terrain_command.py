@@ -1,0 +1,278 @@
+"""`terratool import-terrain`: what it says, writes and refuses, and the way there and back."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import Affine
+
+from terratool.field.terrain import load
+from terratool.importing.sources import open_source
+from terratool.importing.terrains import covering, terrain
+from terratool.importing.terrains.terrain import Options, import_terrain
+from tests.commands import ROOT, SAMPLE, run
+
+
+@pytest.fixture
+def dem(tmp_path):
+    """9 × 6 pixels of 2 m in UTM, one of them nodata."""
+    path = tmp_path / "dem.tif"
+    heights = np.arange(54, dtype=np.float32).reshape(6, 9) ** 1.3
+    heights[2, 3] = -9999
+    with rasterio.open(
+        path, "w", driver="GTiff", height=6, width=9, count=1, dtype="float32", nodata=-9999,
+        crs="EPSG:32633", transform=Affine(2, 0, 400000, 0, -2, 5000000),
+    ) as file:  # fmt: skip
+        file.write(heights, 1)
+    return path
+
+
+def test_it_says_what_came_about(dem, tmp_path):
+    out = tmp_path / "site.json"
+    ran = run("import-terrain", dem, out, "--max-error", "0.25")
+    assert ran.code == 0
+    assert ran.err == ""
+    lines = ran.out.splitlines()
+    assert lines[0] == "9 × 6 pixels of 2, 1 without a height"
+    assert f"{out.stat().st_size:,} bytes" in lines[1]
+    assert lines[2].startswith("Error at the pixels: at most 0.2")
+    assert lines[-1] == "void: 1 pixel"
+    written = json.loads(out.read_text())
+    assert written["size"] == [18, 12]
+    assert written["origin"] == [400000, 4999988]
+    assert written["crs"] == "EPSG:32633"
+    assert written["surfTypes"] == {"void": {"void": True}}
+    assert "dem.tif" in written["descr"]
+    assert str(tmp_path) not in out.read_text()
+
+
+def test_json_says_the_same_in_numbers(dem, tmp_path):
+    ran = run("import-terrain", dem, tmp_path / "a.json.gz", "--max-error", "0.25", "--json")
+    report = json.loads(ran.out)
+    assert report["error"]["largest"] <= report["error"]["bound"] <= 0.25
+    assert report["error"]["wanted"] == 0.25
+    assert report["nodata"] == 1
+    assert (report["width"], report["height"]) == (9, 6)
+    assert report["bytes"] == (tmp_path / "a.json.gz").stat().st_size
+
+
+def test_every_command_reads_the_compressed_file(dem, tmp_path):
+    out = tmp_path / "site.json.gz"
+    run("import-terrain", dem, out, "--max-error", "0.25")
+    assert json.loads(gzip.decompress(out.read_bytes()))["size"] == [18, 12]
+    assert run("validate", out, "--strict").code == 0
+    assert run("info", out).code == 0
+    height = float(run("query", out, 400001, 4999989).out.splitlines()[1].split(",")[2])
+    assert height == pytest.approx(45**1.3, abs=0.25)
+    assert run("export-dem", out, tmp_path / "again.tif", "--resolution", 2).code == 0
+    assert run("export-mesh", out, tmp_path / "again.obj").code == 0
+
+
+def test_there_and_back_on_the_same_pixels(tmp_path):
+    """export-dem, import-terrain, export-dem: the same pixels within E, and the same place."""
+    first, text, second = tmp_path / "a.tif", tmp_path / "b.json.gz", tmp_path / "b.tif"
+    assert run("export-dem", SAMPLE, first, "--resolution", 0.5).code == 0
+    assert run("import-terrain", first, text, "--max-error", 0.02).code == 0
+    assert run("export-dem", text, second, "--resolution", 0.5).code == 0
+    with rasterio.open(first) as one, rasterio.open(second) as other:
+        assert one.transform == other.transform
+        assert one.shape == other.shape
+        apart = np.abs(one.read(1).astype(float) - other.read(1).astype(float))
+    assert 0 < apart.max() <= 0.02
+
+
+def test_surfaces_come_back_with_their_names_colours_and_soils(tmp_path):
+    sample = ROOT / "samples" / "nested-site.json"
+    dem, text = tmp_path / "site.tif", tmp_path / "again.json"
+    layers = ["--layer", "height", "--layer", "surface"]
+    assert run("export-dem", sample, dem, "--resolution", 1, *layers).code == 0
+    classes = tmp_path / "site-surface.tif"
+    ran = run("import-terrain", dem, text, "--max-error", 0.05, "--surfaces", classes)
+    assert ran.code == 0, ran.err
+    old, new = load(sample), load(text)
+    west, south, east, north = old.bounds
+    x, y = np.meshgrid(np.arange(west + 0.5, east), np.arange(south + 0.5, north))
+    theirs, ours = old.surface(x, y), new.surface(x, y)
+    void = np.isnan(old.height(x, y))
+    assert void.any()
+    np.testing.assert_array_equal(np.isnan(new.height(x, y)), void)
+    assert (theirs[~void] == ours[~void]).all()
+    for name in set(theirs[~void].tolist()) - {None}:
+        before, after = old.surface_types[name], new.surface_types[name]
+        assert before.color == after.color
+        assert (before.cohesion, before.fric_angle) == (after.cohesion, after.fric_angle)
+        assert (before.sinkage, before.sonar_refl) == (after.sinkage, after.sonar_refl)
+
+
+def test_classes_in_another_reference_system_and_size(tmp_path):
+    """Classes by degrees, coarser than the DEM and smaller: some pixels have none."""
+    dem, classes, text = tmp_path / "dem.tif", tmp_path / "classes.tif", tmp_path / "t.json"
+    with rasterio.open(
+        dem, "w", driver="GTiff", height=40, width=60, count=1, dtype="float32",
+        crs="EPSG:32633", transform=Affine(10, 0, 500000, 0, -10, 5000000),
+    ) as file:  # fmt: skip
+        file.write(np.zeros((40, 60), np.float32), 1)
+    # EPSG:32633 has its middle meridian at 15 degrees east, 500000 there
+    side = 100 / 78_800  # degrees of about 100 m to the east here
+    with rasterio.open(
+        classes, "w", driver="GTiff", height=2, width=3, count=1, dtype="uint8", nodata=0,
+        crs="EPSG:4326", transform=Affine(side, 0, 15, 0, -0.0018, 45.1534),
+    ) as file:  # fmt: skip
+        file.write(np.array([[1, 2, 3], [4, 0, 3]], np.uint8), 1)
+    ran = run("import-terrain", dem, text, "--max-error", 0.1, "--surfaces", classes)
+    assert ran.code == 0, ran.err
+    assert "no class for" in ran.err
+    terrain = load(text)
+    assert terrain.surface(500050, 4999900) == "class-1"
+    assert terrain.surface(500150, 4999900) == "class-2"
+    assert terrain.surface(500250, 4999900) == "class-3"
+    assert terrain.surface(500050, 4999700) == "class-4"
+    assert terrain.surface(500150, 4999700) is None
+    assert terrain.surface(500550, 4999700) is None
+
+
+def refusals(tmp_path: Path, dem: Path):
+    """Arguments, exit code and a word of the message."""
+    dark, pixel = tmp_path / "dark.tif", tmp_path / "pixel.tif"
+    for path, heights in ((dark, np.full((3, 3), np.nan)), (pixel, np.ones((1, 1)))):
+        rows, columns = heights.shape
+        with rasterio.open(
+            path, "w", driver="GTiff", height=rows, width=columns, count=1, dtype="float64",
+            transform=Affine(2, 0, 0, 0, -2, 9),
+        ) as file:  # fmt: skip
+            file.write(heights, 1)
+    error = ["--max-error", "0.1"]
+    out = tmp_path / "out.json"
+    return {
+        "nodata": ([dark, out, *error], 3, "nodata"),
+        "one pixel": ([pixel, out, *error], 3, "one pixel"),
+        "no error": ([dem, out], 2, "--max-error"),
+        "zero error": ([dem, out, "--max-error", "0"], 2, "above 0"),
+        "missing": ([tmp_path / "none.tif", out, *error], 3, "none.tif"),
+        "no folder": ([dem, tmp_path / "no" / "out.json", *error], 3, "does not exist"),
+        "ending": ([dem, tmp_path / "out.tif", *error], 2, ".json"),
+        "classes": ([dem, out, *error, "--surfaces", dem], 3, "classes"),
+        "no classes": ([dem, out, *error, "--surfaces", tmp_path / "x.tif"], 3, "x.tif"),
+        "window": ([dem, out, *error, "--window", 0, 0, 99, 1], 2, "window"),
+    }
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        "nodata", "one pixel", "no error", "zero error", "missing", "no folder", "ending",
+        "classes", "no classes", "window",
+    ],
+)  # fmt: skip
+def test_a_sentence_a_code_and_no_file(tmp_path, dem, case):
+    arguments, code, word = refusals(tmp_path, dem)[case]
+    before = sorted(tmp_path.iterdir())
+    ran = run("import-terrain", *arguments)
+    assert ran.code == code
+    assert word in ran.err
+    assert ran.out == ""
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_source_is_not_overwritten_by_another_name(dem, tmp_path):
+    before = dem.read_bytes()
+    link = tmp_path / "link.json"
+    link.symlink_to(dem)
+    ran = run("import-terrain", dem, link, "--max-error", 0.1, "--overwrite")
+    assert ran.code == 2
+    assert "same file" in ran.err
+    assert dem.read_bytes() == before
+
+
+def test_a_name_that_is_too_long_is_refused(dem, tmp_path):
+    ran = run("import-terrain", dem, tmp_path / ("x" * 300 + ".json"), "--max-error", 0.1)
+    assert ran.code == 3
+    assert "xxx.json: cannot be written" in ran.err
+
+
+def test_infinite_pixels_are_counted_once(tmp_path, monkeypatch):
+    heights = np.arange(300.0).reshape(150, 2)
+    heights[64] = np.inf  # where two blocks meet
+    path = tmp_path / "dem.tif"
+    with rasterio.open(
+        path, "w", driver="GTiff", height=150, width=2, count=1, dtype="float64",
+        transform=Affine(2, 0, 0, 0, -2, 9),
+    ) as file:  # fmt: skip
+        file.write(heights, 1)
+    monkeypatch.setattr(terrain, "MOST_IN_MEMORY", 10)
+    with open_source(str(path)) as source:
+        notes = import_terrain(source, tmp_path / "a.json", Options(0.1)).notes
+    assert notes == ("2 pixels are infinite: taken as nodata.",)
+    with open_source(str(path)) as source:
+        options = Options(0.1, fill=True)
+        notes = import_terrain(source, tmp_path / "b.json", options).notes
+    assert "from beside" in notes[1]
+    assert not np.isnan(
+        load(tmp_path / "b.json").height(np.full(299, 1.0), np.arange(-290, 9))
+    ).any()
+
+
+def test_classes_much_finer_than_the_dem_are_read_in_parts(dem, tmp_path, monkeypatch):
+    path = tmp_path / "classes.tif"
+    fine = np.arange(60 * 90).reshape(60, 90) % 251  # 10 × 10 to a pixel
+    with rasterio.open(
+        path, "w", driver="GTiff", height=60, width=90, count=1, dtype="uint8",
+        crs="EPSG:32633", transform=Affine(0.2, 0, 400000, 0, -0.2, 5000000),
+    ) as file:  # fmt: skip
+        file.write(fine.astype(np.uint8), 1)
+    texts = []
+    for most in (1 << 24, 100):
+        monkeypatch.setattr(covering, "_MOST_READ", most)
+        out = tmp_path / f"{most}.json"
+        with open_source(str(dem)) as source:
+            import_terrain(source, out, Options(0.1, surfaces=str(path)))
+        texts.append(out.read_text())
+    assert texts[0] == texts[1]
+    terrain = load(out)
+    for column, row in ((0, 0), (8, 0), (3, 4), (8, 5)):
+        x, y = 400000 + 2 * column + 1, 5000000 - 2 * row - 1
+        assert terrain.surface(x, y) == f"class-{fine[10 * row + 5, 10 * column + 5]}"
+
+
+def test_large_class_numbers_are_classes(dem, tmp_path):
+    path = tmp_path / "classes.tif"
+    with rasterio.open(
+        path, "w", driver="GTiff", height=6, width=9, count=1, dtype="int64",
+        crs="EPSG:32633", transform=Affine(2, 0, 400000, 0, -2, 5000000),
+    ) as file:  # fmt: skip
+        file.write(np.full((6, 9), 1 << 40), 1)
+    ran = run("import-terrain", dem, tmp_path / "a.json", "--max-error", 0.1, "--surfaces", path)
+    assert ran.out.splitlines()[-2:] == [f"class-{1 << 40}: 53 pixels", "void: 1 pixel"]
+
+
+def test_with_walls_no_bound_is_claimed_between_the_pixels(tmp_path):
+    heights = np.zeros((30, 40))
+    heights[5:15, 8:25] = 3.0
+    path = tmp_path / "dem.tif"
+    with rasterio.open(
+        path, "w", driver="GTiff", height=30, width=40, count=1, dtype="float64",
+        transform=Affine(2, 0, 0, 0, -2, 9),
+    ) as file:  # fmt: skip
+        file.write(heights, 1)
+    for walls in ([], ["--walls"]):
+        ran = run(
+            "import-terrain", path, tmp_path / "a.json", "--max-error", 0.1, "--json",
+            "--overwrite", *walls,
+        )  # fmt: skip
+        report = json.loads(ran.out)
+        assert report["structures"] == {"box": 1}
+        assert (report["error"]["bound"] is None) == report["walls"] == bool(walls)
+
+
+def test_an_existing_file_is_kept_unless_told(dem, tmp_path):
+    out = tmp_path / "out.json"
+    out.write_text("mine")
+    assert run("import-terrain", dem, out, "--max-error", 0.1).code == 3
+    assert out.read_text() == "mine"
+    assert run("import-terrain", dem, out, "--max-error", 0.1, "--overwrite").code == 0
+    assert load(out).size == (18, 12)

@@ -1,0 +1,262 @@
+"""VRML97 texts that are none, or too much: a sentence with a line and a column, and no more."""
+
+from __future__ import annotations
+
+import gzip
+import random
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from terratool.errors import ReadError
+from terratool.importing.vrml import walking
+from terratool.importing.vrml.reading import read_vrml
+from tests.vrml import HEADER, TRIANGLE, read
+
+DEEP = 100_000
+
+
+def refusal(folder: Path, data: bytes) -> str:
+    """What is said of a file that cannot be read; both sentences are there."""
+    path = folder / "t.wrl"
+    path.write_bytes(data)
+    with pytest.raises(ReadError) as caught:
+        read_vrml(path)
+    error = caught.value
+    assert error.message.startswith(f"{path}:")
+    assert error.message.endswith(".")
+    assert error.hint.endswith((".", "?"))
+    assert "\n" not in str(error)
+    return str(error).removeprefix(f"{path}:")
+
+
+HEADS = {
+    b"": "1:1: the file is empty",
+    b"#VRML V1.0 ascii\nSeparator { }": "1:1: this is VRML 1.0",
+    b"#X3D V3.0 utf8\nGroup { }": "1:1: this is X3D",
+    b'\n<?xml version="1.0"?><X3D></X3D>': "1:1: this is X3D",
+    b"#VRML V2.0 utf16\n": "1:1: the file does not begin with",
+    b"#VRML V2.0 utf8x\n": "1:1: the file does not begin with",
+    b" " + HEADER.encode() + TRIANGLE.encode(): "1:1: the file does not begin with",
+    b"solid cube\n": "1:1: the file does not begin with",
+    bytes(range(256)) * 99: "1:1: the file does not begin with",
+    gzip.compress(b"#VRML V1.0 ascii\n"): "1:1: this is VRML 1.0",
+    gzip.compress((HEADER + TRIANGLE).encode())[:-9]: " is broken gzip",
+    gzip.compress((HEADER + TRIANGLE).encode())[:20]: " is broken gzip",
+    b"\x1f\x8b rubbish": " is broken gzip",
+    HEADER.encode(): " no node in it has a surface",
+}
+
+
+@pytest.mark.parametrize(("data", "wanted"), HEADS.items(), ids=range(len(HEADS)))
+def test_other_files(data: bytes, wanted: str, tmp_path: Path) -> None:
+    assert refusal(tmp_path, data).startswith(wanted)
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="cannot be read"):
+        read_vrml(tmp_path / "none.wrl")
+    with pytest.raises(ReadError, match="cannot be read"):
+        read_vrml(tmp_path)
+
+
+FACES = (
+    "Shape { geometry IndexedFaceSet { coord Coordinate { point [\n%s ] } coordIndex [\n%s ] } }"
+)
+POINTS, CORNERS = "0 0 0, 1 0 0, 0 1 0", "0 1 2 -1"
+TEXTS = {
+    "USE Foo": '2:1: no node before this USE is called "Foo"',
+    "DEF Hill Group { } USE Hil": 'Did you mean "Hill"?',
+    "DEF A Group { children USE A }": '2:24: USE of "A" within the node of that name',
+    "Transfrom { }": '2:1: VRML97 has no node "Transfrom"',
+    "Group { children\n Transfrom { } }": 'Did you mean "Transform"?',
+    "Separator { }": '2:1: VRML97 has no node "Separator"',
+    "Group { childern [ ] }": '2:9: Group has no field "childern". Did you mean "children"?',
+    "Group { children }": '2:18: a value is missing; there is "}"',
+    "Group { children [ 3 ] }": '2:18: "children" is no MFNode',
+    "Shape { geometry [ Box { } Box { } ] }": '2:18: "geometry" is no SFNode',
+    "Shape { geometry 'Box' }": "2:18: VRML97 has no node",
+    "Box { size TRUE }": '2:12: "size" is no SFVec3f. Write numbers.',
+    "Box { size 1 2 }": '2:12: "size" has 2 numbers, and not 3',
+    "Box { size 1 2 3 4 }": '2:12: "size" has 4 numbers, and not 3',
+    "Box { size [ ] }": '2:12: "size" is no SFVec3f',
+    "Cylinder { top 1 }": '2:16: "top" is no SFBool. Write TRUE or FALSE.',
+    "Cylinder { top true }": "2:16: VRML97 has no node",
+    "Switch { whichChoice 0.5 }": '2:22: "0.5" is no integer of 32 bits',
+    FACES % ("0 0 0, 1 0 0, 0 1", CORNERS): '2:60: "point" has 8 numbers',
+    FACES % (POINTS, "0 1 # 7\n 3 -1"): "5:2: there is no point 3; the last one is 2.",
+    FACES % ("", CORNERS): "4:1: there is no point 0; there are none.",
+    FACES % (POINTS, "0 1 2.5 -1"): '4:5: "2.5" is no integer',
+    FACES % (POINTS, "0 1 3000000000 -1"): '4:5: "3000000000" is no integer',
+    FACES % ("0 0 nan", CORNERS): '3:5: "nan" is no number',
+    FACES % ("NaN 0 0", CORNERS): '3:1: "NaN" is no number',
+    FACES % ("0 -inf 0", CORNERS): '3:3: "-inf" is no number',
+    FACES % ("0 1e400 0", CORNERS): "3:3: 1e400 is too large",
+    FACES % ("0 Box { }", CORNERS): '3:3: "Box" is no number',
+    FACES % (POINTS, CORNERS) + "}": '4:15: a node is missing; there is "}"',
+    (FACES % (POINTS, CORNERS))[:-1]: '2:7: the "{" here is never closed',
+    FACES[:60] % (): '2:60: the "[" here is never closed',
+    "Shape { geometry IndexedFaceSet { coord Box { } } }": '"coord" is a Box and no Coordinate',
+    'WorldInfo { title "abc }': "2:19: the string that begins here has no end",
+    'WorldInfo { title "abc\\" }': "2:19: the string that begins here has no end",
+    "Group ": '2:7: "{" behind Group is missing; there is the end of the file',
+    "DEF": "2:4: the name behind DEF is missing",
+    "ROUTE a.b c.d": '2:1: the ROUTE has no "TO"',
+    "PROTO": "2:6: the name behind PROTO is missing",
+    "PROTO A { }": '2:9: "[" behind the name of the PROTO is missing',
+    "PROTO A [ field SFFloat x 1": '2:9: the "[" here is never closed',
+    "PROTO A [ felid SFFloat x 1 ] { }": '2:11: "felid" is neither field',
+    "PROTO A [ field SFFlaot x 1 ] { }": 'Did you mean "SFFloat"?',
+    "PROTO A [ field SFFloat x TRUE ] { }": '2:27: "x" is no SFFloat',
+    "PROTO A [ ] { A { } } A { }": '2:15: the PROTO "A" contains itself',
+    "PROTO A [ ] { Box { size IS x } }": 'the PROTO "A" has no field "x"',
+    "PROTO A [ field SFFloat x 1 ] { Box { size IS x } }": '"size" is no SFVec3f',
+    "PROTO A [ field SFFloat x 1 ] { } A { y 1 }": '2:39: A has no field "y". Remove it.',
+    "PROTO A [ field SFFloat x 1 ] { } A { x 1 2 }": '2:41: "x" has 2 numbers, and not 1',
+    "Box { size IS x }": "2:12: IS stands outside of a PROTO",
+    'Group { children [\n Inline { url "a.wrl" } ] }': "3:2: the Inline lies in another file",
+    'EXTERNPROTO X [ field SFFloat a ] "x.wrl"\nX { }': "3:1: the X of an EXTERNPROTO lies in ano",
+    "Shape { geometry ElevationGrid { xDimension 3 zDimension 2 height [ 1 2 3 ] } }": (
+        "2:18: the ElevationGrid of 3 × 2 has 3 heights"
+    ),
+    "ElevationGrid { xDimension -3 zDimension -1 height [ 1 2 3 ] }": "2:1: the ElevationGrid of",
+    "ElevationGrid { xDimension 2000000000 zDimension 2000000000 }": "2:1: the ElevationGrid of",
+    "Transform { scale 1e200 1 1 children " * 2 + TRIANGLE + "} }": (
+        "the coordinates of the IndexedFaceSet become too large"
+    ),
+    "Shape { geometry PointSet { } }": " no node in it has a surface. Left out, as it has no faces",
+    "\0\0\0": "2:1: a node is missing",
+    "é { }": '2:1: VRML97 has no node "é"',
+    "# é\n# é\rDEF é Group { } é": '4:17: VRML97 has no node "é"',
+}
+
+
+@pytest.mark.parametrize(("text", "wanted"), TEXTS.items(), ids=range(len(TEXTS)))
+def test_broken_texts(text: str, wanted: str, tmp_path: Path) -> None:
+    said = refusal(tmp_path, (HEADER + text).encode())
+    assert said.startswith(wanted) if wanted[0] in " 23456789" else wanted in said
+
+
+def test_every_beginning_of_a_text(tmp_path: Path) -> None:
+    """A file that was cut off is refused, wherever; the whole one is read."""
+    text = (
+        f"PROTO A [ field SFVec3f t 1 2 3 field MFNode c [ ] ] {{ Transform {{ translation IS t"
+        f' children IS c }} }} WorldInfo {{ title "a\\"b" info [ "x" "y" ] }}'
+        f" DEF G Group {{ children [ A {{ c DEF T {TRIANGLE} t 0x1 2e0 3. }} ] }}"
+    )
+    assert len(read(tmp_path, text).faces) == 1
+    for end in range(len(text) - 1):
+        refusal(tmp_path, (HEADER + text[:end]).encode())
+
+
+WORDS = [
+    "DEF", "USE", "A", "Group", "{", "}", "[", "]", "children", "Shape", "geometry", "1", "-1",
+    "0x", "1e", "#", "\n", '"', "IS", "PROTO", "field", "SFNode", "NULL", "TRUE", "Coordinate",
+    "IndexedFaceSet", "coord", "point", "coordIndex", "0 0 0 1 1 1 2 0 0", "0 1 2", "Script",
+    "ROUTE", "TO", "Switch", "choice", "whichChoice", "EXTERNPROTO", "Extrusion", "spine", "é",
+    TRIANGLE,
+]  # fmt: skip
+
+
+@given(words=st.lists(st.sampled_from(WORDS), max_size=40))
+def test_any_words(words: list[str], tmp_path_factory: pytest.TempPathFactory) -> None:
+    """They are read or refused, and nothing else happens."""
+    path = tmp_path_factory.getbasetemp() / "words.wrl"
+    path.write_text(HEADER + " ".join(words), encoding="utf-8")
+    try:
+        assert len(read_vrml(path).faces)
+    except ReadError as error:
+        assert error.hint
+
+
+def test_any_bytes_in_a_good_text(tmp_path: Path) -> None:
+    """One byte or a few of it changed, left out, or doubled."""
+    text = (
+        "PROTO A [ field MFVec3f p [ 0 0 0 ] ] { Shape { geometry IndexedFaceSet {"
+        " coord Coordinate { point IS p } coordIndex [ 0 1 2 -1 0 2 3 -1 ] } } }"
+        f" DEF T {TRIANGLE} Transform {{ rotation 0 1 0 .5 children [ USE T"
+        " A { p [ 0 0 0, 1 2 3, 4 5 6, 7 8 8 ] } Shape { geometry Extrusion { } } ] }"
+    ).encode()
+    path = tmp_path / "t.wrl"
+    rng = random.Random(5)
+    refused = 0
+    for _ in range(400):
+        data = bytearray(text)
+        for _ in range(rng.randint(1, 3)):
+            at = rng.randrange(len(data))
+            data[at : at + rng.randint(0, 2)] = bytes(
+                rng.choice([rng.randrange(256), *b'{}[]"# 0.']) for _ in range(rng.randint(0, 2))
+            )
+        path.write_bytes(HEADER.encode() + data)
+        try:
+            read_vrml(path)
+        except ReadError:
+            refused += 1
+    assert 100 < refused < 400
+
+
+# --- too much -----------------------------------------------------------------------------------
+
+
+def test_deep_nodes(tmp_path: Path) -> None:
+    """No depth is too much, neither of nodes nor of the lists between them."""
+    text = "Group{children[" * DEEP + TRIANGLE + "]}" * DEEP
+    assert len(read(tmp_path, text).faces) == 1
+
+
+def test_deep_transforms(tmp_path: Path) -> None:
+    text = "Transform{translation 1 0 -2 children " * 5000 + TRIANGLE + "}" * 5000
+    assert read(tmp_path, text).vertices.tolist() == [
+        [5000.5, 0, -10000], [5003, 0.25, -10000], [5000, 2, -9993]
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["Group{children[", "Group{children[Group{", "PROTO A[]{", "PROTO A[field SFNode x ",
+     "Shape{geometry Script{field SFNode x ", "[", "{", "Group{children [ [ "],
+)  # fmt: skip
+def test_deep_and_never_closed(words: str, tmp_path: Path) -> None:
+    refusal(tmp_path, (HEADER + words * (DEEP // 5)).encode())
+
+
+BOMBS = {
+    "USE": f"DEF N0 {TRIANGLE}"
+    + "".join(f" DEF N{n} Group{{children[USE N{n - 1} USE N{n - 1}]}}" for n in range(1, 60)),
+    "USE of nothing": "DEF N0 Group{}"
+    + "".join(f" DEF N{n} Group{{children[USE N{n - 1} USE N{n - 1}]}}" for n in range(1, 60)),
+    "PROTO": f"PROTO P0[]{{{TRIANGLE}}}"
+    + "".join(f"PROTO P{n}[]{{Group{{children[P{n - 1}{{}}P{n - 1}{{}}]}}}}" for n in range(1, 60))
+    + "P59{}",
+    "fields": "PROTO P0[field MFNode c[]]{Group{children IS c}}"
+    + "".join(
+        f"PROTO P{n}[field MFNode c[]]{{Group{{children[P{n - 1}{{c IS c}}P{n - 1}{{c IS c}}]}}}}"
+        for n in range(1, 60)
+    )
+    + f"P59{{c {TRIANGLE}}}",
+    "indices": "DEF A Shape{geometry IndexedFaceSet{coordIndex[" + "-1 " * 9999 + "]}}"
+    + " USE A" * 9999,
+    "spheres": "DEF A Shape{geometry Sphere{}}" + " USE A" * 9999,
+    "extrusion": "Shape{geometry Extrusion{spine[" + "1 2 3 " * 9999 + "]crossSection["
+    + "1 2 " * 9999 + "]}}",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_repeated_without_end(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a smaller limit, so that the test is quick: a small text can ask for any amount."""
+    monkeypatch.setattr(walking, "REPEATED", 1_000_000)
+    said = refusal(tmp_path, (HEADER + BOMBS[name]).encode())
+    assert "USE and PROTO repeat more than can be read" in said
+
+
+def test_what_is_written_out_is_never_too_much(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(walking, "REPEATED", 0)
+    many = f"{TRIANGLE} Group {{ children [ {TRIANGLE} ] }}" * 50
+    heights = " ".join(map(str, range(35)))
+    grid = f"ElevationGrid {{ xDimension 5 zDimension 7 height [ {heights} ] }}"
+    assert len(read(tmp_path, f"{many} Shape {{ geometry {grid} }}").faces) == 100 + 2 * 4 * 6
