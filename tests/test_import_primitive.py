@@ -476,8 +476,8 @@ def test_a_term_more_is_told_only_if_it_helps() -> None:
         imported = import_primitive(samples_of(z), "hill", Wanted(samples=samples))
         text = " ".join(sentences(imported))
         assert "import-terrain" in text
-        assert ("--terms" in text) == (imported.more is not None)
-        assert imported.more is None or imported.more < imported.misfit.largest
+        helps = imported.more is not None and imported.more < 0.9 * imported.misfit.largest
+        assert ("--terms" in text) == helps
 
 
 def test_a_wall_may_stand_beside_a_curve_with_a_name() -> None:
