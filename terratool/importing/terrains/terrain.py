@@ -41,7 +41,7 @@ MOST_PIXELS = 32768
 """A grid has up to 65,536 cells along each axis, two to a pixel."""
 _NARROWEST = 2.0**-40
 """Pixels below this part of the largest coordinate drown in the rounding of doubles."""
-_SAMPLE = 256
+_SAMPLE = 192
 _SAMPLED = 1 << 18
 """DEMs of more pixels than this are sampled to choose the method."""
 

@@ -21,7 +21,7 @@ _PIECE = 1 << 22
 """Bytes of text that are compressed at a time."""
 _SMALL = 1 << 21
 """DEMs of up to this many pixels are compressed as well as possible, larger ones quickly."""
-_PROMPT = 1 << 18
+_PROMPT = 1 << 16
 """Text of up to this many bytes is compressed as well as possible to see how small it gets."""
 _BEST, _QUICK = 11, 7
 
