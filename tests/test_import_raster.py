@@ -322,6 +322,18 @@ def test_numbers_that_look_like_nodata_are_named(tmp_path, bad, count):
     assert np.isnan(values).sum() == count
 
 
+def test_rows_of_nothing_else_look_like_nodata_too(tmp_path):
+    """Read a few rows at a time, as large files are."""
+    heights = HEIGHTS.copy()
+    heights[:2] = -9999
+    with open_source(geotiff(tmp_path / "undeclared.tif", heights)) as source:
+        for first in range(ROWS):
+            source.read(first, 1)
+        assert "14 pixels are -9999" in source.notes[0]
+    constant = geotiff(tmp_path / "constant.tif", np.full((5, 7), -9999.0))
+    assert read(constant)[2] == ()
+
+
 def test_heights_that_only_happen_to_be_such_numbers_are_not(tmp_path):
     heights = np.linspace(9000, 11000, 35).reshape(5, 7)
     heights[0, 0] = 9999

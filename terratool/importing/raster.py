@@ -81,7 +81,7 @@ class RasterHeights:
     def _look(self, heights: NDArray[np.float64], low: float, high: float) -> None:
         """See whether the lowest or the highest heights are suspect."""
         for height in (low, high):
-            if height in SUSPECTS and low < high:
+            if height in SUSPECTS:
                 at = heights == height
                 self.suspects[height] = self.suspects.get(height, 0) + int(at.sum())
                 heights = np.where(at, math.nan, heights)
