@@ -87,6 +87,14 @@ def _sync_folder(folder: Path) -> None:
             os.close(number)
 
 
+def is_same_file(one: str | Path, other: str | Path) -> bool:
+    """Whether two names are of one file, which is there."""
+    try:
+        return Path(one).samefile(other)
+    except (OSError, ValueError):
+        return False
+
+
 def refuse_existing(path: Path, overwrite: bool, companions: tuple[str, ...] = ()) -> None:
     """Refuse a path that is there already, or whose companions are, or that cannot be.
 

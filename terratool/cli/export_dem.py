@@ -106,7 +106,7 @@ def command(
 
     from terratool.errors import WriteError
     from terratool.field.terrain import load
-    from terratool.output import refuse_existing
+    from terratool.output import is_same_file, refuse_existing
     from terratool.raster.export import export_dem
     from terratool.raster.geotiff import Compression
     from terratool.raster.grid import default_resolution, grid_over
@@ -121,7 +121,7 @@ def command(
         output = str(Path(str(tiles), INDEX))
     if tiles is None:
         refuse_existing(Path(output), overwrite)
-    if Path(output).exists() and Path(file).exists() and Path(output).samefile(file):
+    if is_same_file(output, file):
         raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
     terrain = load(file)
     why = "as asked"

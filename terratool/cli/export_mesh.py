@@ -327,10 +327,11 @@ def _refuse_definition(file: str, output: str, companions: tuple[str, ...]) -> N
     from pathlib import Path
 
     from terratool.errors import WriteError
+    from terratool.output import is_same_file
 
     paths = [Path(output), *(Path(output).with_suffix(suffix) for suffix in companions)]
     for path in paths:
-        if path.exists() and Path(file).exists() and path.samefile(file):
+        if is_same_file(path, file):
             raise WriteError(f"{path}: is the definition itself.", "Choose another name.")
 
 

@@ -158,11 +158,10 @@ def _refuse_output(output: str, overwrite: bool) -> None:
 
 
 def _refuse_source(source: str, output: str) -> None:
-    from pathlib import Path
-
     from terratool.errors import WriteError
+    from terratool.output import is_same_file
 
-    if Path(output).exists() and Path(source).exists() and Path(output).samefile(source):
+    if is_same_file(output, source):
         raise WriteError(f"{output}: is the source itself.", "Choose another name.")
 
 

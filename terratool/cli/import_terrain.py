@@ -85,13 +85,14 @@ def command(
     from terratool.importing.sources import open_source
     from terratool.importing.terrains.methods import named
     from terratool.importing.terrains.terrain import Options, import_terrain
+    from terratool.output import is_same_file
 
     if not output.endswith((".json", ".json.gz")):
         raise RequestError(
             f"{output}: is no name of a definition.", "Let it end in .json or .json.gz."
         )
     for name in (source, surfaces):
-        if name and _is_same(name, output):
+        if name and is_same_file(name, output):
             raise RequestError(
                 f"{output}: is the same file as {name}.", "Give the definition another name."
             )
@@ -115,16 +116,6 @@ def command(
         click.echo(note, err=True)
     for line in as_text(report, output):
         click.echo(line)
-
-
-def _is_same(name: str, other: str) -> bool:
-    """Whether two names are of one file, which is there."""
-    from pathlib import Path
-
-    try:
-        return Path(name).samefile(other)
-    except (OSError, ValueError):
-        return False
 
 
 def as_dict(report: Report, output: str) -> dict[str, Any]:

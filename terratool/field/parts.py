@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from terratool.errors import RequestError
-from terratool.field.terrain import Terrain
+
+if TYPE_CHECKING:
+    from terratool.field.terrain import Terrain
 
 Bounds = tuple[float, float, float, float]
 """West, south, east, north."""
@@ -17,17 +20,35 @@ def check_bounds(bounds: Bounds, terrain: Terrain) -> None:
     Raises:
         RequestError: it is empty, or misses the terrain.
     """
+    check_overlap(bounds, terrain.bounds, "the terrain")
+
+
+def check_overlap(bounds: Bounds, extent: Bounds, name: str) -> None:
+    """Refuse a rectangle that has nothing in common with the extent of what is called `name`.
+
+    Raises:
+        RequestError: it is empty, or has not.
+    """
+    refuse_empty(bounds)
+    west, south, east, north = bounds
+    if west >= extent[2] or east <= extent[0] or south >= extent[3] or north <= extent[1]:
+        raise RequestError(
+            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} miss {name}.",
+            f"It lies in {' '.join(f'{side:.12g}' for side in extent)}.",
+        )
+
+
+def refuse_empty(bounds: Bounds) -> None:
+    """Refuse a rectangle that holds nothing.
+
+    Raises:
+        RequestError: it is empty, or has a side that is no number.
+    """
     west, south, east, north = bounds
     if not all(map(math.isfinite, bounds)) or west >= east or south >= north:
         raise RequestError(
             f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} are empty.",
             "Give west south east north, west below east and south below north.",
-        )
-    t_west, t_south, t_east, t_north = terrain.bounds
-    if west >= t_east or east <= t_west or south >= t_north or north <= t_south:
-        raise RequestError(
-            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} miss the terrain.",
-            f"It lies in {' '.join(f'{side:.12g}' for side in terrain.bounds)}.",
         )
 
 

@@ -20,10 +20,9 @@ from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
 from terratool.errors import ReadError, RequestError
+from terratool.field.parts import Bounds
 from terratool.importing.extremes import extremes
 from terratool.importing.samples import Lattice
-
-Bounds = tuple[float, float, float, float]
 
 HIGHEST = 1e9
 """A definition's heights stay below this in size."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from terratool.errors import ReadError, RequestError
+from terratool.field.parts import Bounds, refuse_empty
 from terratool.importing.samples import Heights
 
 MESHES = (
@@ -37,7 +37,7 @@ class SourceOptions:
         scale: factor on the coordinates of a mesh.
     """
 
-    bounds: tuple[float, float, float, float] | None = None
+    bounds: Bounds | None = None
     window: tuple[int, int, int, int] | None = None
     band: int | None = None
     crs: str | None = None
@@ -112,12 +112,7 @@ def refuse_odd(name: str, options: SourceOptions) -> None:
                 f"Leave out {option}.",
             )
     if options.bounds is not None:
-        west, south, east, north = options.bounds
-        if not (all(map(math.isfinite, options.bounds)) and west < east and south < north):
-            raise RequestError(
-                f"The bounds {' '.join(f'{side:.12g}' for side in options.bounds)} are empty.",
-                "Give west south east north, west below east and south below north.",
-            )
+        refuse_empty(options.bounds)
     if name.lower().endswith((".json", ".json.gz")):
         raise ReadError(
             f"{name}: is a definition already.",

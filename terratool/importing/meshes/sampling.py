@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
+from terratool.field.parts import Bounds, check_overlap
 from terratool.importing.samples import Lattice, Samples
 from terratool.importing.triangles import Triangles
-
-Bounds = tuple[float, float, float, float]
-"""West, south, east, north."""
 
 Progress = Callable[[str], object]
 
@@ -231,16 +229,8 @@ def _checked(bounds: Bounds, extent: Bounds, name: str) -> Bounds:
     Raises:
         RequestError: they have not.
     """
+    check_overlap(bounds, extent, name)
     west, south, east, north = bounds
-    if not all(map(math.isfinite, bounds)) or west >= east or south >= north:
-        raise RequestError(
-            f"The bounds {_text(bounds)} are empty.",
-            "Give west south east north, west below east and south below north.",
-        )
-    if west >= extent[2] or east <= extent[0] or south >= extent[3] or north <= extent[1]:
-        raise RequestError(
-            f"The bounds {_text(bounds)} miss {name}.", f"It lies in {_text(extent)}."
-        )
     return float(west), float(south), float(east), float(north)
 
 

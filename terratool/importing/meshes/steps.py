@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.field.parts import Bounds
 from terratool.importing.triangles import Triangles
-
-Bounds = tuple[float, float, float, float]
-"""West, south, east, north."""
 
 NEAR = 1e-6
 """Positions that differ by no more than this part of a side of the patch are one."""

@@ -95,6 +95,20 @@ def normal_equations(i, f, j, g, z, w, x, y, offset, summed, where, slopes, matr
 
 
 @kernel
+def _misfit(z, row, column, affine, x_nodes, x, y_nodes, y, offset, summed):
+    """Height minus the model at a pixel; NaN without a height or beyond the curves."""
+    rows, columns = z.shape
+    dx, dy = column + 0.5 - 0.5 * columns, row + 0.5 - 0.5 * rows
+    u = 0.5 + (affine[0] * dx + affine[1] * dy)
+    v = 0.5 + (affine[2] * dx + affine[3] * dy)
+    if math.isnan(z[row, column]) or u < 0.0 or u > 1.0 or v < 0.0 or v > 1.0:
+        return math.nan
+    i, f = _interval(x_nodes, u)
+    j, g = _interval(y_nodes, v)
+    return z[row, column] - _model(x, y, offset, summed, i, f, j, g)
+
+
+@kernel
 def worst_pixels(z, affine, x_nodes, x, y_nodes, y, offset, summed, block, which, size):
     """Write the pixel with the largest misfit of each block of `block` × `block` pixels.
 
@@ -106,18 +120,10 @@ def worst_pixels(z, affine, x_nodes, x, y_nodes, y, offset, summed, block, which
     which[:] = -1
     size[:] = -1.0
     for row in range(rows):
-        dy = row + 0.5 - 0.5 * rows
         for column in range(columns):
-            if math.isnan(z[row, column]):
+            off = abs(_misfit(z, row, column, affine, x_nodes, x, y_nodes, y, offset, summed))
+            if math.isnan(off):
                 continue
-            dx = column + 0.5 - 0.5 * columns
-            u = 0.5 + (affine[0] * dx + affine[1] * dy)
-            v = 0.5 + (affine[2] * dx + affine[3] * dy)
-            if u < 0.0 or u > 1.0 or v < 0.0 or v > 1.0:
-                continue
-            i, f = _interval(x_nodes, u)
-            j, g = _interval(y_nodes, v)
-            off = abs(z[row, column] - _model(x, y, offset, summed, i, f, j, g))
             at = row // block, column // block
             if off > size[at]:
                 size[at] = off
@@ -130,18 +136,10 @@ def range_of_misfits(z, affine, x_nodes, x, y_nodes, y, offset, summed):
     rows, columns = z.shape
     low, high = np.inf, -np.inf
     for row in range(rows):
-        dy = row + 0.5 - 0.5 * rows
         for column in range(columns):
-            if math.isnan(z[row, column]):
+            off = _misfit(z, row, column, affine, x_nodes, x, y_nodes, y, offset, summed)
+            if math.isnan(off):
                 continue
-            dx = column + 0.5 - 0.5 * columns
-            u = 0.5 + (affine[0] * dx + affine[1] * dy)
-            v = 0.5 + (affine[2] * dx + affine[3] * dy)
-            if u < 0.0 or u > 1.0 or v < 0.0 or v > 1.0:
-                continue
-            i, f = _interval(x_nodes, u)
-            j, g = _interval(y_nodes, v)
-            off = z[row, column] - _model(x, y, offset, summed, i, f, j, g)
             low, high = min(low, off), max(high, off)
     return low, high
 

@@ -68,19 +68,9 @@ def with_walls(part: Part, precision: float, fineness: float) -> Structure:
         precision: how far factors may be rounded, in units of the heights.
         fineness: how far values of curves may be.
     """
-    curves = tuple(_walled(axis, fineness) for axis in (part.x, part.y))
-    kind = kind_of(part)
-    return Structure(
-        kind=kind,
-        name=kind,
-        x=curves[0],
-        y=curves[1],
-        combine="product",
-        column=part.x.begin,
-        row=part.y.begin,
-        span=(part.x.end - part.x.begin, part.y.end - part.y.begin),
-        v_scale=shortest(part.scale, precision),
-    )
+    axes = (part.x, part.y)
+    curves = [_walled(axis, fineness) for axis in axes]
+    return _placed(part, curves, [(axis.begin, axis.end) for axis in axes], precision)
 
 
 def with_flanks(
@@ -114,6 +104,14 @@ def with_flanks(
             curve, cell = _flanked(axis, whole, fineness)
             curves.append(curve)
             cells.append(cell)
+    return _placed(part, curves, cells, precision)
+
+
+def _placed(
+    part: Part, curves: list[CurveText], cells: list[tuple[int, int]], precision: float
+) -> Structure:
+    """A product of curves along x and y, each from one half pixel to another."""
+    (west, east), (south, north) = cells
     kind = kind_of(part)
     return Structure(
         kind=kind,
@@ -121,9 +119,9 @@ def with_flanks(
         x=curves[0],
         y=curves[1],
         combine="product",
-        column=cells[0][0],
-        row=cells[1][0],
-        span=(cells[0][1] - cells[0][0], cells[1][1] - cells[1][0]),
+        column=west,
+        row=south,
+        span=(east - west, north - south),
         v_scale=shortest(part.scale, precision),
     )
 
