@@ -22,6 +22,7 @@ from terratool.importing.samples import Lattice, Samples
 from terratool.importing.terrains import terrain as importing
 from terratool.importing.terrains import writing
 from terratool.importing.terrains.checking import Checker
+from terratool.importing.terrains.filling import filled
 from terratool.importing.terrains.measuring import BoundError
 from terratool.importing.terrains.methods import METHODS, named
 from terratool.importing.terrains.rounding import step_for
@@ -474,3 +475,40 @@ def test_an_alarm_leaves_nothing_behind(tmp_path, monkeypatch):
     with pytest.raises(WriteError, match="report"):
         import_terrain(samples(rough(20, 30, 1)), tmp_path / "t.json", Options(0.05))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_gaps_are_filled_from_around_them():
+    heights = np.full((40, 50), 3.0)
+    heights[:, 25:] = 7.0
+    heights[10:30, 15:35] = np.nan
+    whole = filled(heights)
+    known = ~np.isnan(heights)
+    np.testing.assert_array_equal(whole[known], heights[known])
+    assert (whole[10:30, 15] < 3.5).all()
+    assert (whole[10:30, 34] > 6.5).all()
+    assert not np.isnan(whole).any()
+
+
+def test_rows_leave_room_for_what_hills_add_between_the_pixels(tmp_path):
+    """Named hills are not bilinear; with ground beside them that only rows can carry."""
+    terrain = terrain_of(
+        {
+            "size": [150, 100],
+            "elemTypes": {"hill": {"x": "cosbell", "y": []}, "ground": {"x": [1]}},
+            "elemTree": {
+                "type": "ground", "vScale": 2, "cells": [15, 10],
+                "children": [
+                    {"type": "hill", "cellX": 1, "cellY": 1, "span": [6, 6], "vScale": 3},
+                    {"type": "hill", "cellX": 8, "cellY": 3, "span": [5, 6], "vScale": -2},
+                ],
+            },
+        }
+    )  # fmt: skip
+    source = sampled(terrain)
+    source.values[:18, -60:] += np.random.default_rng(3).uniform(0, 1, (18, 60))
+    report = import_terrain(source, tmp_path / "t.json", Options(0.02))
+    assert report.structures == {"cosbell-hill": 2}
+    assert report.misfit.largest < report.bound <= 0.02
+    x, y = anywhere(source, 1, 50_000)
+    apart = np.abs(load(tmp_path / "t.json").height(x, y) - bilinear(source, x, y))
+    assert apart.max() <= report.bound
