@@ -29,8 +29,8 @@ demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example, write its D
 	$(BIN)/terratool export-mesh samples/paper-example.json out/paper-example.glb --overwrite
 	@echo "Look at it in QGIS, or ask it: $(BIN)/terratool query samples/paper-example.json 15 15"
 
-test: $(VENV)/.installed-test  ## Run all tests
-	$(BIN)/python -m pytest
+test: $(VENV)/.installed-test  ## Run all tests, on all processors
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 	$(BIN)/ruff check .
@@ -41,6 +41,7 @@ lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one run
 	$(BIN)/python benchmarks/query.py
 	$(BIN)/python benchmarks/painting.py
+	$(BIN)/python benchmarks/rutting.py
 	$(BIN)/python benchmarks/exporting.py
 	$(BIN)/python benchmarks/compiling.py
 	$(BIN)/python benchmarks/validating.py
@@ -50,6 +51,8 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 	$(BIN)/python benchmarks/importing.py
 	$(BIN)/python benchmarks/reading.py
 	$(BIN)/python benchmarks/zbuffer.py
+	$(BIN)/python benchmarks/routing.py
+	$(BIN)/python benchmarks/traversing.py
 
 docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 	$(BIN)/terratool rules --markdown > docs/rules.md

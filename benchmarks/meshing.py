@@ -1,7 +1,7 @@
 """Meshes: faces and seconds against rasters made into meshes, writing against trimesh's exporters.
 
-The meshes of rasters slant every wall and keep to their error at the pixels only. trimesh
-keeps normals, and syncs nothing.
+The meshes of rasters slant every wall and keep to their error at the pixels only. trimesh keeps
+normals, and syncs nothing. Also S2 with 10,000 segments of ruts against S2 without.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ import numpy as np
 import trimesh
 from measure import line, medians
 from pydelatin import Delatin
+from rutting import ruts, terrain_of
+from terrains import s2
 
 from terratool.field.terrain import Terrain, load
 from terratool.mesh.building import build
@@ -142,11 +144,26 @@ def growth(folder: Path, counts: tuple[int, ...]) -> None:
                   f"{peak:.0f} bytes a face")  # fmt: skip
 
 
+def with_ruts(segments: int) -> None:
+    """Seconds for each face of S2 with ruts against S2 without, and how many more faces it has."""
+    tracks = ruts(segments)
+    plain, rutted = (terrain_of({**s2(), **more}) for more in ({}, {"tracks": tracks}))
+    faces = [len(build(terrain, 0.01).mesh.faces) for terrain in (plain, rutted)]
+    seconds = medians(
+        {"plain": lambda: build(plain, 0.01), "rutted": lambda: build(rutted, 0.01)}, 3
+    )
+    label = f"S2 with {segments:,} segments of ruts, against S2"
+    each = [seconds[name] / count for name, count in zip(("plain", "rutted"), faces, strict=True)]
+    line(f"{label}: seconds for a face ({seconds['rutted']:.2f} s)", each[1] / each[0], "none")
+    line(f"{label}: faces more for each segment", (faces[1] - faces[0]) / segments, "none")
+
+
 def main() -> None:
     quick = "--quick" in sys.argv
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
         growth(Path(name), (1000, 10_000) if quick else (1000, 10_000, 100_000))
         against_rasters(Path(name), 1 if quick else 3)
+    with_ruts(1000 if quick else 10_000)
     writing(200 if quick else 1000)
 
 

@@ -19,10 +19,14 @@ if TYPE_CHECKING:
         WriteError,
     )
     from terratool.field.terrain import Terrain, load
+    from terratool.traversability.types import Vehicle
+    from terratool.traversability.vehicle import load_vehicle
 
 _HOMES = {
     "load": "terratool.field.terrain",
     "Terrain": "terratool.field.terrain",
+    "Vehicle": "terratool.traversability.types",
+    "load_vehicle": "terratool.traversability.vehicle",
     "check": "terratool.definition.reader",
     "load_definition": "terratool.definition.reader",
     "schema": "terratool.definition.schemas",
@@ -39,10 +43,12 @@ __all__ = [
     "RequestError",
     "Terrain",
     "TerratoolError",
+    "Vehicle",
     "WriteError",
     "check",
     "load",
     "load_definition",
+    "load_vehicle",
     "schema",
 ]
 __version__ = "0.1.0"

@@ -42,7 +42,7 @@ class RequestError(TerratoolError):
 
 
 class DefinitionError(TerratoolError):
-    """The text was read, but it is no valid terrain; `findings` says why."""
+    """The text was read, but it is no valid terrain or vehicle; `findings` says why."""
 
     exit_code = 1
 

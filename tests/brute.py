@@ -12,7 +12,9 @@ from terratool.field.terrain import Terrain
 def largest_sum(terrain: Terrain) -> float:
     """More than what any elements that lie over one another add up to; no curve here reaches 5."""
     elements = terrain.arrays.elements
-    return float((25 * np.abs(elements["scale"]) + np.abs(elements["offset"])).sum())
+    tracks = terrain.arrays.tracks
+    ruts = float(np.nanmax(tracks.depths, initial=0.0) * (1.0 + tracks.passes.sum()))
+    return float((25 * np.abs(elements["scale"]) + np.abs(elements["offset"])).sum()) + ruts
 
 
 def walls(terrain: Terrain, x: Any, y: Any, along_x: bool) -> np.ndarray:

@@ -242,6 +242,40 @@ class Element:
         return first if self.radial else COMBINES[self.combine](first, self.value(1, x, y, nudge_y))
 
 
+class Track:
+    """One track: a polyline with a width."""
+
+    def __init__(self, node: Any, surfaces: dict[str, dict[str, Any]]) -> None:
+        self.node, self.surfaces = node, surfaces
+        self.passes: int = node.get("passes", 1)
+        self.multipass: float = node.get("multipass", 3)
+
+    def holds(self, x: float, y: float) -> bool:
+        """Closed, in plain doubles: this is what the format says, to the last bit."""
+        return any(self.near(*a, *b, x, y) for a, b in pairwise(self.node["path"]))
+
+    def near(self, ax: float, ay: float, bx: float, by: float, x: float, y: float) -> bool:
+        ax, ay, bx, by = map(float, (ax, ay, bx, by))
+        limit = (self.node["width"] / 2) * (self.node["width"] / 2)
+        (dx, dy), (px, py), (qx, qy) = (bx - ax, by - ay), (x - ax, y - ay), (x - bx, y - by)
+        length, foot = dx * dx + dy * dy, px * dx + py * dy
+        if foot <= 0:
+            return px * px + py * py <= limit
+        if foot >= length:
+            return qx * qx + qy * qy <= limit
+        aside = px * dy - py * dx
+        return aside * aside <= limit * length
+
+    def first_pass(self, ground: str | None) -> float:
+        depth = self.node.get("depth")
+        if isinstance(depth, dict):
+            depth = depth.get(ground)
+        if depth is not None:
+            return float(depth)
+        soil = self.surfaces[ground] if ground is not None else {}
+        return float(self.node.get("load", 0) * soil.get("sinkage", 0))
+
+
 class Oracle:
     """Answers for one definition."""
 
@@ -252,6 +286,7 @@ class Oracle:
         sides = size if isinstance(size, list) else [size, size]
         west, south, w, h = (Fraction(float(n)) for n in [*origin, *sides])
         self.ground = Side(west, w), Side(south, h)
+        self.tracks = [Track(node, self.surfaces) for node in definition.get("tracks", [])]
         self.root = Element(self.types, definition["elemTree"], self.ground, None, 0)
         self.ulp = Fraction(math.ulp(max(abs(g.at(t)) for g in self.ground for t in (0, 1))))
 
@@ -261,12 +296,26 @@ class Oracle:
             return Answer(math.nan, None, None)
         covering = [element for element in self._around(x, y) if element.covers(x, y)]
         if not covering:
-            return Answer(0.0, None, None)
+            return self._rutted(Answer(0.0, None, None), x, y)
         winner = max(reversed(covering), key=lambda element: element.level)
         if winner.surface is not None and self.surfaces[winner.surface].get("void", False):
             return Answer(math.nan, winner.surface, winner.pointer)
         z = math.fsum(self._height(element, element.shape(x, y)) for element in covering)
-        return Answer(z, winner.surface, winner.pointer)
+        return self._rutted(Answer(z, winner.surface, winner.pointer), x, y)
+
+    def _rutted(self, ground: Answer, x: float, y: float) -> Answer:
+        """What the tracks make of the ground that the elements are."""
+        over = [(k, track) for k, track in enumerate(self.tracks) if track.holds(x, y)]
+        if not over:
+            return ground
+        deepest = max((track for _, track in over), key=lambda t: t.first_pass(ground.surface))
+        passes = sum(track.passes for _, track in over)
+        sunk = deepest.first_pass(ground.surface) * passes ** (1 / deepest.multipass)
+        surface, element = ground.surface, ground.element
+        for k, track in over:
+            if "surface" in track.node:
+                surface, element = track.node["surface"], f"/tracks/{k}"
+        return Answer(ground.z - sunk, surface, element)
 
     def margin(self, x: float, y: float, *, cells: bool = True) -> float:
         """Distance to the nearest edge that could decide anything, in sides of the cell it is of.

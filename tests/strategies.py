@@ -6,6 +6,7 @@ import copy
 import math
 from copy import deepcopy
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 from hypothesis import strategies as st
@@ -40,6 +41,7 @@ SURFACES: Json = {
     "rock": {"sinkage": 0, "sonarRefl": 1},
     "sand": {"sinkage": 0.01, "cohesion": 0.5, "fricAngle": 28.5, "shearModulus": 0.025},
     "bare": {},
+    "moon": {"preset": "lunar-nominal", "sinkage": 0.3},
     "hole": {"void": True},
     "filled": {"void": False, "x-note": "surveyed"},
 }
@@ -166,8 +168,37 @@ def elements(
 
 
 @st.composite
-def definitions(draw: Draw) -> Json:
-    """Valid definitions, of at most four levels and 31 elements."""
+def tracks(draw: Draw, definition: Json) -> Json:
+    """A track in, across or outside of the terrain, also over itself, of any width."""
+    sides = [(float(low), float(length)) for low, length in box(definition)]
+    shares = st.sampled_from([0, 0.25, 0.5, 0.5, 0.75, 1]) | thousandths(-0.3, 1.3)
+    count = draw(st.integers(2, 5))
+    path = [[low + draw(shares) * length for low, length in sides] for _ in range(count)]
+    if draw(st.integers(0, 2)) == 2:  # along an axis, and back over itself
+        path[1][draw(st.integers(0, 1))] = path[0][draw(st.integers(0, 1))]
+        path.append(path[0])
+    share = draw(st.sampled_from([1e-9, 0.001, 0.125, 0.25, 0.3, 3]) | thousandths(0.001, 0.5))
+    found: Json = {"path": path, "width": share * min(length for _, length in sides)}
+    surfaces = definition.get("surfTypes", {})
+    solid = sorted(name for name in surfaces if not surfaces[name].get("void"))
+    laws = draw(st.sampled_from(["load", "depth", "names", "both"]))
+    depths = st.sampled_from([0, 0.5, 1]) | thousandths(0, 2)
+    if laws in ("load", "both"):
+        found["load"] = draw(numbers(0, 50))
+    if laws == "depth":
+        found["depth"] = draw(depths)
+    if laws in ("names", "both"):
+        found["depth"] = {name: draw(depths) for name in sorted(surfaces) if draw(st.booleans())}
+    optionally(draw, found, "passes", st.sampled_from([1, 2, 3, 1000]))
+    optionally(draw, found, "multipass", st.sampled_from([1, 2.0, 3, 5]) | thousandths(1, 6))
+    if solid:
+        optionally(draw, found, "surface", st.sampled_from(solid))
+    return found
+
+
+@st.composite
+def definitions(draw: Draw, *, rutted: bool = False) -> Json:
+    """Valid definitions, of at most four levels and 31 elements; with tracks if `rutted`."""
     types = {f"p{k}": draw(primitives()) for k in range(draw(st.integers(1, 4)))}
     surfaces = draw(st.lists(st.sampled_from(sorted(SURFACES)), max_size=4, unique=True))
     found: Json = {"size": draw(sizes())}
@@ -179,6 +210,8 @@ def definitions(draw: Draw) -> Json:
         found["surfTypes"] = {name: copy.deepcopy(SURFACES[name]) for name in surfaces}
     found["elemTypes"] = types
     found["elemTree"] = draw(elements(list(types), surfaces, 3, {}, huge=True))
+    if rutted:
+        found["tracks"] = [draw(tracks(found)) for _ in range(draw(st.integers(0, 4)))]
     return deepcopy(found)  # tests change what they are given
 
 
@@ -264,6 +297,31 @@ def landmarks(definition: Json) -> list[Point]:
     return list(dict.fromkeys(found))
 
 
+def rims(definition: Json, limit: int = 40) -> list[Point]:
+    """Points on the rims of tracks as exactly as doubles can, and beside them, a few of them.
+
+    Of each segment its ends, beyond its ends, and to both sides of its ends and its middle.
+    """
+    found = []
+    for track in definition.get("tracks", []):
+        reach = track["width"] / 2
+        for (ax, ay), (bx, by) in pairwise(track["path"]):
+            length = math.hypot(bx - ax, by - ay)
+            u, v = ((bx - ax) / length, (by - ay) / length) if length else (1.0, 0.0)
+            for part in (0.0, 0.5, 1.0):
+                x, y = ax + part * (bx - ax), ay + part * (by - ay)
+                for du, dv in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)):
+                    found.append((x + reach * (du * u - dv * v), y + reach * (du * v + dv * u)))
+                    found.append((x + reach * du, y + reach * dv))
+    beside = [
+        (math.nextafter(x, side * math.inf), math.nextafter(y, other * math.inf))
+        for x, y in found
+        for side, other in ((1, 1), (-1, -1), (1, -1))
+    ]
+    both = list(dict.fromkeys(found + beside))
+    return both[:: max(1, len(both) // limit)]
+
+
 @st.composite
 def scattered(draw: Draw, definition: Json) -> Point:
     """A point anywhere in the terrain, or, one in eight, up to half its size outside."""
@@ -284,4 +342,8 @@ def points(definition: Json) -> st.SearchStrategy[Point]:
     mixed = st.tuples(scattered(definition), marked, st.booleans()).map(
         lambda drawn: (drawn[0][0], drawn[1][1]) if drawn[2] else (drawn[1][0], drawn[0][1])
     )
+    if definition.get("tracks"):
+        return st.one_of(
+            scattered(definition), marked, mixed, middles, *[st.sampled_from(rims(definition))] * 3
+        )
     return st.one_of(scattered(definition), marked, mixed, middles)

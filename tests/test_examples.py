@@ -7,14 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from terratool.definition.reader import Checked, Options, check
+from terratool.definition.reader import Checked, Options
 from terratool.definition.rules import all_rules
 from terratool.definition.source import read_source
+from terratool.definition.vehicles.reader import check_any
 from terratool.definition.writer import canonical
 
 HERE = Path(__file__).parent
 VALID = sorted((HERE / "example-files" / "valid").glob("*.json"))
 SAMPLES = sorted((HERE.parent / "samples").glob("*.json"))
+VEHICLES = sorted((HERE.parent / "samples" / "vehicles").glob("*.json"))
 INVALID = sorted((HERE.parent / "samples" / "invalid").glob("*.json"))
 NO_SAMPLE = {"TT112"}  # it wants a file of more than 10 MB
 
@@ -42,16 +44,16 @@ def places(checked: Checked) -> list[tuple[str, str, str]]:
 def test_invalid_sample(path: Path) -> None:
     """An invalid file has the findings that are listed beside it, all of them, and no others."""
     options, findings = expected(path)
-    checked = check(read_source(path), options)
+    checked = check_any(read_source(path), options)
     assert places(checked) == findings
     errors = [code for _, code, _ in findings if all_rules()[code].severity == "error"]
-    assert (checked.definition is None) == bool(errors)
+    assert (checked.definition is None and checked.vehicle is None) == bool(errors)
 
 
 @pytest.mark.parametrize("path", VALID, ids=lambda path: path.stem)
 def test_valid_example(path: Path) -> None:
     """A valid file has no errors."""
-    checked = check(read_source(path))
+    checked = check_any(read_source(path))
     assert [f for f in checked.findings if f.severity == "error"] == []
     assert checked.definition is not None
 
@@ -59,9 +61,23 @@ def test_valid_example(path: Path) -> None:
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
 def test_sample(path: Path) -> None:
     """A sample is a good example: nothing is wrong with it, and nothing to remark on."""
-    checked = check(read_source(path))
+    checked = check_any(read_source(path))
     assert checked.findings == ()
     assert checked.definition is not None
+
+
+@pytest.mark.parametrize("path", VEHICLES, ids=lambda path: path.stem)
+def test_vehicle(path: Path) -> None:
+    """So is a sample of a vehicle, which says what it is and where each figure comes from."""
+    checked = check_any(read_source(path))
+    assert checked.findings == ()
+    assert checked.vehicle is not None
+    value = json.loads(path.read_text("utf-8"))
+    assert 20 < len(value["descr"]) < 130
+    told = {name for names in value["x-source"] for name in names.split(", ")}
+    asked = {"mass", "axles", "track", "cog", "clearance", "speed", "power", "bodyWidth"}
+    assert told >= asked
+    assert path.name in (HERE.parent / "docs" / "vehicle.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
@@ -72,7 +88,7 @@ def test_sample_says_what_it_is(path: Path) -> None:
     assert f"samples/{path.name}" in (HERE.parent / "README.md").read_text("utf-8")
 
 
-@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SAMPLES + VEHICLES, ids=lambda path: path.stem)
 def test_sample_is_laid_out(path: Path) -> None:
     """Laying it out anew changes nothing."""
     text = path.read_text("utf-8")
@@ -87,3 +103,4 @@ def test_every_rule_has_a_sample() -> None:
     assert codes == set(all_rules()) - NO_SAMPLE
     assert VALID
     assert len(SAMPLES) >= 10
+    assert len(VEHICLES) >= 4

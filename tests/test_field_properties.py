@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.conftest import terrain_of
 from tests.oracle import Oracle
-from tests.strategies import definitions, landmarks, points
+from tests.strategies import definitions, landmarks, points, rims
 
 EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "150"))
 
@@ -25,10 +25,10 @@ TOLERANCE = 2e-6
 @given(st.data())
 def test_height_surface_and_element_agree_with_the_format(data: st.DataObject) -> None:
     """At random points, and on, beside and between all edges of cells, to the last bit."""
-    definition = data.draw(definitions())
+    definition = data.draw(definitions(rutted=data.draw(st.booleans())))
     terrain, oracle = terrain_of(definition), Oracle(definition)
     drawn = data.draw(st.lists(points(definition), min_size=4, max_size=12))
-    for x, y in landmarks(definition)[:120] + drawn:
+    for x, y in landmarks(definition)[:120] + rims(definition) + drawn:
         wanted = oracle.at(x, y)
         found = terrain.sample(x, y)
         where = f"at {x!r}, {y!r}"
@@ -46,9 +46,9 @@ def test_height_surface_and_element_agree_with_the_format(data: st.DataObject) -
 @given(st.data())
 def test_batches_and_single_points_agree_bit_for_bit(data: st.DataObject) -> None:
     """However many points are asked at a time, and together with whatever else."""
-    definition = data.draw(definitions())
+    definition = data.draw(definitions(rutted=data.draw(st.booleans())))
     terrain = terrain_of(definition)
-    x, y = np.array(landmarks(definition)[:80]).T
+    x, y = np.array(landmarks(definition)[:80] + rims(definition)).T
     batch = terrain.height(x, y)
     assert np.array_equal(batch, terrain.sample(x, y).height, equal_nan=True)
     single = [terrain.height(*point) for point in zip(x, y, strict=True)]

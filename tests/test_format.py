@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.definition.keys import KEYS
-from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.model import Definition, Element, Primitive, Surface, Track
 from terratool.definition.writer import canonical
 from tests.commands import run
 from tests.conftest import terrain_of
@@ -25,12 +25,13 @@ from tests.strategies import Json, definitions, points
 # The order of the keys as format.md has it; keys of one's own stand where "x-" stands.
 ORDER = {
     "terrain": ["$schema", "descr", "size", "origin", "crs", "x-", "surfTypes", "elemTypes",
-                "elemTree"],
-    "surface": ["descr", "cohesion", "fricAngle", "sinkage", "color", "sonarRefl", "shearModulus",
-                "void", "x-"],
+                "elemTree", "tracks"],
+    "surface": ["descr", "preset", "cohesion", "fricAngle", "sinkage", "color", "sonarRefl",
+                "shearModulus", "void", "x-"],
     "primitive": ["descr", "x", "y", "combine", "x-"],
     "element": ["descr", "type", "surface", "cellX", "cellY", "span", "vScale", "vOffset",
                 "turnDeg", "cells", "x-", "children"],
+    "track": ["descr", "path", "width", "load", "depth", "passes", "multipass", "surface", "x-"],
 }  # fmt: skip
 MESSY = (
     '{"elemTree":{"children":[{"cellY":0,"cellX":0,"type":"b"}],"x-b":1,"type":"b","x-a":2},\r\n'
@@ -89,6 +90,7 @@ def objects(definition: Any) -> list[tuple[str, dict[str, Any]]]:
     found = [("terrain", definition)]
     found += [("surface", item) for item in definition.get("surfTypes", {}).values()]
     found += [("primitive", item) for item in definition.get("elemTypes", {}).values()]
+    found += [("track", item) for item in definition.get("tracks", [])]
     pending = [definition["elemTree"]]
     while pending:
         element = pending.pop()
@@ -99,7 +101,8 @@ def objects(definition: Any) -> list[tuple[str, dict[str, Any]]]:
 
 def test_the_order_has_every_key() -> None:
     """The order that is tested here is complete."""
-    kinds = {"terrain": Definition, "surface": Surface, "primitive": Primitive, "element": Element}
+    kinds = {"terrain": Definition, "surface": Surface, "primitive": Primitive, "element": Element,
+             "track": Track}  # fmt: skip
     for name, kind in kinds.items():
         assert [key for key in ORDER[name] if key != "x-"] == list(KEYS[kind])
 
@@ -107,6 +110,21 @@ def test_the_order_has_every_key() -> None:
 def test_a_layout_written_by_hand() -> None:
     """Big keys come last, small ones share lines, and numbers stay as they are spelled."""
     assert canonical(MESSY) == TIDY
+
+
+def test_paths_have_many_points_on_a_line() -> None:
+    """A track that does not fit on one line has its path broken where the line is full."""
+    path = ",".join(f"[{k},{k % 7}.5]" for k in range(40))
+    short = '{"width":1,"path":[[1,2],[3,4]]}'
+    text = f'{{"tracks":[{{"width":0.2,"load":1,"path":[{path}]}},{short}]}}'
+    first = "      " + " ".join(f"[{k}, {k % 7}.5]," for k in range(11))
+    lines = canonical(text).splitlines()
+    assert lines[:5] == ["{", '  "tracks": [', "    {", '      "path": [', f"  {first}"]
+    assert lines[-5:] == [
+        '      "width": 0.2, "load": 1', "    },",
+        '    { "path": [[1, 2], [3, 4]], "width": 1 }', "  ]", "}",
+    ]  # fmt: skip
+    assert max(map(len, lines)) <= 120
 
 
 def test_a_description_has_a_line_of_its_own() -> None:
@@ -124,7 +142,7 @@ layouts = st.sampled_from(
 )
 
 
-@given(definitions(), st.data(), layouts)
+@given(definitions(rutted=True), st.data(), layouts)
 def test_every_definition_keeps_its_meaning(
     definition: Json, data: st.DataObject, layout: dict[str, Any]
 ) -> None:

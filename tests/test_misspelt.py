@@ -125,9 +125,9 @@ def said(data: bytes) -> tuple[str, str]:
         ("[1\xa0]", 'the character U+00A0 stands where "," or "]" is expected.', SPACE),
         ("\ufeff{}", f"the character U+FEFF {DEFINITION}", SPACE),
         # no JSON at all
-        ("", "the file is empty.", "Write a terrain definition, a JSON object."),
-        ("GIF89a", f'"GIF89a" {DEFINITION}', "Write a terrain definition, a JSON object."),
-        ("size: 1", f'"size" {DEFINITION}', "Write a terrain definition, a JSON object."),
+        ("", "the file is empty.", "Write a terrain or a vehicle, a JSON object."),
+        ("GIF89a", f'"GIF89a" {DEFINITION}', "Write a terrain or a vehicle, a JSON object."),
+        ("size: 1", f'"size" {DEFINITION}', "Write a terrain or a vehicle, a JSON object."),
         ("{\0}\0", f"the character U+0000 {KEY}", NO_TEXT),
     ],
 )  # fmt: skip

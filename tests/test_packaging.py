@@ -39,8 +39,10 @@ def run(unpacked: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 def test_the_wheel_has_the_schemas_and_nothing_stray(unpacked: Path) -> None:
     tops = {path.name for path in unpacked.iterdir() if not path.name.endswith(".dist-info")}
     assert tops == {"terratool"}
-    published = (ROOT / "schemas" / "terrain.schema.json").read_bytes()
-    assert (unpacked / "terratool" / "schemas" / "terrain.schema.json").read_bytes() == published
+    for path in (ROOT / "schemas").iterdir():
+        assert (unpacked / "terratool" / "schemas" / path.name).read_bytes() == path.read_bytes()
+    style = Path("terratool") / "traversability" / "reporting" / "style.css"  # of the HTML report
+    assert (unpacked / style).read_bytes() == (ROOT / style).read_bytes()
 
 
 def test_the_wheel_works_by_itself(unpacked: Path) -> None:

@@ -24,7 +24,7 @@ from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.painting import Painter, Planes, id_type
 from tests.brute import largest_sum, walls
 from tests.conftest import terrain_of
-from tests.strategies import box, definitions, marks
+from tests.strategies import box, definitions, marks, rims
 
 EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "150"))
 
@@ -119,7 +119,8 @@ def grids_of(draw: st.DrawFn, definition: dict[str, Any]) -> Grid:
     if draw(st.booleans()):  # a centre on each edge of `count` cells
         west, south = west - resolution / 2, south - resolution / 2
     if draw(st.integers(0, 3)) == 3:  # around something that is an edge, close up
-        xs, ys = draw(st.sampled_from(marks(definition)))
+        around = marks(definition) + [([x], [y]) for x, y in rims(definition)]
+        xs, ys = draw(st.sampled_from(around))
         resolution *= draw(st.sampled_from([1.0, 1e-3, 1e-6, 1e-9, 1e-12]))
         west = draw(st.sampled_from(xs)) - 5.5 * resolution
         south = draw(st.sampled_from(ys)) - 5.5 * resolution
@@ -132,7 +133,7 @@ def grids_of(draw: st.DrawFn, definition: dict[str, Any]) -> Grid:
 @given(st.data())
 def test_pixels_are_queries(data: st.DataObject) -> None:
     """Of any terrain, with pixels anywhere, on its edges and beyond them."""
-    definition = data.draw(definitions())
+    definition = data.draw(definitions(rutted=data.draw(st.booleans())))
     terrain = terrain_of(definition)
     grid = data.draw(grids_of(definition))
     dtype = data.draw(st.sampled_from([np.float32, np.float64]))
@@ -143,7 +144,7 @@ def test_pixels_are_queries(data: st.DataObject) -> None:
 @given(st.data())
 def test_windows_and_threads_change_nothing(data: st.DataObject) -> None:
     """Whole = windows = threads, bit for bit; also when tiles end within the window."""
-    definition = data.draw(definitions())
+    definition = data.draw(definitions(rutted=data.draw(st.booleans())))
     terrain = terrain_of(definition)
     grid = data.draw(grids_of(definition))
     grid = Grid(grid.west, grid.south, grid.resolution / 7, grid.height * 7, grid.width * 7)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import terratool
 from terratool.definition.keys import KEYS
-from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.model import Definition, Element, Primitive, Surface, Track
 from terratool.definition.reader import Checked, check
 from terratool.definition.source import Source
 from tests.strategies import Json, definitions
@@ -23,13 +23,14 @@ from tests.strategies import Json, definitions
 SCHEMA = terratool.schema()
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 HERE = Path(__file__).parent
-STRUCTURAL = {"TT103", "TT104", "TT105", "TT106", "TT110", "TT303", "TT305"}
+STRUCTURAL = {"TT103", "TT104", "TT105", "TT106", "TT110", "TT303", "TT305", "TT405"}
+STRUCTURAL |= {"TT601", "TT602"}
 """Codes of what a schema can see: not names, grids, formulas or the order of knots."""
 
 GOOD: Json = {
     "size": 10,
     "origin": [1, 2],
-    "surfTypes": {"s": {"color": [0, 0, 0], "cohesion": 1, "void": False}},
+    "surfTypes": {"s": {"preset": "dry-sand", "color": [0, 0, 0], "cohesion": 1, "void": False}},
     "elemTypes": {"p": {"x": [1, 2], "y": "t"}, "r": {"x": "cos", "combine": "radial"}},
     "elemTree": {
         "type": "p",
@@ -37,6 +38,10 @@ GOOD: Json = {
         "cells": [3, 3],
         "children": [{"type": "r", "cellX": 1, "cellY": 1, "span": [1, 2], "vScale": 2}],
     },
+    "tracks": [
+        {"path": [[1, 2], [8, 2], [8, 4]], "width": 0.5, "load": 1, "depth": {"s": 0.5}},
+        {"path": [[2, 2], [2, 9]], "width": 1, "depth": 0.25, "passes": 2, "multipass": 2},
+    ],
 }
 
 
@@ -81,6 +86,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
         (Primitive, SCHEMA["$defs"]["primitive"]["properties"]),
         (Element, SCHEMA["$defs"]["element"]["properties"]),
         (Element, SCHEMA["$defs"]["root"]["properties"]),
+        (Track, SCHEMA["$defs"]["track"]["properties"]),
     ],
 )
 def test_has_the_keys_of_the_reader(kind: type, properties: Json) -> None:
@@ -116,7 +122,7 @@ def agree(definition: Any) -> None:
         assert not valid, checked.findings
 
 
-@given(definitions())
+@given(definitions(rutted=True))
 def test_accepts_what_the_reader_accepts(definition: Json) -> None:
     """A valid definition of any kind is valid by the schema."""
     assert read(definition).definition is not None
@@ -128,11 +134,11 @@ REPLACEMENTS = [
     256, 65535, 65536, 65537, 1e6, [], [0], [1, 1], [1.0, 2.0], [1.5, 2], [0, 0], [1, 2, 3],
     [255, 256, 0], [1, 2, 3, 4], [True, 1], ["1", 1], [None], [[0, 0], [1, 1]], [[0, 0], [2, 1]],
     [[0, 0, 0], [1, 1, 1]], [[]], [1, [1, 1]], {}, {"type": "p"}, {"x": [1]}, {"x": []},
-    {"a": [1]}, {"combine": "radial"},
+    {"a": [1]}, {"combine": "radial"}, "dry-sand", "Dry-sand",
 ]  # fmt: skip
 NEW_KEYS = ["x-note", "x-ignore",
             "x-", "X-note", "x", "y", "z", "cellx", "cellX", "cellY", "span", "type",
-            "combine", "color", "descr", "size", "$schema", "crs", "origin", "children",
+            "combine", "preset", "color", "descr", "size", "$schema", "crs", "origin", "children",
             ""]  # fmt: skip
 
 
@@ -145,7 +151,7 @@ def containers(value: Any, key: str = "") -> Iterator[Any]:
             yield from containers(item, name)
 
 
-@given(definitions() | st.just(GOOD).map(copy.deepcopy), st.data())
+@given(definitions(rutted=True) | st.just(GOOD).map(copy.deepcopy), st.data())
 def test_agrees_with_the_reader_on_mutations(definition: Json, data: st.DataObject) -> None:
     """With keys dropped, added or of another value, the schema and the reader have one verdict."""
     for _ in range(data.draw(st.integers(1, 3))):
@@ -168,6 +174,7 @@ def test_agrees_with_the_reader_on_mutations(definition: Json, data: st.DataObje
 
 @pytest.mark.parametrize("pointer", [
     "size", "origin", "crs", "descr", "$schema", "surfTypes", "surfTypes/s", "surfTypes/s/descr",
+    "surfTypes/s/preset",
     "surfTypes/s/cohesion", "surfTypes/s/fricAngle", "surfTypes/s/sinkage", "surfTypes/s/color",
     "surfTypes/s/sonarRefl", "surfTypes/s/shearModulus", "surfTypes/s/void", "elemTypes",
     "elemTypes/p", "elemTypes/p/x", "elemTypes/p/y", "elemTypes/p/combine", "elemTypes/r/x",

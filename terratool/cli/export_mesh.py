@@ -35,7 +35,8 @@ _OPTIONS = (
         "--max-faces",
         type=int,
         metavar="N",
-        help="Enlarge the error, and then leave out the lowest elements, until there are no more.",
+        help="Enlarge the error, and then leave out the lowest elements and ruts, until there are "
+        "no more.",
     ),
     click.option(
         "--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to write."

@@ -21,7 +21,7 @@ def command(file: str, as_json: bool) -> None:
 
 
 def _text(s: dict[str, Any]) -> str:
-    size, origin, height = s["size"], s["origin"], s["height"]
+    size, origin, height, tracks = s["size"], s["origin"], s["height"], s["tracks"]
     lines = [s["descr"]] if s["descr"] else []
     lines += [
         f"size           {size[0]:g} × {size[1]:g}",
@@ -33,6 +33,11 @@ def _text(s: dict[str, Any]) -> str:
         *_counts("by surface", s["elements_by_surface"]),
         f"smallest cell  {s['smallest_cell']:g}",
     ]
+    if tracks["count"]:
+        lines.append(
+            f"tracks         {tracks['count']:,} of {tracks['segments']:,} segments, "
+            f"{tracks['length']:.6g} long together"
+        )
     if height["low"] is None:
         lines.append("height         none, all is void")
     else:

@@ -14,7 +14,7 @@ from terratool import __version__
 from terratool.errors import TerratoolError
 
 _COMMANDS = {
-    "validate": ("validate", "Check terrain definitions and say what is wrong, and where."),
+    "validate": ("validate", "Check terrains and vehicles and say what is wrong, and where."),
     "format": ("format_", "Lay definitions out in the canonical way."),
     "info": ("info", "Say what a terrain consists of."),
     "query": ("query", "Answer height, surface, element and normal at points."),
@@ -24,6 +24,8 @@ _COMMANDS = {
     "export-vrml": ("export_mesh:vrml", "Write a mesh, or a grid of heights, as VRML97."),
     "import-primitive": ("import_primitive", "Make a primitive of a patch of a DEM or a mesh."),
     "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
+    "deform": ("deform", "Drive a vehicle along a path and write the ruts of its wheels."),
+    "traversability": ("traversability", "Say whether a vehicle can drive, where not, and why."),
     "rules": ("rules", "List the validator's rules, or explain one."),
 }
 
@@ -99,7 +101,7 @@ def main() -> None:
         try:
             sys.stdout.flush()
         except OSError as error:
-            code = _cannot_write(error)
+            code = max(code, _cannot_write(error))
     sys.exit(code)
 
 

@@ -8,7 +8,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from terratool.definition.findings import Excerpt, Finding, printable
+from terratool.definition.findings import Excerpt, Finding, columns_of, printable
 
 FORMAT_VERSION = 1
 _COLORS = {"error": "red", "warning": "yellow"}
@@ -65,21 +65,10 @@ def as_text(report: Report) -> str:
 
 def _shown(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
     number = str(line)
-    before = sum(map(_width, excerpt.text[: excerpt.caret]))
+    before = sum(map(columns_of, excerpt.text[: excerpt.caret]))
     bar = click.style("|", fg="blue")
     yield f"  {click.style(number, fg='blue')} {bar} {excerpt.text}"
     yield f"  {' ' * len(number)} {bar} {' ' * before}{click.style('^', fg=color, bold=True)}"
-
-
-def _width(char: str) -> int:
-    """Columns that a terminal gives a character."""
-    if char.isascii():
-        return 1
-    import unicodedata
-
-    if unicodedata.combining(char) or unicodedata.category(char) in ("Mn", "Me", "Cf"):
-        return 0
-    return 2 if unicodedata.east_asian_width(char) in "WF" else 1
 
 
 def _summed_up(summary: Summary) -> str:

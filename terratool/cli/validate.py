@@ -11,9 +11,10 @@ import click
 
 from terratool.cli.reporting import REPORTERS, Report, Summary, Unreadable
 from terratool.definition.findings import Finding, printable
-from terratool.definition.reader import Checked, Options, check
+from terratool.definition.reader import Checked, Options
 from terratool.definition.rules import all_rules
 from terratool.definition.source import read_source, sources
+from terratool.definition.vehicles.reader import check_any
 from terratool.errors import ReadError
 
 _ALL = 10**9
@@ -85,8 +86,9 @@ def command(
     max_step: float | None,
     max_findings: int,
 ) -> None:
-    """Check terrain definitions and say what is wrong, where, and what to do.
+    """Check terrains and vehicles and say what is wrong, where, and what to do.
 
+    A file is a vehicle if its $schema says so, or else most of its keys; all others are terrains.
     FILE may be gzipped, and - is standard input; of a DIR all *.json and *.json.gz are checked, but
     nothing whose name begins with a dot. Exits 0 if all are valid, 1 if one is not, 3 if one cannot
     be read. A text that is not JSON is an error whatever is selected.
@@ -100,7 +102,7 @@ def command(
     for name in _names(files, unreadable):
         options = Options(True, max_step, max(0, limit - len(findings)), select, ignore)
         try:
-            checked = check(read_source(name), options)
+            checked = check_any(read_source(name), options)
         except ReadError as error:
             unreadable.append(Unreadable(name, error.message, error.hint))
             continue

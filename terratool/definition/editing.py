@@ -89,9 +89,10 @@ def set_member(data: bytes, pointer: str, key: str, value: Any) -> Edit:
 
     Args:
         data: a valid definition in UTF-8, without a byte order mark.
-        pointer: JSON pointer (RFC 6901) of the object, which is there: `elemTypes` or an element.
+        pointer: JSON pointer (RFC 6901) of the object, which is there: `elemTypes`, an element, or
+            "" for the definition.
         key: of the member.
-        value: plain values: a primitive, or the children of an element.
+        value: plain values: a primitive, the children of an element, or tracks.
     """
     inside = _container(data, offsets(data, [Spot(pointer)])[0], key)
     style = _style(data, inside)
@@ -188,7 +189,9 @@ def _text(style: Style, where: str, key: str, value: Any) -> str:
     # in the canonical layout, at the depth that it will have there
     depth = where.count("/children")
     member = f"{key}: {json.dumps(value, ensure_ascii=False)}"
-    if where == "/elemTypes":
+    if not where:
+        text, base = f"{{{member}}}", 2
+    elif where == "/elemTypes":
         text, base = f'{{"elemTypes": {{{member}}}}}', 4
     else:
         inner = member if key else f'"children": [{member.removeprefix(": ")}]'

@@ -119,6 +119,17 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+def columns_of(char: str) -> int:
+    """Columns that a terminal gives a character."""
+    if char.isascii():
+        return 1
+    import unicodedata
+
+    if unicodedata.combining(char) or unicodedata.category(char) in ("Mn", "Me", "Cf"):
+        return 0
+    return 2 if unicodedata.east_asian_width(char) in "WF" else 1
+
+
 def shown(value: object) -> str:
     """A name, text or number as a message shows it: on one line, printable, and not too long."""
     if isinstance(value, str):

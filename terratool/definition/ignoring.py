@@ -100,4 +100,4 @@ def _around(owner: Owner, tree: Tree) -> Owner | None:
     if isinstance(owner, int):
         parent = tree.parents[owner]
         return parent if parent >= 0 else ""
-    return "" if owner else None
+    return owner.rpartition("/")[0] if owner else None

@@ -83,7 +83,7 @@ def parse(text: str) -> JsonText:
     start = _space(text, 0).end()  # type: ignore[union-attr]
     if start == len(text):
         raise MisspeltError(
-            "TT101", start, "the file is empty.", "Write a terrain definition, a JSON object."
+            "TT101", start, "the file is empty.", "Write a terrain or a vehicle, a JSON object."
         )
     places: dict[int, Any] = {}
     duplicates: list[tuple[str, int]] = []

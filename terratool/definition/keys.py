@@ -11,9 +11,11 @@ from typing import Literal
 
 from msgspec import Struct
 
-from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.model import Definition, Element, Primitive, Surface, Track
 
 MAX_CELLS = 65536
+MAX_PASSES = 10**9
+"""Sums of passes stay whole in doubles."""
 COMBINES = ("product", "sum", "min", "max", "radial")
 
 LARGEST = 1e30
@@ -29,11 +31,14 @@ class Key(Struct, frozen=True):
         kind: what the value, or each item of it, is.
         alone: one such value stands by itself.
         length: so many of them stand in a list; 0 where a list is not taken.
-        choices: the texts that are taken; none means all.
+        choices: the texts that are taken; none means all. A number's are those that stand for one.
+        noun: what one of the choices is.
     """
 
     words: str
-    kind: Literal["text", "number", "whole", "flag", "object", "list", "curve", "any"]
+    kind: Literal[
+        "text", "number", "whole", "flag", "object", "list", "curve", "path", "depth", "any"
+    ]
     low: float = -inf
     high: float = inf
     open_low: bool = False
@@ -41,6 +46,7 @@ class Key(Struct, frozen=True):
     alone: bool = True
     length: int = 0
     choices: tuple[str, ...] = ()
+    noun: str = ""
 
     def holds(self, number: float) -> bool:
         """Whether a number lies in the range."""
@@ -72,9 +78,11 @@ KEYS: dict[type, dict[str, Key]] = {
         "surfTypes": Key("a dictionary of surfaces, an object", "object"),
         "elemTypes": Key("a dictionary of primitives, an object", "object"),
         "elemTree": Key("the root element, an object", "object"),
+        "tracks": Key("a list of tracks", "list"),
     },
     Surface: {
         "descr": _TEXT,
+        "preset": Key("the name of a soil, a text", "text"),
         "cohesion": Key("a cohesion in kPa, 0 or more", "number", 0),
         "fricAngle": Key(
             "a friction angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True
@@ -93,7 +101,8 @@ KEYS: dict[type, dict[str, Key]] = {
         "x": _CURVE,
         "y": _CURVE,
         "combine": Key(
-            "one of " + ", ".join(f'"{name}"' for name in COMBINES), "text", choices=COMBINES
+            "one of " + ", ".join(f'"{name}"' for name in COMBINES), "text", choices=COMBINES,
+            noun="way to combine two curves",
         ),
     },
     Element: {
@@ -120,5 +129,24 @@ KEYS: dict[type, dict[str, Key]] = {
             length=2,
         ),
         "children": Key("a list of elements", "list"),
+    },
+    Track: {
+        "descr": _TEXT,
+        "path": Key(
+            "a list of two points [x, y] or more, numbers up to 1e30 in size", "path",
+            -LARGEST, LARGEST,
+        ),
+        "width": Key(
+            "a width above 0, from 1e-30 to 1e30", "number", SMALLEST, LARGEST
+        ),
+        "load": Key("the load of the wheel in kN, from 0 to 1e30", "number", 0, LARGEST),
+        "depth": Key(
+            "a depth from 0 to 1e30, or depths by the names of surfaces", "depth", 0, LARGEST
+        ),
+        "passes": Key(
+            f"a whole number from 1 to {MAX_PASSES}", "whole", 1, MAX_PASSES
+        ),
+        "multipass": Key("an exponent of 1 or more, up to 1e30", "number", 1, LARGEST),
+        "surface": Key("the name of a surface, a text", "text"),
     },
 }  # fmt: skip

@@ -137,7 +137,7 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> MisspeltE
     """Something at an offset, or the end of the file, where another thing must stand."""
     begin = innermost(text, offset)
     if begin < 0:
-        wanted, hint = 'the "{" of a definition', "Write a terrain definition, a JSON object."
+        wanted, hint = 'the "{" of a definition', "Write a terrain or a vehicle, a JSON object."
     else:
         what, closing = ("an object", "}") if text[begin] == "{" else ("a list", "]")
         if offset == len(text):

@@ -15,6 +15,9 @@ from msgspec import UNSET, Struct, UnsetType
 DEFAULT_CELLS = 10
 """Cells of an element's grid along each axis where `cells` is absent."""
 
+DEFAULT_MULTIPASS = 3.0
+"""The `multipass` of a track where it is absent: between loose and medium soil."""
+
 Pair = tuple[float, float]
 CurveValue = tuple[float | Pair, ...] | str
 """A vector, a list of knots (never both in one list; a rule sees to that), or a string."""
@@ -29,6 +32,7 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
     """The micro-terrain: soil, friction, colour and sonar of a surface."""
 
     descr: str | UnsetType = UNSET
+    preset: str | UnsetType = UNSET
     cohesion: float | UnsetType = UNSET
     fric_angle: float | UnsetType = UNSET
     sinkage: float | UnsetType = UNSET
@@ -75,6 +79,29 @@ class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
         return (1, 1) if self.span is UNSET else self.span
 
 
+class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """The rut of one wheel: a polyline with a width, and how deep the wheel sinks along it."""
+
+    descr: str | UnsetType = UNSET
+    path: tuple[Pair, ...] | UnsetType = UNSET
+    width: float | UnsetType = UNSET
+    load: float | UnsetType = UNSET
+    depth: float | dict[str, float] | UnsetType = UNSET
+    passes: int | UnsetType = UNSET
+    multipass: float | UnsetType = UNSET
+    surface: str | UnsetType = UNSET
+
+    @property
+    def points(self) -> tuple[Pair, ...]:
+        """The polyline, empty where absent."""
+        return () if self.path is UNSET else self.path
+
+    @property
+    def by_load(self) -> bool:
+        """Whether its depth, in part or all of it, follows from the load and the ground."""
+        return self.load is not UNSET and not isinstance(self.depth, float)
+
+
 class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
     """One terrain."""
 
@@ -86,6 +113,7 @@ class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel"
     surf_types: dict[str, Surface] | UnsetType = UNSET
     elem_types: dict[str, Primitive] | UnsetType = UNSET
     elem_tree: Element | UnsetType = UNSET
+    tracks: tuple[Track, ...] | UnsetType = UNSET
 
     @property
     def extent(self) -> Pair:
@@ -108,3 +136,8 @@ class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel"
     def primitives(self) -> dict[str, Primitive]:
         """The dictionary of primitives, empty where absent."""
         return {} if self.elem_types is UNSET else self.elem_types
+
+    @property
+    def ruts(self) -> tuple[Track, ...]:
+        """The tracks, none where absent."""
+        return () if self.tracks is UNSET else self.tracks

@@ -6,6 +6,7 @@ import gc
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +17,20 @@ from terratool.definition.built import Built, complete
 from terratool.definition.findings import Collected, Finding, Remark, shown, unescape
 from terratool.definition.ignoring import Ignores
 from terratool.definition.keys import COMBINES, KEYS, Key
-from terratool.definition.model import Definition, Element, Primitive, Surface, names_of
+from terratool.definition.model import (
+    Definition,
+    Element,
+    Primitive,
+    Surface,
+    Track,
+    names_of,
+)
+from terratool.definition.recognising import kind_of
 from terratool.definition.rules import Subject, all_rules
 from terratool.definition.source import Source, read_source
 from terratool.definition.tree import flatten
 from terratool.definition.values import Repeated, lost_no_key, read_values, repeated_keys
+from terratool.definition.vehicles.model import VehicleText
 from terratool.errors import DefinitionError
 
 if TYPE_CHECKING:
@@ -56,16 +66,18 @@ class Checked(Struct, frozen=True):
     """A text that was read.
 
     Attributes:
-        definition: None if it has an error.
+        definition: None if it has an error, or is no terrain.
         findings: sorted by position, no more than `Options.limit`.
         counts: how many findings there are of each code, shown or not.
         readable: whether it was read to its end; if not, there is one finding that says why.
+        vehicle: None if it has an error, or is no vehicle.
     """
 
     definition: Definition | None
     findings: tuple[Finding, ...]
     counts: Counter[str] = field(default_factory=Counter)
     readable: bool = True
+    vehicle: VehicleText | None = None
 
 
 def load_definition(path: str | Path) -> Definition:
@@ -75,17 +87,28 @@ def load_definition(path: str | Path) -> Definition:
         ReadError: the file cannot be read.
         DefinitionError: it has errors; they are in `findings`, the first 1,000 of them.
     """
-    checked = check(read_source(path), Options(warnings=False))
+    source = read_source(path)
+    checked = check(source, Options(warnings=False))
     if checked.definition is None:
-        first = checked.findings[0]
-        count = checked.counts.total()
-        more = f" terratool validate lists {count - 1} more." if count > 1 else ""
-        raise DefinitionError(
-            f"{first.file}:{first.line}:{first.column}: {first.code}: {first.message}",
-            first.hint + more,
-            checked.findings,
-        )
+        if kind_of(source.data) == "vehicle":
+            raise DefinitionError(
+                f"{source.name}: is a vehicle, where a terrain is wanted.",
+                "Name a terrain here, and the vehicle with --vehicle.",
+            )
+        raise refusal(checked)
     return checked.definition
+
+
+def refusal(checked: Checked) -> DefinitionError:
+    """The error that says what is first wrong with a text, and how many more there are."""
+    first = checked.findings[0]
+    count = checked.counts.total()
+    more = f" terratool validate lists {count - 1} more." if count > 1 else ""
+    return DefinitionError(
+        f"{first.file}:{first.line}:{first.column}: {first.code}: {first.message}",
+        first.hint + more,
+        checked.findings,
+    )
 
 
 def check(source: Source, options: Options | None = None) -> Checked:
@@ -101,15 +124,14 @@ def _check(source: Source, options: Options) -> Checked:
     if built is None:
         from terratool.definition.structure import build
 
-        value, misspelt = _values(data)
+        value, misspelt = plain_values(data)
         if misspelt is not None:
-            return _unreadable(source, misspelt)
+            return unreadable(source, misspelt)
         clean = lost_no_key(data, value)
         built = build(value, found)
         del value
     if not clean:
-        repeated, count = repeated_keys(data, options.limit)
-        found.take("TT102", map(_duplicate, repeated), count)
+        take_repeated(data, found)
     if built.definition is not None:
         subject = Subject(
             built.definition, built.tree, built.unfit, source.size, source.packed,
@@ -120,10 +142,7 @@ def _check(source: Source, options: Options) -> Checked:
     rules = all_rules()
     if all(rules[code].severity != "error" for code in found.counts):
         definition = complete(built)
-    found.kept = [kept for kept in found.kept if options.shows(kept[0])]
-    if not found.kept:
-        return Checked(definition, (), found.counts)
-    return Checked(definition, _place(source, found, built), found.counts)
+    return Checked(definition, placed(source, found, built, options), found.counts)
 
 
 @contextmanager
@@ -138,7 +157,8 @@ def _no_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _values(data: bytes) -> tuple[Any, MisspeltError | None]:
+def plain_values(data: bytes) -> tuple[Any, MisspeltError | None]:
+    """The values of a JSON text, or what is wrong with it."""
     from terratool.definition.misspelt import MisspeltError
 
     try:
@@ -175,7 +195,7 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
         for name, key in names_of(kind)
         if KEYS[kind][key].kind in ("number", "whole")
     ]
-    for kind in (Definition, Surface, Element)
+    for kind in (Definition, Surface, Element, Track)
 }
 
 
@@ -183,7 +203,7 @@ def _in_range(definition: Definition) -> bool:
     """Whether every number outside of the tree lies in the range of its key."""
     ranged = [
         ({getattr(owner, name)}, key)
-        for owner in (definition, *definition.surfaces.values())
+        for owner in (definition, *definition.surfaces.values(), *definition.ruts)
         for name, key in _RANGED[type(owner)]
     ]
     for primitive in definition.primitives.values():
@@ -191,6 +211,11 @@ def _in_range(definition: Definition) -> bool:
             return False
         curves = (primitive.x, primitive.y)
         ranged += [(set(curve), KEYS[Primitive]["x"]) for curve in curves if type(curve) is tuple]
+    for track in definition.ruts:
+        ranged.append((set(chain.from_iterable(track.points)), KEYS[Track]["path"]))
+        if track.depth is not msgspec.UNSET:
+            depths = track.depth.values() if isinstance(track.depth, dict) else (track.depth,)
+            ranged.append((set(depths), KEYS[Track]["depth"]))
     return all(map(_all_hold, ranged))
 
 
@@ -214,7 +239,11 @@ def _apply_rules(subject: Subject, found: Collected, ignores: Ignores, options: 
         found.take("TT113", ignores.unused(all_rules(), idle))
 
 
-def _place(source: Source, found: Collected, built: Built) -> tuple[Finding, ...]:
+def placed(source: Source, found: Collected, built: Built, options: Options) -> tuple[Finding, ...]:
+    """The findings that are wanted, by where they stand in the text."""
+    found.kept = [kept for kept in found.kept if options.shows(kept[0])]
+    if not found.kept:
+        return ()
     from terratool.definition.places import Spot, locate
 
     tree = built.tree
@@ -226,14 +255,14 @@ def _place(source: Source, found: Collected, built: Built) -> tuple[Finding, ...
         Spot(pointer, remark.on_key, remark.occurrence)
         for pointer, (_, remark) in zip(pointers, found.kept, strict=True)
     ]
-    placed = sorted(
+    in_order = sorted(
         zip(
             locate(source.data, spots, found.counts["TT102"] > 0), found.kept, pointers, strict=True
         ),
         key=lambda each: (each[0].line, each[0].column, each[1][0]),
     )
     findings = []
-    for place, (code, remark), pointer in placed[: found.limit]:
+    for place, (code, remark), pointer in in_order[: found.limit]:
         bounds = None
         if built.definition is not None and remark.element >= 0:
             bounds = tree.rectangle(remark.element, built.definition)
@@ -250,6 +279,12 @@ def _finding(
     )  # fmt: skip
 
 
+def take_repeated(data: bytes, found: Collected) -> None:
+    """Look for keys that stand twice."""
+    repeated, count = repeated_keys(data, found.limit)
+    found.take("TT102", map(_duplicate, repeated), count)
+
+
 def _duplicate(repeated: Repeated) -> Remark:
     pointer, occurrence = repeated
     key = shown(unescape(pointer.rsplit("/", 1)[1]))
@@ -258,7 +293,8 @@ def _duplicate(repeated: Repeated) -> Remark:
     return Remark(pointer, message, hint, on_key=True, occurrence=occurrence)
 
 
-def _unreadable(source: Source, error: MisspeltError) -> Checked:
+def unreadable(source: Source, error: MisspeltError) -> Checked:
+    """What is said of a text that is no JSON: this one thing."""
     from terratool.definition.misspelt import innermost
     from terratool.definition.places import places
 

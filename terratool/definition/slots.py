@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from terratool.definition.keys import KEYS, Key
 from terratool.definition.model import names_of
+from terratool.definition.vehicles.keys import VEHICLE_KEYS
 
 BIGGEST = math.nextafter(math.inf, 0)
 """The largest double."""
@@ -46,8 +47,12 @@ def _slot(name: str, key: Key) -> Slot:
     return Slot(name, types, max(low, -BIGGEST), min(high, BIGGEST), key.kind == "number")
 
 
+ALL_KEYS = {**KEYS, **VEHICLE_KEYS}
+"""Of terrains and of vehicles."""
+
 SLOTS: dict[type, dict[str, Slot]] = {
-    kind: {key: _slot(name, KEYS[kind][key]) for name, key in names_of(kind)} for kind in KEYS
+    kind: {key: _slot(name, keys[key]) for name, key in names_of(kind)}
+    for kind, keys in ALL_KEYS.items()
 }
 
 

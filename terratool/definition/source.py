@@ -1,9 +1,11 @@
-"""The bytes of a definition: where they come from, and their text."""
+"""The bytes of a definition: where they come from, their text, and back."""
 
 from __future__ import annotations
 
+import gzip
 import os
 import re
+import shutil
 import sys
 import zlib
 from collections.abc import Iterator
@@ -12,6 +14,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from terratool.errors import ReadError
+from terratool.output import is_same_file, whole_file
 
 MAX_BYTES = 2 * 1024**3
 _GZIP = b"\x1f\x8b"
@@ -20,11 +23,19 @@ _line_end = re.compile(r"\r\n|\n|\r").finditer
 
 
 class Source(Struct, frozen=True):
-    """A text under a name; gzip is already undone and a byte order mark taken off."""
+    """A text under a name; gzip is already undone and a byte order mark taken off.
+
+    Attributes:
+        name: of the file.
+        data: the text in UTF-8.
+        packed: whether it came from gzip …
+        marked: … and whether a byte order mark stood before it.
+    """
 
     name: str
     data: bytes
     packed: bool = False
+    marked: bool = False
 
     @property
     def size(self) -> int:
@@ -54,7 +65,23 @@ def read_source(path: str | Path) -> Source:
     packed = data.startswith(_GZIP)
     if packed:
         data = _within_limit(name, _gunzip(name, data))
-    return Source(name, data.removeprefix(_BOM), packed)
+    return Source(name, data.removeprefix(_BOM), packed, data.startswith(_BOM))
+
+
+def write_source(source: Source, path: str | Path, overwrite: bool) -> None:
+    """Write a text, gzipped and marked as it says, whole or not at all.
+
+    Raises:
+        WriteError: it cannot be written, or is there already.
+    """
+    data = _BOM + source.data if source.marked else source.data
+    if source.packed:
+        data = gzip.compress(data, mtime=0)
+    own = is_same_file(path, source.name)
+    with whole_file(path, overwrite) as part:
+        part.write_bytes(data)
+        if own:
+            shutil.copymode(path, part)
 
 
 PLAIN, ALL = (".json",), (".json", ".json.gz")

@@ -6,29 +6,19 @@ and need not complain about what only follows.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import lru_cache
 from itertools import chain
 from typing import Any
 
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.built import Built, Owner
-from terratool.definition.findings import Collected, Remark, escape, shown
-from terratool.definition.keys import KEYS, Key
-from terratool.definition.model import Definition, Element, Primitive, Surface
-from terratool.definition.slots import BIGGEST, JSON_TYPES, NEVER, SLOTS, Slot, fits
+from terratool.definition.findings import Collected, escape, shown
+from terratool.definition.fitting import Fitter, remark_on
+from terratool.definition.keys import KEYS
+from terratool.definition.model import Definition, Element, Primitive, Surface, Track
+from terratool.definition.slots import BIGGEST, NEVER, SLOTS, Slot
 from terratool.definition.tree import Tree
-
-_LONG = 60  # characters of a key that may be a typo
-_SUBJECTS: dict[type, str] = {
-    Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
-    Element: "an element",
-}  # fmt: skip
-_JSON_NAMES = {
-    dict: "an object", list: "a list", str: "a text", bool: "true or false",
-    int: "a number", float: "a number", type(None): "null",
-}  # fmt: skip
+from terratool.definition.wording import JSON_NAMES, unknown_key
 
 
 def build(value: Any, found: Collected) -> Built:
@@ -43,18 +33,13 @@ def mend(built: Built, found: Collected) -> Built:
     return mended
 
 
-class _Builder:
-    def __init__(self, found: Collected) -> None:
-        self._found = found
-        self._built = Built()
-        self._failed = False
-
+class _Builder(Fitter):
     def build(self, value: Any) -> Built:
         if not isinstance(value, dict):
             self._add(
                 "TT105",
                 "",
-                f"the definition is {_JSON_NAMES[type(value)]} where an object is expected.",
+                f"the definition is {JSON_NAMES[type(value)]} where an object is expected.",
                 'Write { "size": …, "elemTypes": {…}, "elemTree": {…} }.',
             )
             return self._built
@@ -65,6 +50,8 @@ class _Builder:
         ):
             if name in fields:
                 fields[name] = self._dictionary(kind, fields[name], f"/{key}")
+        if "tracks" in fields:
+            fields["tracks"] = self._tracks(fields["tracks"])
         if "elem_tree" in fields:
             self._built.tree = self._tree(fields.pop("elem_tree"))
         self._built.definition = Definition(**fields)
@@ -81,6 +68,17 @@ class _Builder:
                 self._wrong_type(here, "", f"the {what} {shown(name)}", "an object", value)
                 built[name] = kind()  # the name exists, whatever its value
         return built
+
+    def _tracks(self, values: list[Any]) -> tuple[Track, ...]:
+        built = []
+        for index, value in enumerate(values):
+            here = f"/tracks/{index}"
+            if isinstance(value, dict):
+                built.append(Track(**self._fields(Track, value, here)))
+            else:
+                self._wrong_type(here, "", "a track", "an object", value)
+                built.append(Track())  # keeps its place
+        return tuple(built)
 
     def _tree(self, root: dict[str, Any]) -> Tree:
         values: list[dict[str, Any]] = []
@@ -140,10 +138,10 @@ class _Builder:
         own = {key for key in own if not key.startswith("x-")}
         if own:
             remarks = (
-                _remark(
+                remark_on(
                     index,
                     "/" + escape(key),
-                    *_unknown_key(Element, key, frozenset(value)),
+                    *unknown_key(Element, key, frozenset(value)),
                     on_key=True,
                 )
                 for index, value in enumerate(values)
@@ -201,179 +199,3 @@ class _Builder:
         self._found.take("TT105", iter(()), misfits)
         if unfit:
             self._built.unfit[key] = unfit
-
-    def _leave_out(self, owner: Owner, key: str) -> None:
-        self._built.unfit.setdefault(key, set()).add(owner)
-
-    def _fields(self, kind: type, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
-        """The keys of an object whose values fit, converted; the nested ones as they are."""
-        fields = {}
-        slots = SLOTS[kind]
-        for key, item in value.items():
-            slot = slots.get(key)
-            if slot is None:
-                self._own_key(kind, key, value, owner)
-                continue
-            name, types, low, high, number = slot
-            its = type(item)
-            if its in types:  # a million elements pass here
-                if its is int:
-                    if low <= item <= high:
-                        fields[name] = float(item) if number else item
-                        continue
-                elif its is not float or low <= item <= high:
-                    fields[name] = item
-                    continue
-            self._failed = False
-            fitting = self._fit(KEYS[kind][key], key, item, owner)
-            if self._failed:
-                self._leave_out(owner, key)
-            else:
-                fields[name] = fitting
-        return fields
-
-    def _own_key(self, kind: type, key: str, value: dict[str, Any], owner: Owner) -> None:
-        if key == "x-ignore":
-            self._built.ignores.append((owner, value[key]))
-        elif not key.startswith("x-") and self._found.wants("TT103"):
-            message, hint = _unknown_key(kind, key, frozenset(value))
-            remark = _remark(owner, "/" + escape(key), message, hint, on_key=True)
-            self._found.keep("TT103", remark)
-
-    def _fit(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
-        """The value as the model has it; remarks where it does not fit."""
-        rest, subject = f"/{key}", f'"{key}"'
-        if wanted.kind == "curve":
-            return self._curve(wanted, key, item, owner)
-        if wanted.kind == "any":
-            if isinstance(item, float) and (item.is_integer() or not fits(item)):
-                item = int(item) if fits(item) else 10**400  # as in JSON Schema
-            if isinstance(item, bool) or not isinstance(item, str | int | dict):
-                self._wrong_type(owner, rest, subject, wanted.words, item)
-            for place in _nonfinite(item):
-                self._not_finite(owner, rest + place)
-            return item
-        if wanted.length and isinstance(item, list) and len(item) == wanted.length:
-            return tuple(
-                self._single(wanted, part, owner, f"{rest}/{i}", f'item {i} of "{key}"', key)
-                for i, part in enumerate(item)
-            )
-        if not wanted.alone:
-            return self._wrong_type(owner, rest, subject, wanted.words, item)
-        return self._single(wanted, item, owner, rest, subject, key)
-
-    def _single(
-        self, wanted: Key, item: Any, owner: Owner, rest: str, subject: str, key: str
-    ) -> Any:
-        if wanted.kind == "whole" and isinstance(item, float) and item.is_integer():
-            item = int(item)  # as in JSON Schema
-        if wanted.kind in ("whole", "number") and type(item) in (int, float) and not fits(item):
-            return self._not_finite(owner, rest)
-        if type(item) not in JSON_TYPES[wanted.kind]:
-            return self._wrong_type(owner, rest, subject, wanted.words, item)
-        if wanted.choices and item not in wanted.choices:
-            self._failed = True
-            message = f"{shown(item)} is no way to combine two curves."
-            self._add("TT106", rest, message, f"Write {wanted.words}.", owner)
-            return None
-        if isinstance(item, int | float) and not wanted.holds(item):
-            self._failed = True
-            if self._found.wants("TT106"):
-                message = f'"{key}" is {shown(item)}, out of its range.'
-                self._found.keep("TT106", _remark(owner, rest, message, f"Write {wanted.words}."))
-            return None
-        return float(item) if wanted.kind == "number" else item
-
-    def _curve(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
-        if isinstance(item, str):
-            return item
-        if not isinstance(item, list):
-            return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
-        fast = JSON_TYPES["number"].issuperset(map(type, item))
-        if fast and all(-wanted.high <= number <= wanted.high for number in item):
-            return tuple(map(float, item))
-        points = []
-        for index, part in enumerate(item):
-            rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
-            if isinstance(part, list) and len(part) == 2:
-                points.append(
-                    tuple(
-                        self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
-                        for i, value in enumerate(part)
-                    )
-                )
-            elif isinstance(part, list):
-                self._wrong_type(owner, rest, subject, wanted.words, part)
-            else:
-                points.append(self._single(_NUMBER, part, owner, rest, subject, key))
-        return tuple(points)
-
-    def _wrong_type(self, owner: Owner, rest: str, subject: str, words: str, item: Any) -> None:
-        self._failed = True
-        if rest == "":
-            self._leave_out(owner, "")
-        if not self._found.wants("TT105"):
-            return
-        found = _JSON_NAMES[type(item)]
-        if isinstance(item, str):
-            found = f"the text {shown(item)}"
-        elif isinstance(item, bool):
-            found = "true" if item else "false"
-        elif isinstance(item, int | float):
-            found = f"the number {shown(item)}"
-        elif isinstance(item, list):
-            found = (
-                f"a list of {len(item)} item{'s' * (len(item) != 1)}" if item else "an empty list"
-            )
-        message = f"{subject} is {found}, which does not fit."
-        self._found.keep("TT105", _remark(owner, rest, message, f"Write {words}."))
-
-    def _not_finite(self, owner: Owner, rest: str) -> None:
-        self._failed = True
-        self._add(
-            "TT107",
-            rest,
-            "the number is too large for a 64-bit float.",
-            "Write a number below 1.8e308 in size.",
-            owner,
-        )
-
-    def _add(self, code: str, rest: str, message: str, hint: str, owner: Owner = "") -> None:
-        if self._found.wants(code):
-            self._found.keep(code, _remark(owner, rest, message, hint))
-
-
-_NUMBER = KEYS[Element]["vScale"]
-
-
-def _remark(owner: Owner, rest: str, message: str, hint: str, *, on_key: bool = False) -> Remark:
-    if isinstance(owner, int):
-        return Remark(rest, message, hint, on_key, owner)
-    return Remark(owner + rest, message, hint, on_key)
-
-
-def _nonfinite(item: Any) -> Iterator[str]:
-    pending = [(item, "")]
-    while pending:
-        part, here = pending.pop()
-        if isinstance(part, list):
-            pending.extend((value, f"{here}/{i}") for i, value in enumerate(part))
-        elif isinstance(part, dict):
-            pending.extend((value, f"{here}/{escape(key)}") for key, value in part.items())
-        elif isinstance(part, float | int) and not fits(part):
-            yield here
-
-
-@lru_cache(maxsize=256)
-def _unknown_key(kind: type, key: str, beside: frozenset[str]) -> tuple[str, str]:
-    from difflib import get_close_matches
-
-    known = list(SLOTS[kind])
-    close = [name for name in known if name.lower() == key.lower()]
-    if not close and len(key) <= _LONG:
-        close = get_close_matches(key, known, 1, 0.6)
-    hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
-    if close and close[0] in beside:
-        hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
-    hint += " A key of your own begins with x-."
-    return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint

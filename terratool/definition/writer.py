@@ -1,4 +1,4 @@
-"""The canonical layout of a definition: values as they are spelled, keys in the format's order."""
+"""The canonical layout: values as they are spelled, keys in the order of the format."""
 
 from __future__ import annotations
 
@@ -8,8 +8,18 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from terratool.definition.keys import KEYS
-from terratool.definition.model import Definition, Element, Primitive, Surface
+from terratool.definition.model import Definition, Element, Primitive, Surface, Track
+from terratool.definition.recognising import kind_of
+from terratool.definition.slots import ALL_KEYS
+from terratool.definition.vehicles.model import (
+    AxleText,
+    ClassesText,
+    CogText,
+    MarginsText,
+    OverhangText,
+    VehicleText,
+    WheelsText,
+)
 
 WIDTH = 120
 """Characters of a line, where its values can be broken."""
@@ -25,10 +35,24 @@ _ROLES = {
     ("terrain", "elemTypes"): "primitives",
     ("terrain", "elemTree"): "element",
     ("element", "children"): "elements",
+    ("terrain", "tracks"): "tracks",
+    ("vehicle", "wheels"): "wheels",
+    ("vehicle", "axles"): "axles",
+    ("vehicle", "cog"): "cog",
+    ("vehicle", "overhang"): "overhang",
+    ("vehicle", "margins"): "margins",
+    ("vehicle", "classes"): "classes",
 }
-_ITEMS = {"surfaces": "surface", "primitives": "primitive", "elements": "element"}
-_KINDS = {"terrain": Definition, "surface": Surface, "primitive": Primitive, "element": Element}
-_ALWAYS_BROKEN = ("terrain", "surfaces", "primitives")
+_ITEMS = {
+    "surfaces": "surface", "primitives": "primitive", "elements": "element", "tracks": "track",
+    "axles": "axle",
+}  # fmt: skip
+_KINDS = {
+    "terrain": Definition, "surface": Surface, "primitive": Primitive, "element": Element,
+    "track": Track, "vehicle": VehicleText, "wheels": WheelsText, "axle": AxleText, "cog": CogText,
+    "overhang": OverhangText, "margins": MarginsText, "classes": ClassesText,
+}  # fmt: skip
+_ALWAYS_BROKEN = ("terrain", "surfaces", "primitives", "vehicle")
 _LAST = ("surfTypes", "elemTypes", "elemTree", "children")
 """Keys before which those that the format does not have are put."""
 
@@ -54,9 +78,10 @@ class _Node:
 
 def canonical(text: str) -> str:
     """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
+    kind = "vehicle" if kind_of(text.encode()) == "vehicle" else "terrain"
     lines: list[str] = []
     # what is still to be written, last first: a line, or a value with what is around it
-    pending: list[str | tuple[_Node, str, str, str]] = [(_read(text), "", "", "")]
+    pending: list[str | tuple[_Node, str, str, str]] = [(_read(text, kind), "", "", "")]
     while pending:
         item = pending.pop()
         if isinstance(item, str):
@@ -75,7 +100,7 @@ def canonical(text: str) -> str:
     return "\n".join([*lines, ""])
 
 
-def _read(text: str) -> _Node:
+def _read(text: str, kind: str) -> _Node:
     top = _Node("[", "free")
     stack = [top]
     key = ""
@@ -86,7 +111,7 @@ def _read(text: str) -> _Node:
         token = match["sign"] or match["scalar"]
         if token in ("{", "["):
             role = _ROLES.get((node.role, _plain(key)), _ITEMS.get(node.role, "free"))
-            stack.append(_Node(token, "terrain" if node is top else role))
+            stack.append(_Node(token, kind if node is top else role))
             node.members.append((key, stack[-1]))
             key = ""
         elif token in ("}", "]"):
@@ -102,12 +127,12 @@ def _read(text: str) -> _Node:
 
 def _finish(node: _Node) -> None:
     if node.role in _KINDS and node.open == "{":
-        order = {name: place for place, name in enumerate(KEYS[_KINDS[node.role]])}
+        order = {name: place for place, name in enumerate(ALL_KEYS[_KINDS[node.role]])}
         others = min((order[name] for name in _LAST if name in order), default=len(order)) - 0.5
         node.members.sort(key=lambda member: order.get(_plain(member[0]), others))
     node.broken = bool(node.members) and (
         node.role in _ALWAYS_BROKEN
-        or node.role == "elements"
+        or node.role in ("elements", "tracks")
         or any(value.broken for _, value in node.members)
     )
     inner = sum(value.width + (len(key) + 2 if key else 0) for key, value in node.members)
@@ -171,4 +196,4 @@ def _shares(node: _Node, key: str, value: _Node) -> bool:
         return False
     if node.open == "[":
         return all(item.open not in "{[" for _, item in value.members) and value.open != "{"
-    return node.role in ("surface", "primitive", "element") and _plain(key) != "descr"
+    return node.role in ("surface", "primitive", "element", "track") and _plain(key) != "descr"

@@ -54,7 +54,7 @@ def batch_heights(
     """Heights at points: `x`, `y` and the answer are (n,) float64."""
     out = np.empty(len(x))
     scratch = arrays.scratch()
-    if arrays.nbytes < SMALL_FIELD or len(x) < _SMALL_BATCH:
+    if arrays.busy_nbytes < SMALL_FIELD or len(x) < _SMALL_BATCH:
         kernels.heights(arrays, x, y, scratch, out)
         return out
     size = min(CHUNK, len(x))

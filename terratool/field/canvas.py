@@ -12,7 +12,8 @@ from terratool.field.types import Arrays
 WIDTH, HEIGHT = 1040, 132
 """The most pixels of a tile: a little over 1024 and 128, for windows with margins.
 
-Heights and surfaces of a tile take 1.2 MB, slopes 2.2 MB, patches 0.5 MB."""
+Heights and surfaces of a tile take 1.2 MB, slopes 2.2 MB, patches 0.5 MB,
+tracks 3.8 MB."""
 
 
 class Canvas(NamedTuple):
@@ -33,6 +34,12 @@ class Canvas(NamedTuple):
         point: (2,) float64, a tile of one pixel.
         queue: (n, 5) int64, grids that wait with their columns and rows: a ring.
         stack: scratch of the descent.
+        stamps: (HEIGHT · WIDTH,) uint32, the last track over a pixel and one, 0 for none; this and
+            the next four are empty where there are no tracks.
+        first, passes: as many float64, the deepest first pass over a pixel, and all passes.
+        deepest, worn: as many uint32, the track with the deepest first pass, and the last with a
+            surface and one, 0 for none.
+        near: a bit for each segment, all 0 but while they are looked for.
     """
 
     heights: NDArray[np.float64]
@@ -58,6 +65,12 @@ class Canvas(NamedTuple):
     point: NDArray[np.float64]
     queue: NDArray[np.int64]
     stack: NDArray[np.float64]
+    stamps: NDArray[np.uint32]
+    first: NDArray[np.float64]
+    passes: NDArray[np.float64]
+    deepest: NDArray[np.uint32]
+    worn: NDArray[np.uint32]
+    near: NDArray[np.uint64]
 
 
 def canvas_for(
@@ -65,6 +78,7 @@ def canvas_for(
 ) -> Canvas:
     """A canvas; each thread needs its own."""
     pixels = WIDTH * HEIGHT
+    trodden = pixels * (len(arrays.tracks.masks) > 0)
 
     def across() -> NDArray[np.float64]:
         return np.empty(WIDTH)
@@ -80,4 +94,7 @@ def canvas_for(
         across(), along(), across(), along(), across(), across(), across(),
         np.empty(WIDTH, np.uint32), rims, np.empty(2),
         np.empty((256, 5), np.int64), np.empty((arrays.pending, 3)),
+        np.empty(trodden, np.uint32), np.empty(trodden), np.empty(trodden),
+        np.empty(trodden, np.uint32), np.empty(trodden, np.uint32),
+        np.zeros(len(arrays.tracks.segments) // 64 + 1, np.uint64),
     )  # fmt: skip

@@ -14,6 +14,7 @@ from terratool.definition.model import Definition, Element
 from terratool.definition.tree import Tree, flatten
 from terratool.field import layout
 from terratool.field.curves import Pieces, bins_of, pieces_of
+from terratool.field.tracks import compile_tracks
 from terratool.field.types import COMBINE, ELEMENT, GRID, KIND, POSE, STEPPED, Arrays, Curves
 
 Ints = NDArray[np.int64]
@@ -85,6 +86,7 @@ def compile_definition(definition: Definition) -> Compiled:
     elements["kind"], kinds, primitives, curves = _kinds(definition, columns.type, surface)
     _mark_leaves(grids, home, elements, kinds)
     west, south = definition.corner
+    bounds = np.array([west, south, west + extent[0], south + extent[1]])
     arrays = Arrays(
         elements=elements,
         grids=grids,
@@ -93,9 +95,10 @@ def compile_definition(definition: Definition) -> Compiled:
         poses=poses,
         kinds=kinds,
         curves=curves,
-        bounds=np.array([west, south, west + extent[0], south + extent[1]]),
+        bounds=bounds,
         pending=pending,
         voids=bool(kinds["void"].any()),
+        tracks=compile_tracks(definition, bounds),
     )
     return Compiled(
         arrays,

@@ -22,8 +22,10 @@ from terratool.field.primitives import (
     turned,
     turned_slopes,
 )
+from terratool.field.ruts import near_ruts, rut_at
 
-NEAR_AN_EDGE = np.uint64(2**32 - 1)
+FINISHED = np.uint64(2**32 - 1)
+"""In the place of an element: this point is taken care of."""
 
 
 @device
@@ -62,8 +64,33 @@ def void_at(field, winner):
 
 
 @device
+def surface_of(field, winner):
+    """Index of the surface of the winning element, -1 for none."""
+    if winner < 0:
+        return np.int64(-1)
+    return np.int64(field.kinds[field.elements[np.uint64(winner)].kind].surface)
+
+
+@device
+def solid(field, z, winner):
+    """The height of the elements, NaN in the void."""
+    return np.nan if void_at(field, winner) else z
+
+
+@device
+def lowered(field, z, winner, x, y):
+    """What of the height of the elements is left by tracks and the void."""
+    if void_at(field, winner):
+        return np.nan
+    if len(field.tracks.masks):
+        rut, _ = rut_at(field.tracks, x, y, surface_of(field, winner))
+        return z - rut
+    return z
+
+
+@device
 def descend(field, x, y, stack, sloped, started, z, i, j, in_x, in_y):
-    """Height, winning element (-1 for none) and gradient at a point inside the bounds.
+    """Height, winning element (-1 for none) and gradient at a point inside the bounds, untracked.
 
     `stack` is (pending, 3) scratch; the gradient is computed only where `sloped` holds. A descent
     that has `started` has the root's height in `z`, and the place in the root's grid.
@@ -175,7 +202,7 @@ def height_at(field, x, y, stack):
     if not inside(field.bounds, x, y):
         return np.nan
     z, winner, _, _ = descend(field, x, y, stack, False, False, 0.0, 0, 0, 0.0, 0.0)
-    return np.nan if void_at(field, winner) else z
+    return lowered(field, z, winner, x, y)
 
 
 @kernel
@@ -203,8 +230,28 @@ def even_values(pieces, first, count, t, whole, out):
 
 
 @kernel
+def lower_block(field, x, y, scratch, out):
+    """Take the ruts from the heights of a block; in `scratch.bins` are the winning elements."""
+    count = len(x)
+    bins = scratch.bins
+    near = near_ruts(
+        field.tracks, x, y, scratch.work[0, :count], scratch.work[1, :count], bins[:, 1]
+    )
+    for k in range(near):
+        n = bins[k, 1]
+        winner = bins[n, 0]
+        if winner != FINISHED and not np.isnan(out[n]):
+            rut, _ = rut_at(field.tracks, x[n], y[n], surface_of(field, np.int64(winner)))
+            out[n] -= rut
+
+
+@kernel
 def block_heights(field, x, y, scratch, out):
-    """Heights at a block of points; the root, which they share, is evaluated for all at once."""
+    """Heights at a block of points; the root, which they share, is evaluated for all at once.
+
+    They are those of the elements alone where `scratch.bins` gets the winning element, and
+    complete where it gets FINISHED.
+    """
     count = len(x)
     stack, work, bins = scratch
     u, v, z, cell_x, in_x, cell_y, in_y = (
@@ -228,14 +275,15 @@ def block_heights(field, x, y, scratch, out):
     if not grid.leaves:
         for n in range(count):
             if sure(ground, u[n], v[n]):
-                out[n], winner, _, _ = descend(
+                height, winner, _, _ = descend(
                     field, x[n], y[n], stack, False, True, z[n], int(cell_x[n]), int(cell_y[n]),
                     in_x[n], in_y[n],
                 )  # fmt: skip
-                if void_at(field, winner):
-                    out[n] = np.nan
+                out[n] = solid(field, height, winner)
+                bins[n, 0] = winner
             else:
                 out[n] = height_at(field, x[n], y[n], stack)
+                bins[n, 0] = FINISHED
         return
     # first where the elements of each point are, then what they are: neither waits for the other
     for n in range(count):
@@ -245,17 +293,17 @@ def block_heights(field, x, y, scratch, out):
             bins[n, 0] = field.offsets[slot]
             bins[n, 1] = field.offsets[slot + ONE]
         else:
-            bins[n, 0] = NEAR_AN_EDGE
+            bins[n, 0] = FINISHED
     for n in range(count):
         begin, end = np.uint64(bins[n, 0]), np.uint64(bins[n, 1])
-        if begin == NEAR_AN_EDGE:
+        if begin == FINISHED:  # near an edge
             out[n] = height_at(field, x[n], y[n], stack)
             continue
-        out[n], _, _, winner = add_leaves(
+        height, _, _, winner = add_leaves(
             field, begin, end, in_x[n], in_y[n], False, z[n], 0.0, 0.0, np.int64(0)
         )
-        if void_at(field, winner):
-            out[n] = np.nan
+        out[n] = solid(field, height, winner)
+        bins[n, 0] = winner
 
 
 @kernel
@@ -267,6 +315,8 @@ def heights(field, x, y, scratch, out):
         for begin in range(0, len(x), size):
             end = min(begin + size, len(x))
             block_heights(field, x[begin:end], y[begin:end], scratch, out[begin:end])
+            if len(field.tracks.masks):
+                lower_block(field, x[begin:end], y[begin:end], scratch, out[begin:end])
     else:
         for n in range(len(x)):
             out[n] = height_at(field, x[n], y[n], scratch.stack)
@@ -276,8 +326,9 @@ def heights(field, x, y, scratch, out):
 def samples(field, x, y, scratch, height, winners, gradient):
     """Everything at points: `height` (n,), `winners` (n,) int64, `gradient` (n, 2).
 
-    The winner is the index of the element that decides the surface: -1 where there is none, -2
-    outside. Height and gradient are NaN outside and in the void.
+    The winner is the index of the element that decides the surface, or the number of elements and
+    the index of the track: -1 where there is none, -2 outside. Height and gradient are NaN outside
+    and in the void.
     """
     for n in range(len(x)):
         height[n] = np.nan
@@ -291,5 +342,10 @@ def samples(field, x, y, scratch, height, winners, gradient):
             winners[n] = winner
             if not void_at(field, winner):
                 height[n] = z
+                if len(field.tracks.masks):
+                    rut, worn = rut_at(field.tracks, x[n], y[n], surface_of(field, winner))
+                    height[n] = z - rut
+                    if worn >= 0:
+                        winners[n] = len(field.elements) + worn
                 gradient[n, 0] = slope_x
                 gradient[n, 1] = slope_y

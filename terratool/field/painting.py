@@ -48,6 +48,7 @@ from terratool.field.rows import (
     within_block,
 )
 from terratool.field.slopes import slope_block, slope_run
+from terratool.field.treading import tread
 
 _SHORT = 1.0 / 12.0
 """Turned curves that change their pieces less often than this per pixel are added by pieces."""
@@ -377,6 +378,8 @@ def paint_window(field, canvas, voids, x, y, resolution, corner, first, planes):
                     field, canvas, xs, ys, corner[0] + height - 1 - line, corner[1] + column,
                     west, east, south, north,
                 )  # fmt: skip
+            if len(field.tracks.masks):
+                tread(field, canvas, xs, ys, west, east, south, north)
         else:
             west = east = south = north = 0
         for r in range(len(ys)):

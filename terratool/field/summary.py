@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from terratool.field.parts import Bounds, part_within
 from terratool.field.terrain import Terrain
+from terratool.field.tracks import track_lengths
 
 _ALONG = 512
 """Points of the grid along the longer side at which the heights are looked at."""
@@ -17,8 +18,8 @@ _ALONG = 512
 def summarise(terrain: Terrain) -> dict[str, Any]:
     """Size, levels, elements by primitive and surface, heights and memory, ready for JSON.
 
-    The range of heights is that of the points looked at: an even grid, and nine points in the cell
-    of each element, corners and edges included.
+    The range of heights is that of the points looked at: an even grid, nine points in the cell of
+    each element, corners and edges included, and the ends and the middle of each segment of tracks.
     """
     low, high, points = height_range(terrain)
     bounds = terrain.bounds
@@ -34,6 +35,11 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
         "elements_by_primitive": terrain.count_by_primitive(),
         "elements_by_surface": terrain.count_by_surface(),
         "smallest_cell": terrain.smallest_cell,
+        "tracks": {
+            "count": terrain.tracks,
+            "segments": len(terrain.arrays.tracks.segments),
+            "length": float(track_lengths(terrain.arrays.tracks).sum()),
+        },
         "height": {"low": low, "high": high, "points": points},
         "bytes": terrain.nbytes,
     }
@@ -50,7 +56,11 @@ def height_range(
     """
     part = part_within(terrain, bounds)
     low, high, count = np.inf, -np.inf, 0
-    for x, y in (_grid_points(part), _element_points(terrain, part)):
+    for x, y in (
+        _grid_points(part),
+        _element_points(terrain, part),
+        _track_points(terrain, part),
+    ):
         heights = terrain.height(x, y)
         low, high = (
             float(np.fmin.reduce(heights, initial=low)),
@@ -84,3 +94,17 @@ def _element_points(
     y = np.stack([south, (south + north) / 2, np.nextafter(north, south)])
     x, y = np.broadcast_arrays(x[:, None, :], y[None, :, :])
     return x.ravel(), y.ravel()
+
+
+def _track_points(
+    terrain: Terrain, part: Bounds
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ends and middles of the segments of tracks that lie in the part."""
+    west, south, east, north = part
+    segments = terrain.arrays.tracks.segments
+    x, y = (
+        np.concatenate([segments[at], (segments[at] + segments[end]) / 2, segments[end]])
+        for at, end in (("x", "end_x"), ("y", "end_y"))
+    )
+    there = (west <= x) & (x <= east) & (south <= y) & (y <= north)
+    return x[there], y[there]

@@ -25,8 +25,8 @@ class Samples:
 
     Attributes:
         height: float64, NaN outside the terrain and in the void.
-        element: int64, index of the element that decides the surface; -1 where no footprint lies,
-            -2 outside.
+        element: int64, index of the element that decides the surface, or the number of elements
+            and the index of the track that does; -1 where no footprint lies, -2 outside.
         surface: int32, index into `Terrain.surfaces`; -1 for none.
         normal: (…, 3) float64, the upward unit normal; NaN where the height is.
     """
@@ -80,6 +80,11 @@ class Terrain:
         return self._compiled.smallest_cell
 
     @property
+    def tracks(self) -> int:
+        """Number of tracks."""
+        return len(self.arrays.tracks.passes)
+
+    @property
     def levels(self) -> int:
         """Levels of nesting, 1 for a root alone."""
         return self._compiled.levels
@@ -128,9 +133,14 @@ class Terrain:
         )
 
     def surface_of(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Surface indices of elements, -1 for none; int32 in their shape."""
-        kinds = self.arrays.elements["kind"][np.maximum(element, 0)]
-        return np.where(element < 0, -1, self.arrays.kinds["surface"][kinds]).astype(np.int32)
+        """Surface indices of elements and tracks, -1 for none; int32 in their shape."""
+        arrays = self.arrays
+        count = len(arrays.elements)
+        kinds = arrays.elements["kind"][np.clip(element, 0, count - 1)]
+        surface = np.where(element < 0, -1, arrays.kinds["surface"][kinds]).astype(np.int32)
+        tracked = element >= count
+        surface[tracked] = arrays.tracks.surface[element[tracked] - count]
+        return surface
 
     def count_by_primitive(self) -> dict[str, int]:
         """Elements of each primitive, the unused ones included."""
@@ -151,9 +161,11 @@ class Terrain:
         return out
 
     def pointer(self, element: int) -> str | None:
-        """JSON pointer of an element by its index, None for a negative one."""
+        """JSON pointer of an element or track by its index, None for a negative one."""
         if element < 0:
             return None
+        if element >= len(self.arrays.elements):
+            return f"/tracks/{element - len(self.arrays.elements)}"
         steps = []
         while element > 0:
             steps.append(f"/children/{self._compiled.document[element]}")

@@ -93,6 +93,24 @@ GRID = np.dtype(
 )
 
 
+SEGMENT = np.dtype(
+    [
+        ("x", np.float64),  # where it begins …
+        ("y", np.float64),
+        ("end_x", np.float64),  # … and ends
+        ("end_y", np.float64),
+        ("dx", np.float64),  # from the one to the other
+        ("dy", np.float64),
+        ("square", np.float64),  # of its length
+        ("reach", np.float64),  # half the width of its track …
+        ("reach_square", np.float64),  # … and the square of that
+        ("track", np.uint32),
+    ],
+    align=True,
+)
+"""A straight piece of a track, in the order of the document."""
+
+
 class Curves(NamedTuple):
     """The pieces of all curves.
 
@@ -106,6 +124,42 @@ class Curves(NamedTuple):
     pieces: NDArray[np.float64]
     knots: NDArray[np.float64]
     bins: NDArray[np.uint32]
+
+
+class Tracks(NamedTuple):
+    """The tracks, and an index of their segments by cells of an even grid.
+
+    The index covers what of the terrain the tracks may reach. Each of its cells has a mask of 8 × 8
+    parts, bit 8 · row + column from the south-west: where no part of a track may lie it is 0.
+
+    Attributes:
+        segments: SEGMENT, in document order; those of a track stand side by side.
+        first: (tracks + 1,) uint32, where the segments of each track begin.
+        passes: (tracks,) float64, whole.
+        power: (tracks,) float64, 1 / `multipass`.
+        surface: (tracks,) int32, index into the surfaces of the terrain; -1 for none.
+        law: (tracks,) uint32, row of `depths`.
+        depths: (laws, surfaces + 1) float64, depth of the first pass by the surface of the ground
+            and one, 0 for ground without a surface; NaN where that is void.
+        frame: (4,) float64, west and south of the index, and its cells per unit of length.
+        shape: (2,) int64, its cells along x and y.
+        masks: (cells,) uint64, row by row from the south.
+        offsets: (cells + 1,) uint32, for each cell where its segments begin in `entries`.
+        entries: (n,) uint32, indices of segments, ascending in each cell.
+    """
+
+    segments: NDArray[Any]
+    first: NDArray[np.uint32]
+    passes: NDArray[np.float64]
+    power: NDArray[np.float64]
+    surface: NDArray[np.int32]
+    law: NDArray[np.uint32]
+    depths: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    shape: NDArray[np.int64]
+    masks: NDArray[np.uint64]
+    offsets: NDArray[np.uint32]
+    entries: NDArray[np.uint32]
 
 
 class Arrays(NamedTuple):
@@ -123,6 +177,7 @@ class Arrays(NamedTuple):
         bounds: (4,) float64 west, south, east, north.
         pending: the most grids that a descent has to remember at a time.
         voids: whether any surface is void.
+        tracks: the ruts in it.
     """
 
     elements: NDArray[Any]
@@ -135,12 +190,19 @@ class Arrays(NamedTuple):
     bounds: NDArray[np.float64]
     pending: int
     voids: bool
+    tracks: Tracks
 
     @property
     def nbytes(self) -> int:
         """Memory of all arrays, in bytes."""
         own = (array for array in self if isinstance(array, np.ndarray))
-        return sum(array.nbytes for array in (*own, *self.curves))
+        return sum(array.nbytes for array in (*own, *self.curves, *self.tracks))
+
+    @property
+    def busy_nbytes(self) -> int:
+        """Memory of what most points are looked up in: all but the segments of tracks."""
+        tracks = sum(array.nbytes for array in self.tracks)
+        return self.nbytes - tracks + self.tracks.masks.nbytes
 
     def scratch(self) -> Scratch:
         """Space for the kernels to work in; each thread needs its own."""

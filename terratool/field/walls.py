@@ -11,9 +11,10 @@ import math
 
 import numpy as np
 
-from terratool.field.kernels import descend, inside, void_at
+from terratool.field.kernels import descend, inside, lowered, void_at
 from terratool.field.painting import paint_tile
 from terratool.field.primitives import kernel
+from terratool.field.treading import tread
 
 _HALVINGS = 30
 """A wall is looked for down to a billionth of a pixel: no slope changes the height much there …"""
@@ -94,7 +95,7 @@ def _height(field, along_x, at, fixed, stack):
     z, winner, slope_x, slope_y = descend(field, x, y, stack, True, False, 0.0, 0, 0, 0.0, 0.0)
     if void_at(field, winner):
         return np.nan, np.nan
-    return z, slope_x if along_x else slope_y
+    return lowered(field, z, winner, x, y), slope_x if along_x else slope_y
 
 
 @kernel
@@ -137,6 +138,8 @@ def _patch(field, canvas, along_x, at, fixed, resolution):
     if not inside(field.bounds, x[0], y[0]):
         return np.uint32(0)
     paint_tile(field, canvas, x, y, resolution, 0, 1, 0, 1)
+    if len(field.tracks.masks):
+        tread(field, canvas, x, y, 0, 1, 0, 1)
     return canvas.patches[0]
 
 
@@ -222,3 +225,44 @@ def first_wall(field, canvas, pairs, heights, x, y, resolution, level):
         if jump > 0.0 and jump >= heights[n]:
             return n, jump
     return -1, 0.0
+
+
+@kernel
+def walls_between(field, canvas, pairs, x, y, resolution, level, places, jumps, todo):
+    """Walls above `level` between the places of each pair: up to as many as there is room for.
+
+    `places` and `jumps` are (pairs, most): where along its axis each stands, and by how much the
+    ground rises there to the east or north, below 0 if it falls; 0 for no wall. In no order. More
+    than one is looked for where one does not explain what rises. `todo` is scratch, (most + 2, 2).
+    """
+    for n in range(len(pairs)):
+        along_x, low, high, fixed = _ends(pairs[n], x, y)
+        jumps[n, :] = 0.0
+        beside = (high - low) * 2.0 ** -(_HALVINGS - 4)
+        left = _height(field, along_x, high, fixed, canvas.stack)[0]
+        left -= _height(field, along_x, low, fixed, canvas.stack)[0]
+        count, pending = 0, 1
+        todo[0, 0], todo[0, 1] = low, high
+        while pending > 0 and count < jumps.shape[1]:
+            pending -= 1
+            begin, end = todo[pending, 0], todo[pending, 1]
+            if count == 0:
+                at, jump = find_wall(
+                    field, canvas, along_x, begin, end, fixed, resolution, _HALVINGS, level
+                )
+            else:
+                at, jump = find_jump(
+                    field, along_x, begin, end, fixed, _HALVINGS, level, canvas.stack
+                )
+            if jump == 0.0:
+                continue
+            after = _height(field, along_x, at + beside, fixed, canvas.stack)[0]
+            if after < _height(field, along_x, at - beside, fixed, canvas.stack)[0]:
+                jump = -jump
+            places[n, count], jumps[n, count] = at, jump
+            count += 1
+            left -= jump
+            if abs(left) > level:
+                todo[pending, 0], todo[pending, 1] = begin, at - beside
+                todo[pending + 1, 0], todo[pending + 1, 1] = at + beside, end
+                pending += 2

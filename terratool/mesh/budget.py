@@ -46,7 +46,12 @@ class Fit(NamedTuple):
     @property
     def miss(self) -> float:
         """How far the mesh is from the terrain, about."""
-        return self.built.error + self.built.faintest
+        return self.built.error + max(self.built.faintest, self.built.ruts.deepest)
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is left out because it changes heights too little."""
+        return not (self.built.faint or self.built.ruts.shallow)
 
 
 def within_budget(attempt: Attempt, wanted: float, relief: float, largest: float, most: int) -> Fit:
@@ -113,7 +118,7 @@ def _search(
     while below is None and high.error > wanted:
         # faces are about as the inverse of the error
         error = high.error * min(max(high.faces / aim, _STRIDES[0]), _STRIDES[1])
-        if high.error <= _CLOSE * wanted or (high.built.error <= wanted and not high.built.faint):
+        if high.error <= _CLOSE * wanted or (high.built.error <= wanted and high.whole):
             error = wanted  # not many more faces; or, where the mesh is exact, none
         elif high.faces >= ENOUGH * most:
             break

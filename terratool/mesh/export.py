@@ -20,6 +20,7 @@ from terratool.mesh.budget import Fit, within_budget
 from terratool.mesh.building import build
 from terratool.mesh.distinct import distinct
 from terratool.mesh.measuring import left_out, walls_of
+from terratool.mesh.outlines import largest_depths
 from terratool.mesh.statement import Statement, counted, length
 from terratool.mesh.types import Built
 from terratool.mesh.writing import check_request, rounding_of, write_mesh
@@ -123,6 +124,8 @@ def export_mesh(
         fit = Fit(attempt(wanted, 0.0), wanted, 0.0)
     else:
         sizes = largest_heights(terrain.arrays)[1:]
+        if terrain.tracks:
+            sizes = np.append(sizes, largest_depths(terrain.arrays.tracks))
         fit = within_budget(attempt, wanted, relief, float(sizes.max(initial=0.0)), max_faces)
     fit = fit._replace(built=distinct(fit.built))
     mesh = fit.built.mesh
@@ -191,6 +194,7 @@ def _report(
             rounding=rounding_of(mesh),
             walls=walls_of(mesh),
             left=left_out(terrain, built, fit.error, bounds, fit.least),
+            ruts=built.ruts if terrain.tracks else None,
         ),
     )
 

@@ -9,6 +9,7 @@ from terratool.field.batches import batch_heights
 from terratool.field.extents import largest_heights
 from terratool.field.parts import Bounds, part_within
 from terratool.field.terrain import Terrain
+from terratool.mesh.outlines import left_tracks, without
 from terratool.mesh.planning import plan_of
 from terratool.mesh.statement import Left, Peak, Walls
 from terratool.mesh.types import Built, Mesh
@@ -86,10 +87,11 @@ def upward(mesh: Mesh) -> NDArray[np.bool_]:
 def left_out(
     terrain: Terrain, built: Built, error: float, bounds: Bounds | None, least: float
 ) -> Left:
-    """What the left-out elements of a mesh change together, measured on the terrain without them.
+    """What is left out of a mesh changes together, measured on the terrain without it.
 
-    Half of the points lie in their cells, at corners, edges, middles and in between, and half are
-    spread over all that is meshed. Of more cells than points the highest elements are looked at.
+    Half of the points lie in the cells of elements, at corners, edges, middles and in between, and
+    half are spread over all that is meshed. Of more cells than points the highest elements are
+    looked at. More points lie along the paths of tracks.
 
     Args:
         terrain: the terrain.
@@ -98,18 +100,22 @@ def left_out(
         bounds: the part that was meshed; all of it if None.
         least: elements that change heights by no more were to be left out.
     """
-    if not built.small + built.faint:
+    if not built.small + built.faint + built.ruts.narrow + built.ruts.shallow:
         return Left()
     plan, _ = plan_of(terrain, error, bounds, least)
     out = np.flatnonzero(plan.frames["drawn"] == 0)
     arrays = terrain.arrays
     elements = arrays.elements.copy()
     elements["scale"][out] = elements["offset"][out] = 0.0
+    tracks = left_tracks(plan)
+    arrays = arrays._replace(elements=elements)
+    if len(tracks):
+        arrays = arrays._replace(tracks=without(arrays.tracks, tracks))
     part = part_within(terrain, bounds)
-    inside, anywhere = _in_cells(terrain, out, part), spread(part)
-    x, y = (np.concatenate(pair) for pair in zip(inside, anywhere, strict=True))
+    points = _in_cells(terrain, out, part), spread(part), _along(terrain, tracks, part)
+    x, y = (np.concatenate(axis) for axis in zip(*points, strict=True))
     whole = terrain.height(x, y)
-    change = np.abs(whole - batch_heights(arrays._replace(elements=elements), x, y))
+    change = np.abs(whole - batch_heights(arrays, x, y))
     change[np.isnan(change)] = 0.0
     worst = int(change.argmax())
     return Left(
@@ -142,6 +148,20 @@ def _in_cells(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple
     )
     x, y = np.broadcast_arrays(x[:, None, :], y[:, :, None])
     return x.ravel(), y.ravel()
+
+
+def _along(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple[Floats, Floats]:
+    """Points on the paths of tracks, as far as they lie in the part."""
+    segments = terrain.arrays.tracks.segments
+    segments = segments[np.isin(segments["track"], which)]
+    segments = segments[:: -(-len(segments) // POINTS) or 1]
+    each = max(1, min(32, POINTS // max(1, len(segments))))
+    shares = (np.arange(each) + 0.5) / each
+    x = (segments["x"][:, None] + shares * segments["dx"][:, None]).ravel()
+    y = (segments["y"][:, None] + shares * segments["dy"][:, None]).ravel()
+    west, south, east, north = part
+    there = (x >= west) & (x <= east) & (y >= south) & (y <= north)
+    return x[there], y[there]
 
 
 def spread(part: Bounds) -> tuple[Floats, Floats]:

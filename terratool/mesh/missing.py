@@ -31,7 +31,7 @@ def height_at(plan, regions, region, spots, s, r):
         u = q * spots[k, 0] + s * spots[k, 2] + r * spots[k, 4]
         v = q * spots[k, 1] + s * spots[k, 3] + r * spots[k, 5]
         z += worth(plan, regions.covers[begin + k], u, v)
-    return z
+    return z - regions.drops[region]
 
 
 @device

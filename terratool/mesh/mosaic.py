@@ -183,6 +183,7 @@ def export_tiles(
             rounding=rounding,
             walls=standing,
             left=Left(small=layout.left.small),
+            ruts=layout.left.ruts if terrain.tracks else None,
         )
         report = Report(
             folder / INDEX, rows, columns, tuple(tiles), whole, origin, chosen, statement

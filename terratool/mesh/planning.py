@@ -12,6 +12,8 @@ from terratool.field.extents import curve_hulls, curve_pieces, largest_heights
 from terratool.field.terrain import Terrain
 from terratool.field.types import COMBINE, Arrays
 from terratool.mesh.chords import chords_of
+from terratool.mesh.outlines import NO_OUTLINES, outlines_of
+from terratool.mesh.statement import Ruts
 from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, REACH, Plan
 
 LATTICE = 30
@@ -46,12 +48,14 @@ class Left(NamedTuple):
         small: number of elements with cells too small for the lattice.
         faint: number of elements that change heights too little …
         faintest: … and the most that one of them does.
+        ruts: what it loses of ruts.
     """
 
     aside: float
     small: int
     faint: int
     faintest: float
+    ruts: Ruts = Ruts()
 
 
 def plan_of(
@@ -67,7 +71,7 @@ def plan_of(
         terrain: the terrain.
         max_error: the largest error of a height, in units of the terrain.
         bounds: world rectangle west, south, east, north to mesh; the whole terrain if None.
-        least: elements that change heights by no more are left out, unless it is 0.
+        least: elements and tracks that change heights by no more are left out, unless it is 0.
         finer: discs may miss by so many times what they may if they stand alone.
     """
     arrays = terrain.arrays
@@ -95,9 +99,11 @@ def plan_of(
         pitch=pitch,
         bounds=np.rint((part - np.tile(origin, 2)) / pitch),
         error=max_error,
+        outlines=NO_OUTLINES,
     )
     left = _choose(plan, least, finer)
-    return plan._replace(chords=chords_of(plan)), left
+    outlines, ruts = outlines_of(plan, least, SMALLEST)
+    return plan._replace(chords=chords_of(plan), outlines=outlines), left._replace(ruts=ruts)
 
 
 def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDArray[Any]:

@@ -1,9 +1,10 @@
-"""Regions: which elements cover a place, and with which stretch of their curves."""
+"""Regions: which elements cover a place, and with which stretch of their curves; which ruts do."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from terratool.field.kernels import surface_of, void_at
 from terratool.field.primitives import (
     MAX,
     MIN,
@@ -17,10 +18,12 @@ from terratool.field.primitives import (
     turned,
 )
 from terratool.mesh.chords import chords_before
+from terratool.mesh.inside import rut_of, tracks_at
 from terratool.mesh.segments import DRAWN, stretch, weights
 from terratool.mesh.sides import curve_at, faceted, gauge, sector
 
 _ODD = 0x9E3779B97F4A7C15
+_TRACK = 0xD1B54A32D192ED03
 
 
 @device
@@ -141,16 +144,21 @@ def middle(points, triangles, t):
 
 
 @kernel
-def signatures(plan, points, triangles, stack, none, keys):
+def signatures(plan, points, triangles, stack, found, marks, none, keys):
     """For each triangle a hash of what covers its middle, (m,) uint64. `none` is no COVER."""
     for t in range(len(triangles)):
         x, y = middle(points, triangles, t)
         _, keys[t], _, _ = cover(plan, x, y, stack, none)
+        for k in range(tracks_at(plan.outlines, x, y, found, marks)):
+            keys[t] += stir(_TRACK, found[k])
 
 
 @kernel
-def describe(plan, points, triangles, chosen, stack, offsets, covers, winners, plane):
-    """Covers of regions, each asked in the middle of one of its triangles.
+def describe(
+    plan, points, triangles, chosen, stack, found, marks, offsets, covers, winners, plane, drops,
+    worn,
+):  # fmt: skip
+    """Covers and ruts of regions, each asked in the middle of one of its triangles.
 
     Without room in `covers` only `offsets` are written: how many covers the regions before have.
     """
@@ -160,4 +168,9 @@ def describe(plan, points, triangles, chosen, stack, offsets, covers, winners, p
         offsets[r] = total
         count, _, winners[r], plane[r] = cover(plan, x, y, stack, covers[total:])
         total += count
+        held = tracks_at(plan.outlines, x, y, found, marks)
+        drops[r], worn[r] = 0.0, -1
+        if held and not void_at(plan.field, winners[r]):
+            ground = surface_of(plan.field, winners[r])
+            drops[r], worn[r] = rut_of(plan.field.tracks, found, held, ground)
     offsets[len(chosen)] = total

@@ -347,8 +347,8 @@ def segments(plan, chosen, out):
 
 
 def segments_of(plan: Plan, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Segments of the elements with these indices, (n, 4) x, y, x, y."""
+    """Segments of the elements with these indices and of all ruts, (n, 4) x, y, x, y."""
     count = segments(plan, chosen, np.empty((0, 4), np.int64))
     drawn = np.empty((count, 4), np.int64)
     segments(plan, chosen, drawn)
-    return drawn
+    return np.concatenate([drawn, plan.outlines.edges]) if len(plan.outlines.edges) else drawn

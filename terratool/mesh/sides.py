@@ -141,7 +141,7 @@ def height_in(plan, regions, region, x, y):
         cover = regions.covers[k]
         u, v = place(plan, cover.element, x, y)
         z += worth(plan, cover, u, v)
-    return z
+    return z - regions.drops[region]
 
 
 @kernel

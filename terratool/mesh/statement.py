@@ -56,6 +56,23 @@ class Left:
 
 
 @dataclass(frozen=True, slots=True)
+class Ruts:
+    """What a mesh loses of the ruts of a terrain. Lengths are in its units.
+
+    Attributes:
+        beside: how far from where it should be a side of a rut stands, at most.
+        narrow: number of tracks left out because they are too narrow for the mesh.
+        shallow: number of those left out because they make no deeper ruts than was asked …
+        deepest: … and the deepest that one of them makes by itself.
+    """
+
+    beside: float = 0.0
+    narrow: int = 0
+    shallow: int = 0
+    deepest: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Statement:
     """What a mesh shows, and what it loses. Lengths are in units of the terrain.
 
@@ -69,6 +86,7 @@ class Statement:
         rounding: how far a coordinate of the file is from that of the mesh, at most.
         walls: its walls, without the outer sides of a solid.
         left: what is left out.
+        ruts: what is lost of ruts; None for a terrain without tracks.
     """
 
     wanted: float
@@ -79,6 +97,7 @@ class Statement:
     rounding: float
     walls: Walls
     left: Left
+    ruts: Ruts | None = None
 
     @property
     def miss(self) -> float:
@@ -108,6 +127,7 @@ class Statement:
                 "points": left.points,
                 "largest_change": left.change and asdict(left.change),
             },
+            **({"ruts": asdict(self.ruts)} if self.ruts else {}),
         }
 
     def sentences(self) -> Iterator[str]:
@@ -118,6 +138,8 @@ class Statement:
             parts[0] += ", as nothing finer can be drawn"
         if self.aside > 0:
             parts.append(f"edges of discs lie up to {length(self.aside)} inside of their arcs")
+        if self.ruts and self.ruts.beside > 0:
+            parts.append(f"sides of ruts lie up to {length(self.ruts.beside)} aside")
         parts += self._left_in_words()
         if self.rounding > _NOTICED * self.allowed:
             parts.append(f"coordinates are rounded by up to {length(self.rounding)}")
@@ -132,10 +154,20 @@ class Statement:
                 f"{counted(left.faint, 'element')} left out to keep to {self.max_faces:,} faces, "
                 f"the highest of {length(left.faintest)}"
             )
+        yield from self._tracks_in_words()
         if left.change:
             yield (
                 f"with them the ground is up to {length(self.miss)} off, as far as was measured "
                 f"at {counted(left.points, 'point')}"
+            )
+
+    def _tracks_in_words(self) -> Iterator[str]:
+        if self.ruts and self.ruts.narrow:
+            yield f"{counted(self.ruts.narrow, 'track')} too narrow for the mesh left out"
+        if self.ruts and self.ruts.shallow:
+            yield (
+                f"{counted(self.ruts.shallow, 'track')} left out to keep to {self.max_faces:,} "
+                f"faces, the deepest of {length(self.ruts.deepest)}"
             )
 
 

@@ -21,9 +21,11 @@ from terratool.mesh.types import Built, Plan
 TILE_FACES = 1_000_000
 """Faces of a tile, about, if not said."""
 _PER_SEGMENT = 3.5
+_PER_EDGE = 5.0
 _PER_BEND = 4.0
 _PER_TWIST = 0.6
-"""Faces, about: for each segment, and where elements are bent or twisted (`faces_of`)."""
+"""Faces, about: for each segment, each edge of a rut, and where elements are bent or twisted
+(`faces_of`)."""
 
 
 class Layout(NamedTuple):
@@ -120,7 +122,8 @@ def faces_of(plan: Plan) -> float:
     elements = field.elements[drawn]
     curved = (per_kind[elements["kind"]] * np.abs(elements["scale"])).sum() / plan.error
     count = segments(plan, drawn, np.empty((0, 4), np.int64))
-    return float(_PER_SEGMENT * count + curved)
+    ruts = _PER_EDGE * len(plan.outlines.edges)
+    return float(_PER_SEGMENT * count + curved + ruts)
 
 
 def build_tile(terrain: Terrain, layout: Layout, row: int, column: int) -> Built:

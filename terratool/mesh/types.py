@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.types import Arrays
+from terratool.mesh.statement import Ruts
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +48,7 @@ class Built:
         small: number of elements left out because their cells are too small for the mesh.
         faint: number of elements left out because they change no height by more than was asked …
         faintest: … and the most that one of them changes it.
+        ruts: what is lost of ruts.
     """
 
     mesh: Mesh
@@ -56,6 +58,7 @@ class Built:
     small: int
     faint: int
     faintest: float
+    ruts: Ruts = field(default_factory=Ruts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +144,24 @@ COVER = np.dtype([("element", np.uint32), ("group_x", np.uint32), ("group_y", np
 """An element that covers a region, and the groups of its curves that hold there."""
 
 
+class Outlines(NamedTuple):
+    """The outlines of ruts on the lattice, and an index of the rows that their edges pass.
+
+    Attributes:
+        edges: (n, 4) int64 x, y, x, y, closed around what each track holds.
+        owners: (n,) uint32, the track of each.
+        frame: (2,) float64, south of the index, and its rows for each point of the lattice.
+        offsets: (rows + 1,) int64, for each row where its edges begin in `entries`.
+        entries: uint32, indices of edges.
+    """
+
+    edges: NDArray[np.int64]
+    owners: NDArray[np.uint32]
+    frame: NDArray[np.float64]
+    offsets: NDArray[np.int64]
+    entries: NDArray[np.uint32]
+
+
 class Plan(NamedTuple):
     """What the kernels need to know of a field to mesh it.
 
@@ -158,6 +179,7 @@ class Plan(NamedTuple):
         pitch: side of the lattice; a power of two.
         bounds: (4,) float64 the rectangle that is meshed, on the lattice.
         error: the largest error of a height, in units of the terrain.
+        outlines: those of the ruts.
     """
 
     field: Arrays
@@ -172,6 +194,7 @@ class Plan(NamedTuple):
     pitch: float
     bounds: NDArray[np.float64]
     error: float
+    outlines: Outlines
 
 
 class Rim(NamedTuple):
@@ -191,7 +214,7 @@ class Rim(NamedTuple):
 
 
 class Regions(NamedTuple):
-    """Parts of the plane that the same elements cover.
+    """Parts of the plane that the same elements and the same tracks cover.
 
     Attributes:
         offsets: (n + 1,) int64, where the covers of each begin.
@@ -200,6 +223,7 @@ class Regions(NamedTuple):
         voids: (n,) bool, whether there is no ground.
         plane: (n,) bool, whether the heights of all its elements are known to be affine there.
         asides: (n,) float64, how much its discs change the height by being polygons.
+        drops: (n,) float64, depth of the rut.
     """
 
     offsets: NDArray[np.int64]
@@ -208,3 +232,4 @@ class Regions(NamedTuple):
     voids: NDArray[np.bool_]
     plane: NDArray[np.bool_]
     asides: NDArray[np.float64]
+    drops: NDArray[np.float64] = np.empty(0)

@@ -106,6 +106,8 @@ def geotiff(
     }  # fmt: skip
     if bands.kind == "color":
         profile |= {"photometric": "rgb", "interleave": "pixel"}
+    elif bands.kind == "class" and bands.count > 1:
+        profile["photometric"] = "minisblack"  # three bands of bytes are not red, green and blue
     with (
         complaints(path),
         rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),

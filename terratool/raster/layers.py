@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.presets import property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.painting import Planes, id_type
@@ -156,7 +157,7 @@ class Soils:
         return [
             name
             for name, surface in self.terrain.surface_types.items()
-            if surface.void is not True and getattr(surface, layer.soil) is UNSET
+            if surface.void is not True and property_of(surface, layer.soil) is UNSET
         ]
 
     @cached_property
@@ -169,7 +170,7 @@ class Soils:
         """(surfaces + 1,) numbers, NaN where a surface has none and where there is no ground."""
         values = np.full(len(self.voids), np.nan)
         for id_, surface in enumerate(self.terrain.surface_types.values(), 1):
-            value = getattr(surface, layer.soil)
+            value = property_of(surface, layer.soil)
             if value is not UNSET and not self.voids[id_]:
                 values[id_] = value
         with np.errstate(over="ignore"):  # what is infinite is noticed when it is painted

@@ -172,7 +172,7 @@ def fingerprint(terrain: Terrain) -> str:
     surfaces = list(terrain.surface_types.items())
     digest.update(msgspec.json.encode([terrain.descr, terrain.crs, surfaces], order="sorted"))
     arrays = terrain.arrays
-    values: list[Any] = [*arrays, *arrays.curves]
+    values: list[Any] = [*arrays, *arrays.curves, *(arrays.tracks if terrain.tracks else ())]
     for value in values:
         if isinstance(value, np.ndarray):
             # field by field: what lies between the fields of a record means nothing

@@ -1,4 +1,4 @@
-"""What is narrower than a pixel: elements, and details of their curves. All elements at once."""
+"""What is narrower than a pixel: elements, tracks, and details of curves. All elements at once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FIRST = 20
 
 
 def narrow_of(terrain: Terrain, grid: Grid) -> tuple[Narrows, Narrows]:
-    """Elements within the grid that are narrower than a pixel, and others with such details.
+    """Elements and tracks within the grid that are narrower than a pixel; others with such details.
 
     An element is as wide as the shorter side of its block of cells. Details are those of
     `finest_details`.
@@ -30,7 +30,28 @@ def narrow_of(terrain: Terrain, grid: Grid) -> tuple[Narrows, Narrows]:
     narrow = within & (widths < side)
     details = finest_details(terrain.arrays, wide, tall)
     detailed = within & ~narrow & (details < side)
+    slim, track_widths = _tracks(terrain, grid)
+    narrow, widths = (
+        np.append(narrow, slim & (track_widths < side)),
+        np.append(widths, track_widths),
+    )
     return _named(terrain, narrow, widths), _named(terrain, detailed, details)
+
+
+def _tracks(terrain: Terrain, grid: Grid) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Which tracks may reach the grid, by the rectangles around their segments; their widths."""
+    tracks = terrain.arrays.tracks
+    segments, reach = tracks.segments, tracks.segments["reach"]
+    west, south, east, north = grid.bounds
+    within = (
+        (np.minimum(segments["x"], segments["end_x"]) - reach < east)
+        & (np.maximum(segments["x"], segments["end_x"]) + reach > west)
+        & (np.minimum(segments["y"], segments["end_y"]) - reach < north)
+        & (np.maximum(segments["y"], segments["end_y"]) + reach > south)
+    )
+    reached = np.zeros(terrain.tracks, np.bool_)
+    reached[segments["track"][within]] = True
+    return reached, 2.0 * reach[tracks.first[:-1]]
 
 
 def _named(terrain: Terrain, which: NDArray[np.bool_], widths: NDArray[np.float64]) -> Narrows:

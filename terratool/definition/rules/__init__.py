@@ -4,7 +4,8 @@ A rule is registered by `rule` with its code, a name and a default severity. The
 code, severity and position. What only the reader can see (syntax, duplicate keys, types) is
 registered by `reader_rule`, so that every code is listed and explained in one place.
 
-Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, TT4xx surfaces.
+Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, TT4xx surfaces,
+TT5xx vehicles, TT6xx tracks.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from functools import cache, cached_property
 from importlib import import_module
 from inspect import cleandoc
 
-from msgspec import Struct
+from msgspec import UNSET, Struct
 
 from terratool.definition.built import Owner
 from terratool.definition.curves import CurveError, problems
@@ -22,10 +23,11 @@ from terratool.definition.findings import Remark, Severity
 from terratool.definition.model import Definition
 from terratool.definition.profiles import Outline, outline_of
 from terratool.definition.tree import Tree
+from terratool.definition.vehicles.model import AxleText, VehicleText
 
 _MODULES = (
     "reading", "files", "presence", "names", "usage", "placement", "hiding", "steps", "curves",
-    "shapes", "surfaces",
+    "shapes", "surfaces", "vehicle_geometry", "vehicle_limits", "tracks",
 )  # fmt: skip
 
 
@@ -65,17 +67,50 @@ class Subject(Struct, frozen=True, dict=True):
         return {name: outline_of(p) for name, p in primitives if name not in self.flaws}
 
 
+class VehicleSubject(Struct, frozen=True, dict=True):
+    """What a rule about vehicles looks at.
+
+    Attributes:
+        vehicle: the model, without the values that did not fit.
+        unfit: of each key the owners whose value was left out; "" is for the owner itself.
+    """
+
+    vehicle: VehicleText
+    unfit: Mapping[str, Container[Owner]] = {}
+
+    def left_out(self, owner: Owner, *keys: str) -> bool:
+        """Whether one of these values of an object, or all of it, did not fit."""
+        return any(owner in self.unfit.get(key, ()) for key in ("", *keys))
+
+    @cached_property
+    def axles(self) -> tuple[AxleText, ...]:
+        """The axles in document order, each with an x; none if not all of them are known."""
+        axles = self.vehicle.all_axles
+        known = not self.left_out("", "axles", "wheelbase") and not any(
+            axle.x is UNSET or self.left_out(f"/axles/{index}", "wheels", "driven")
+            for index, axle in enumerate(axles)
+        )
+        return axles if known else ()
+
+
 Check = Callable[[Subject], Iterator[Remark]]
+VehicleCheck = Callable[[VehicleSubject], Iterator[Remark]]
 
 
 class Rule(Struct, frozen=True):
-    """A code, its name, default severity and manual page, and the generator behind it."""
+    """A code, its name, default severity and manual page, and the generator behind it.
+
+    Attributes:
+        check: of terrains; None if there is none.
+        vehicle_check: of vehicles, likewise.
+    """
 
     code: str
     name: str
     severity: Severity
     manual: str
-    check: Check | None
+    check: Check | None = None
+    vehicle_check: VehicleCheck | None = None
 
     @property
     def summary(self) -> str:
@@ -96,9 +131,22 @@ def rule(code: str, name: str, severity: Severity = "error") -> Callable[[Check]
     return register
 
 
+def vehicle_rule(
+    code: str, name: str, severity: Severity = "error"
+) -> Callable[[VehicleCheck], VehicleCheck]:
+    """Register a generator as a rule about vehicles."""
+
+    def register(check: VehicleCheck) -> VehicleCheck:
+        manual = cleandoc(check.__doc__ or "")
+        _rules[code] = Rule(code, name, severity, manual, vehicle_check=check)
+        return check
+
+    return register
+
+
 def reader_rule(code: str, name: str, manual: str, severity: Severity = "error") -> None:
     """Register a code that the reader itself reports."""
-    _rules[code] = Rule(code, name, severity, cleandoc(manual), None)
+    _rules[code] = Rule(code, name, severity, cleandoc(manual))
 
 
 @cache

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark, shown
+from terratool.definition.findings import Remark, escape, shown
 from terratool.definition.rules import Subject, rule
 
 _MANY = 500
@@ -55,9 +55,9 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT202", "unknown-surface")
 def unknown_surface(subject: Subject) -> Iterator[Remark]:
-    """The surface of an element is a name that surfTypes does not have.
+    """The surface of an element or a track is a name that surfTypes does not have.
 
-    Names are case-sensitive.
+    Names are case-sensitive. The depths of a track may be given by the names of surfaces, too.
 
     Fails:
 
@@ -94,6 +94,15 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
         else:
             message, hint = f"no surface is called {shown(name)}.", hints[name]
         yield Remark("/surface", message, hint, element=index)
+    for index, track in enumerate(subject.definition.ruts):
+        here = f"/tracks/{index}"
+        if track.surface is not UNSET and track.surface not in surfaces:
+            message = f"no surface is called {shown(track.surface)}."
+            yield Remark(f"{here}/surface", message, hints[track.surface])
+        for name in track.depth if isinstance(track.depth, dict) else ():
+            if name not in surfaces:
+                message = f"no surface is called {shown(name)}."
+                yield Remark(f"{here}/depth/{escape(name)}", message, hints[name], on_key=True)
 
 
 class _Hints(dict[str, str]):

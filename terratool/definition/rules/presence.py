@@ -15,7 +15,9 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
     """A required key is absent.
 
     A terrain needs size, elemTypes and elemTree; an element needs type, and cellX and cellY unless
-    it is the root. Everything else has a default.
+    it is the root; a track needs path and width. A vehicle needs mass, wheels with radius and
+    width, axles (each with x) or wheelbase, track, cog with height, and clearance. Everything else
+    has a default.
 
     Fails:
 
@@ -55,6 +57,11 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
             for index, value in enumerate(column):
                 if value is UNSET and index >= first and not subject.left_out(index, key):
                     yield Remark("", message, hint, element=index)
+    for index, track in enumerate(definition.ruts):
+        here = f"/tracks/{index}"
+        for key, absent in (("path", track.path is UNSET), ("width", track.width is UNSET)):
+            if absent and not subject.left_out(here, key):
+                yield Remark(here, f'the track has no "{key}".', f'Add "{key}".')
 
 
 @rule("TT110", "root-placed")

@@ -97,7 +97,7 @@ reader_rule(
     "TT106",
     "out-of-range",
     """
-    A number lies outside the range of its key, or combine names no way to combine curves.
+    A number lies outside the range of its key, or a text is none of those that its key takes.
 
     Most often a value is in another unit, or a sign or a decimal point is wrong.
 

@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark, escape, shown
+from terratool.definition.presets import PRESETS
 from terratool.definition.rules import Subject, rule
 
 _SOIL = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
+_LONG = 60  # characters of a name that may be a typo
 _WONG = "Wong, Theory of Ground Vehicles, 4th ed., 2008"
 _PLAUSIBLE = (
     # key, attribute, low, high, unit, why
@@ -25,7 +27,7 @@ _PLAUSIBLE = (
 
 @rule("TT401", "missing-soil", "warning")
 def missing_soil(subject: Subject) -> Iterator[Remark]:
-    """A surface that is not void lacks cohesion, fricAngle or sinkage.
+    """A surface that is not void and has no preset lacks cohesion, fricAngle or sinkage.
 
     Without them nobody can say whether a vehicle can drive there. Rigid ground has sinkage 0,
     cohesion 0 and the angle whose tangent is the friction coefficient.
@@ -46,21 +48,31 @@ def missing_soil(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
         }
 
-    To mend: add the values; Wong, Theory of Ground Vehicles, has a table of them.
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"preset": "dry-sand"}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    To mend: add the values, or name a preset (see TT405): soils of Wong, Theory of Ground Vehicles.
     """
     for name, surface in subject.definition.surfaces.items():
         here = f"/surfTypes/{escape(name)}"
+        if surface.preset is not UNSET:
+            continue
         lacking = [
             key
             for key, attribute in _SOIL
             if getattr(surface, attribute) is UNSET and not subject.left_out(here, key)
         ]
-        if lacking and surface.void is not True and not subject.left_out(here, "void"):
+        if lacking and surface.void is not True and not subject.left_out(here, "void", "preset"):
             words = " or ".join(f'"{key}"' for key in lacking)
             yield Remark(
                 here,
                 f"the surface {shown(name)} has no {words}.",
-                "Add what the soil has; rigid ground has sinkage 0 and cohesion 0.",
+                "Add what the soil has, or a preset; rigid ground has sinkage 0 and cohesion 0.",
             )
 
 
@@ -192,3 +204,49 @@ def implausible_color(subject: Subject) -> Iterator[Remark]:
                 f"the colour {list(surface.color)} is nearly black.",
                 f"Write {[255 * channel for channel in surface.color]} if shares of 1 are meant.",
             )
+
+
+@rule("TT405", "unknown-preset")
+def unknown_preset(subject: Subject) -> Iterator[Remark]:
+    """The preset of a surface is no soil that is known.
+
+    The soils are dry-sand, sandy-loam-11, sandy-loam-15, sandy-loam-23, upland-sandy-loam,
+    lete-sand, clayey-soil-38, clayey-soil-55, lean-clay-22, heavy-clay-25, heavy-clay-40, snow-us,
+    snow-sweden, lunar-nominal and mars-simulant-dlr; docs/traversability.md has their figures. What
+    a surface says itself counts instead of what its preset has.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"preset": "drysand"}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"preset": "dry-sand", "cohesion": 0.5}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    To mend: write one of these names, or the values of the soil.
+    """
+    for name, surface in subject.definition.surfaces.items():
+        if surface.preset is not UNSET and surface.preset not in PRESETS:
+            yield Remark(
+                f"/surfTypes/{escape(name)}/preset",
+                f"no soil is called {shown(surface.preset)}.",
+                _meant(surface.preset),
+            )
+
+
+def _meant(name: str) -> str:
+    from difflib import get_close_matches
+
+    # a word is what differs most often: "sand" for "dry-sand"
+    plain = "-".join(name.lower().replace("_", " ").replace("-", " ").split())
+    close = get_close_matches(plain[:_LONG], PRESETS, 1, 0.6)
+    close = close or [known for known in PRESETS if plain and plain in known]
+    return f"Did you mean {shown(close[0])}?" if close else f"Known are {', '.join(PRESETS)}."

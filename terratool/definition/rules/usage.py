@@ -42,10 +42,10 @@ def unused_primitive(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT205", "unused-surface", "warning")
 def unused_surface(subject: Subject) -> Iterator[Remark]:
-    """A surface is worn by no element.
+    """A surface is worn by no element and no track.
 
     It may be a leftover, or the element that should wear it names another. While the surface of
-    some element is unknown (TT202), nothing is said, as this one may be meant there.
+    one of them is unknown (TT202), nothing is said, as this one may be meant there.
 
     Fails:
 
@@ -67,7 +67,8 @@ def unused_surface(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove it, or let an element wear it.
     """
-    used = subject.tree.distinct("surface") - {UNSET}
+    used = subject.tree.distinct("surface") | {track.surface for track in subject.definition.ruts}
+    used -= {UNSET}
     if used - subject.definition.surfaces.keys():
         return
     used |= subject.tree.distinct("type")  # in the wrong place, as TT201 says

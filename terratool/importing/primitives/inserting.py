@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import gzip
 import math
-import os
 import re
-import shutil
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,9 +15,9 @@ from terratool.definition.editing import append_child, set_member
 from terratool.definition.findings import shown
 from terratool.definition.model import Definition, Element
 from terratool.definition.reader import Options, check, load_definition
-from terratool.definition.source import Source, read_source
+from terratool.definition.source import Source, read_source, write_source
 from terratool.errors import DefinitionError, RequestError
-from terratool.output import refuse_existing, refuse_missing_folder, whole_file
+from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 
 if TYPE_CHECKING:
     from terratool.importing.primitives.primitive import Imported
@@ -29,8 +25,6 @@ if TYPE_CHECKING:
 ROOT = "/elemTree"
 _ALIKE = 1e-3
 _ASKED = 32
-_BOM = b"\xef\xbb\xbf"
-_GZIP = b"\x1f\x8b"
 _step = re.compile(r"/children/(0|[1-9][0-9]*)")
 
 
@@ -127,11 +121,11 @@ def target_of(
     if place is not None:
         _refuse_place(path, definition, place)
     result = Path(path if output is None else output)
-    if output is not None and not _same(result, Path(path)):
+    if output is not None and not is_same_file(result, path):
         refuse_existing(result, overwrite)
         refuse_missing_folder(result)
     packed = source.packed if output is None else result.name.lower().endswith(".gz")
-    return Target(Path(path), result, source.data, _is_marked(path), packed, definition, place)
+    return Target(Path(path), result, source.data, source.marked, packed, definition, place)
 
 
 def text_with(target: Target, primitives: dict[str, Any], elements: list[dict[str, Any]]) -> bytes:
@@ -194,15 +188,8 @@ def write(target: Target, data: bytes, overwrite: bool) -> None:
     Raises:
         WriteError: it cannot be written.
     """
-    if target.marked:
-        data = _BOM + data
-    if target.packed:
-        data = gzip.compress(data, mtime=0)
-    own = _same(target.output, target.path)
-    with whole_file(target.output, overwrite or own) as path:
-        path.write_bytes(data)
-        if own:
-            shutil.copymode(target.path, path)
+    source = Source(str(target.path), data, target.packed, target.marked)
+    write_source(source, target.output, overwrite or is_same_file(target.output, target.path))
 
 
 def parse_place(text: str, span: str | None = None) -> Place:
@@ -258,16 +245,3 @@ def _element(definition: Definition, pointer: str) -> Element | None:
             return None
         element = element.children[int(step)]
     return None if element is UNSET else element
-
-
-def _same(one: Path, other: Path) -> bool:
-    return os.path.realpath(one) == os.path.realpath(other)
-
-
-def _is_marked(path: str) -> bool:
-    """Whether a text begins with a byte order mark, gzipped or not."""
-    with open(path, "rb") as file:
-        head = file.read(1 << 16)
-    if head.startswith(_GZIP):
-        head = zlib.decompressobj(wbits=31).decompress(head, len(_BOM))
-    return head.startswith(_BOM)

@@ -1,0 +1,60 @@
+"""A traversability map against the heights of the same grid as `export-dem` writes them."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import terrains
+from measure import line, medians
+
+from terratool.definition.reader import check
+from terratool.definition.source import Source
+from terratool.field.terrain import Terrain
+from terratool.raster.export import export_dem
+from terratool.raster.grid import grid_over
+from terratool.traversability.maps.mapping import map_to_tif
+from terratool.traversability.types import Axle, Vehicle, Wheel
+
+VEHICLE = Vehicle(
+    Wheel(0.2, 0.15, 40.0),
+    (Axle(0.35), Axle(-0.35)),
+    mass=70.0,
+    track=0.6,
+    cog_height=0.25,
+    clearance=0.15,
+    body_width=0.5,
+)
+"""The size of a common research rover."""
+
+
+def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -> None:
+    """Measure one terrain."""
+    grid = grid_over(terrain, 100 / pixels)
+    out = folder / "out.tif"
+    seconds = medians(
+        {
+            "heights": lambda: export_dem(terrain, grid, out, overwrite=True, losses=False),
+            "map": lambda: map_to_tif(terrain, VEHICLE, grid, out, overwrite=True),
+            "one": lambda: map_to_tif(terrain, VEHICLE, grid, None, threads=1),
+            "two": lambda: map_to_tif(terrain, VEHICLE, grid, None, threads=2),
+        },
+        runs,
+    )
+    speed = pixels * pixels / seconds["map"] / 1e6
+    label = f"{name.upper()} {pixels}², 8 headings: "
+    line(
+        f"{label}against heights ({speed:.2f} Mpixel/s)",
+        seconds["map"] / seconds["heights"],
+        "none",
+    )
+    line(f"{label}two threads", seconds["one"] / seconds["two"], "none")
+
+
+if __name__ == "__main__":
+    size, runs = (512, 1) if "--quick" in sys.argv else (2048, 3)
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("s1", "s2"):
+            definition = check(Source(name, terrains.text(getattr(terrains, name)()))).definition
+            compare(name, Terrain(definition), size, Path(folder), runs)

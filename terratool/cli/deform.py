@@ -1,0 +1,145 @@
+"""`terratool deform`."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.wheeling import vehicle_from, vehicle_options
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from terratool.traversability.ruts.deforming import Deformed
+
+
+def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not math.isfinite(value):
+        raise click.BadParameter(f"{value:g} is no finite number.")
+    return value
+
+
+@click.command(
+    epilog="Example: terratool deform samples/planetary-site.json --vehicle rover.json "
+    "--path drive.csv --output driven.json"
+)
+@click.argument("file")
+@vehicle_options
+@click.option(
+    "--path",
+    "path_file",
+    required=True,
+    metavar="PATH.csv",
+    help="Where the middle of the vehicle drives: a line x,y for each point, or a GeoJSON line.",
+)
+@click.option("--output", required=True, metavar="OUT", help="The definition with the tracks.")
+@click.option(
+    "--passes",
+    type=click.IntRange(1, 1_000_000_000),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Drive so many times.",
+)
+@click.option("--surface", metavar="NAME", help="Surface of the ruts.  [default: as the ground]")
+@click.option(
+    "--multipass",
+    type=click.FloatRange(1),
+    metavar="A",
+    callback=_finite,
+    help="The depth grows with the passes n as n^(1/A): 2 to 3 for loose soil, 4 to 5 for dense "
+    "soil.  [default: 3]",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0, min_open=True),
+    metavar="M",
+    callback=_finite,
+    help="Simplify the lines of the wheels by up to so many metres.  [default: a fifth of a "
+    "wheel's width]",
+)
+@click.option("--overwrite", is_flag=True, help="Replace OUT if it exists; it may be FILE itself.")
+@click.option("--json", "as_json", is_flag=True, help="Say what was done as JSON.")
+def command(
+    file: str,
+    path_file: str,
+    output: str,
+    passes: int,
+    surface: str | None,
+    multipass: float | None,
+    tolerance: float | None,
+    overwrite: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Drive a vehicle along a path over FILE, and write the ruts of its wheels into OUT.
+
+    Each wheel leaves a track with vertical sides, as wide as it is and as deep as it sinks by the
+    surface of the ground: z = k·W. What is driven over again sinks less each time. All else in the
+    text stays as it is.
+    """
+    from pathlib import Path
+
+    from terratool.definition.reader import load_definition
+    from terratool.errors import WriteError
+    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+    from terratool.traversability.routing.waypoints import read_waypoints
+    from terratool.traversability.ruts.deforming import deform, write_deformed
+
+    for source in (options["vehicle"], path_file):
+        if source and is_same_file(output, source):
+            raise WriteError(f"{output}: is read, too, as {source}.", "Choose another name.")
+    refuse_existing(Path(output), overwrite)
+    refuse_missing_folder(Path(output))
+    vehicle = vehicle_from(options)
+    definition = load_definition(file)
+    path = read_waypoints(path_file)
+    deformed = deform(
+        definition,
+        vehicle,
+        path,
+        passes=passes,
+        surface=surface,
+        multipass=multipass,
+        tolerance=tolerance,
+    )
+    written = write_deformed(file, output, deformed, overwrite)
+    if as_json:
+        click.echo(json.dumps(as_dict(deformed, output, written), indent=2, ensure_ascii=False))
+    else:
+        for line in as_text(deformed, output, written):
+            click.echo(line)
+
+
+def as_dict(deformed: Deformed, output: str, added_bytes: int) -> dict[str, Any]:
+    """What was done, ready for JSON."""
+    return {
+        "format_version": 1,
+        "file": output,
+        "added_bytes": added_bytes,
+        "tracks": len(deformed.tracks),
+        "added": deformed.added,
+        "driven_again": deformed.again,
+        "length": deformed.length,
+        "points": deformed.points,
+        "surfaces": [
+            {"surface": rut.surface, "length": rut.length, "depth": rut.depth}
+            for rut in deformed.ruts
+        ],
+    }
+
+
+def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:
+    """What was done, in lines for people."""
+    again = f", {deformed.again} driven along again" if deformed.again else ""
+    tracks = "track" if deformed.added == 1 else "tracks"
+    yield (
+        f"{output}: {deformed.added} {tracks} more{again}, {deformed.length:,.0f} m of rut by "
+        f"{deformed.points:,} points, {added_bytes:,} bytes"
+    )
+    for rut in deformed.ruts:
+        depth = f"{1e3 * rut.depth:.3g} mm deep at the first pass" if rut.depth else "no rut"
+        yield f"  {rut.surface}: {rut.length:,.1f} m, {depth}"

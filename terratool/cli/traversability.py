@@ -1,0 +1,223 @@
+"""`terratool traversability`."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.terminal import bar, say_first_run
+from terratool.cli.wheeling import vehicle_from, vehicle_options
+
+if TYPE_CHECKING:
+    from terratool.traversability.conditions import Condition
+
+# as terratool.traversability.routing.costs has them, which is not imported for --help; a test holds
+# them equal
+PREFERENCES = ("length", "time", "energy", "margin")
+
+
+@click.command(
+    "traversability",
+    epilog="Example: terratool traversability samples/ramp-yard.json "
+    "--vehicle samples/vehicles/husky-a200.json --route 4 60 70 8 --report yard.html "
+    "--fail-on no-route",
+)
+@click.argument("file")
+@vehicle_options
+@click.option(
+    "--report",
+    "reports",
+    multiple=True,
+    metavar="OUT.json|.md|.html",
+    help="Write a report, once or several times.",
+)
+@click.option(
+    "--map",
+    "map_",
+    metavar="OUT.tif",
+    help="Write the map, and beside it OUT-classes.tif and OUT-numbers.tif.",
+)
+@click.option(
+    "--route",
+    "routes",
+    nargs=4,
+    type=float,
+    multiple=True,
+    metavar="X0 Y0 X1 Y1",
+    help="Look for a way, once or several times.",
+)
+@click.option(
+    "--waypoints",
+    multiple=True,
+    metavar="FILE",
+    help="Check the way through the points of a CSV or GeoJSON file.",
+)
+@click.option(
+    "--reachable", nargs=2, type=float, metavar="X Y", help="Say how much can be reached from here."
+)
+@click.option(
+    "--prefer",
+    type=click.Choice(PREFERENCES),
+    default="time",
+    show_default=True,
+    metavar="WHAT",
+    help=f"What a route is to be the best of: {', '.join(PREFERENCES)}.",
+)
+@click.option(
+    "--resolution",
+    type=float,
+    metavar="R",
+    help="Side of a pixel of the map.  [default: a quarter of a wheel's radius, or coarser]",
+)
+@click.option(
+    "--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to look at."
+)
+@click.option(
+    "--headings",
+    type=click.IntRange(4, 64),
+    default=8,
+    show_default=True,
+    metavar="N",
+    help="Headings at each place, a multiple of 4.",
+)
+@click.option(
+    "--fail-on",
+    "conditions",
+    multiple=True,
+    metavar="WHAT",
+    help="End with 1 if no-route, caution, no-go or unknown, or on a figure: no-go-fraction>0.3.",
+)
+@click.option("--threads", type=click.IntRange(1), metavar="N", help="Default: all processors.")
+@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
+@click.option("--json", "as_json", is_flag=True, help="Write the report as JSON, no table.")
+def command(
+    file: str,
+    reports: tuple[str, ...],
+    map_: str | None,
+    routes: tuple[tuple[float, float, float, float], ...],
+    waypoints: tuple[str, ...],
+    reachable: tuple[float, float] | None,
+    prefer: Any,
+    resolution: float | None,
+    bounds: tuple[float, float, float, float] | None,
+    headings: int,
+    conditions: tuple[str, ...],
+    threads: int | None,
+    overwrite: bool,
+    as_json: bool,
+    **values: Any,
+) -> int:
+    """Say whether a vehicle can drive on the terrain FILE, where not, and why.
+
+    For each surface: how deep the wheels sink, what they pull, what they climb. For each place and
+    heading: go, caution or no-go, and what binds; --map writes that. --route looks for a way, and
+    says what bars it where there is none.
+
+    --fail-on compares a figure by >, >=, < or <=: go-, caution-, no-go-, unknown- or
+    reachable-fraction, route-length (m), route-time (s), route-energy (J), least-margin,
+    steepest (degrees), sinkage (m).
+    """
+    from pathlib import Path
+
+    from terratool.definition.findings import printable
+    from terratool.field.terrain import load
+    from terratool.output import whole_file
+    from terratool.traversability.assessing import Request, assess, planned
+    from terratool.traversability.conditions import parse
+    from terratool.traversability.maps.cells import judge_cells
+    from terratool.traversability.reporting import document, formats, table
+    from terratool.traversability.routing.waypoints import read_waypoints
+
+    checks = [parse(text) for text in conditions]
+    _refuse_unasked(checks, bool(routes or waypoints), reachable is not None)
+    renderers = [formats.renderer_of(path) for path in reports]
+    _refuse_outputs(file, values["vehicle"], waypoints, reports, map_, overwrite)
+    vehicle = vehicle_from(values)
+    request = Request(
+        routes=routes,
+        waypoints=tuple(map(read_waypoints, waypoints)),
+        reachable=reachable,
+        prefer=prefer,
+        resolution=resolution,
+        bounds=bounds,
+        headings=headings,
+    )
+    terrain = load(file)
+    pictured = any(Path(path).suffix.lower() == ".html" for path in reports)
+    grids = planned(terrain, vehicle, request, mapped=map_ is not None, pictured=pictured)
+
+    with contextlib.ExitStack() as stack:
+        # every file is complete before the first one takes its place
+        parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
+        say_first_run(judge_cells)
+        with bar(grids.pixels) as progress:
+            report = assess(
+                terrain, vehicle, request,
+                name=Path(file).name, map_path=map_, pictured=pictured, overwrite=overwrite,
+                threads=threads, progress=progress, grids=grids, stack=stack,
+            )  # fmt: skip
+        for part, render in zip(parts, renderers, strict=True):
+            part.write_text(render(report), encoding="utf-8", newline="\n")
+    held = [(check.text, why) for check in checks if (why := check.held(report))]
+    try:
+        if as_json:
+            click.echo(document.as_json(report), nl=False)
+        else:
+            for line in table.as_lines(report):
+                click.echo(line)
+    except BrokenPipeError:
+        if not held:  # whoever reads no further must be told all the same
+            raise
+    for text, why in held:
+        click.echo(f"terratool: --fail-on {printable(text.strip())}: {why}.", err=True)
+    return 1 if held else 0
+
+
+def _refuse_unasked(checks: list[Condition], routed: bool, reaching: bool) -> None:
+    """Refuse conditions on what is not asked for."""
+    for check in checks:
+        if check.needs == "route" and not routed:
+            raise click.UsageError(
+                f"--fail-on {check.text} needs a route. Add --route X0 Y0 X1 Y1 or --waypoints "
+                "FILE."
+            )
+        if check.needs == "reach" and not reaching:
+            raise click.UsageError(f"--fail-on {check.text} needs --reachable X Y.")
+
+
+def _refuse_outputs(
+    file: str,
+    vehicle: str | None,
+    waypoints: tuple[str, ...],
+    reports: tuple[str, ...],
+    map_: str | None,
+    overwrite: bool,
+) -> None:
+    """Refuse files that cannot be, or that are something else, before any work."""
+    import os
+    from pathlib import Path
+
+    from terratool.errors import RequestError, WriteError
+    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+    from terratool.raster.export import COMPANIONS
+    from terratool.traversability.maps.mapping import map_paths
+
+    outputs: dict[str, str] = {}
+    names: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reports]
+    if map_ is not None:
+        names += [(str(path), COMPANIONS) for path in map_paths(map_)]
+    for name, companions in names:
+        real = os.path.realpath(name)
+        if real in outputs:
+            raise RequestError(
+                f"{name}: is to be written twice, also as {outputs[real]}.",
+                "Give each file a name of its own.",
+            )
+        outputs[real] = name
+        for source in (file, vehicle, *waypoints):
+            if source and is_same_file(name, source):
+                raise WriteError(f"{name}: is read, too, as {source}.", "Choose another name.")
+        refuse_existing(Path(name), overwrite, companions)
+        refuse_missing_folder(Path(name))

@@ -1,0 +1,106 @@
+"""The options that say which vehicle, or which wheel, shared by the commands that drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from terratool.traversability.types import Vehicle
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+_NEEDED = ("wheel_radius", "wheel_width", "load")
+_WHEEL = (*_NEEDED, "torque", "max_slip")
+_LEAST, _MOST = 1e-6, 1e9
+"""Of each of them: with these nothing overflows on the way."""
+
+
+def _positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not _LEAST <= value <= _MOST:  # nor NaN
+        what = "is no number" if math.isnan(value) else f"is not from {_LEAST:g} to {_MOST:g}"
+        raise click.BadParameter(f"{value:g} {what}.")
+    return value
+
+
+def _slip(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not 0 < value <= 1:
+        raise click.BadParameter(f"{value:g} is not above 0 and up to 1.")
+    return value
+
+
+def vehicle_options(command: _Command) -> _Command:
+    """Add the options to a command; it gets them by name, and `vehicle_from` collects them."""
+    for option in reversed(
+        (
+            click.option("--vehicle", metavar="V.json", help="The vehicle, from its file."),
+            _measure("--wheel-radius", "R", "Instead of a vehicle: a driven wheel's radius, m."),
+            _measure("--wheel-width", "B", "Its width, m."),
+            _measure("--load", "W", "The load that it bears, N."),
+            _measure("--torque", "T", "The largest torque of its motor, N m.  [default: no limit]"),
+            click.option(
+                "--max-slip",
+                type=float,
+                metavar="S",
+                callback=_slip,
+                help="The largest slip at which it is driven, up to 1.  [default: 1]",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def _measure(name: str, metavar: str, text: str) -> Callable[[_Command], _Command]:
+    return click.option(name, type=float, metavar=metavar, callback=_positive, help=text)
+
+
+def vehicle_from(values: dict[str, Any]) -> Vehicle:
+    """Take the values of these options out of all of a command's, and make the vehicle of them.
+
+    Raises:
+        click.UsageError: they name both a vehicle and a wheel, neither, or half a wheel.
+        ReadError: the vehicle's file cannot be read.
+        DefinitionError: it has errors, or is a terrain.
+    """
+    path = values.pop("vehicle")
+    wheel = {name: value for name in _WHEEL if (value := values.pop(name)) is not None}
+    if path is not None:
+        if wheel:
+            raise click.UsageError(
+                f"{_named(wheel)} {'says' if len(wheel) == 1 else 'say'} what --vehicle says in "
+                "its file. Give a vehicle or a wheel, not both."
+            )
+        from terratool.traversability.vehicle import load_vehicle
+
+        return load_vehicle(path)
+    if not wheel:
+        raise click.UsageError(
+            "There is no vehicle. Give --vehicle V.json, or a wheel by --wheel-radius, "
+            "--wheel-width and --load."
+        )
+    missing = [name for name in _NEEDED if name not in wheel]
+    if missing:
+        raise click.UsageError(
+            f"A wheel needs {_named(missing)}, too. Add what is missing, or give --vehicle V.json."
+        )
+
+    from terratool.traversability.types import Vehicle, Wheel
+
+    return Vehicle.single(
+        Wheel(
+            wheel["wheel_radius"],
+            wheel["wheel_width"],
+            wheel.get("torque", math.inf),
+            wheel.get("max_slip", 1.0),
+        ),
+        wheel["load"],
+    )
+
+
+def _named(names: Any) -> str:
+    options = [f"--{name.replace('_', '-')}" for name in names]
+    return " and ".join([", ".join(options[:-1]), options[-1]] if options[1:] else options)

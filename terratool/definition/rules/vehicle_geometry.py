@@ -1,0 +1,298 @@
+"""Vehicles that do not fit their own geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+from msgspec import UNSET
+
+from terratool.definition.findings import Remark, shown
+from terratool.definition.rules import VehicleSubject, vehicle_rule
+from terratool.definition.vehicles.model import AxleText
+
+_CLOSE = 1e-9
+_AGREE = 1e-3
+"""Share of the wheelbase by which two statements of it may differ: figures are rounded."""
+
+
+@vehicle_rule("TT501", "axles-overlap")
+def axles_overlap(subject: VehicleSubject) -> Iterator[Remark]:
+    """The wheels of two axles stand in each other's place.
+
+    Axles whose wheels run in one track need a distance of twice the wheels' radius at least; a
+    single wheel in the middle may stand between two that are farther apart than its width.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
+          "axles": [{"x": 0.25}, {"x": 0}, {"x": -0.35}],
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.3,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
+          "axles": [{"x": 0.35}, {"x": 0}, {"x": -0.35}],
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: look whether it is the radius that is wanted, not the diameter, and whether all lengths
+    are in metres.
+    """
+    vehicle = subject.vehicle
+    radius, width, track = vehicle.wheels.radius, vehicle.wheels.width, vehicle.track
+    if radius is UNSET or width is UNSET or track is UNSET:
+        return
+    axles = sorted(enumerate(subject.axles), key=lambda item: -_x(item[1]))
+    for place, (index, axle) in enumerate(axles):
+        for _, other in axles[:place]:
+            apart = _x(other) - _x(axle)
+            if apart < 2 * radius * (1 - _CLOSE) and _beside(axle, other, track) < width:
+                yield Remark(
+                    "/wheelbase" if vehicle.axles is UNSET else f"/axles/{index}/x",
+                    f"the wheels of this axle and those of the one {shown(_short(apart))} m ahead "
+                    f"stand in each other's place: they are {shown(_short(2 * radius))} m long.",
+                    'Check the positions, and "radius", which is half a diameter, in metres.',
+                )
+                break
+
+
+def _x(axle: AxleText) -> float:
+    return 0.0 if axle.x is UNSET else axle.x
+
+
+def _short(number: float) -> float:
+    return float(f"{number:.6g}")
+
+
+def _beside(axle: AxleText, other: AxleText, track: float) -> float:
+    """The smallest distance across between wheels of two axles."""
+    return min(abs(a - b) for a, b in product(_across(axle, track), _across(other, track)))
+
+
+def _across(axle: AxleText, track: float) -> list[float]:
+    """Where the wheels of an axle stand, left of the middle: evenly over the track."""
+    count = axle.count
+    return [track * (place / (count - 1) - 0.5) for place in range(count)] if count > 1 else [0.0]
+
+
+@vehicle_rule("TT502", "narrow-track")
+def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
+    """The track is too narrow for the wheels of an axle to stand side by side.
+
+    The track is the distance of the middles of the outermost wheels; with two of them, it is their
+    width at least.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.6}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: look whether "width" is that of one wheel, and "track" the whole distance.
+    """
+    width, track = subject.vehicle.wheels.width, subject.vehicle.track
+    if width is UNSET or track is UNSET:
+        return
+    most = max((axle.count for axle in subject.axles), default=1)
+    if track < width * (most - 1) * (1 - _CLOSE):
+        yield Remark(
+            "/track",
+            f"{most} wheels of {shown(width)} m do not stand side by side in a track of "
+            f"{shown(track)} m.",
+            'Give the width of one wheel as "width", and from middle to middle as "track".',
+        )
+
+
+@vehicle_rule("TT503", "wheelbase-differs")
+def wheelbase_differs(subject: VehicleSubject) -> Iterator[Remark]:
+    """The wheelbase is not the distance of the outermost axles.
+
+    One of the two is enough; where both stand they agree to a thousandth.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
+          "axles": [{"x": 0.25}, {"x": -0.25}], "wheelbase": 0.6,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
+          "axles": [{"x": 0.25}, {"x": -0.25}], "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: remove "wheelbase", or correct what is wrong.
+    """
+    vehicle = subject.vehicle
+    if vehicle.axles is UNSET or vehicle.wheelbase is UNSET or not subject.axles:
+        return
+    front, rear = vehicle.ends
+    if abs(front - rear - vehicle.wheelbase) > _AGREE * vehicle.wheelbase:
+        yield Remark(
+            "/wheelbase",
+            f"the wheelbase is {shown(vehicle.wheelbase)} m, but the outermost axles are "
+            f"{shown(_short(front - rear))} m apart.",
+            'Remove "wheelbase", or correct the one that is wrong.',
+        )
+
+
+@vehicle_rule("TT504", "tips-over")
+def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
+    """The vehicle tips over on level ground.
+
+    The centre of gravity has to lie between the foremost and the rearmost axle, and one axle at
+    least has to have two wheels.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"x": 0.3, "height": 0.2}, "clearance": 0.13
+        }
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
+          "axles": [{"x": 0.25, "wheels": 1}, {"x": -0.25, "wheels": 1}],
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
+          "axles": [{"x": 0.5}, {"x": 0, "wheels": 1}],
+          "track": 0.55, "cog": {"x": 0.3, "height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: the x of "cog" is in the same frame as that of the axles; without "axles", it counts
+    from the middle of the wheelbase, positive ahead.
+    """
+    vehicle = subject.vehicle
+    if not subject.axles:
+        return
+    front, rear = vehicle.ends
+    # where all axles are in one place, another rule has said so
+    if vehicle.cog.x is not UNSET and not rear < vehicle.cog.x < front and rear < front:
+        yield Remark(
+            "/cog/x",
+            f"the centre of gravity at {shown(vehicle.cog.x)} m is not between the axles at "
+            f"{shown(front)} and {shown(rear)} m, so the vehicle tips over on level ground.",
+            "Write it in the frame of the axles, in metres, positive ahead.",
+        )
+    if all(axle.count < 2 for axle in subject.axles):
+        yield Remark(
+            "/axles",
+            "no axle has two wheels, so the vehicle falls over sideways.",
+            'Give "wheels" of one axle at least as 2; the model has no balance.',
+        )
+
+
+@vehicle_rule("TT505", "nothing-driven")
+def nothing_driven(subject: VehicleSubject) -> Iterator[Remark]:
+    """No axle is driven, so that the vehicle cannot move by itself.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
+          "axles": [{"x": 0.25, "driven": false}, {"x": -0.25, "driven": false}],
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
+          "axles": [{"x": 0.25}, {"x": -0.25, "driven": false}],
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: remove "driven": false from the axles that have motors.
+    """
+    if subject.axles and not any(axle.is_driven for axle in subject.axles):
+        yield Remark(
+            "/axles",
+            "no axle is driven.",
+            'Remove "driven": false from the axles that have motors.',
+        )
+
+
+@vehicle_rule("TT509", "idle-overhang", "warning")
+def idle_overhang(subject: VehicleSubject) -> Iterator[Remark]:
+    """An overhang can touch nothing before a wheel does, so that it has no effect.
+
+    The end of the body lies within the outline of the wheel as seen from the side, or its height
+    is given and its length is not. The length counts from the middle of the outermost wheels, not
+    from their rims.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13,
+          "overhang": {"front": 0.1, "frontHeight": 0.13}
+        }
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13,
+          "overhang": {"rearHeight": 0.13}
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13,
+          "overhang": {"front": 0.25, "frontHeight": 0.13}
+        }
+
+    To mend: measure from the middle of the wheel to the end of the body, or leave both keys out.
+    """
+    overhang, radius = subject.vehicle.overhang, subject.vehicle.wheels.radius
+    for key, length, height in (
+        ("front", overhang.front, overhang.front_height),
+        ("rear", overhang.rear, overhang.rear_height),
+    ):
+        if height is UNSET or subject.left_out("/overhang", key, f"{key}Height"):
+            continue
+        if length is UNSET:
+            yield Remark(
+                f"/overhang/{key}Height",
+                f'"{key}Height" has no effect without "{key}".',
+                f'Add "{key}", from the middle of the wheels to the end of the body, in metres.',
+            )
+        elif radius is not UNSET and length**2 + (height - radius) ** 2 <= radius**2:
+            yield Remark(
+                f"/overhang/{key}",
+                f"the {key} end of the body lies within the outline of the wheel and touches "
+                "nothing before it.",
+                "Measure it from the middle of the wheels, or leave both keys out.",
+            )

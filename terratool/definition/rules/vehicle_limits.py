@@ -1,0 +1,225 @@
+"""Vehicles whose figures contradict each other, or are hardly possible."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from msgspec import UNSET
+
+from terratool.definition.findings import Remark, shown
+from terratool.definition.rules import VehicleSubject, vehicle_rule
+from terratool.definition.vehicles.model import VehicleText
+
+_SLIP, _CAUTION_SLIP = 0.2, 0.6
+"""Thresholds where a file has none."""
+
+_ROLLING = 0.01
+"""Resistance of hard ground, as a share of the weight: road tyres have 0.01 to 0.02."""
+
+_PLAUSIBLE = (
+    # pointer, low, high, unit
+    ("mass", 0.1, 1e5, "kg"),
+    ("wheels/radius", 0.01, 2, "m"),
+    ("wheels/width", 0.003, 2, "m"),
+    ("wheels/maxTorque", 1e-3, 1e5, "N m"),
+    ("wheelbase", 0.03, 20, "m"),
+    ("track", 0.03, 10, "m"),
+    ("cog/height", 0.01, 5, "m"),
+    ("clearance", 0.001, 2, "m"),
+    ("bodyWidth", 0.03, 10, "m"),
+    ("overhang/front", 0, 10, "m"),
+    ("overhang/rear", 0, 10, "m"),
+    ("overhang/frontHeight", 0.001, 5, "m"),
+    ("overhang/rearHeight", 0.001, 5, "m"),
+    ("speed", 0, 30, "m/s"),
+    ("power", 0, 1e5, "W"),
+)
+
+
+@vehicle_rule("TT506", "class-order")
+def class_order(subject: VehicleSubject) -> Iterator[Remark]:
+    """The slip up to which it is go is larger than that up to which it is caution.
+
+    Where one of the two is left out its default counts, 0.2 for slip and 0.6 for cautionSlip.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13,
+          "classes": {"slip": 0.7}
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13,
+          "classes": {"slip": 0.7, "cautionSlip": 0.9}
+        }
+
+    To mend: give both, the smaller one as slip.
+    """
+    classes = subject.vehicle.classes
+    if subject.left_out("/classes", "slip", "cautionSlip") or subject.left_out("", "classes"):
+        return
+    go = _SLIP if classes.slip is UNSET else classes.slip
+    caution = _CAUTION_SLIP if classes.caution_slip is UNSET else classes.caution_slip
+    if go > caution:
+        by_default = ", its default" if classes.caution_slip is UNSET else ""
+        yield Remark(
+            "/classes/cautionSlip" if classes.slip is UNSET else "/classes/slip",
+            f"the slip for go is {shown(go)}{', its default' if classes.slip is UNSET else ''}, "
+            f"and that for caution {shown(caution)}{by_default}, which is less.",
+            'Give both "slip" and "cautionSlip", the smaller one as "slip".',
+        )
+
+
+@vehicle_rule("TT507", "weak-drive", "warning")
+def weak_drive(subject: VehicleSubject) -> Iterator[Remark]:
+    """The motors hardly move the vehicle on hard level ground.
+
+    All driven wheels together push with less than a hundredth of the weight; tyres on a road
+    resist with a hundredth to a fiftieth of it. The torque is that at each wheel, behind the gear.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.1},
+          "wheelbase": 0.5, "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 14},
+          "wheelbase": 0.5, "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: give the torque at the wheel, that of the motor times the gear ratio, in N m.
+    """
+    vehicle = subject.vehicle
+    radius, torque, mass = vehicle.wheels.radius, vehicle.wheels.max_torque, vehicle.mass
+    driven = sum(axle.count for axle in subject.axles if axle.is_driven)
+    if radius is UNSET or torque is UNSET or mass is UNSET or not driven:
+        return
+    if subject.left_out("", "gravity"):
+        return
+    share = driven * torque / radius / (mass * vehicle.acceleration)
+    if share < _ROLLING:
+        yield Remark(
+            "/wheels/maxTorque",
+            f"{driven} driven wheels with {shown(torque)} N m push with {share:.2g} of the "
+            "weight, which is less than hard level ground resists with.",
+            "Give the torque at the wheel, behind the gear, in N m.",
+        )
+
+
+@vehicle_rule("TT508", "implausible-vehicle", "warning")
+def implausible_vehicle(subject: VehicleSubject) -> Iterator[Remark]:
+    """A value is one that hardly any vehicle has; most often it is in another unit.
+
+    Looked at are mass (0.1 kg to 100 t), the wheels' radius (1 cm to 2 m) and width, torque,
+    wheelbase, track, the height of the centre of gravity, clearance, width of the body, overhangs,
+    speed (up to 30 m/s; nothing here knows of dynamics) and power.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 130
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: write lengths in metres, masses in kg and speeds in m/s; where the value is meant,
+    silence TT508 by x-ignore beside it.
+    """
+    for path, low, high, unit in _PLAUSIBLE:
+        value = _value(subject.vehicle, path)
+        if isinstance(value, float) and not low <= value <= high:
+            yield Remark(
+                f"/{path}",
+                f'"{path.rpartition("/")[2]}" is {shown(value)} {unit}, which hardly any vehicle '
+                f"has: they have {low:g} to {high:g} {unit}.",
+                f"Check its unit, which is {unit}.",
+            )
+
+
+def _value(vehicle: VehicleText, path: str) -> object:
+    owner: object = vehicle
+    for key in path.split("/"):
+        owner = getattr(owner, "".join(f"_{c.lower()}" if c.isupper() else c for c in key))
+    return owner
+
+
+@vehicle_rule("TT510", "used-up-margin", "warning")
+def used_up_margin(subject: VehicleSubject) -> Iterator[Remark]:
+    """A margin leaves nothing of its limit, so that no ground is good enough.
+
+    The margin of clearance is the clearance or more, that of steps is as high as the wheels'
+    radius or the clearance, or that of tipping is as large as the angle at which the vehicle tips
+    over.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13,
+          "margins": {"clearance": 0.13}
+        }
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13,
+          "margins": {"tip": 52}
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13,
+          "margins": {"clearance": 0.02, "tip": 10}
+        }
+
+    To mend: give as a margin what is to be left, in metres or degrees.
+    """
+    vehicle, margins = subject.vehicle, subject.vehicle.margins
+    for key, margin, limit, what, unit in (
+        ("clearance", margins.clearance, vehicle.clearance, "the clearance is", "m"),
+        ("step", margins.step, _highest_step(vehicle), "no step is climbed above", "m"),
+        ("tip", margins.tip, _tip(subject), "it tips over at", "degrees"),
+    ):
+        if margin is not UNSET and limit is not UNSET and margin >= limit:
+            yield Remark(
+                f"/margins/{key}",
+                f"a margin of {shown(margin)} {unit} leaves nothing: {what} "
+                f"{shown(float(f'{limit:.6g}'))} {unit}.",
+                "Give what is to be left of the limit, or leave the margin out.",
+            )
+
+
+def _highest_step(vehicle: VehicleText) -> float:
+    known = [each for each in (vehicle.wheels.radius, vehicle.clearance) if each is not UNSET]
+    return min(known, default=math.inf)
+
+
+def _tip(subject: VehicleSubject) -> float:
+    """The smallest angle at which it tips over, degrees."""
+    vehicle, height = subject.vehicle, subject.vehicle.cog.height
+    if height is UNSET or vehicle.track is UNSET or not subject.axles:
+        return math.inf
+    front, rear = vehicle.ends
+    if subject.left_out("/cog", "x") or not rear < vehicle.cog_x < front:
+        return math.inf
+    reach = min(0.5 * vehicle.track, front - vehicle.cog_x, vehicle.cog_x - rear)
+    return math.degrees(math.atan(reach / height))

@@ -1,0 +1,1 @@
+"""A vehicle at every place of a grid, heading by heading."""

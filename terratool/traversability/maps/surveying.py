@@ -1,0 +1,408 @@
+"""A vehicle at every pixel of a grid, by heading: how it stands there, and whether it can."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
+from terratool.raster.export import checked_threads
+from terratool.raster.grid import Grid, Window
+from terratool.raster.windows import ahead
+from terratool.traversability.maps import cells, standing, sweeps
+from terratool.traversability.maps.footprints import Footprint, Offsets, Pose, footprint
+from terratool.traversability.maps.ground import Ground, Grounds
+from terratool.traversability.maps.numbers import numbers_of, soil_table
+from terratool.traversability.results import HEADINGS, Survey
+from terratool.traversability.types import Vehicle
+
+_FINE = 0.5
+"""Ground has pixels no larger than this share of the wheel's radius …"""
+_MOST_PARTS = 65
+"""… so many for a pixel of the grid, along each side, but no more."""
+_MOST_ACROSS = 512
+"""A vehicle covers no more pixels than that from end to end."""
+_LEAST = 0.02
+"""Walls lower than this share of the wheel's radius are roughness."""
+_DETREND = 1.5
+"""A step is what a wheel rises within so many radii before and behind a wall."""
+
+_BLOCK = (128, 512)
+_FINE_PIXELS = 1 << 22
+"""Pixels of ground that are swept at a time; with what is found out of them some 200 MB."""
+
+MOST_HEADINGS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Measures:
+    """All that is found out about a window, (headings, height, width) but for the first two.
+
+    Attributes:
+        heights: (height, width) float32, NaN where there is no ground.
+        surfaces: (height, width) index of the surface and one, 0 for none.
+        verdict, reason: uint8 `Verdict` and `Reason`.
+        numbers: (headings, cells.PLANES, height, width) float32.
+        step: float32, highest ahead of a wheel, m.
+        rough: float32, RMS distance of the ground from its plane, m; NaN where it is not known.
+        clearance: float32, left under the body, m; infinity where nothing can touch, NaN where
+            there is no pose.
+        overhang: float32, left under the overhangs, m; likewise.
+    """
+
+    heights: NDArray[np.float32]
+    surfaces: NDArray[Any]
+    verdict: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    numbers: NDArray[np.float32]
+    step: NDArray[np.float32]
+    rough: NDArray[np.float32]
+    clearance: NDArray[np.float32]
+    overhang: NDArray[np.float32]
+
+
+def survey(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    grid: Grid,
+    window: Window | None = None,
+    headings: int = HEADINGS,
+    *,
+    threads: int | None = None,
+) -> Survey:
+    """A vehicle at the pixel centres of a window, or the whole, of a grid.
+
+    Memory is that of the result (26 bytes for each pixel and heading) and of some blocks of ground.
+    A window has the pixels of the whole to the last bit.
+
+    Args:
+        terrain: the terrain.
+        vehicle: the vehicle.
+        grid: the pixels.
+        window: of the grid; all of it, if not said.
+        headings: a multiple of 4 from 4 to 64.
+        threads: number of threads; as many as there are processors, if not said.
+
+    Raises:
+        RequestError: the resolution does not go with the vehicle, or the number of headings or of
+            threads makes no sense, or a surface has figures that are too large.
+    """
+    surveyor = Surveyor(terrain, vehicle, grid, headings)
+    window = window or grid.whole
+    flat, deep = (window.height, window.width), (headings, window.height, window.width)
+    verdict, reason = np.empty(deep, np.uint8), np.empty(deep, np.uint8)
+    names = (
+        cells.UTILISATION, cells.PITCH, cells.ROLL, cells.SINKAGE, cells.SLIP, cells.ENERGY
+    )  # fmt: skip
+    numbers = [np.empty(deep, np.float32) for _ in names]
+    heights, surfaces = np.empty(flat, np.float32), np.empty(flat, surveyor.ids)
+    blocks = list(surveyor.blocks(window))
+    made = ahead(surveyor.measure, blocks, checked_threads(threads))
+    for block, found in zip(blocks, made, strict=True):
+        row, column = block.row - window.row, block.column - window.column
+        part = np.s_[row : row + block.height, column : column + block.width]
+        heights[part], surfaces[part] = found.heights, found.surfaces
+        verdict[:, *part], reason[:, *part] = found.verdict, found.reason
+        for plane, name in zip(numbers, names, strict=True):
+            plane[:, *part] = found.numbers[:, name]
+    return Survey(grid, window, heights, surfaces, verdict, reason, *numbers)
+
+
+def coarsest_resolution(vehicle: Vehicle) -> float:
+    """The largest side of a pixel that a vehicle can be judged on."""
+    return _MOST_PARTS * _FINE * vehicle.wheel.radius
+
+
+def parts_of(vehicle: Vehicle, resolution: float) -> int:
+    """Pixels of ground for one of a grid along each side: odd, so that their centres agree.
+
+    Raises:
+        RequestError: the resolution is too coarse or too fine for the vehicle.
+    """
+    radius = vehicle.wheel.radius
+    front, rear, _ = vehicle.rectangle
+    parts = max(1, math.ceil(resolution / (_FINE * radius) - 1e-9))
+    parts += 1 - parts % 2
+    if parts > _MOST_PARTS:
+        raise RequestError(
+            f"A resolution of {resolution:g} is too coarse for wheels of radius {radius:g}.",
+            f"Give at most {coarsest_resolution(vehicle):g}.",
+        )
+    least = (front + rear) / _MOST_ACROSS
+    if resolution / parts < least:
+        raise RequestError(
+            f"A resolution of {resolution:g} is too fine for a vehicle {front + rear:g} long: it "
+            f"would cover more than {_MOST_ACROSS} pixels.",
+            f"Give at least {least:.4g}.",
+        )
+    return parts
+
+
+class Surveyor:
+    """Finds out about windows of a grid; may be used by several threads at a time.
+
+    Args:
+        terrain: the terrain.
+        vehicle: the vehicle.
+        grid: the pixels.
+        headings: a multiple of 4 from 4 to 64.
+
+    Raises:
+        RequestError: as `survey`.
+    """
+
+    def __init__(
+        self, terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int = HEADINGS
+    ) -> None:
+        if not (4 <= headings <= MOST_HEADINGS and headings % 4 == 0):
+            raise RequestError(
+                f"The number of headings is {headings}.",
+                f"Give a multiple of 4 from 4 to {MOST_HEADINGS}.",
+            )
+        self.headings = headings
+        self._terrain, self._vehicle, self._grid = terrain, vehicle, grid
+        self._parts = parts = parts_of(vehicle, grid.resolution)
+        self._fine = Grid(
+            grid.west, grid.south, grid.resolution / parts, grid.height * parts, grid.width * parts
+        )
+        radius = vehicle.wheel.radius
+        self._footprint: Footprint = footprint(
+            vehicle, self._fine.resolution, grid.resolution, headings
+        )
+        self._margin = math.ceil(self._footprint.margin / parts)
+        slopes = vehicle.wheelbase == 0.0 or vehicle.track == 0.0
+        self._grounds = Grounds(terrain, self._fine, _LEAST * radius, slopes, radius)
+        self._numbers, self._soils = numbers_of(vehicle), soil_table(terrain, vehicle)
+        steps = round(standing.STEPS * standing.STEEPEST)
+        # the system gives memory only for tables that are filled
+        shape = (len(self._soils), 2 * steps + 1, steps + 1, standing.NUMBERS)
+        self._tables, self._filled = np.empty(shape), np.zeros(len(self._soils), np.bool_)
+        self._lock = Lock()
+
+    @property
+    def ids(self) -> np.dtype[Any]:
+        """Type of the surfaces."""
+        return np.min_scalar_type(len(self._terrain.surfaces))
+
+    def blocks(self, window: Window) -> Iterator[Window]:
+        """Windows that cover a larger one, each not too large to be measured at once."""
+        side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._margin, 16)
+        return window.cut(min(_BLOCK[0], side), min(_BLOCK[1], side))
+
+    def measure(self, window: Window) -> Measures:
+        """All that is found out about a window of the grid."""
+        parts, margin = self._parts, self._margin
+        around = Window(
+            parts * (window.row - margin), parts * (window.column - margin),
+            parts * (window.height + 2 * margin), parts * (window.width + 2 * margin),
+        )  # fmt: skip
+        ground = self._grounds.of(around)
+        self._fill(np.unique(ground.surfaces))
+        swept = _Swept(self, window, ground)
+        flat, deep = (window.height, window.width), (self.headings, window.height, window.width)
+        numbers = np.empty((self.headings, cells.PLANES, *flat), np.float32)
+        verdict, reason = np.empty(deep, np.uint8), np.empty(deep, np.uint8)
+        step, rough, clearance, overhang = (np.empty(deep, np.float32) for _ in range(4))
+        half = self.headings // 2
+        for turn in range(half):
+            supports = swept.supports(self._footprint.poses[turn])
+            steps = swept.steps(self._footprint.poses[turn], supports)
+            stand = None
+            for heading in (turn, turn + half):
+                pose = self._footprint.poses[heading]
+                if stand is None or not self._footprint.shared:
+                    stand = swept.stand(pose, supports)
+                plane, bump, ragged = stand
+                front, rear = (swept.bump(offsets, plane) for offsets in (pose.front, pose.rear))
+                step[heading], rough[heading] = swept.ahead(pose, steps), ragged
+                cells.judge_cells(
+                    plane, bump, front, rear, ragged, step[heading], swept.under(pose),
+                    self._beyond(window, heading), self._numbers, pose.ahead, self._soils,
+                    self._tables, verdict[heading], reason[heading], numbers[heading],
+                )  # fmt: skip
+                left = self._left(plane, bump, front, rear, numbers[heading])
+                clearance[heading], overhang[heading] = left
+        return Measures(
+            swept.heights,
+            swept.surfaces,
+            verdict,
+            reason,
+            numbers,
+            step,
+            rough,
+            clearance,
+            overhang,
+        )
+
+    def _fill(self, ids: NDArray[Any]) -> None:
+        """Fill the tables of surfaces that are known and have none yet."""
+        with self._lock:
+            for id_ in ids:
+                if not self._filled[id_] and not np.isnan(self._soils[id_, 0]):
+                    standing.tabulate(self._numbers, self._soils, int(id_), self._tables[id_])
+                    self._filled[id_] = True
+
+    def _left(
+        self, plane: Any, bump: Any, front: Any, rear: Any, numbers: Any
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What is left of the clearance, and of that under the overhangs, m."""
+        vehicle = self._vehicle
+        down = 1.0 / np.sqrt(1.0 + plane[1] ** 2 + plane[2] ** 2)
+        sunk = np.nan_to_num(numbers[cells.SINKAGE], nan=0.0)
+        nowhere = np.isnan(numbers[cells.PITCH])
+        left = []
+        for height, under in (
+            (vehicle.clearance, bump), (vehicle.front.height, front), (vehicle.rear.height, rear)
+        ):  # fmt: skip
+            ground = np.where(np.isneginf(under), -np.inf, np.maximum(under, 0.0) * down + sunk)
+            left.append(np.where(nowhere, np.nan, height - ground).astype(np.float32))
+        return left[0], np.minimum(left[1], left[2])
+
+    def _beyond(self, window: Window, heading: int) -> NDArray[np.bool_]:
+        """Where the vehicle reaches beyond the terrain."""
+        west, south, east, north = self._terrain.bounds
+        to_west, to_south, to_east, to_north = self._footprint.sides[heading]
+        x, y = self._grid.columns(window), self._grid.rows(window)
+        near = 1e-9 * max(abs(west), abs(south), abs(east), abs(north), east - west, north - south)
+        out_x = (x - to_west < west - near) | (x + to_east > east + near)
+        out_y = (y - to_south < south - near) | (y + to_north > north + near)
+        return np.asarray(out_y[:, None] | out_x[None, :])
+
+
+class _Swept:
+    """The ground of a window, laid out for sweeps."""
+
+    def __init__(self, surveyor: Surveyor, window: Window, ground: Ground) -> None:
+        self._parts, self._margin = surveyor._parts, surveyor._margin
+        self._surveyor, self._ground = surveyor, ground
+        self._shape = (window.height, window.width)
+        self._first = self._parts * self._margin + self._parts // 2
+        self._heights = self._phased(ground.heights)
+        self._ids = self._phased(ground.surfaces)
+        middle = np.zeros((1, 2), np.int64)
+        self.surfaces = self._at(self._ids, middle[0])
+        heights = self._at(self._heights, middle[0])
+        self.heights = np.where(np.isneginf(heights), np.float32(np.nan), heights)
+
+    def _phased(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """(rows, phases, columns) of (rows, columns)."""
+        rows, columns = plane.shape
+        return np.ascontiguousarray(
+            plane.reshape(rows, columns // self._parts, self._parts).transpose(0, 2, 1)
+        )
+
+    def _placed(self, offsets: Offsets) -> Offsets:
+        """Rows, phases and columns of offsets."""
+        column = self._parts // 2 + offsets[:, 1]
+        return np.column_stack(
+            [offsets[:, 0], column % self._parts, self._margin + column // self._parts]
+        )
+
+    def _at(self, plane: NDArray[Any], offset: Offsets) -> NDArray[Any]:
+        """What lies at one offset of all reference points."""
+        row, phase, column = self._placed(offset[None])[0]
+        height, width = self._shape
+        first = self._first + row
+        return plane[
+            first : first + self._parts * height : self._parts, phase, column : column + width
+        ].copy()
+
+    def _empty(self) -> NDArray[np.float32]:
+        return np.empty(self._shape, np.float32)
+
+    def _shifts(self, offsets: Offsets) -> NDArray[np.float32]:
+        """How far east and north offsets are, m, (n, 2)."""
+        resolution = self._surveyor._fine.resolution
+        return np.asarray(offsets[:, ::-1] * (resolution, -resolution), np.float32)
+
+    def under(self, pose: Pose) -> NDArray[Any]:
+        """Surfaces under the wheels, (wheels, height, width)."""
+        return np.stack([self._at(self._ids, wheel) for wheel in pose.wheels])
+
+    def stand(
+        self, pose: Pose, supports: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], Any, Any]:
+        """The plane that the vehicle stands on, what rises above it under the body, roughness."""
+        plane = np.zeros((3, *self._shape), np.float32)
+        phased = self._phased(supports)
+        total = np.zeros((3, *self._shape))
+        for n, wheel in enumerate(pose.wheels):
+            support = self._at(phased, wheel)
+            support[np.isneginf(self._at(self._heights, wheel))] = np.nan
+            total += pose.fit[:, n, None, None] * support
+        plane[:] = total
+        if self._ground.slope_x is not None and self._ground.slope_y is not None:
+            # wheels in a row say nothing of a plane: they take the ground's own slope under them
+            treads = np.concatenate([self._placed(wheel + pose.tread) for wheel in pose.wheels])
+            for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
+                sweeps.mean(self._phased(slope), self._first, self._parts, treads, plane[axis])
+        places = self._shifts(pose.places)
+        rough = self._empty()
+        work = np.empty((4, self._shape[1]), np.float32)
+        sweeps.roughness(
+            phased, self._first, self._parts, self._placed(pose.places), places, plane,
+            _spread(places), work, rough,
+        )  # fmt: skip
+        return plane, self.bump(pose.body, plane), rough
+
+    def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
+        """How far the ground stands above the plane under offsets, m."""
+        out = self._empty()
+        sweeps.bumps(
+            self._heights, self._first, self._parts, self._placed(offsets), self._shifts(offsets),
+            plane, np.empty(self._shape[1], np.float32), out,
+        )  # fmt: skip
+        return out
+
+    def supports(self, pose: Pose) -> NDArray[np.float32]:
+        """How high a wheel's lowest point stands at every pixel of the ground, m.
+
+        Minus infinity where there is no ground, and along the edges, where not all of it is known.
+        """
+        ground, lost = self._ground.heights, int(np.abs(pose.tread).max())
+        out = np.full(ground.shape, -np.inf, np.float32)
+        inner = out[lost:-lost, lost:-lost]
+        offsets = np.column_stack(
+            [pose.tread[:, 0], np.zeros(len(pose.tread), np.int64), lost + pose.tread[:, 1]]
+        )
+        sweeps.highest(ground[:, None], lost, 1, offsets, pose.lift, inner)
+        return out
+
+    def steps(self, pose: Pose, supports: NDArray[np.float32]) -> NDArray[np.float32] | None:
+        """Steps that wheels with a heading, or its opposite, meet; None for none, else phased."""
+        if not len(self._ground.pairs):
+            return None
+        steps = np.zeros(supports.shape, np.float32)
+        radius = self._surveyor._vehicle.wheel.radius
+        strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
+        sweeps.raise_steps(
+            supports, self._ground.pairs, self._ground.jumps, pose.ahead, strides,
+            np.empty(4 * strides + 1), steps,
+        )  # fmt: skip
+        return self._phased(steps)
+
+    def ahead(self, pose: Pose, steps: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """The highest step ahead of the wheels, m."""
+        if steps is None:
+            return np.zeros(self._shape, np.float32)
+        out = self._empty()
+        level = np.zeros(len(pose.lane), np.float32)
+        sweeps.highest(steps, self._first, self._parts, self._placed(pose.lane), level, out)
+        return out
+
+
+def _spread(places: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The inverse of the second moments of places about the middle: xx, xy, yy; 0 for a line."""
+    moments = places.astype(np.float64).T @ places
+    if np.linalg.matrix_rank(moments) < 2:
+        largest = np.linalg.pinv(moments)
+    else:
+        largest = np.linalg.inv(moments)
+    return np.array([largest[0, 0], largest[0, 1], largest[1, 1]], np.float32)

@@ -1,0 +1,173 @@
+"""The profile along a route as SVG: height, verdicts as a strip, sinkage on an axis of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.traversability.reporting import wording
+from terratool.traversability.results import Profile, Verdict
+
+_LEFT, _RIGHT, _TOP = 52, 12, 22
+"""Margins for the numbers of the axes, and for what the upper axis is of."""
+_HILL, _STRIP, _GAP, _SUNK, _BELOW = 130, 10, 30, 56, 40
+"""Heights: of the ground's panel, the strip, the room between, the sinkage's panel, the x axis."""
+
+CLASSES = {
+    Verdict.UNKNOWN: "unknown", Verdict.GO: "go", Verdict.CAUTION: "caution",
+    Verdict.NO_GO: "no-go",
+}  # fmt: skip
+"""Names of verdicts in style sheets."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Bins:
+    """A profile at the columns of a picture: low and high ground, deepest sinkage, worst verdict.
+
+    A verdict that is not known counts as worse than go and better than no-go.
+    """
+
+    x: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    sinkage: NDArray[np.float64]
+    verdict: NDArray[np.int64]
+
+
+def chart(profile: Profile, width: int) -> str:
+    """A profile as an SVG element of this width in pixels; empty where it has no length.
+
+    Args:
+        profile: along a route.
+        width: of the picture, 240 or more.
+    """
+    total = float(profile.distance[-1] - profile.distance[0]) if len(profile.distance) else 0.0
+    if not total > 0.0:
+        return ""
+    bins = _binned(profile, total, width - _LEFT - _RIGHT)
+    bottom = _TOP + _HILL + _STRIP + _GAP + _SUNK
+    finite = bins.high[np.isfinite(bins.high)]
+    low, high = (float(np.nanmin(bins.low)), float(finite.max())) if finite.size else (0.0, 1.0)
+    if high - low < 1e-9 * max(1.0, abs(high)):
+        low, high = low - 0.5, high + 0.5
+    sunk = np.nan_to_num(bins.sinkage)
+    deepest = float(sunk.max())
+    parts = [
+        f'<svg class="profile" xmlns="http://www.w3.org/2000/svg" role="img" '
+        f'viewBox="0 0 {width} {bottom + _BELOW}" width="{width}" height="{bottom + _BELOW}" '
+        f'aria-label="{escape(_described(profile, total))}">',
+        *_axis(low, high, _TOP + _HILL, _TOP, width, "height, m"),
+        _ground(bins, low, high),
+        *_strip(bins),
+    ]
+    zero = _TOP + _HILL + _STRIP + _GAP
+    most = deepest * 1e3 if deepest > 0.0 else 1.0
+    parts += _axis(0.0, most, zero, zero + _SUNK, width, "sinkage, mm")
+    if deepest > 0.0:
+        parts.append(_sunken(bins.x, sunk / deepest * _SUNK, zero))
+    parts += [*_distances(total, width, bottom), "</svg>"]
+    return "".join(parts)
+
+
+def _binned(profile: Profile, total: float, columns: int) -> _Bins:
+    along = (profile.distance - profile.distance[0]) / total * columns
+    index = np.minimum(np.floor(along), columns - 1).astype(np.int64)
+    starts = np.flatnonzero(np.diff(index, prepend=-1))
+    rank = np.array([1.5, 1.0, 2.0, 3.0])[profile.verdict]
+    worst = np.maximum.reduceat(rank, starts)
+    codes = {1.0: Verdict.GO, 1.5: Verdict.UNKNOWN, 2.0: Verdict.CAUTION, 3.0: Verdict.NO_GO}
+    x = along[starts]
+    x[-1] = columns
+    return _Bins(
+        x + _LEFT,
+        np.fmin.reduceat(profile.height, starts),
+        np.fmax.reduceat(profile.height, starts),
+        np.fmax.reduceat(profile.sinkage, starts),
+        np.array([codes[value] for value in worst.tolist()], np.int64),
+    )
+
+
+def _ground(bins: _Bins, low: float, high: float) -> str:
+    scale = _HILL / (high - low)
+    path, drawing = [], False
+    for x, least, most in zip(bins.x.tolist(), bins.low.tolist(), bins.high.tolist(), strict=True):
+        if not math.isfinite(least):
+            drawing = False
+            continue
+        top, foot = _TOP + (high - most) * scale, _TOP + (high - least) * scale
+        path.append(f"{'L' if drawing else 'M'}{x:.1f} {foot:.1f}")
+        if foot - top >= 0.1:
+            path.append(f"L{x:.1f} {top:.1f}")
+        drawing = True
+    return f'<path class="ground" d="{"".join(path)}"/>'
+
+
+def _strip(bins: _Bins) -> Iterator[str]:
+    ends = [*np.flatnonzero(np.diff(bins.verdict)).tolist(), len(bins.x) - 1]
+    start = float(bins.x[0])
+    for last in ends:
+        end = float(bins.x[min(last + 1, len(bins.x) - 1)])
+        verdict = Verdict(int(bins.verdict[last]))
+        yield (
+            f'<rect class="{CLASSES[verdict]}" x="{start:.1f}" y="{_TOP + _HILL}" '
+            f'width="{max(end - start, 1.0):.1f}" height="{_STRIP}"/>'
+        )
+        start = end
+
+
+def _sunken(x: NDArray[np.float64], depth: NDArray[np.float64], zero: int) -> str:
+    line = "".join(
+        f"L{at:.1f} {zero + deep:.1f}" for at, deep in zip(x.tolist(), depth.tolist(), strict=True)
+    )
+    return f'<path class="sunken" d="M{x[0]:.1f} {zero}{line}L{x[-1]:.1f} {zero}Z"/>'
+
+
+def _axis(
+    first: float, last: float, y_first: float, y_last: float, width: int, title: str
+) -> Iterator[str]:
+    """Lines and numbers of an axis that goes from `first` at `y_first` to `last` at `y_last`."""
+    for value in ticks(first, last, round(abs(y_last - y_first) / 32)):
+        y = y_first + (value - first) / (last - first) * (y_last - y_first)
+        yield f'<path class="rule" d="M{_LEFT} {y:.1f}H{width - _RIGHT}"/>'
+        text = wording.number(value)
+        yield f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
+    yield f'<text class="title" x="{_LEFT}" y="{min(y_first, y_last) - 8:.1f}">{title}</text>'
+
+
+def _distances(total: float, width: int, bottom: float) -> Iterator[str]:
+    room = width - _LEFT - _RIGHT
+    for value in ticks(0.0, total, max(3, room // 90)):
+        x = _LEFT + value / total * room
+        yield f'<path class="tick" d="M{x:.1f} {bottom}v5"/>'
+        text = wording.number(value)
+        yield f'<text x="{x:.1f}" y="{bottom + 18}" text-anchor="middle">{text}</text>'
+    yield f'<path class="tick" d="M{_LEFT} {bottom}H{width - _RIGHT}"/>'
+    yield (
+        f'<text class="title" x="{width - _RIGHT}" y="{bottom + 34}" text-anchor="end">'
+        "distance, m</text>"
+    )
+
+
+def ticks(first: float, last: float, count: int) -> list[float]:
+    """Round numbers from first to last: about so many, 1, 2 or 5 times a power of ten apart."""
+    raw = (last - first) / count
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * 0.999)
+    start = math.ceil(first / step - 1e-9)
+    return [index * step for index in range(start, math.floor(last / step + 1e-9) + 1)]
+
+
+def _described(profile: Profile, total: float) -> str:
+    known = profile.height[np.isfinite(profile.height)]
+    heights = ""
+    if known.size:
+        low, high = (wording.length(float(height)) for height in (known.min(), known.max()))
+        heights = f"heights from {low} to {high}, "
+    sunk = profile.sinkage[np.isfinite(profile.sinkage)]
+    deepest = wording.length(float(sunk.max())) if sunk.size else "no"
+    return f"Profile over {wording.length(total)}: {heights}{deepest} of sinkage at most."

@@ -1,0 +1,391 @@
+"""What is found out about a vehicle on a terrain: verdicts, their reasons, routes, reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.raster.grid import Grid, Window
+from terratool.traversability.types import Vehicle
+
+
+class Verdict(IntEnum):
+    """Whether the vehicle can be driven; the larger, the worse."""
+
+    UNKNOWN = 0
+    GO = 1
+    CAUTION = 2
+    NO_GO = 3
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return ("unknown", "go", "caution", "no-go")[self]
+
+
+COLORS: dict[Verdict, tuple[int, int, int]] = {
+    Verdict.UNKNOWN: (158, 158, 158),
+    Verdict.GO: (190, 232, 218),
+    Verdict.CAUTION: (224, 138, 30),
+    Verdict.NO_GO: (140, 28, 68),
+}
+"""Told apart by any kind of colour vision, and in grey by lightness: L* 88, 65 and 31, grey 65."""
+
+
+class Reason(IntEnum):
+    """What binds: the measure that is nearest to its limit, or farthest beyond it."""
+
+    NONE = 0
+    NO_GROUND = 1
+    EDGE = 2
+    SOIL_UNKNOWN = 3
+    TRACTION = 4
+    TORQUE = 5
+    SLIP = 6
+    SINKAGE = 7
+    SIDE_SLIP = 8
+    TIP_OVER = 9
+    STEP = 10
+    HIGH_CENTRED = 11
+    APPROACH = 12
+    ROUGHNESS = 13
+
+    @property
+    def label(self) -> str:
+        """For people, and the names of classes in files."""
+        return _LABELS[self]
+
+
+_LABELS = (
+    "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
+    "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
+    "roughness",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """A surface and a wheel: what ground and vehicle do to each other on it.
+
+    Numbers are None where they mean nothing (a rigid surface has no contact area), or cannot be
+    known (`missing` says what the surface lacks). Forces are those of the wheel that bears most.
+
+    Attributes:
+        surface: its name.
+        preset: the soil that it takes its figures from; empty for none.
+        missing: parameters that it lacks; then all else is None.
+        load: W, N.
+        cohesion: c, Pa.
+        friction: φ, rad.
+        sinkage_rate: k, m/N.
+        shear_modulus: K, m; None where all strength is mobilised.
+        sinkage: z, m.
+        contact_length: r sin θ1, of the ground that it touches, m.
+        contact_area: that times the width, m².
+        pressure: mean, Pa.
+        normal_stress: σmax at the largest thrust, Pa.
+        shear_stress: τmax, Pa.
+        thrust, resistance, drawbar: at the largest torque and slip allowed, N.
+        torque: needed on the level, N m.
+        utilisation: of the strength on the level.
+        slip: on the level; None where it is not known.
+        climb: largest slope, rad; None where it cannot even drive on the level.
+        climb_limit: what binds there.
+        cross_slope: largest, rad.
+        cross_limit: what binds there.
+        step: highest, m.
+        step_limit: what binds there, in words.
+        gap: widest, m.
+        verdict: on level ground.
+        reason: what binds on level ground.
+        warnings: sentences.
+    """
+
+    surface: str
+    preset: str = ""
+    missing: tuple[str, ...] = ()
+    load: float | None = None
+    cohesion: float | None = None
+    friction: float | None = None
+    sinkage_rate: float | None = None
+    shear_modulus: float | None = None
+    sinkage: float | None = None
+    contact_length: float | None = None
+    contact_area: float | None = None
+    pressure: float | None = None
+    normal_stress: float | None = None
+    shear_stress: float | None = None
+    thrust: float | None = None
+    resistance: float | None = None
+    drawbar: float | None = None
+    torque: float | None = None
+    utilisation: float | None = None
+    slip: float | None = None
+    climb: float | None = None
+    climb_limit: Reason = Reason.NONE
+    cross_slope: float | None = None
+    cross_limit: Reason = Reason.NONE
+    step: float | None = None
+    step_limit: str = ""
+    gap: float | None = None
+    verdict: Verdict = Verdict.UNKNOWN
+    reason: Reason = Reason.NONE
+    warnings: tuple[str, ...] = ()
+
+
+HEADINGS = 8
+"""Headings of a survey if nobody says otherwise: 0 is north, then clockwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """A vehicle at the pixel centres of a window, heading by heading.
+
+    Rows run from the north. What depends on the heading is (headings, height, width); heading i
+    looks 360°·i/headings clockwise from north. At each pixel centre stands the vehicle's `middle`.
+
+    Attributes:
+        grid: the pixels.
+        window: of the grid.
+        heights: (height, width) float32, NaN where there is no ground.
+        surfaces: (height, width) index of the surface and one, 0 for none.
+        verdict: uint8 `Verdict`.
+        reason: uint8 `Reason`; NONE only where the verdict is UNKNOWN for want of nothing.
+        utilisation: float32, the largest share that any measure takes of its limit: 1 is the
+            limit, infinity where nothing would help; NaN where the verdict is unknown. The margin
+            is 1 − it.
+        pitch: float32 rad, nose up is positive.
+        roll: float32 rad, left side up is positive.
+        sinkage: float32 m, of the wheel that sinks deepest.
+        slip: float32, of the worst wheel; NaN where it is not known.
+        energy: float32 J for each metre of ground, all wheels, motors without loss; infinity where
+            it does not move.
+    """
+
+    grid: Grid
+    window: Window
+    heights: NDArray[np.float32]
+    surfaces: NDArray[Any]
+    verdict: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    utilisation: NDArray[np.float32]
+    pitch: NDArray[np.float32]
+    roll: NDArray[np.float32]
+    sinkage: NDArray[np.float32]
+    slip: NDArray[np.float32]
+    energy: NDArray[np.float32]
+
+    @property
+    def headings(self) -> int:
+        """Their number."""
+        return len(self.verdict)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place on the terrain.
+
+    Attributes:
+        x, y: world.
+        height: z; None where there is no ground.
+        surface: its name; empty for none.
+        element: JSON pointer of what decides the surface; empty for none.
+    """
+
+    x: float
+    y: float
+    height: float | None
+    surface: str
+    element: str
+
+
+@dataclass(frozen=True, slots=True)
+class Extreme:
+    """Where a measure along a route is largest or smallest.
+
+    Attributes:
+        value: of the measure.
+        place: where.
+        reason: what binds, for margins.
+    """
+
+    value: float
+    place: Place
+    reason: Reason = Reason.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Samples along a route, (n,) float64 each unless said otherwise.
+
+    Attributes:
+        x, y: world.
+        heading: degrees clockwise from north.
+        distance: m along the ground as seen from above.
+        height: of the ground.
+        sinkage: m.
+        pitch, roll: rad.
+        slip: NaN where unknown.
+        utilisation: share of the nearest limit.
+        verdict: uint8 `Verdict`.
+        reason: uint8 `Reason`.
+        surface: tuple of names, empty for none.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    heading: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    height: NDArray[np.float64]
+    sinkage: NDArray[np.float64]
+    pitch: NDArray[np.float64]
+    roll: NDArray[np.float64]
+    slip: NDArray[np.float64]
+    utilisation: NDArray[np.float64]
+    verdict: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    surface: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Barrier:
+    """What bars the way at one place.
+
+    Attributes:
+        place: the first place on the way of least resistance where it cannot be driven.
+        reason: what binds there.
+        bars: what decides the ground there, for people: element and surface, and how steep it is
+            where that matters.
+        width: m of the way that cannot be driven there.
+    """
+
+    place: Place
+    reason: Reason
+    bars: str
+    width: float
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """A way from a start to a goal, or why there is none.
+
+    Attributes:
+        start, goal: where from and to.
+        found: whether there is a way.
+        planned: whether it was searched for; False for waypoints that were checked.
+        verdict: the worst along it.
+        length: m over ground, heights included; None if there is no way.
+        energy: J, with what is drawn all the time; None if there is no way.
+        time: s; None if there is no way.
+        steepest: the pitch of the largest size, rad, nose up is positive.
+        softest: deepest sinkage, m.
+        tightest: smallest margin, 1 − utilisation.
+        profile: along it; along what was checked even if it cannot be driven; None if there is no
+            way.
+        barriers: where it is cut off, in the order of the way; none if there is a way.
+        reached: the reachable place that is nearest to the goal; None if there is a way.
+        note: a sentence where there is more to say, as that the goal itself cannot be driven.
+    """
+
+    start: Place
+    goal: Place
+    found: bool
+    planned: bool
+    verdict: Verdict
+    length: float | None = None
+    energy: float | None = None
+    time: float | None = None
+    steepest: Extreme | None = None
+    softest: Extreme | None = None
+    tightest: Extreme | None = None
+    profile: Profile | None = None
+    barriers: tuple[Barrier, ...] = ()
+    reached: Place | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How much of a terrain can be reached from a place, and returned from.
+
+    Attributes:
+        start: where from.
+        share: of all pixels with ground.
+        returnable: share of all pixels with ground that can be reached and left again to the start.
+        cells: (height, width) bool, which pixels; rows from the north.
+    """
+
+    start: Place
+    share: float
+    returnable: float
+    cells: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A map in numbers.
+
+    Attributes:
+        grid: the pixels.
+        headings: their number.
+        counts: pixels by the verdict of their best heading, by `Verdict`.
+        worst_counts: by that of their worst heading.
+        reasons: pixels that are caution or no-go at their best heading by `Reason`.
+        by_surface: for each surface's name ("" for none) its counts by `Verdict`.
+    """
+
+    grid: Grid
+    headings: int
+    counts: dict[Verdict, int]
+    worst_counts: dict[Verdict, int]
+    reasons: dict[Reason, int]
+    by_surface: dict[str, dict[Verdict, int]]
+
+    @property
+    def pixels(self) -> int:
+        """With ground."""
+        return sum(self.counts.values())
+
+    def fraction(self, verdict: Verdict) -> float:
+        """Share of the pixels with ground that have this verdict; 0 where there are none."""
+        return self.counts.get(verdict, 0) / self.pixels if self.pixels else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """All that one run has found out.
+
+    Attributes:
+        terrain: name of the definition's file.
+        descr: of the terrain.
+        bounds: of it, west, south, east, north.
+        vehicle: the vehicle.
+        surfaces: a row for each.
+        summary: of the map.
+        verdict: of the whole: of the route if there is one, else of the map's best cells: GO where
+            all is, NO_GO where nothing is better than that, CAUTION in between.
+        sentence: the verdict for people, and what binds most.
+        routes: as asked for.
+        reach: if asked for.
+        preview: a survey on a grid coarse enough for a picture; None where no picture is wanted.
+        assumptions: sentences.
+        notes: sentences on how it was computed: resolutions, and who chose them.
+    """
+
+    terrain: str
+    descr: str
+    bounds: tuple[float, float, float, float]
+    vehicle: Vehicle
+    surfaces: tuple[Figures, ...]
+    summary: Summary
+    verdict: Verdict
+    sentence: str
+    routes: tuple[Route, ...] = ()
+    reach: Reach | None = None
+    preview: Survey | None = None
+    assumptions: tuple[str, ...] = field(default_factory=tuple)
+    notes: tuple[str, ...] = ()

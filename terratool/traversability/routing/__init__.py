@@ -1,0 +1,1 @@
+"""Ways through a survey, and what bars them."""

@@ -1,0 +1,339 @@
+"""Routes: is there a way, what does it cost, and if there is none, what bars it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.errors import RequestError
+from terratool.field.parts import Bounds, check_bounds, part_within
+from terratool.field.terrain import Terrain
+from terratool.raster.grid import Grid, grid_over
+from terratool.traversability.results import (
+    HEADINGS,
+    Barrier,
+    Place,
+    Reach,
+    Reason,
+    Route,
+    Survey,
+    Verdict,
+)
+from terratool.traversability.routing.barriers import barriers, bars
+from terratool.traversability.routing.costs import (
+    TURN_LENGTH,
+    Preference,
+    drivable,
+    rates,
+    turning_arc,
+)
+from terratool.traversability.routing.graph import (
+    build,
+    cheapest,
+    needs_scipy,
+    reached,
+    trace,
+)
+from terratool.traversability.routing.paths import (
+    Path,
+    along,
+    bill,
+    cells,
+    largest,
+    place_at,
+    profile,
+    straight,
+    worst,
+)
+from terratool.traversability.types import Vehicle
+
+MOST_STATES = 6_000_000
+"""Headings times cells of a route's grid at most."""
+
+_FINE, _COARSE = 6.0, 3.0
+"""A vehicle is so many pixels wide where there is room, and so many at least if that can be."""
+_COARSER = 1.01
+"""Where rows and columns that only cover the rest make it too many, pixels get wider by this."""
+
+_BARRED = 1e6
+"""A metre that cannot be driven weighs so many that can, on the way of least resistance."""
+
+Cell = tuple[int, int]
+
+
+def route_grid(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    *,
+    headings: int = HEADINGS,
+    bounds: Bounds | None = None,
+    most: int = MOST_STATES,
+) -> tuple[Grid, str]:
+    """The grid for a route: a sixth of the vehicle's width, or as fine as `most` states allow.
+
+    Returns:
+        The grid, and a sentence where its pixels are wider than a third of the vehicle; else empty.
+
+    Raises:
+        RequestError: the bounds are empty or miss the terrain.
+    """
+    width = max(2.0 * vehicle.rectangle[2], vehicle.wheel.radius)
+    if bounds is not None:
+        check_bounds(bounds, terrain)
+    west, south, east, north = part_within(terrain, bounds)
+    shorter = min(east - west, north - south)
+    least = math.sqrt((east - west) * (north - south) * headings / most)
+    resolution = min(max(width / _FINE, least), shorter)
+    grid = grid_over(terrain, resolution, bounds)
+    while headings * grid.height * grid.width > most and resolution < shorter:
+        resolution = min(_COARSER * resolution, shorter)
+        grid = grid_over(terrain, resolution, bounds)
+    said = ""
+    if resolution > width / _COARSE:
+        said = (
+            f"The route's grid has pixels of {resolution:.3g} m for a vehicle {width:.3g} m wide: "
+            "narrow passages may seem closed; smaller bounds would make it finer."
+        )
+    return grid, said
+
+
+def plan(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    survey: Survey,
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    prefer: Preference = "time",
+) -> Route:
+    """The best way from a start to a goal through the cells of a survey, or what bars it.
+
+    The vehicle may begin and end with any heading, moves to the cell that it looks to, backs up,
+    and turns on the spot; it is where the survey says go or caution. Its energy is the sum over
+    legs of energy per metre × length over ground, plus the vehicle's power × time; the time that of
+    length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run.
+
+    Args:
+        terrain: the terrain.
+        vehicle: that of the survey.
+        survey: all that is looked at.
+        start: x and y.
+        goal: x and y.
+        prefer: what the way is the least of, see `costs.rates`.
+
+    Raises:
+        RequestError: start or goal is outside the terrain or the survey, or on no ground; the
+            vehicle cannot stand at the start; there is no such preference; SciPy is missing.
+    """
+    needs_scipy()
+    begin = _cell(terrain, survey, start, "The route's start")
+    end = _cell(terrain, survey, goal, "The route's goal")
+    can = drivable(survey)
+    _refuse_standing(terrain, vehicle, survey, can, start, begin, "The route's start")
+    rate, arc = rates(survey, vehicle, prefer), turning_arc(survey, vehicle)
+    scale = TURN_LENGTH if prefer == "length" else 1.0
+    graph = build(rate, can, can, survey.heights, survey.grid.resolution, scale * arc)
+    cost, before = cheapest(graph, graph.at(*begin))
+    route = Route(place_at(terrain, *start), place_at(terrain, *goal), False, True, Verdict.NO_GO)
+    goals = graph.at(*end)
+    if len(goals) and np.isfinite(cost[goals]).any():
+        last = int(goals[np.argmin(cost[goals])])
+        path = along(graph, trace(before, last), survey)
+        return _driven(route, path, terrain, vehicle, survey)
+    nearest = _nearest(terrain, survey, graph.cells(np.isfinite(cost)), end)
+    del graph, cost, before, rate  # the next graph has all states
+    found = barriers(
+        terrain, vehicle, survey, _least_resistance(terrain, survey, can, begin, end, arc)
+    )
+    note = ""
+    if not can[:, *end].any():
+        why = _why(terrain, vehicle, survey, goal, end)
+        note = f"The vehicle cannot stand at the goal, whatever its heading: {why}."
+    return _barred(route, found, nearest, note)
+
+
+def check(terrain: Terrain, vehicle: Vehicle, survey: Survey, waypoints: ArrayLike) -> Route:
+    """Drive the straight legs between waypoints, (n, 2), and say what they cost or what bars them.
+
+    Samples are at most half a cell apart; each is judged by the heading of the survey that is
+    nearest to its leg's direction. Between two legs the vehicle turns on the spot.
+
+    Raises:
+        RequestError: fewer than two different waypoints, one that is outside the terrain or the
+            survey, or a first one where the vehicle cannot stand.
+    """
+    points = np.asarray(waypoints, np.float64).reshape(-1, 2)
+    points = points[np.r_[True, np.any(np.diff(points, axis=0) != 0.0, axis=1)][: len(points)]]
+    if len(points) < 2:
+        raise RequestError("The route has no two different waypoints.", "Give two at least.")
+    places = [(float(x), float(y)) for x, y in points]
+    begin = _cell(terrain, survey, places[0], "Waypoint 1")
+    for number, place in enumerate(places[1:], 2):
+        _inside(terrain, survey, place, f"Waypoint {number}")
+    _refuse_standing(terrain, vehicle, survey, drivable(survey), places[0], begin, "Waypoint 1")
+    path = straight(terrain, survey, points)
+    start, goal = place_at(terrain, *places[0]), place_at(terrain, *places[-1])
+    route = Route(start, goal, False, False, Verdict.NO_GO)
+    found = barriers(terrain, vehicle, survey, path)
+    if not found:
+        return _driven(route, path, terrain, vehicle, survey)
+    at = (found[0].place.x, found[0].place.y)
+    first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
+    before = place_at(terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)]))
+    return replace(_barred(route, found, before), profile=profile(path, survey, terrain))
+
+
+def reach(terrain: Terrain, vehicle: Vehicle, survey: Survey, start: tuple[float, float]) -> Reach:
+    """What can be reached from a start by the moves of `plan`, and what can be returned from.
+
+    Raises:
+        RequestError: the start is outside the terrain or the survey, or the vehicle cannot stand
+            there; SciPy is missing.
+    """
+    needs_scipy()
+    what = "The place to start from"
+    begin = _cell(terrain, survey, start, what)
+    can = drivable(survey)
+    _refuse_standing(terrain, vehicle, survey, can, start, begin, what)
+    even = np.ones(can.shape, np.float32)
+    graph = build(even, can, can, survey.heights, survey.grid.resolution, 0.0)
+    starts = graph.at(*begin)
+    there = reached(graph, starts)
+    returning = there & reached(graph, starts, back=True)
+    whole = graph.cells(there)
+    ground = int(np.count_nonzero(np.isfinite(survey.heights)))
+    return Reach(
+        place_at(terrain, *start),
+        np.count_nonzero(whole) / ground,
+        np.count_nonzero(graph.cells(returning)) / ground,
+        whole,
+    )
+
+
+def _driven(route: Route, path: Path, terrain: Terrain, vehicle: Vehicle, survey: Survey) -> Route:
+    """The route with what a way costs, and where it is steepest, softest and tightest."""
+    along_it, cost = profile(path, survey, terrain), bill(path, survey, vehicle)
+    steepest = largest(terrain, along_it.pitch, along_it, of_size=True)
+    softest = largest(terrain, along_it.sinkage, along_it)
+    tightest = largest(terrain, along_it.utilisation, along_it)
+    return replace(
+        route,
+        found=True,
+        verdict=worst(along_it.verdict),
+        length=cost.length,
+        energy=cost.energy,
+        time=cost.time,
+        steepest=steepest and replace(steepest, reason=Reason.NONE),
+        softest=softest and replace(softest, reason=Reason.NONE),
+        tightest=tightest and replace(tightest, value=1.0 - tightest.value),
+        profile=along_it,
+    )
+
+
+def _barred(route: Route, found: tuple[Barrier, ...], nearest: Place, note: str = "") -> Route:
+    """The route with what bars it; unknown where nothing but unknown soil does."""
+    unknown = all(barrier.reason == Reason.SOIL_UNKNOWN for barrier in found)
+    verdict = Verdict.UNKNOWN if unknown else Verdict.NO_GO
+    return replace(route, verdict=verdict, barriers=found, reached=nearest, note=note)
+
+
+def _least_resistance(
+    terrain: Terrain, survey: Survey, can: NDArray[np.bool_], begin: Cell, end: Cell, arc: float
+) -> Path:
+    """The way with the fewest metres that cannot be driven, as seen from above; then the shortest.
+
+    Only where it can be driven does the vehicle back up on it.
+    """
+    rate = np.where(can, np.float32(1.0), np.float32(_BARRED))
+    west, south, east, north = terrain.bounds
+    x, y = survey.grid.columns(survey.window), survey.grid.rows(survey.window)
+    inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))
+    inside[end] = True  # a goal at the very edge may be in a cell whose centre is beyond it
+    level = np.zeros(inside.shape, np.float32)
+    allowed = np.broadcast_to(inside, can.shape)
+    graph = build(rate, allowed, can, level, survey.grid.resolution, arc)
+    starts = graph.number[can[:, *begin], *begin]
+    cost, before = cheapest(graph, starts)
+    goals = graph.at(*end)
+    return along(graph, trace(before, int(goals[np.argmin(cost[goals])])), survey)
+
+
+def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: Cell) -> Place:
+    """The middle of the marked cell that is nearest to another one."""
+    rows, columns = np.nonzero(marked)
+    n = int(np.argmin((rows - end[0]) ** 2 + (columns - end[1]) ** 2))
+    x = survey.grid.columns(survey.window)[columns[n]]
+    y = survey.grid.rows(survey.window)[rows[n]]
+    return place_at(terrain, float(x), float(y))
+
+
+def _inside(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
+    """The cell of a place; refuses what lies outside."""
+    x, y = place
+    name = f"{what}, {x:.12g} {y:.12g},"
+    west, south, east, north = terrain.bounds
+    if not (west <= x <= east and south <= y <= north):
+        raise RequestError(
+            f"{name} lies outside the terrain.",
+            "Give x and y within west south east north "
+            f"{' '.join(f'{side:.12g}' for side in terrain.bounds)}.",
+        )
+    grid, window = survey.grid, survey.window
+    left, top = grid.west + window.column * grid.resolution, grid.bounds[3]
+    top -= window.row * grid.resolution
+    right, low = left + window.width * grid.resolution, top - window.height * grid.resolution
+    if not (left <= x <= right and low <= y <= top):
+        raise RequestError(
+            f"{name} lies outside the part of the terrain that is looked at.",
+            f"Give x and y within west south east north {left:.12g} {low:.12g} {right:.12g} "
+            f"{top:.12g}.",
+        )
+    row, column = cells(survey, x, y)
+    return int(row), int(column)
+
+
+def _cell(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
+    """The cell of a place; refuses what lies outside or on no ground."""
+    cell = _inside(terrain, survey, place, what)
+    if math.isnan(terrain.height(*place)):
+        raise RequestError(
+            f"{what}, {place[0]:.12g} {place[1]:.12g}, is on no ground.",
+            "Give a place that is not in the void.",
+        )
+    return cell
+
+
+def _refuse_standing(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    survey: Survey,
+    can: NDArray[np.bool_],
+    place: tuple[float, float],
+    cell: Cell,
+    what: str,
+) -> None:
+    """Refuse a start where the vehicle cannot be, whatever its heading."""
+    if not can[:, *cell].any():
+        why = _why(terrain, vehicle, survey, place, cell)
+        hint = "Start where the map says go or caution."
+        if why.startswith(Reason.SOIL_UNKNOWN.label):
+            hint = "Give the surface cohesion, fricAngle and sinkage, or start elsewhere."
+        raise RequestError(
+            f"The vehicle cannot stand at {what[0].lower()}{what[1:]}, {place[0]:.12g} "
+            f"{place[1]:.12g}, whatever its heading: {why}.",
+            hint,
+        )
+
+
+def _why(
+    terrain: Terrain, vehicle: Vehicle, survey: Survey, place: tuple[float, float], cell: Cell
+) -> str:
+    """What binds at a cell at the heading that is best there, and what decides the ground."""
+    used = np.nan_to_num(survey.utilisation[:, *cell], nan=np.inf, posinf=np.inf)
+    heading = int(np.argmin(used))
+    reason = Reason(int(survey.reason[heading, *cell]))
+    angle = 2.0 * math.pi * heading / survey.headings
+    by = bars(terrain, vehicle, reason, *place, angle, survey.grid.resolution)
+    return reason.label if reason == Reason.EDGE else f"{reason.label}, by {by}"

@@ -1,0 +1,1 @@
+"""The wheel on soil: formulas, and what they say of a vehicle."""

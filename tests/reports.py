@@ -1,0 +1,172 @@
+"""Reports made by hand: every kind of result, names that markup dislikes, odd numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from terratool.raster.grid import Grid
+from terratool.traversability.results import (
+    Barrier,
+    Extreme,
+    Figures,
+    Place,
+    Profile,
+    Reach,
+    Reason,
+    Report,
+    Route,
+    Summary,
+    Survey,
+    Verdict,
+)
+from terratool.traversability.types import Axle, Overhang, Vehicle, Wheel
+
+NASTY = '<b>"& | `x` *y* _z_ [a](b) \\'
+LONG = "a very long name of a surface, which no table for a terminal could ever show " * 2
+
+ROVER = Vehicle(
+    Wheel(0.125, 0.1, 8.0, 0.8),
+    (Axle(0.3), Axle(0.0, driven=False), Axle(-0.3)),
+    25.0,
+    3.71,
+    track=0.6,
+    cog_height=0.2,
+    clearance=0.15,
+    body_width=0.5,
+    front=Overhang(0.2, 0.2),
+    speed=0.05,
+    power=12.0,
+    name="rover",
+)
+
+GRID = Grid(100.0, 200.0, 0.5, 30, 80)
+"""Oblong, away from 0."""
+
+
+def place(x: float = 110.5, y: float = 210.25, surface: str = "sand", **more: Any) -> Place:
+    return Place(x, y, more.get("height", 1.25), surface, more.get("element", "/elemTree"))
+
+
+SAND = Figures(
+    "sand", "dry-sand", (), 23.2, 1040.0, math.radians(28), 1.8e-4, 0.025, 0.00417, 0.0453,
+    0.00453, 5120.0, 9800.0, 5400.0, 12.3, 4.1, 8.2, 0.61, 0.27, 0.21, math.radians(17.3),
+    Reason.TRACTION, math.radians(21.0), Reason.SIDE_SLIP, 0.031, "torque", 0.11,
+    Verdict.GO, Reason.SLIP, ("z/D is above 0.15, where the model's accuracy ends.",),
+)  # fmt: skip
+ROCK = Figures(
+    "rock", "", (), 23.2, 0.0, math.radians(35), 0.0, None, 0.0, None, None, None, None, None,
+    16.2, 0.0, 16.2, 0.0, 0.0, None, math.radians(35), Reason.TRACTION, math.radians(56.3),
+    Reason.TIP_OVER, 0.052, "friction", 0.2, Verdict.GO, Reason.NONE,
+)  # fmt: skip
+BOG = Figures(
+    LONG, "", (), 23.2, 100.0, 0.01, 0.01, None, 0.232, 0.1, 0.01, 2000.0, math.inf, 0.0, 0.0, 9.0,
+    -9.0, 4.0, math.inf, math.nan, None, Reason.SINKAGE, None, Reason.SINKAGE, 0.0, "sinkage", 0.0,
+    Verdict.NO_GO, Reason.SINKAGE,
+)  # fmt: skip
+BARE = Figures(NASTY, missing=("cohesion", "fricAngle"))
+
+
+def survey(grid: Grid = GRID, headings: int = 8) -> Survey:
+    """Go in the west, caution, no-go, unknown to the east; a hill; no ground in a corner."""
+    shape = (grid.height, grid.width)
+    row, column = np.indices(shape)
+    heights = np.exp(-(((row - 8) / 6) ** 2) - ((column - 20) / 9) ** 2).astype(np.float32)
+    verdict = np.choose(4 * column // grid.width, [1, 2, 3, 0]).astype(np.uint8)
+    reason = np.choose(verdict, [3, 4, 4, 10]).astype(np.uint8)
+    heights[: grid.height // 4, -grid.width // 8 :] = np.nan
+    every = np.broadcast_to(np.float32(0.5), (headings, *shape)).copy()
+    stack = np.stack([verdict] * headings)
+    stack[0][stack[0] == 1] = 2
+    return Survey(
+        grid, grid.whole, heights, np.ones(shape, np.uint8), stack, np.stack([reason] * headings),
+        every, every * 0, every * 0, every * 0.01, every * 0.1, every * 100,
+    )  # fmt: skip
+
+
+def profile(n: int = 200, found: bool = True) -> Profile:
+    """From (105, 202) to (130, 212), over a hill; no-go towards the end unless there is a way."""
+    t = np.linspace(0.0, 1.0, n)
+    verdict = np.where(t < 0.6, 1, 2).astype(np.uint8)
+    if not found:
+        verdict[t > 0.9] = 3
+    slip = np.full(n, 0.1)
+    slip[: n // 3] = np.nan
+    return Profile(
+        105.0 + 25.0 * t, 202.0 + 10.0 * t, np.full(n, 68.0), 26.9 * t, np.sin(3.0 * t),
+        0.004 + 0.004 * (t > 0.5), 0.2 * np.cos(3.0 * t), 0.0 * t, slip, 0.3 + 0.4 * t, verdict,
+        np.where(verdict == 1, 0, 6).astype(np.uint8), ("sand",) * n,
+    )  # fmt: skip
+
+
+WAY = Route(
+    place(105.0, 202.0), place(130.0, 212.0), True, True, Verdict.CAUTION, 27.3, 5230.0, 612.0,
+    Extreme(-0.21, place()), Extreme(0.008, place(surface=NASTY)),
+    Extreme(0.27, place(), Reason.SLIP), profile(),
+)  # fmt: skip
+NO_WAY = Route(
+    place(105.0, 202.0), place(130.0, 212.0, NASTY), False, True, Verdict.NO_GO,
+    barriers=(
+        Barrier(place(121.0, 208.0, "rock"), Reason.STEP, "/elemTree/children/3 (surface 'rock')",
+                0.4),
+        Barrier(place(128.0, 211.0, LONG), Reason.SINKAGE, f"/elemTree ({NASTY})", 2.5),
+    ),
+    reached=place(120.5, 207.5),
+)  # fmt: skip
+WAYPOINTS = Route(
+    place(105.0, 202.0), place(130.0, 212.0), False, False, Verdict.NO_GO, None, math.inf, None,
+    Extreme(0.3, place()), Extreme(0.02, place()), Extreme(-math.inf, place(), Reason.STEP),
+    profile(found=False), NO_WAY.barriers[:1],
+)  # fmt: skip
+
+SUMMARY = Summary(
+    GRID, 8,
+    {Verdict.GO: 600, Verdict.CAUTION: 600, Verdict.NO_GO: 600, Verdict.UNKNOWN: 530},
+    {Verdict.GO: 0, Verdict.CAUTION: 1200, Verdict.NO_GO: 600, Verdict.UNKNOWN: 530},
+    {Reason.TRACTION: 600, Reason.STEP: 599, Reason.SINKAGE: 1},
+    {"sand": {Verdict.GO: 600, Verdict.CAUTION: 600}, "rock": {Verdict.NO_GO: 600},
+     NASTY: {Verdict.UNKNOWN: 500}, "": {Verdict.UNKNOWN: 30}, "unused": {}},
+)  # fmt: skip
+
+ASSUMPTIONS = ("Static, a rigid smooth wheel.", "No bulldozing, no grousers.")
+
+
+def report(**changes: Any) -> Report:
+    """A report with all there can be, unless something else is said."""
+    values: dict[str, Any] = {
+        "terrain": "site & yard.json",
+        "descr": f"A site {NASTY}",
+        "bounds": GRID.bounds,
+        "vehicle": ROVER,
+        "surfaces": (SAND, ROCK, BOG, BARE),
+        "summary": SUMMARY,
+        "verdict": Verdict.NO_GO,
+        "sentence": "There is no way: step at (121, 208), /elemTree/children/3, for 0.4 m.",
+        "routes": (WAY, NO_WAY, WAYPOINTS),
+        "reach": Reach(place(105.0, 202.0), 0.625, 0.5, best_cells()),
+        "preview": survey(),
+        "assumptions": ASSUMPTIONS,
+        "notes": ("The map has 80 × 30 pixels of 0.5 (as asked).",),
+    }
+    return Report(**{**values, **changes})
+
+
+def best_cells() -> np.ndarray:
+    return survey().verdict[0] < 3
+
+
+EMPTY = Summary(GRID, 8, {}, {}, {}, {})
+
+KINDS: dict[str, Report] = {
+    "all": report(),
+    "way": report(routes=(WAY,), verdict=Verdict.CAUTION),
+    "no-way": report(routes=(NO_WAY,)),
+    "map": report(routes=(), reach=None, verdict=Verdict.CAUTION),
+    "wheel": report(vehicle=Vehicle.single(Wheel(0.2, 0.1), 100.0), routes=(), reach=None),
+    "nothing": report(
+        surfaces=(), summary=EMPTY, routes=(), reach=None, preview=None, assumptions=(), notes=(),
+        verdict=Verdict.UNKNOWN, descr="",
+    ),
+}  # fmt: skip

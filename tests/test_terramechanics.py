@@ -1,0 +1,693 @@
+"""A wheel on soil: published figures, closed forms against integrals, and what must hold always."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from terratool.errors import RequestError
+from terratool.traversability.results import Reason, Verdict
+from terratool.traversability.terramechanics import kernels, loads, obstacles, slopes, wheel
+from terratool.traversability.terramechanics.classes import Measure, classify, torque_share
+from terratool.traversability.terramechanics.demand import demand
+from terratool.traversability.types import Axle, Soil, Vehicle, Wheel
+
+WHEEL = Wheel(0.2, 0.1)
+E1 = Soil.of(1, 30, 0.1)
+E2 = Soil.of(1, 30, 0.1, 0.025)
+E3 = Soil.of(0.5, 25, 0.2)
+ROVER = Vehicle(
+    WHEEL, (Axle(0.5), Axle(-0.5)), 400 / 9.80665, track=0.8, cog_height=0.4, clearance=0.15
+)
+
+
+def printed(value: Any, text: str) -> bool:
+    """Whether a value is a printed number, to its last digit."""
+    number = float(text)
+    digits = len(text.replace(".", "").lstrip("0"))
+    return float(f"{float(value):.{digits}g}") == number
+
+
+def one(torque: float = math.inf, slip: float = 1.0, load: float = 100.0) -> Vehicle:
+    return Vehicle.single(Wheel(0.2, 0.1, torque, slip), load)
+
+
+# The figures of the model, worked out by hand and by integration elsewhere
+
+
+@pytest.mark.parametrize(
+    ("load", "soil", "slip", "expected"),
+    [
+        (100, E1, 1.0, "0.01 0.3175604 1 0.003168938 29107.23 17805.07 11.30837 55.71340 14.58427 "
+                       "41.12913"),
+        (100, E2, 0.3, "0.01 0.3175604 0.3344091 0.003168938 30947.98 6309.572 4.007340 19.74313 "
+                       "15.50658 4.236546"),
+        (200, E3, 1.0, "0.04 0.6435011 1 0.006379688 28455.59 13769.06 17.72081 83.33451 57.40728 "
+                       "25.92723"),
+    ],
+    ids=["E1", "E2", "E3"],
+)  # fmt: skip
+def test_reference_values(load: float, soil: Soil, slip: float, expected: str) -> None:
+    """Contact, stresses and forces to every printed digit."""
+    here = wheel.contact(load, soil, WHEEL)
+    best = wheel.traction(load, soil, WHEEL, slip)
+    values = (
+        here.sinkage, here.entry_angle, best.mobilised, here.effective_area, best.normal_stress,
+        best.shear_stress, best.torque, best.thrust, best.resistance, best.drawbar,
+    )  # fmt: skip
+    for value, text in zip(values, expected.split(), strict=True):
+        assert printed(value, text), (value, text)
+    assert not best.motor
+
+
+def test_reference_values_of_slip_and_contact() -> None:
+    """Displacement, area and pressure."""
+    here = wheel.contact(100, E2, WHEEL)
+    displacement, _ = wheel.mobilised(here.half_angle, 0.025, 0.3, 0.2)
+    assert printed(displacement, "0.010177")
+    assert printed(here.area, "0.006244998")
+    assert printed(here.pressure, "16012.82")
+    assert here.length * 0.1 == here.area
+
+
+def test_reference_values_of_a_weak_motor() -> None:
+    """5 N m: the motor limits, and is said to."""
+    best = wheel.traction(100, E1, Wheel(0.2, 0.1, 5))
+    assert printed(best.shear_stress, "7872.517")
+    assert printed(best.normal_stress, "30697.71")
+    assert printed(best.drawbar, "9.252521")
+    assert best.torque == 5
+    assert best.motor
+
+
+def test_reference_values_of_a_demand() -> None:
+    """On the level, and at 15 degrees where slip forbids what strength alone would permit."""
+    level = demand(100, E2, WHEEL)
+    assert printed(level.torque, "3.168930")
+    assert printed(level.utilisation, "0.2627449")
+    assert printed(level.slip, "0.2170711")
+    slope = math.radians(15)
+    up = demand(100 * math.cos(slope), E2, WHEEL, 100 * math.sin(slope))
+    assert printed(up.torque, "8.132018")
+    assert printed(up.utilisation, "0.7261252")
+    assert printed(up.slip, "1.0386")
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "soil", "expected", "reason"),
+    [
+        (one(), E1, "22.77716", Reason.TRACTION),
+        (one(torque=5), E1, "5.369311", Reason.TORQUE),
+        (one(slip=0.3), E2, "2.425650", Reason.SLIP),
+        (one(), Soil.of(0, 30, 0.1), "21.21888", Reason.TRACTION),
+        (one(load=200), E3, "7.470916", Reason.TRACTION),
+        (ROVER, E1, "22.39744", Reason.TRACTION),
+        (
+            Vehicle(Wheel(0.2, 0.1, 12), ROVER.axles, ROVER.mass, track=0.8, cog_height=0.4),
+            E1, "20.25159", Reason.TORQUE,
+        ),
+    ],
+)  # fmt: skip
+def test_reference_values_of_slopes(
+    vehicle: Vehicle, soil: Soil, expected: str, reason: Reason
+) -> None:
+    """The largest slope, and what limits it."""
+    found = slopes.climb(vehicle, soil)
+    assert found.possible
+    assert printed(math.degrees(found.angle), expected)
+    assert found.reason == reason
+
+
+def test_a_wheel_that_is_immobile_on_the_level_climbs_nothing() -> None:
+    """Whatever a slope would take off its load."""
+    found = slopes.climb(one(load=200), Soil.of(2, 10, 0.2))
+    assert not found.possible
+    assert found.angle == 0
+    assert found.reason == Reason.TRACTION
+
+
+def test_a_wheel_that_lifts_ends_the_climb() -> None:
+    """Friction would do; the front wheels of a top-heavy vehicle lift at atan(l_r/h_cg)."""
+    tall = Vehicle(WHEEL, (Axle(0.6), Axle(-0.4)), 40.0, track=0.8, cog_height=1.0)
+    found = slopes.climb(tall, Soil.of(0, 60, 0))
+    assert found.angle == pytest.approx(math.atan(0.4))
+    assert found.reason == Reason.TIP_OVER
+
+
+def test_the_motor_is_named_where_it_gives_less_than_slip_would_allow() -> None:
+    """4.007 N m at a slip of 0.3: 3.5 bind, 4.1 do not."""
+    assert slopes.climb(one(torque=3.5, slip=0.3), E2).reason == Reason.TORQUE
+    assert slopes.climb(one(torque=4.1, slip=0.3), E2).reason == Reason.SLIP
+
+
+def test_reference_values_of_side_slip_and_tip_over() -> None:
+    """With a centre of gravity at the ground loads are equal, as the closed form has it."""
+    flat = Vehicle(WHEEL, ROVER.axles, ROVER.mass, track=0.8)
+    assert printed(math.degrees(slopes.side_slip(flat, E1).angle), "32.84723")
+    assert printed(math.degrees(loads.tip_over(ROVER)[0]), "45")
+    assert slopes.side_slip(ROVER, E1).angle < slopes.side_slip(flat, E1).angle
+
+
+def test_reference_values_of_obstacles() -> None:
+    """Steps alone, pushed and by torque, gaps, crests, ramps."""
+    assert printed(obstacles.step_alone(0.2, 0.7), "0.03615362")
+    assert printed(obstacles.step_pushed(0.2, 0.7, 0.7), "0.1315436")
+    assert printed(obstacles.step_torque(0.2, 100, 5), "0.006350833")
+    assert printed(obstacles.gap_width(0.2, obstacles.step_alone(0.2, 0.7)), "0.2293849")
+    assert printed(math.degrees(obstacles.breakover(1, 0.2, 0.15)), "35.48709")
+    assert printed(math.degrees(obstacles.approach(0.2, 0.3, 0.15)), "31.65446")
+
+
+def test_reference_values_from_stresses() -> None:
+    """Forces from stresses, and the way back."""
+    small = Wheel(0.15, 0.08)
+    load, torque, drawbar = wheel.forces_from(20000, 12000, 1.0, small)
+    assert printed(load, "136.939619")
+    assert printed(torque, "10.8")
+    assert printed(drawbar, "5.538047")
+    back = wheel.stresses_from(load, torque, 1.0, small)
+    assert back == pytest.approx((20000, 12000), rel=1e-12)
+
+
+# Against the integrals that the closed forms stand for
+
+RADII = st.floats(0.05, 1.0)
+SOILS = st.builds(
+    Soil.of, st.floats(0, 20), st.floats(0, 50), st.floats(0.002, 0.5),
+    st.one_of(st.just(0.0), st.floats(0.005, 0.05)),
+)  # fmt: skip
+LOADS = st.floats(1, 2000)
+
+
+@given(RADII, st.floats(0.1, 2.0), st.floats(0, 1e5), st.floats(0, 1e5))
+@settings(max_examples=50)
+def test_forces_are_the_integrals_of_the_stresses(
+    radius: float, entry: float, normal: float, shear: float
+) -> None:
+    """W, DP and T of two triangles of stress, by Gauss's rule on each half of the arc."""
+    width = 0.3
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    half = 0.5 * entry
+    low, high = 0.5 * half * (nodes + 1), half + 0.5 * half * (nodes + 1)
+    angle = np.concatenate([low, high])
+    rise = np.concatenate([low / half, (entry - high) / half])
+    area = np.tile(weights, 2) * 0.5 * half * radius * width
+    expected = (
+        np.sum(area * rise * (normal * np.cos(angle) + shear * np.sin(angle))),
+        np.sum(area * rise * shear) * radius,
+        np.sum(area * rise * (shear * np.cos(angle) - normal * np.sin(angle))),
+    )
+    found = wheel.forces_from(normal, shear, entry, Wheel(radius, width))
+    scale = radius * width * (normal + shear)
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * scale)
+
+
+@given(RADII, SOILS, LOADS, st.floats(0, 1))
+@settings(max_examples=100)
+def test_a_driven_wheel_is_in_equilibrium(
+    radius: float, soil: Soil, load: float, slip: float
+) -> None:
+    """The stresses bear the load, and the pull that they give needs the torque that they take."""
+    tyre = Wheel(radius, 0.3)
+    here = wheel.contact(load, soil, tyre)
+    assume(not here.rigid and here.sinkage < radius)
+    best = wheel.traction(load, soil, tyre, slip)
+    forces = wheel.forces_from(best.normal_stress, best.shear_stress, here.entry_angle, tyre)
+    assert forces == pytest.approx((load, best.torque, best.drawbar), rel=1e-9, abs=1e-9 * load)
+    need = demand(load, soil, tyre, best.drawbar)
+    assert need.torque == pytest.approx(best.torque, rel=1e-9, abs=1e-9 * load)
+    assert best.normal_stress >= 0
+    if best.normal_stress > 0 and best.shear_stress > 1e-3 * best.normal_stress:
+        assert need.utilisation == pytest.approx(best.mobilised, rel=1e-7, abs=1e-9)
+
+
+@given(SOILS, LOADS, st.floats(0.05, 0.95))
+@settings(max_examples=100)
+def test_slip_is_that_which_mobilises_the_strength(soil: Soil, load: float, share: float) -> None:
+    """Janosi and Hanamoto's law, there and back; by plain arithmetic, not by the kernels."""
+    here = wheel.contact(load, soil, WHEEL)
+    assume(soil.shear_modulus > 0 and here.sinkage < 0.2 and not here.rigid)
+    h = float(here.half_angle)
+    slip = kernels.slip_for(h, 0.2, soil.shear_modulus, share)
+    assume(slip > 0)
+    j = 0.2 * (h - (1 - slip) * (math.sin(2 * h) - math.sin(h)))
+    assert 1 - math.exp(-j / soil.shear_modulus) == pytest.approx(share, rel=1e-8)
+
+
+# What must hold for any soil and load
+
+
+@given(SOILS, LOADS, st.floats(0, 1), st.floats(0.01, 5), st.floats(0.1, 10))
+@settings(max_examples=100)
+def test_stronger_soil_never_pulls_less(
+    soil: Soil, load: float, slip: float, cohesion: float, friction: float
+) -> None:
+    """Thrust and drawbar pull grow with cohesion and with friction, resistance does not."""
+    more = Soil(soil.cohesion + 1e3 * cohesion, soil.friction, soil.sinkage, soil.shear_modulus)
+    rough = Soil(
+        soil.cohesion, soil.friction + math.radians(friction), soil.sinkage, soil.shear_modulus
+    )
+    weak = wheel.traction(load, soil, WHEEL, slip)
+    for strong in (wheel.traction(load, s, WHEEL, slip) for s in (more, rough)):
+        slack = 1e-9 * load
+        assert strong.drawbar >= weak.drawbar - slack
+        assert strong.torque >= weak.torque - slack
+        assert strong.resistance <= weak.resistance + slack
+
+
+@given(SOILS, LOADS, st.floats(1.01, 3), st.floats(0, 30))
+@settings(max_examples=100)
+def test_more_load_sinks_deeper_and_resists_more(
+    soil: Soil, load: float, times: float, pull: float
+) -> None:
+    """So it is for the same soil; and more pull needs more torque and more of its strength."""
+    light, heavy = (wheel.contact(w, soil, WHEEL) for w in (load, times * load))
+    assert heavy.sinkage > light.sinkage
+    towed = [wheel.towed_resistance(w, soil, WHEEL) for w in (load, times * load)]
+    assert towed[1] >= towed[0] * times
+    less, more = demand(load, soil, WHEEL, pull), demand(load, soil, WHEEL, pull + 1)
+    assert more.torque > less.torque
+    assert more.utilisation >= less.utilisation
+    assert more.slip >= less.slip
+
+
+@given(SOILS, LOADS, st.floats(0.0, 0.6))
+@settings(max_examples=100)
+def test_soft_ground_becomes_rigid_ground(soil: Soil, load: float, pull: float) -> None:
+    """As k falls to 0 the formulas tend to those of rigid ground, without a jump at its edge."""
+    friction = math.tan(soil.friction)
+    force = pull * load
+    hard = Soil(soil.cohesion, soil.friction, 0.0)
+    expected = wheel.traction(load, hard, WHEEL)
+    assert expected.drawbar == expected.thrust == pytest.approx(load * friction)
+    assert expected.torque == pytest.approx(0.2 * load * friction)
+    assert expected.resistance == 0
+    need = demand(load, hard, WHEEL, force)
+    assert need.torque == pytest.approx(0.2 * force)
+    for sinkage in (1.001e-6, 4e-6):
+        soft = Soil(soil.cohesion, soil.friction, sinkage / load)
+        assert not wheel.contact(load, soft, WHEEL).rigid
+        h = float(wheel.contact(load, soft, WHEEL).half_angle)
+        gap = 1.5 * load * h + 1.5 * soil.cohesion * 0.2 * 0.1 * h  # of what vanishes with h
+        found = wheel.traction(load, soft, WHEEL)
+        assert found.drawbar == pytest.approx(expected.drawbar, abs=gap * (1 + friction) ** 2)
+        assert found.torque == pytest.approx(expected.torque, abs=gap * (1 + friction) ** 2)
+        assert demand(load, soft, WHEEL, force).torque == pytest.approx(need.torque, abs=gap)
+
+
+NUMBERS = st.one_of(st.just(0.0), st.floats(1e-30, 1e30), st.floats(0.01, 100))
+SIZES = st.one_of(st.floats(1e-30, 1e30), st.floats(0.01, 2))
+ANY_SOIL = st.builds(Soil, NUMBERS, st.one_of(st.just(0.0), st.floats(0, 1.5707)), NUMBERS, NUMBERS)
+
+
+@given(SIZES, SIZES, NUMBERS, ANY_SOIL, st.floats(0, 1), st.floats(-1e30, 1e30), NUMBERS)
+@settings(max_examples=300)
+def test_nothing_that_is_accepted_gives_nan(
+    radius: float, width: float, load: float, soil: Soil, slip: float, pull: float, torque: float
+) -> None:
+    """However large or small; 0 for each of them, too."""
+    tyre = Wheel(radius, width, torque)
+    wheel.check(load, soil, tyre)
+    with np.errstate(all="ignore"):
+        found = [
+            wheel.contact(load, soil, tyre), wheel.traction(load, soil, tyre, slip),
+            demand(load, soil, tyre, pull), demand(load, soil, tyre, load * 0.3),
+        ]  # fmt: skip
+        singles = [
+            wheel.towed_resistance(load, soil, tyre), wheel.lateral_grip(load, soil, tyre),
+            torque_share(found[2].torque, torque), obstacles.step_torque(radius, load, torque),
+        ]  # fmt: skip
+    for value in found:
+        for name in value.__slots__:
+            assert not math.isnan(getattr(value, name)), (type(value).__name__, name)
+    assert not any(map(math.isnan, singles))
+
+
+@given(st.floats(1, 1e6), ANY_SOIL, NUMBERS, st.floats(0.01, 1))
+@settings(max_examples=100, deadline=None)
+def test_no_vehicle_gives_nan(mass: float, soil: Soil, torque: float, slip: float) -> None:
+    """Slopes and shared demands are numbers, too, for any soil."""
+    vehicle = Vehicle(
+        Wheel(0.2, 0.1, torque, slip), (Axle(0.5), Axle(-0.4, driven=False)), mass, track=0.8,
+        cog_height=0.4,
+    )  # fmt: skip
+    for found in (slopes.climb(vehicle, soil), slopes.side_slip(vehicle, soil)):
+        assert 0 <= found.angle <= math.pi / 2
+    for pull in (0.0, 0.3 * vehicle.weight, -0.3 * vehicle.weight):
+        assert not any(map(math.isnan, driven(vehicle, soil, pull)))
+
+
+# A load that bears nothing, and no strength at all
+
+
+def test_without_load_there_are_no_forces() -> None:
+    """W = 0: nothing is borne, nothing is pushed."""
+    here, best = wheel.contact(0, E1, WHEEL), wheel.traction(0, E1, WHEEL)
+    assert (here.sinkage, here.pressure) == (0, 0)
+    assert (best.thrust, best.drawbar, best.torque) == (0, 0, 0)
+    assert demand(0, E1, WHEEL).utilisation == 0
+    assert demand(0, E1, WHEEL, 1).utilisation == math.inf
+
+
+def test_rigid_ground_does_not_slip() -> None:
+    """Whatever K is; friction alone acts, and all of it."""
+    rock = Soil.of(5, 35, 0, 0.01)
+    found = demand(100, rock, WHEEL, np.array([0.0, 60.0]))
+    assert found.slip.tolist() == [0, 0]  # type: ignore[union-attr]
+    assert found.utilisation == pytest.approx([0, 0.6 / math.tan(math.radians(35))])
+    assert wheel.traction(100, rock, WHEEL, 0.1).thrust == pytest.approx(70.02075)
+
+
+def test_without_strength_there_is_no_traction() -> None:
+    """c = φ = 0: it only resists, as a towed wheel does."""
+    water = Soil.of(0, 0, 0.1)
+    best = wheel.traction(100, water, WHEEL)
+    assert (best.thrust, best.torque) == (0, 0)
+    assert best.drawbar == pytest.approx(-wheel.towed_resistance(100, water, WHEEL))
+    assert demand(100, water, WHEEL).utilisation == math.inf
+    assert not slopes.climb(one(), water).possible
+
+
+def test_soil_that_cohesion_alone_would_hold_up_does_not_pull_on_the_wheel() -> None:
+    """b c k of 6.9: normal stress is 0, not below, and the shear stress bears the load."""
+    found = wheel.traction(100, Soil.of(69, 20, 1.0), WHEEL)
+    half = math.asin(math.sqrt(0.1 / 0.4))
+    assert found.normal_stress == found.resistance == 0
+    assert found.drawbar == pytest.approx(100 / math.tan(half))
+    assert demand(100, Soil.of(69, 20, 1.0), WHEEL, 101 / math.tan(half)).utilisation == math.inf
+
+
+def test_all_broadcasts() -> None:
+    """Arrays of loads, soils and pulls, of different shapes; each number as if it were alone."""
+    weights = np.array([0.0, 50.0, 100.0])
+    soil = Soil.of(np.array([[0.0], [1.0]]), 30, np.array([[0.0], [0.1]]), 0.02)
+    found = demand(weights, soil, WHEEL, 5.0)
+    assert found.torque.shape == (2, 3)
+    for row, column in np.ndindex(2, 3):
+        alone = Soil(
+            *(
+                float(np.ravel(v)[row if np.ndim(v) else 0])
+                for v in (soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus)
+            )
+        )
+        expected = demand(weights[column], alone, WHEEL, 5.0)
+        for name in expected.__slots__:
+            assert getattr(found, name)[row, column] == getattr(expected, name)
+
+
+# Soils from measurements
+
+
+def test_a_soil_is_found_again_from_its_stresses() -> None:
+    """Least squares over loads give c and φ back, with and without what slip mobilises."""
+    weights = np.array([50.0, 100.0, 220.0])
+    for soil, slip in ((E1, 1.0), (E2, 0.3)):
+        best = wheel.traction(weights, soil, WHEEL, slip)
+        found = wheel.identify(best.normal_stress, best.shear_stress, best.mobilised)
+        assert found == pytest.approx((1000, math.radians(30)), rel=1e-9)
+
+
+@pytest.mark.parametrize("stresses", [([1e4], [1e3]), ([1e4, 1e4], [1, 2]), ([], [])])
+def test_a_soil_is_not_found_from_one_load(stresses: Any) -> None:
+    """One sentence says what to measure."""
+    with pytest.raises(RequestError, match=r"cannot be told apart .* two or more"):
+        wheel.identify(*stresses)
+
+
+@pytest.mark.parametrize(
+    ("load", "soil", "tyre", "words"),
+    [
+        (math.nan, E1, WHEEL, "load"), (-1, E1, WHEEL, "load"), (1e31, E1, WHEEL, "load"),
+        (1, Soil(-1, 0, 0), WHEEL, "cohesion"), (1, Soil(math.inf, 0, 0), WHEEL, "cohesion"),
+        (1, Soil.of(0, 90, 0), WHEEL, "friction angle"),
+        (1, Soil.of(0, -1, 0), WHEEL, "friction angle"),
+        (1, Soil(0, 0, -1), WHEEL, "sinkage"), (1, Soil(0, 0, 0, -1), WHEEL, "shear modulus"),
+        (1, E1, Wheel(0, 1), "radius"), (1, E1, Wheel(math.nan, 1), "radius"),
+        (1, E1, Wheel(1, -1), "width"), (1, E1, Wheel(1, 1, -1), "torque"),
+        (1, E1, Wheel(1, 1, math.nan), "torque"), (1, E1, Wheel(1, 1, 1, 0), "slip"),
+        (1, E1, Wheel(1, 1, 1, 1.1), "slip"), (np.array([1, -1]), E1, WHEEL, "load"),
+    ],
+)  # fmt: skip
+def test_refusals(load: Any, soil: Soil, tyre: Wheel, words: str) -> None:
+    """One sentence names what is out of its range."""
+    with pytest.raises(RequestError, match=words):
+        wheel.check(load, soil, tyre)
+
+
+def test_a_vehicle_without_wheels_is_refused() -> None:
+    """Nobody could say what bears it."""
+    with pytest.raises(RequestError, match="no wheels"):
+        loads.layout(Vehicle(WHEEL, (), 40.0))
+
+
+def test_remarks() -> None:
+    """Angles above 50°, deep ruts and hard ground that hardly shears are told of, nothing else."""
+
+    def words(soil: Soil, load: float = 100) -> str:
+        return " ".join(wheel.remarks(load, soil, WHEEL))
+
+    assert words(E1) == words(E2) == words(Soil.of(0, 50, 0, 0.01)) == ""
+    assert "friction angle of 51°" in words(Soil.of(0, 51, 0))
+    assert words(Soil.of(1, 30, 0.6)) == ""  # z/D is 0.15
+    assert "accurate up to 0.15" in words(Soil.of(1, 30, 0.61))
+    assert "to its axle" in words(Soil.of(1, 30, 2))
+    assert "even at slip 1" in words(Soil.of(1, 30, 0.003, 0.02))
+
+
+# Vehicles
+
+
+def driven(vehicle: Vehicle, soil: Soil, pull: float, pitch: float = 0.0) -> tuple[float, ...]:
+    """`kernels.drive` for a vehicle that heads up a slope."""
+    plan, tyre = loads.layout(vehicle), vehicle.wheel
+    weights = loads.wheel_loads(vehicle, pitch)
+    like = np.ones_like(weights)
+    half = np.asarray(wheel.contact(weights, soil, tyre).half_angle)
+    return kernels.drive(  # type: ignore[no-any-return]
+        weights, half, soil.cohesion * like, math.tan(soil.friction) * like,
+        soil.shear_modulus * like, plan.driven, pull, tyre.radius, tyre.width, tyre.max_torque,
+    )  # fmt: skip
+
+
+AXLES = st.sampled_from([
+    (Axle(0.5), Axle(-0.5)),
+    (Axle(0.3, driven=False), Axle(-0.6)),
+    (Axle(0.7), Axle(0.1), Axle(-0.5)),
+    (Axle(0.6, 1, driven=False), Axle(-0.2)),
+    (Axle(0.4), Axle(-0.5, 4)),
+])  # fmt: skip
+
+
+@given(AXLES, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+@settings(max_examples=100)
+def test_loads_are_in_equilibrium(axles: tuple[Axle, ...], pitch: float, roll: float) -> None:
+    """Forces and moments of wheels and weight are 0, unless a wheel would be pulled up."""
+    vehicle = Vehicle(WHEEL, axles, 60.0, track=0.9, cog_height=0.3)
+    plan = loads.layout(vehicle)
+    found = loads.wheel_loads(vehicle, pitch, roll)
+    # gravity as a plane z = x tan(pitch) + y tan(roll) has it
+    normal = np.array([-math.tan(pitch), -math.tan(roll), 1.0])
+    normal /= np.linalg.norm(normal)
+    forward = np.array([math.cos(pitch), 0.0, math.sin(pitch)])
+    left = np.cross(normal, forward)
+    weight = np.array([0.0, 0.0, -vehicle.weight])
+    assert found.sum() == pytest.approx(-weight @ normal)
+    if found.min() > 0.0:
+        assert found @ plan.x == pytest.approx(0.3 * (weight @ forward), abs=1e-9)
+        assert found @ plan.y == pytest.approx(0.3 * (weight @ left), abs=1e-9)
+
+
+def test_the_lower_wheels_bear_more() -> None:
+    """Nose up loads the rear, the left side up the right; mirrored signs would be seen."""
+    up = loads.wheel_loads(ROVER, pitch=0.3)
+    assert up[0] == up[1] < up[2] == up[3]
+    tilted = loads.wheel_loads(ROVER, roll=0.3)
+    assert tilted[0] == tilted[2] < tilted[1] == tilted[3]
+    sharp = loads.wheel_loads(ROVER, roll=1.2)
+    assert sharp[0] == 0
+    assert sharp.sum() == pytest.approx(400 * math.cos(1.2))
+
+
+@pytest.mark.parametrize("pitch", [0.05, 0.2, 0.5])
+def test_loads_of_two_axles_are_those_of_the_textbook(pitch: float) -> None:
+    """W_front = (m g/L)(l_r cos α − h sin α), with the centre of gravity off the middle."""
+    vehicle = Vehicle(WHEEL, (Axle(0.3), Axle(-0.7)), 50.0, track=0.6, cog_height=0.35)
+    front = vehicle.weight * (0.7 * math.cos(pitch) - 0.35 * math.sin(pitch))
+    rear = vehicle.weight * (0.3 * math.cos(pitch) + 0.35 * math.sin(pitch))
+    found = loads.wheel_loads(vehicle, pitch)
+    assert found == pytest.approx([front / 2, front / 2, rear / 2, rear / 2])
+
+
+def test_tip_over_looks_to_the_edge_downhill() -> None:
+    """The centre of gravity is nearer to the front: it tips forwards first."""
+    vehicle = Vehicle(WHEEL, (Axle(0.3), Axle(-0.7)), 50.0, track=0.6, cog_height=0.4)
+    expected = (math.atan(0.3 / 0.4), math.atan(0.7 / 0.4), math.atan(0.3 / 0.4))
+    assert loads.tip_over(vehicle) == pytest.approx(expected)
+    # with one wheel in front it tips sideways over a slanting edge, whose distance is less
+    trike = Vehicle(WHEEL, (Axle(0.6, 1), Axle(-0.3)), 50.0, track=0.8, cog_height=0.4)
+    length = math.hypot(0.9, 0.4)
+    away = 0.4 * 0.6 / length  # of the edge from the centre of gravity
+    assert loads.tip_over(trike)[0] == pytest.approx(math.atan(away / 0.4 * length / 0.9))
+    assert loads.tip_over(one()) == (math.pi / 2,) * 3
+
+
+@given(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2))
+@settings(max_examples=100)
+def test_it_tips_where_its_weight_leaves_the_supports(pitch: float, roll: float) -> None:
+    """The line of gravity through the centre of gravity meets the plane within the rectangle."""
+    vehicle = Vehicle(WHEEL, (Axle(0.3), Axle(-0.7)), 50.0, track=0.6, cog_height=0.4)
+    forward, left, down = kernels.gravity(math.tan(pitch), math.tan(roll))
+    x, y = 0.4 * forward / down, 0.4 * left / down
+    share = kernels.tipping(loads.layout(vehicle).edges, forward, left, down)
+    inside = -0.7 < x < 0.3 and abs(y) < 0.3
+    assert (share < 1) == inside
+
+
+@given(SOILS, st.floats(0, 0.5))
+@settings(max_examples=60, deadline=None)
+def test_four_equal_wheels_need_what_one_needs(soil: Soil, pull: float) -> None:
+    """With equal loads, sharing is dividing."""
+    vehicle = Vehicle(WHEEL, ROVER.axles, 40.0, track=0.8)
+    weight = vehicle.weight / 4
+    alone = demand(weight, soil, WHEEL, pull * weight)
+    used, torque, slip, torques = driven(vehicle, soil, 4 * pull * weight)
+    assume(alone.utilisation < 1)
+    assert used == pytest.approx(alone.utilisation, rel=1e-8, abs=1e-10)
+    assert torque == pytest.approx(alone.torque, rel=1e-8, abs=1e-8 * weight)
+    assert torques == pytest.approx(4 * alone.torque, rel=1e-8, abs=1e-8 * weight)
+    assert slip == pytest.approx(alone.slip, rel=1e-6, abs=1e-6)
+
+
+def test_driven_wheels_push_what_towed_ones_resist() -> None:
+    """A rear-driven vehicle: the fronts resist W tan h, and each rear wheel pushes one of them."""
+    vehicle = Vehicle(WHEEL, (Axle(0.5, driven=False), Axle(-0.5)), 40.0, track=0.8)
+    weight = vehicle.weight / 4
+    towed = weight * math.tan(math.asin(math.sqrt(1e-4 * weight / 0.4)))
+    alone = demand(weight, E1, WHEEL, towed)
+    used, torque, _, torques = driven(vehicle, E1, 0.0)
+    assert (used, torque) == pytest.approx((alone.utilisation, alone.torque))
+    assert torques == pytest.approx(2 * alone.torque)
+    all_driven = Vehicle(WHEEL, ROVER.axles, 40.0, track=0.8)
+    assert slopes.climb(vehicle, E1).angle < slopes.climb(all_driven, E1).angle / 2 + 0.01
+
+
+@pytest.mark.parametrize("torque", [math.inf, 12.0, 11.0])
+@pytest.mark.parametrize("soil", [E1, Soil.of(0, 35, 0), Soil.of(3, 20, 0.05, 0.02)])
+def test_the_largest_slope_is_where_the_demand_is_met_just_so(torque: float, soil: Soil) -> None:
+    """`climb` and `drive` are of one mind: a little below it goes, a little above it does not."""
+    vehicle = Vehicle(
+        Wheel(0.2, 0.1, torque, 0.6), (Axle(0.5), Axle(-0.4)), 40.0, track=0.8, cog_height=0.4
+    )
+    limit = float(slopes.climb(vehicle, soil).angle)
+    for pitch, goes in ((limit - 1e-6, True), (limit + 1e-6, False)):
+        used, most, slip, _ = driven(vehicle, soil, vehicle.weight * math.sin(pitch), pitch)
+        assert (used < 1 and most <= torque and slip <= 0.6) == goes, (used, most, slip)
+
+
+def test_a_wheel_at_its_motors_limit_leaves_the_rest_to_the_others() -> None:
+    """The rear ones bear more; they are at their limit, and the front ones push more for it."""
+    vehicle = Vehicle(Wheel(0.2, 0.1, 12), ROVER.axles, ROVER.mass, track=0.8, cog_height=0.4)
+    pitch = math.radians(20)
+    pull = vehicle.weight * math.sin(pitch)
+    free = driven(
+        Vehicle(WHEEL, ROVER.axles, ROVER.mass, track=0.8, cog_height=0.4), E1, pull, pitch
+    )
+    held = driven(vehicle, E1, pull, pitch)
+    assert free[1] > 12
+    assert held[1] == 12
+    assert held[0] > free[0]
+    assert driven(vehicle, E1, 1.1 * pull, pitch)[1] > 12  # too much: what it would have needed
+
+
+def test_to_be_held_back_is_no_slip_but_takes_strength() -> None:
+    """Downhill beyond what it resists by itself: the torque is below 0."""
+    used, torque, slip, torques = driven(ROVER, E2, -200.0, -0.5)
+    assert 0 < used < 1
+    assert torque > 0 > torques
+    assert slip == 0
+
+
+# Obstacles
+
+
+def test_the_push_of_others_helps_over_a_step() -> None:
+    """Front wheels that are not driven get up less; with equal 4WD it is 2 r μ²/(1 + μ²)."""
+
+    def rover(*axles: Axle, torque: float = math.inf) -> Vehicle:
+        return Vehicle(Wheel(0.2, 0.1, torque), axles, 40.0, track=0.8)
+
+    four, four_limit = obstacles.step_of(rover(Axle(0.5), Axle(-0.5)), 0.7)
+    assert four == pytest.approx(2 * 0.2 * 0.49 / 1.49)
+    assert four_limit == "friction"
+    rear, _ = obstacles.step_of(rover(Axle(0.5, driven=False), Axle(-0.5)), 0.7)
+    assert rear == pytest.approx(0.2 * (1 - math.cos(math.atan(0.7))))
+    assert obstacles.step_of(one(), 0.7)[0] == pytest.approx(obstacles.step_alone(0.2, 0.7))
+    six, limit = obstacles.step_of(rover(Axle(0.5), Axle(0), Axle(-0.5)), 0.9)
+    assert (six, limit) == (0.2, "wheel radius")
+    weak, limit = obstacles.step_of(rover(Axle(0.5), Axle(-0.5), torque=5), 0.7)
+    assert weak == pytest.approx(float(obstacles.step_torque(0.2, 10 * 9.80665, 5)))
+    assert limit == "motor torque"
+    assert obstacles.step_of(ROVER, 3.0) == (0.15, "clearance")
+    assert obstacles.step_of(ROVER, 0.0)[0] == 0
+
+
+def test_crests_and_ramps_that_nothing_can_touch() -> None:
+    """No body, no overhang, an end within the wheel: no limit; a body on the ground: none left."""
+    assert obstacles.breakover(1.0, 0.2, math.inf) == obstacles.NO_LIMIT
+    assert obstacles.breakover(0.0, 0.2, 0.1) == obstacles.NO_LIMIT
+    assert obstacles.breakover(1.0, 0.2, 0.0) == pytest.approx(0, abs=1e-12)
+    assert obstacles.breakover(0.3, 0.2, 0.15) == obstacles.NO_LIMIT  # wheels hide the belly
+    assert obstacles.approach(0.2, 0.3, math.inf) == obstacles.NO_LIMIT
+    assert obstacles.approach(0.2, 0.1, 0.25) == obstacles.NO_LIMIT
+    assert obstacles.clearance_left(0.2, 0.25) == pytest.approx(-0.05)
+
+
+@given(st.floats(0.3, 3), st.floats(0.05, 0.4), st.floats(0.01, 0.3))
+@settings(max_examples=60)
+def test_breakover_by_rolling_over_a_crest(length: float, radius: float, clearance: float) -> None:
+    """Two planes that meet at the middle of the belly, and wheels on them: exact geometry."""
+    angle = float(obstacles.breakover(length, radius, clearance))
+    assume(0.01 < angle < 2.5)
+    # the belly's middle lies on the crest, each plane falls at half the angle: a wheel on it
+    slope = angle / 2
+    centre = np.array([length / 2, radius - clearance])  # seen from the belly's middle
+    normal = np.array([math.sin(slope), math.cos(slope)])
+    assert centre @ normal == pytest.approx(radius, rel=1e-9)
+
+
+# Classes
+
+
+def test_classes_of_one_measure() -> None:
+    """Below the threshold go, up to the limit caution, beyond it no-go; strict ones at it."""
+    shares = np.array([0, 0.69, 0.7, 1, 1.001, np.inf])
+    loose = classify([Measure(Reason.STEP, shares, 0.7)])
+    strict = classify([Measure(Reason.TRACTION, shares, 0.7, True)])
+    go, caution, no_go = Verdict.GO, Verdict.CAUTION, Verdict.NO_GO
+    assert loose.verdict.tolist() == [go, go, caution, caution, no_go, no_go]
+    assert strict.verdict.tolist() == [go, go, caution, no_go, no_go, no_go]
+    assert loose.utilisation.tolist() == shares.tolist()
+
+
+def test_the_measure_that_binds_most_is_named() -> None:
+    """Of those with the worst verdict the largest share; not one that is larger, but go."""
+    found = classify([
+        Measure(Reason.SLIP, np.array([0.5, 0.5, 0.9]), 0.4),
+        Measure(Reason.TORQUE, np.array([0.6, 1.2, 0.95]), 0.7),
+        Measure(Reason.STEP, np.array([0.1, 1.1, 0.0]), 0.7),
+    ])  # fmt: skip
+    assert found.verdict.tolist() == [Verdict.CAUTION, Verdict.NO_GO, Verdict.CAUTION]
+    assert found.reason.tolist() == [Reason.SLIP, Reason.TORQUE, Reason.TORQUE]
+    assert found.utilisation.tolist() == [0.6, 1.2, 0.95]
+
+
+def test_shares_of_torque() -> None:
+    """A motor that gives nothing is enough for nothing; one without limit for anything."""
+    assert torque_share(np.array([0.0, -3.0]), 4.0).tolist() == [0.0, 0.75]
+    assert torque_share(np.array([0.0, 1.0]), 0.0).tolist() == [0.0, math.inf]
+    assert torque_share(1e9, math.inf) == 0

@@ -1,0 +1,374 @@
+"""`terratool traversability` as a user runs it: what it says, writes and refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import jsonschema
+import pytest
+import rasterio
+
+import terratool
+from terratool.cli import main, terminal
+from terratool.cli.traversability import PREFERENCES
+from terratool.errors import WriteError
+from terratool.field.terrain import load
+from terratool.traversability import assessing
+from terratool.traversability.assessing import Request, assess, planned
+from terratool.traversability.conditions import FIGURES, WORDS
+from terratool.traversability.reporting import formats
+from terratool.traversability.results import Verdict
+from terratool.traversability.routing import costs
+from terratool.traversability.types import Vehicle
+from terratool.traversability.vehicle import load_vehicle
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, run
+from tests.conftest import terrain_of
+
+# Hard ground, 12 × 8 around (100, 50): a wall 1 high from south to north at x = 106 leaves a gate
+# at the north; a hole in the south-east.
+WALLED: dict[str, Any] = {
+    "descr": "a wall & a gate",
+    "size": [12, 8],
+    "origin": [100, 50],
+    "surfTypes": {
+        "floor": {"cohesion": 0, "fricAngle": 35, "sinkage": 0},
+        "<brick>": {"cohesion": 0, "fricAngle": 35, "sinkage": 0},
+        "hole": {"void": True},
+    },
+    "elemTypes": {"flat": {"x": [0]}, "box": {"x": [1]}},
+    "elemTree": {
+        "type": "flat", "surface": "floor", "vScale": 1, "cells": [12, 8],
+        "children": [
+            {"type": "box", "surface": "<brick>", "cellX": 6, "cellY": 0, "span": [1, 6],
+             "vScale": 1},
+            {"type": "flat", "surface": "hole", "cellX": 11, "cellY": 0, "vScale": 1},
+        ],
+    },
+}  # fmt: skip
+CLOSED = json.loads(json.dumps(WALLED).replace("[1, 6]", "[1, 8]"))
+VEHICLE: dict[str, Any] = {
+    "mass": 50,
+    "wheels": {"radius": 0.16, "width": 0.1},
+    "wheelbase": 0.5,
+    "track": 0.5,
+    "cog": {"height": 0.2},
+    "clearance": 0.13,
+}
+WAY = (102, 51, 110, 52)
+SCHEMA = jsonschema.Draft202012Validator(terratool.schema("report"))
+
+Saved = Callable[..., Path]
+Within = Callable[..., Ran]
+
+
+@pytest.fixture
+def within(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Ran]:
+    """Run the command in this process, where all kernels are loaded already."""
+
+    def ran(*arguments: object) -> Ran:
+        monkeypatch.setattr(sys, "argv", ["terratool", "traversability", *map(str, arguments)])
+        code = main._run()
+        return Ran(code, *capsys.readouterr())
+
+    return ran
+
+
+@pytest.fixture
+def site(saved: Saved) -> tuple[str, ...]:
+    """A terrain with a way through, a vehicle, and pixels that are quickly made."""
+    vehicle = saved(VEHICLE, "vehicle.json")
+    return str(saved(WALLED)), "--vehicle", str(vehicle), "--resolution", "0.1"
+
+
+def test_says_and_writes_all(within: Within, site: tuple[str, ...], tmp_path: Path) -> None:
+    """The table, three reports and a map from one run; the same bytes from the next."""
+    names = [tmp_path / name for name in ("a.json", "a.md", "a.html", "a.tif")]
+    outputs = [*(part for name in names[:3] for part in ("--report", name)), "--map", names[3]]
+    arguments = (
+        *site, *outputs, "--route", *WAY, "--reachable", 102, 51, "--fail-on", "no-route",
+        "--fail-on", "reachable-fraction<0.3",
+    )  # fmt: skip
+    ran = within(*arguments)
+    assert (ran.code, ran.err) == (0, "")
+    assert "There is a way from (102, 51) to (110, 52)" in ran.out
+    assert re.search(r"^floor +0 m +35\.0°", ran.out, re.MULTILINE)
+    document = json.loads(names[0].read_text("utf-8"))
+    assert not list(SCHEMA.iter_errors(document))
+    assert document["terrain"]["file"] == "terrain.json"
+    assert document["routes"][0]["found"]
+    assert str(tmp_path) not in "".join(name.read_text("utf-8") for name in names[:3])
+    with rasterio.open(names[3]) as file:
+        assert file.shape == (80, 120)
+        # the map has what the report counts: in the picture of the best heading
+        pixels = file.read(1)
+    best = document["map"]["best_heading"]
+    assert [int((pixels == code).sum()) for code in (1, 2)] == [best["go"], best["caution"]]
+
+    there = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert {"a-classes.tif", "a-numbers.tif"} <= set(there)
+    again = within(*arguments)
+    assert again.code == 3
+    assert "exists already" in again.err
+    # a process of its own, now that the kernels are compiled
+    again = run("traversability", *arguments, "--overwrite", "--threads", 1)
+    assert again.code == 0
+    assert again.out == ran.out
+    for name in names[:3]:
+        assert name.read_bytes() == there[name.name]
+
+
+def test_a_wall_in_the_way_fails(within: Within, saved: Saved, tmp_path: Path) -> None:
+    """Exit 1: says which condition held and by which figure; the report is there and names it."""
+    out = tmp_path / "why.json"
+    ran = within(
+        saved(CLOSED), "--vehicle", saved(VEHICLE, "v.json"), "--resolution",
+        0.1, "--route", *WAY, "--report", out, "--fail-on", "no-route",
+        "--fail-on", "no-go-fraction > 0.99", "--fail-on", "route-length>100",
+    )  # fmt: skip
+    assert ran.code == 1
+    assert ran.err.splitlines() == [
+        "terratool: --fail-on no-route: 1 of 1 routes cannot be driven.",
+        "terratool: --fail-on route-length>100: route-length is not known.",
+    ]
+    (route,) = json.loads(out.read_text("utf-8"))["routes"]
+    assert not route["found"]
+    assert "/elemTree/children/0" in route["barriers"][0]["bars"]
+    assert ran.out.startswith("no-go: There is no way from (102, 51) to (110, 52): step at (10")
+
+
+def test_who_reads_no_further_is_told(within: Within, saved: Saved) -> None:
+    """A pipe that is closed early, as by `| head`, takes nothing from the exit code."""
+    arguments = (
+        saved(CLOSED), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.1, "--route", *WAY,
+        "--fail-on", "no-route",
+    )  # fmt: skip
+    assert within(*arguments).code == 1  # compiles the kernels, too
+    with subprocess.Popen(
+        [*COMMAND, "traversability", *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, env=ENVIRONMENT,
+    ) as process:  # fmt: skip
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read().decode()
+    assert process.returncode == 1
+    assert said == "terratool: --fail-on no-route: 1 of 1 routes cannot be driven.\n"
+
+
+def test_the_first_run_says_why_it_takes_long(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """On a terminal, and only while the kernel is not in Numba's cache."""
+    kernel = SimpleNamespace(__name__="judge", stats=SimpleNamespace(cache_path=tmp_path))
+    (tmp_path / "cells.judge_all-4.py311.nbi").touch()  # another one
+    terminal.say_first_run(kernel)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(terminal, "shape", dict)
+    terminal.say_first_run(kernel)
+    assert capsys.readouterr().err.startswith("Compiling, ")
+    (tmp_path / "cells.judge-40.py311.nbi").touch()
+    terminal.say_first_run(kernel)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_wheel_by_itself(within: Within, saved: Saved) -> None:
+    """JSON on standard output, nothing else; a wheel knows no body."""
+    ran = within(
+        saved(WALLED), "--wheel-radius", 0.2, "--wheel-width", 0.1, "--load",
+        100, "--resolution", 0.2, "--json",
+    )  # fmt: skip
+    assert (ran.code, ran.err) == (0, "")
+    document = json.loads(ran.out)
+    assert not list(SCHEMA.iter_errors(document))
+    assert document["vehicle"]["single_wheel"]
+    assert document["vehicle"]["weight_N"] == 100
+    assert document["surfaces"][0]["climb_deg"] == pytest.approx(35.0)  # rigid ground: φ
+
+
+def test_waypoints(within: Within, site: tuple[str, ...], tmp_path: Path) -> None:
+    """A way through the wall is barred by it; one through the gate is not."""
+    path = tmp_path / "way.csv"
+    path.write_text("x,y\n102,51\n110,51\n")
+    ran = within(*site, "--waypoints", path, "--fail-on", "no-route", "--json")
+    assert ran.code == 1
+    (route,) = json.loads(ran.out)["routes"]
+    assert not route["planned"]
+    assert "/elemTree/children/0" in route["barriers"][0]["bars"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "part"),
+    [
+        (("--report", "out.pdf"), 2, 'out.pdf: there are no reports as ".pdf".'),
+        (("--report", "out"), 2, "out: has no suffix."),
+        (("--map", "out.png"), 2, "a map is a GeoTIFF"),
+        (("--report", "a.md", "--report", "./a.md"), 2, "is to be written twice"),
+        (("--map", "a.tif", "--report", "none/a.md"), 3, "the folder none does not exist"),
+        (("--fail-on", "no-route"), 2, "--fail-on no-route needs a route"),
+        (("--fail-on", "route-time>3"), 2, "needs a route"),
+        (("--fail-on", "reachable-fraction<1"), 2, "needs --reachable"),
+        (("--fail-on", "nogo"), 2, "Did you mean no-go?"),
+        (("--route", 99, 51, 110, 52), 2, "The route's start, 99 51, lies outside the terrain."),
+        (("--route", 101, 51, 110, "nan"), 2, "The route's goal, 110 nan, lies outside"),
+        (("--route", 101, 51, 111.5, 50.5), 2, "is on no ground"),
+        (("--reachable", 111.5, 50.5), 2, "is on no ground"),
+        (("--reachable", 105.95, 51), 2, "cannot stand"),
+        (("--bounds", 100, 50, 104, 54, "--route", 101, 51, 110, 52), 2, "the bounds that were"),
+        (("--bounds", 1, 2, 3, 4), 2, "miss the terrain"),
+        (("--bounds", 3, 4, 1, 2), 2, "are empty"),
+        (("--resolution", 0), 2, "The resolution is 0."),
+        (("--resolution", 1e-9), 2, "pixels"),
+        (("--headings", 6), 2, "headings"),
+        (("--prefer", "beauty"), 2, "beauty"),
+        (("--load", 3), 2, "a vehicle or a wheel, not both"),
+        (("--waypoints", "missing.csv"), 3, "missing.csv: cannot be read"),
+    ],
+)
+def test_refuses(
+    within: Within,
+    site: tuple[str, ...],
+    tmp_path: Path,
+    arguments: tuple[object, ...],
+    code: int,
+    part: str,
+) -> None:
+    """One sentence what is wrong, one what to do; nothing is written, not even what could be."""
+    before = sorted(path.name for path in tmp_path.iterdir())
+    local = [
+        tmp_path / text if isinstance(text, str) and re.search(r"\.(md|tif|png|pdf)$", text)
+        else text
+        for text in arguments
+    ]  # fmt: skip
+    ran = within(*site, "--report", tmp_path / "good.json", *local)
+    assert (ran.code, ran.out) == (code, "")
+    assert part in ran.err.replace(f"{tmp_path}/", "")
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("what", [0, 2])
+def test_keeps_what_it_reads(within: Within, site: tuple[str, ...], what: int) -> None:
+    """The definition and the vehicle are no outputs, --overwrite or not."""
+    before = Path(site[what]).read_bytes()
+    ran = within(*site, "--report", site[what], "--overwrite")
+    assert ran.code == 3
+    assert "is read, too" in ran.err
+    assert Path(site[what]).read_bytes() == before
+
+
+def test_a_failure_at_the_end_leaves_nothing(
+    within: Within, site: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The map is complete when the last report fails; nothing appears."""
+
+    def fail(report: object) -> str:
+        raise WriteError("The disk is full.", "Take another.")
+
+    monkeypatch.setitem(formats.FORMATS, ".md", fail)
+    before = sorted(path.name for path in tmp_path.iterdir())
+    names = [tmp_path / name for name in ("a.tif", "a.json", "a.md")]
+    ran = within(*site, "--map", names[0], "--report", names[1], "--report", names[2])
+    assert (ran.code, ran.out) == (3, "")
+    assert "The disk is full." in ran.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_help_has_an_example_and_names_everything() -> None:
+    ran = run("traversability", "--help")
+    assert "Example: terratool traversability samples/" in " ".join(ran.out.split())
+    assert PREFERENCES == costs.PREFERENCES
+    told = " ".join(ran.out.split()).replace("- ", "-")  # lines break after hyphens
+    for name in WORDS:
+        assert name in told
+    for name in FIGURES:
+        assert name.removesuffix("fraction") in told, name
+    assert "traversability" in run("--help").out
+
+
+def test_the_example_of_the_help_runs() -> None:
+    example = " ".join(run("traversability", "--help").out.split()).partition("Example: ")[2]
+    words = example.split()
+    assert (ROOT / words[2]).is_file()
+    assert (ROOT / words[words.index("--vehicle") + 1]).is_file()
+    at = words.index("--route")
+    terrain = load(ROOT / words[2])
+    vehicle = load_vehicle(ROOT / words[words.index("--vehicle") + 1])
+    x0, y0, x1, y1 = map(float, words[at + 1 : at + 5])
+    planned(
+        terrain, vehicle, Request(routes=((x0, y0, x1, y1),)), mapped=False, pictured=True
+    )  # its places lie on the terrain
+
+
+@pytest.fixture
+def vehicle(saved: Saved) -> Vehicle:
+    return load_vehicle(saved(VEHICLE, "v.json"))
+
+
+class TestAssess:
+    def test_without_a_map_it_is_coarser_and_says_so(
+        self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
+        terrain = terrain_of(WALLED)
+        grids = planned(terrain, vehicle, Request(), mapped=False, pictured=True)
+        assert (grids.grid.width, grids.grid.height) == (60, 40)
+        assert "60 on the longer side" in grids.notes[0]
+        full = planned(terrain, vehicle, Request(), mapped=True, pictured=True)
+        assert full.grid.resolution == 0.04
+        assert "a quarter of the wheel's radius" in full.notes[0]
+
+    def test_says_that_it_leaves_gaps(self, vehicle: Vehicle) -> None:
+        """Where pixels are longer than the vehicle, what lies between them is not judged."""
+        terrain = terrain_of(WALLED)
+        length = sum(vehicle.rectangle[:2])
+        for factor, gaps in ((0.9, False), (1.1, True)):
+            request = Request(resolution=factor * length)
+            notes = planned(terrain, vehicle, request, mapped=False, pictured=False).notes
+            assert any("is not looked at" in note for note in notes) == gaps
+
+    def test_bounds_decide_the_resolution(self, vehicle: Vehicle) -> None:
+        terrain = terrain_of(WALLED | {"size": [240000, 160000]})
+        west, south, _, _ = terrain.bounds
+        request = Request(bounds=(west, south, west + 10, south + 5))
+        grids = planned(terrain, vehicle, request, mapped=False, pictured=False)
+        assert grids.grid.resolution == 0.04
+        assert "a quarter of the wheel's radius" in grids.notes[0]
+
+    def test_the_picture_is_that_of_the_route_if_there_is_one(self, vehicle: Vehicle) -> None:
+        """And its survey is made only once; without a picture there is none."""
+        terrain = terrain_of(WALLED)
+        told: list[int] = []
+        request = Request(routes=(tuple(map(float, WAY)),), resolution=0.2)  # type: ignore[arg-type]
+        report = assess(terrain, vehicle, request, pictured=True, progress=told.append)
+        assert report.preview is not None
+        assert report.preview.grid.resolution == 0.2
+        grids = planned(terrain, vehicle, request, mapped=False, pictured=True)
+        assert grids.picture is None
+        assert sum(told) == grids.pixels == 2 * 60 * 40
+        assert assess(terrain, vehicle, Request(resolution=0.2)).preview is None
+
+    def test_verdict_and_sentence_follow(self, vehicle: Vehicle) -> None:
+        """Go in the open, no-go where the wall stands across, unknown without a soil."""
+        flat = {**WALLED, "elemTree": {"type": "flat", "surface": "floor"}}
+        inner = Request(bounds=(104, 52, 108, 56), resolution=0.2)
+        report = assess(terrain_of(flat), vehicle, inner)
+        assert report.verdict == Verdict.GO
+        assert report.sentence.startswith("All of the ground is go")
+        barred = assess(
+            terrain_of(CLOSED),
+            vehicle,
+            Request(routes=(WAY,), resolution=0.1),  # type: ignore[arg-type]
+        )
+        assert barred.verdict == Verdict.NO_GO
+        assert "/elemTree/children/0" in barred.sentence
+        bare = {**flat, "surfTypes": {"floor": {}}}
+        unknown = assess(terrain_of(bare), vehicle, inner)
+        assert unknown.verdict == Verdict.UNKNOWN
+        assert unknown.surfaces[0].missing

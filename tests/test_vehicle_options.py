@@ -1,0 +1,101 @@
+"""The options that name a vehicle or a wheel, as a command has them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import click  # noqa: TID251, a command is what is tested
+import pytest
+from click.testing import CliRunner  # noqa: TID251
+
+from terratool.cli.wheeling import vehicle_from, vehicle_options
+from terratool.errors import DefinitionError, ReadError
+from terratool.traversability.types import Vehicle, Wheel
+from tests.commands import SAMPLE
+from tests.vehicles import SMALLEST
+
+WHEEL = ["--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "100"]
+
+
+@click.command()
+@vehicle_options
+@click.pass_context
+def drive(ctx: click.Context, **values: Any) -> None:
+    ctx.obj.append(vehicle_from(values))
+    assert values == {}  # what is left is the command's own
+
+
+def given(*arguments: object) -> Vehicle:
+    got: list[Vehicle] = []
+    result = CliRunner().invoke(drive, list(map(str, arguments)), obj=got)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    if result.exit_code:
+        raise click.UsageError(" ".join(result.output.replace("│", " ").split()))
+    return got[0]
+
+
+def test_a_vehicle_by_its_file(tmp_path: Path) -> None:
+    """--vehicle reads it."""
+    path = tmp_path / "rover.json"
+    path.write_text(json.dumps(SMALLEST))
+    assert given("--vehicle", path).mass == 50
+
+
+def test_a_wheel_by_its_figures() -> None:
+    """Radius and width in metres, load in N, torque in N m; without torque there is no limit."""
+    assert given(*WHEEL) == Vehicle.single(Wheel(0.2, 0.1, math.inf, 1.0), 100.0)
+    assert given(*WHEEL, "--torque", 5, "--max-slip", 0.3) == Vehicle.single(
+        Wheel(0.2, 0.1, 5.0, 0.3), 100.0
+    )
+    assert given(*WHEEL).weight == 100
+
+
+def test_the_help_has_the_units() -> None:
+    """N and not kg, N m, m."""
+    text = CliRunner().invoke(drive, ["--help"]).output
+    for name, unit in (
+        ("--wheel-radius R", "m."), ("--wheel-width B", "m."), ("--load W", "N."),
+        ("--torque T", "N m."),
+    ):  # fmt: skip
+        line = next(line for line in text.splitlines() if name in line)
+        assert f", {unit}" in line, line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "There is no vehicle. Give --vehicle V.json, or a wheel by"),
+        (["--torque", 5], "A wheel needs --wheel-radius, --wheel-width and --load, too"),
+        (WHEEL[:4], "A wheel needs --load, too. Add what is missing, or give"),
+        ([*WHEEL, "--vehicle", "v.json"], "Give a vehicle or a wheel, not both."),
+        (["--load", 9, "--vehicle", "v.json"], "--load says what --vehicle says in its file."),
+        ([*WHEEL[:4], "--load", 0], "'--load': 0 is not from 1e-06 to 1e+09."),
+        ([*WHEEL[:4], "--load", -5], "'--load': -5 is not from 1e-06 to 1e+09."),
+        ([*WHEEL[:4], "--load", "nan"], "'--load': nan is no number."),
+        ([*WHEEL[:4], "--load", "inf"], "'--load': inf is not from"),
+        ([*WHEEL[:4], "--load", "heavy"], "'--load': 'heavy' is not a valid float"),
+        (["--wheel-radius", 0, *WHEEL[2:]], "'--wheel-radius': 0 is not from"),
+        (["--wheel-radius", 0.2, "--wheel-width", "-inf"], "'--wheel-width': -inf is not from"),
+        ([*WHEEL, "--torque", 0], "'--torque': 0 is not from"),
+        ([*WHEEL, "--max-slip", 0], "'--max-slip': 0 is not above 0 and up to 1."),
+        ([*WHEEL, "--max-slip", 1.01], "'--max-slip': 1.01 is not above 0 and up to 1."),
+        ([*WHEEL, "--max-slip", "nan"], "'--max-slip': nan is not above 0 and up to 1."),
+    ],
+)
+def test_bad_combinations_are_refused(arguments: list[object], words: str) -> None:
+    """Both, neither, half a wheel, or a figure that none can have: a sentence each, wrong usage."""
+    with pytest.raises(click.UsageError) as raised:
+        given(*arguments)
+    assert words in raised.value.message
+
+
+def test_a_file_that_is_none_is_told_by_its_reader(tmp_path: Path) -> None:
+    """Errors of the file are not errors of usage."""
+    with pytest.raises(ReadError):
+        given("--vehicle", tmp_path / "absent.json")
+    with pytest.raises(DefinitionError, match="is a terrain"):
+        given("--vehicle", SAMPLE)

@@ -1,0 +1,481 @@
+"""The text of a vehicle: schema and reader of one mind, findings in their places, rules."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import terratool
+from terratool.cli.reporting import REPORTERS
+from terratool.definition.reader import Checked, Options
+from terratool.definition.recognising import kind_of
+from terratool.definition.source import Source
+from terratool.definition.vehicles.keys import VEHICLE_KEYS
+from terratool.definition.vehicles.model import (
+    AxleText,
+    ClassesText,
+    CogText,
+    MarginsText,
+    OverhangText,
+    VehicleText,
+    WheelsText,
+)
+from terratool.definition.vehicles.reader import check_any, check_vehicle
+from terratool.definition.writer import canonical
+from tests.commands import ROOT, run
+from tests.strategies import Json, definitions
+from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles
+
+SCHEMA = terratool.schema("vehicle")
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+STRUCTURAL = {"TT103", "TT104", "TT105", "TT106"}
+"""Codes of what a schema can see: not what follows from several figures together."""
+
+
+# The schema
+
+
+def subschemas(schema: Json, pointer: str = "") -> Iterator[tuple[str, Json]]:
+    """Every schema of a key or of a kind of object, with its pointer."""
+    for holder in ("properties", "$defs"):
+        for name, inner in schema.get(holder, {}).items():
+            yield f"{pointer}/{holder}/{name}", inner
+            yield from subschemas(inner, f"{pointer}/{holder}/{name}")
+
+
+SUBSCHEMAS = list(subschemas(SCHEMA))
+IDS = [pointer for pointer, _ in SUBSCHEMAS]
+
+
+def resolved(schema: Json) -> Json:
+    if "$ref" in schema:
+        schema = SCHEMA["$defs"][schema["$ref"].rpartition("/")[2]]
+    return schema
+
+
+def test_is_a_valid_schema() -> None:
+    """It is JSON Schema 2020-12, and comes as the file that is published."""
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    assert json.loads((ROOT / "schemas" / "vehicle.schema.json").read_text("utf-8")) == SCHEMA
+    with pytest.raises(ValueError, match="there is terrain, vehicle"):
+        terratool.schema("rover")
+
+
+@pytest.mark.parametrize(("pointer", "inner"), SUBSCHEMAS, ids=IDS)
+def test_each_key_is_explained(pointer: str, inner: Json) -> None:
+    """Each key has a description, a default and examples that fit, for editors to show."""
+    inner = resolved(inner)
+    assert inner["description"].endswith((".", ")"))
+    assert inner["examples"]
+    defaults = [] if inner["default"] is None else [inner["default"]]
+    here = jsonschema.Draft202012Validator({**inner, "$defs": SCHEMA["$defs"]})
+    for example in inner["examples"] + defaults:
+        here.validate(example)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        (VehicleText, ""), (WheelsText, "wheels"), (AxleText, "axle"), (CogText, "cog"),
+        (OverhangText, "overhang"), (MarginsText, "margins"), (ClassesText, "classes"),
+    ],
+)  # fmt: skip
+def test_has_the_keys_of_the_reader(kind: type, name: str) -> None:
+    """Its keys are those that the reader knows, in their order, no more and no fewer."""
+    properties = (SCHEMA["$defs"][name] if name else SCHEMA)["properties"]
+    assert list(properties) == [*VEHICLE_KEYS[kind], "x-ignore"]
+
+
+def agree(value: Any) -> None:
+    """What the reader takes the schema takes; what is wrong by structure alone it refuses."""
+    checked = check_vehicle(source(value))
+    codes = {f.code for f in checked.findings if f.severity == "error"}
+    assert (checked.vehicle is None) == bool(codes)
+    valid = VALIDATOR.is_valid(value)
+    if not codes:
+        assert valid, next(VALIDATOR.iter_errors(value))
+    elif codes <= STRUCTURAL:
+        assert not valid, checked.findings
+
+
+@given(vehicles())
+def test_accepts_what_the_schema_accepts(value: Json) -> None:
+    """A vehicle in order is one to both."""
+    assert check_vehicle(source(value), Options(warnings=False)).findings == ()
+    VALIDATOR.validate(value)
+
+
+REPLACEMENTS = [
+    None, True, False, "", "earth", "Earth", "venus", 0, -1, 1, 2, 2.0, 1.5, 1e-6, 9e-7, 1e6, 1e7,
+    1e9, 2e9, -1e6, 89.9, 90, 16, 17, [], [{}], [{"x": 1}], [{"x": 1}, {"x": -1}], [1, 2], {},
+    {"radius": 0.1, "width": 0.1}, {"height": 1}, {"x": 0}, {"step": 0}, {"slip": 0.1},
+    [{"x": place} for place in range(65)],
+]  # fmt: skip
+NEW_KEYS = [
+    "x-note",
+    "x-ignore",
+    "X",
+    "x",
+    "front",
+    "wheels",
+    "gravity",
+    "slip",
+    "descr",
+    "$schema",
+]
+
+
+def containers(value: Any, key: str = "") -> Iterator[Any]:
+    """Every object and list of a vehicle but those that are a user's own."""
+    if isinstance(value, dict | list) and not key.startswith("x-"):
+        yield value
+        for name, item in value.items() if isinstance(value, dict) else (("", i) for i in value):
+            yield from containers(item, name)
+
+
+@given(vehicles() | st.just(LOPSIDED).map(copy.deepcopy), st.data())
+def test_agrees_with_the_reader_on_mutations(value: Json, data: st.DataObject) -> None:
+    """With keys dropped, added or of another value, the schema and the reader have one verdict."""
+    for _ in range(data.draw(st.integers(1, 3))):
+        owner = data.draw(st.sampled_from(list(containers(value))))
+        spots = list(owner) if isinstance(owner, dict) else list(range(len(owner)))
+        action = data.draw(st.sampled_from(["drop", "retype", "add"] if spots else ["add"]))
+        new = copy.deepcopy(data.draw(st.sampled_from(REPLACEMENTS)))
+        if action == "drop":
+            owner.pop(data.draw(st.sampled_from(spots)))
+        elif action == "retype":
+            owner[data.draw(st.sampled_from(spots))] = new
+        elif isinstance(owner, dict):
+            owner[data.draw(st.sampled_from(NEW_KEYS))] = new
+        else:
+            owner.append(new)
+    agree(value)
+
+
+@pytest.mark.parametrize("key", [
+    *LOPSIDED, "wheels/radius", "wheels/width", "wheels/maxTorque", "wheels/maxSlip", "axles/0",
+    "axles/0/x", "axles/0/wheels", "axles/0/driven", "cog/x", "cog/height", "overhang/front",
+    "overhang/rear", "overhang/rearHeight", "margins/clearance", "margins/step", "margins/tip",
+    "margins/slope", "classes/utilisation", "classes/slip", "classes/cautionSlip",
+    "classes/torque", "classes/geometry", "$schema",
+])  # fmt: skip
+def test_agrees_with_the_reader_on_each_key(key: str) -> None:
+    """For every key, any one value is taken by both or refused by both."""
+    *steps, last = key.split("/")
+    for new in REPLACEMENTS:
+        value = copy.deepcopy(LOPSIDED)
+        owner: Any = value
+        for step in steps:
+            owner = owner[int(step) if isinstance(owner, list) else step]
+        owner[int(last) if isinstance(owner, list) else last] = copy.deepcopy(new)
+        agree(value)
+
+
+@pytest.mark.parametrize("value", [None, True, 1, "", [], [SMALLEST]])
+def test_nothing_but_an_object_is_a_vehicle(value: Any) -> None:
+    """Both say so, and the reader says what it found."""
+    agree(value)
+    (finding,) = check_vehicle(source(value)).findings
+    assert finding.code == "TT105"
+    assert finding.message.startswith("the vehicle is ")
+
+
+# Findings and their places
+
+
+def places(text: str) -> list[tuple[int, int, str, str]]:
+    findings = check_vehicle(Source("v.json", text.encode())).findings
+    return [(f.line, f.column, f.code, f.pointer) for f in findings]
+
+
+def test_findings_stand_where_the_fault_is() -> None:
+    """At the value, at the key if that is wrong, at the object that lacks one."""
+    text = """{
+  "mass": 50, "mass": 60,
+  "wheels": {"radius": -1, "widht": 0.1},
+  "axles": [{"x": 1}, {"driven": 1}],
+  "track": 0.6,
+  "cog": {"height": 0.2},
+  "clearence": 0.1
+}"""
+    assert places(text) == [
+        (1, 1, "TT104", ""),
+        (2, 15, "TT102", "/mass"),
+        (3, 13, "TT104", "/wheels"),
+        (3, 24, "TT106", "/wheels/radius"),
+        (3, 28, "TT103", "/wheels/widht"),
+        (4, 23, "TT104", "/axles/1"),
+        (4, 34, "TT105", "/axles/1/driven"),
+        (7, 3, "TT103", "/clearence"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("change", "message", "hint"),
+    [
+        ({"gravity": "venus"}, '"venus" is no gravity that has a name.', '"earth", "mars", "moon"'),
+        ({"bodywidth": 1}, '"bodywidth" is no key of a vehicle.', 'Did you mean "bodyWidth"?'),
+        ({"cog": {"height": 1, "y": 0}}, "of the centre of gravity.", "It has x, height."),
+        ({"margins": {"tips": 1}}, '"tips" is no key of the margins.', 'Did you mean "tip"?'),
+        ({"clearance": 0}, '"clearance" is 0, out of its range.', "from 1e-06 to 1e+06"),
+        ({"axles": [{"x": 1}]}, '"axles" is a list of 1 item, which', "2 to 64 axles"),
+        ({"cog": {}}, '"cog" has no "height".', 'Add "height", a height in metres'),
+        ({"classes": {"torque": 1.5}}, '"torque" is 1.5, out of its', "above 0 and up to 1."),
+    ],
+)
+def test_findings_are_sentences_with_a_hint(change: Json, message: str, hint: str) -> None:
+    """What is wrong, and what to write instead."""
+    value = {**SMALLEST, **change}
+    if "axles" in change:
+        del value["wheelbase"]
+    (finding,) = check_vehicle(source(value)).findings
+    assert message in finding.message
+    assert hint in finding.hint
+
+
+def test_neither_axles_nor_wheelbase_is_one_finding() -> None:
+    """It is said once, and both ways out are named."""
+    value = {key: item for key, item in SMALLEST.items() if key != "wheelbase"}
+    (finding,) = check_vehicle(source(value)).findings
+    assert finding.code == "TT104"
+    assert "axles" in finding.message
+    assert "wheelbase" in finding.message
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("{'mass': 1}", "TT101"), ('{"mass": NaN}', "TT107"), ('{"mass": 1,}', "TT101"),
+        ('{"mass": "\xff"}', "TT109"), ("", "TT101"), ("[" * 20_000, "TT108"),
+    ],
+)  # fmt: skip
+def test_what_is_no_json_is_told_as_of_a_terrain(text: str, code: str) -> None:
+    """By the same words; it is the only finding."""
+    checked = check_vehicle(Source("v.json", text.encode("latin-1")))
+    assert not checked.readable
+    assert [finding.code for finding in checked.findings] == [code]
+
+
+def test_findings_are_selected_and_limited() -> None:
+    """By code and by number; the others are counted."""
+    value = {**SMALLEST, "mass": 0, "track": -1, "speed": 1e5, "depth": 2}
+    assert codes(value) == ["TT106", "TT106", "TT508", "TT103"]
+    assert codes(value, Options(warnings=False)) == ["TT106", "TT106", "TT103"]
+    assert codes(value, Options(select=("TT5",))) == ["TT508"]
+    assert codes(value, Options(ignore=("TT1",))) == ["TT508"]
+    checked = check_vehicle(source(value), Options(limit=1))
+    assert len(checked.findings) == 1
+    assert checked.counts.total() == 4
+
+
+def codes(value: Any, options: Options | None = None) -> list[str]:
+    return [finding.code for finding in check_vehicle(source(value), options).findings]
+
+
+def test_warnings_can_be_ignored_where_they_arise() -> None:
+    """By x-ignore in the vehicle or in the object; what silences nothing is told."""
+    heavy = {"radius": 3, "width": 0.1}
+    value = {**SMALLEST, "wheelbase": 9, "wheels": heavy, "speed": 50}
+    assert codes(value) == ["TT508", "TT508"]
+    assert codes({**value, "x-ignore": ["TT508"]}) == []
+    value["wheels"] = {**heavy, "x-ignore": ["TT5"]}
+    assert codes(value) == ["TT508"]
+    assert codes({**SMALLEST, "cog": {"height": 0.2, "x-ignore": ["TT508"]}}) == ["TT113"]
+    assert codes({**SMALLEST, "x-ignore": ["TT505"]}) == ["TT113"]
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=9),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from([*NEW_KEYS, *LOPSIDED, "height", "radius"]), inner, max_size=4
+        )
+    ),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(st.sampled_from([*LOPSIDED, "$schema", "x-ignore"]), anything) | anything)
+def test_nothing_is_a_crash(value: Any) -> None:
+    """Whatever stands under whatever key, the answer is findings, each with a place."""
+    checked = check_any(source(value))
+    assert checked.vehicle is None or checked.definition is None
+    for finding in (*checked.findings, *check_vehicle(source(value)).findings):
+        assert finding.line == 1
+        assert finding.message.endswith(".")
+        assert finding.hint.endswith((".", "?"))
+
+
+# Rules
+
+
+def changed(**change: Any) -> Json:
+    value = {**SMALLEST, **change}
+    if "axles" in change:
+        del value["wheelbase"]
+    return value
+
+
+SIDES = [{"x": 0.25}, {"x": -0.25}]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        # the wheels are 0.32 m long; those of one track touch at that distance
+        ({"wheelbase": 0.32}, []),
+        ({"wheelbase": 0.319}, ["TT501"]),
+        ({"axles": [{"x": 0.1}, {"x": -0.1}]}, ["TT501"]),
+        ({"axles": [{"x": -0.1}, {"x": 0.1}]}, ["TT501"]),
+        ({"axles": [*SIDES, {"x": 0.25}]}, ["TT501"]),
+        # a wheel in the middle stands between two others, and a third is in its place
+        ({"axles": [*SIDES, {"x": 0.2, "wheels": 1}]}, []),
+        ({"axles": [*SIDES, {"x": 0.2, "wheels": 3}]}, ["TT501"]),
+        ({"axles": [{"x": 0.25, "wheels": 3}, {"x": -0.25}, {"x": 0, "wheels": 1}]}, ["TT501"]),
+        # with a narrow track, it rubs
+        ({"axles": [*SIDES, {"x": 0.2, "wheels": 1}], "track": 0.2}, ["TT501"]),
+        # width 0.11: so wide a track has room for two, for three, for four
+        ({"track": 0.11}, []),
+        ({"track": 0.109}, ["TT502"]),
+        ({"axles": [{"x": 0.25, "wheels": 4}, {"x": -0.25}], "track": 0.33}, []),
+        ({"axles": [{"x": 0.25, "wheels": 4}, {"x": -0.25}], "track": 0.32}, ["TT502"]),
+        ({"cog": {"x": 0.249, "height": 0.2}}, []),
+        ({"cog": {"x": 0.25, "height": 0.2}}, ["TT504"]),
+        ({"cog": {"x": -0.25, "height": 0.2}}, ["TT504"]),
+        ({"axles": [{"x": 5.5}, {"x": 5}], "cog": {"x": 5.2, "height": 0.2}}, []),
+        ({"axles": [{"x": 5.5}, {"x": 5}], "cog": {"x": 0, "height": 0.2}}, ["TT504"]),
+        ({"axles": [{"x": 0.25, "wheels": 1}, {"x": -0.25, "wheels": 2}]}, []),
+        ({"axles": [{"x": 0.25, "driven": False}, {"x": -0.25}]}, []),
+        ({"classes": {"slip": 0.6}}, []),
+        ({"classes": {"slip": 0.61}}, ["TT506"]),
+        ({"classes": {"cautionSlip": 0.19}}, ["TT506"]),
+        ({"classes": {"slip": 0.3, "cautionSlip": 0.3}}, []),
+        # 4 wheels, r = 0.16: a hundredth of 490.3 N takes 0.1961 N m at each of them
+        ({"wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.197}}, []),
+        ({"wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.196}}, ["TT507"]),
+        (
+            {"wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.1}, "gravity": "moon"},
+            [],
+        ),
+        # it tips over sideways at atan(0.275 / 0.2) = 53.97, lengthways at atan(0.25 / 0.2) = 51.34
+        ({"margins": {"tip": 51.3}}, []),
+        ({"margins": {"tip": 51.4}}, ["TT510"]),
+        ({"margins": {"tip": 50}, "track": 0.45}, ["TT510"]),
+        ({"margins": {"tip": 45}, "cog": {"x": 0.1, "height": 0.2}}, ["TT510"]),
+        ({"margins": {"tip": 45}, "cog": {"x": -0.1, "height": 0.2}}, ["TT510"]),
+        ({"margins": {"tip": 36}, "cog": {"x": -0.1, "height": 0.2}}, []),
+        ({"margins": {"step": 0.12, "clearance": 0.12}}, []),
+        ({"margins": {"step": 0.16}, "clearance": 0.5}, ["TT510"]),
+        # the outline of the wheel: 0.1² + 0.12² = 0.1562², and 0.1065² + 0.12² = 0.1604²
+        ({"overhang": {"front": 0.1, "frontHeight": 0.04}}, ["TT509"]),
+        ({"overhang": {"front": 0.107, "frontHeight": 0.04}}, []),
+        ({"overhang": {"rear": 0.1, "rearHeight": 0.28}}, ["TT509"]),
+        ({"overhang": {"rear": 0.1}}, []),
+    ],
+)
+def test_rules_at_their_limits(change: Json, expected: list[str]) -> None:
+    """Each draws its line where geometry, by hand, has it."""
+    assert codes(changed(**change)) == expected
+
+
+def test_a_wheelbase_agrees_to_a_thousandth() -> None:
+    """Figures are rounded; 1 in 1000 is agreement."""
+    for wheelbase, expected in ((0.5, []), (0.5004, []), (0.5006, ["TT503"]), (1, ["TT503"])):
+        assert codes({**SMALLEST, "axles": SIDES, "wheelbase": wheelbase}) == expected
+
+
+def test_rules_say_nothing_of_what_only_follows() -> None:
+    """Where a figure did not fit, what needs it is not looked at."""
+    for key, wrong in (
+        ("radius", "3"), ("width", -1), ("maxTorque", None),
+    ):  # fmt: skip
+        assert len(codes(changed(wheels={**SMALLEST["wheels"], key: wrong}))) == 1
+    for change in (
+        {"axles": [{"x": 0.1}, {"x": "0.1"}]},
+        {"axles": [{"x": 0.25, "driven": 0}, {"x": -0.25, "driven": False}]},
+        {"axles": 3},
+        {"cog": 3},
+        {"cog": {"x": "9", "height": 0.2}, "margins": {"tip": 89}},
+        {"classes": {"slip": 0.9, "cautionSlip": 2}},
+        {"overhang": {"front": "1", "frontHeight": 1}},
+        {"gravity": "Earth", "wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.01}},
+    ):
+        assert len(codes(changed(**change))) == 1, change
+
+
+# Recognising
+
+
+@given(definitions())
+def test_a_terrain_is_recognised(definition: Json) -> None:
+    """By its keys."""
+    assert kind_of(json.dumps(definition).encode()) == "terrain"
+
+
+@given(vehicles())
+def test_a_vehicle_is_recognised(value: Json) -> None:
+    """By its keys."""
+    assert kind_of(json.dumps(value).encode()) == "vehicle"
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ('{"$schema": "../schemas/vehicle.schema.json", "size": 1}', "vehicle"),
+        ('{"$schema": "urn:terratool:schema:terrain", "mass": 1}', "terrain"),
+        ('{"$schema": "urn:terratool:schema:vehicle"}', "vehicle"),
+        ('{"$schema": "https://json-schema.org/draft/2020-12/schema", "mass": 1}', "vehicle"),
+        ('{"$schema": 3, "mass": 1}', "vehicle"),
+        ('{"descr": "a vehicle"}', None),
+        ('{"size": 1, "mass": 1}', None),
+        ("[]", None), ("3", None), ("{", None), ("", None), ("[" * 5000, None),
+        ('{"mass": 1e999, "wheels": {}}', "vehicle"),
+    ],
+)  # fmt: skip
+def test_schema_and_keys_tell_what_a_text_is(text: str, kind: str | None) -> None:
+    """The schema first, then the keys; where neither does, it is read as a terrain."""
+    assert kind_of(text.encode()) == kind
+
+
+def test_what_is_neither_is_read_as_a_terrain() -> None:
+    """So nothing changes for terrains that are far from valid."""
+    checked: Checked = check_any(Source("t.json", b'{"descr": 3}'))
+    assert 'the terrain has no "size".' in [finding.message for finding in checked.findings]
+
+
+# The command line
+
+
+@pytest.mark.parametrize("form", sorted(REPORTERS))
+def test_validate_knows_vehicles_among_terrains(form: str, tmp_path: Path) -> None:
+    """In each format of reports; the exit code counts both."""
+    (tmp_path / "a.json").write_text((ROOT / "samples" / "paper-example.json").read_text("utf-8"))
+    (tmp_path / "b.json").write_text(json.dumps(SMALLEST))
+    assert run("validate", "--strict", "--format", form, tmp_path).code == 0
+    (tmp_path / "c.json").write_text(json.dumps({**SMALLEST, "track": 0.01}))
+    ran = run("validate", "--strict", "--format", form, tmp_path)
+    assert ran.code == 1
+    assert "c.json" in ran.out
+    assert "TT502" in ran.out
+    assert ran.err == ""
+
+
+def test_a_vehicle_has_a_canonical_layout() -> None:
+    """Keys in the format's order, one a line; the user's own come last."""
+    text = canonical(json.dumps({**dict(reversed(LOPSIDED.items())), "$schema": "vehicle"}))
+    lines = text.splitlines()
+    keys = re.findall(r'^  "([^"]+)"', text, re.MULTILINE)
+    assert keys == ["$schema", *LOPSIDED]
+    assert '  "wheels": { "radius": 0.2, "width": 0.1, "maxTorque": 30, "maxSlip": 0.8 },' in lines
+    assert canonical(text) == text
+    assert json.loads(text) == {**LOPSIDED, "$schema": "vehicle"}

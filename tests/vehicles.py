@@ -1,0 +1,128 @@
+"""Random vehicles that are in order, and one whose every figure is known."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from hypothesis import strategies as st
+
+from terratool.definition.source import Source
+from tests.strategies import Json
+
+# Nothing of it is symmetric: a mirrored, turned or shifted vehicle is another one.
+LOPSIDED: Json = {
+    "descr": "Three axles, the middle one of a single wheel",
+    "mass": 120,
+    "gravity": "mars",
+    "wheels": {"radius": 0.2, "width": 0.1, "maxTorque": 30, "maxSlip": 0.8},
+    "axles": [
+        {"x": 0.4, "wheels": 1, "driven": False},
+        {"x": 2.0, "wheels": 4},
+        {"x": -0.3, "driven": True},
+    ],
+    "wheelbase": 2.3,
+    "track": 0.9,
+    "cog": {"x": 0.5, "height": 0.35},
+    "clearance": 0.17,
+    "bodyWidth": 0.7,
+    "overhang": {"front": 0.5, "frontHeight": 0.25, "rear": 0.3},
+    "speed": 0.5,
+    "power": 25,
+    "margins": {"clearance": 0.02, "step": 0.01, "tip": 10, "slope": 5},
+    "classes": {
+        "utilisation": 0.6, "slip": 0.1, "cautionSlip": 0.3, "torque": 0.5, "geometry": 0.8,
+    },
+    "x-note": {"mass": None},
+}  # fmt: skip
+
+SMALLEST: Json = {
+    "mass": 50,
+    "wheels": {"radius": 0.16, "width": 0.11},
+    "wheelbase": 0.5,
+    "track": 0.55,
+    "cog": {"height": 0.2},
+    "clearance": 0.13,
+}
+
+
+def source(value: Any) -> Source:
+    return Source("v.json", json.dumps(value).encode())
+
+
+def _numbers(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high, allow_nan=False)
+
+
+def _some(members: dict[str, st.SearchStrategy[Any]]) -> st.SearchStrategy[Json]:
+    """Any of these keys, none too many."""
+    return st.fixed_dictionaries({}, optional=members)
+
+
+@st.composite
+def vehicles(draw: st.DrawFn) -> Json:
+    """A vehicle without errors, whole numbers among its figures and its axles in any order."""
+    radius = draw(_numbers(0.02, 0.5))
+    width = draw(_numbers(0.01, 0.3))
+    value: Json = {
+        "mass": draw(st.integers(1, 5000) | _numbers(0.1, 5000)),
+        "wheels": {"radius": radius, "width": width},
+        "track": 3.001 * width + draw(_numbers(0, 2)),
+        "cog": {"height": draw(_numbers(0.01, 2))},
+        "clearance": draw(_numbers(0.01, 1)),
+    }
+    gaps = draw(st.lists(_numbers(2.001, 6), min_size=1, max_size=4))
+    xs = [draw(_numbers(-2, 2))]
+    for gap in gaps:
+        xs.append(xs[-1] - gap * radius)
+    if draw(st.booleans()):
+        axles = [
+            {"x": x, **draw(_some({"wheels": st.integers(1, 4), "driven": st.booleans()}))}
+            for x in xs
+        ]
+        axles[0].update(wheels=2, driven=True)
+        value["axles"] = draw(st.permutations(axles))
+        value["cog"]["x"] = draw(_numbers(0.01, 0.99)) * (xs[-1] - xs[0]) + xs[0]
+        if draw(st.booleans()):
+            value["wheelbase"] = xs[0] - xs[-1]
+    else:
+        value["wheelbase"] = xs[0] - xs[-1]
+    share = _numbers(0.01, 1)
+    value |= draw(
+        _some(
+            {
+                "descr": st.text(),
+                "gravity": st.sampled_from(["earth", "mars", "moon"]) | _numbers(0.1, 20),
+                "bodyWidth": _numbers(0.05, 3),
+                "speed": _numbers(0.01, 20),
+                "power": _numbers(0, 1000),
+                "overhang": _some(
+                    {
+                        "front": _numbers(0.01, 2),
+                        "frontHeight": _numbers(0.01, 2),
+                        "rear": _numbers(0.01, 2),
+                        "rearHeight": _numbers(0.01, 2),
+                    }
+                ),
+                "margins": _some(
+                    {
+                        "clearance": _numbers(0, 0.1),
+                        "step": _numbers(0, 0.1),
+                        "tip": _numbers(0, 89),
+                        "slope": _numbers(0, 89),
+                    }
+                ),
+                "classes": _some(
+                    {
+                        "utilisation": share,
+                        "slip": _numbers(0.01, 0.5),
+                        "cautionSlip": _numbers(0.5, 1),
+                        "torque": share,
+                        "geometry": share,
+                    }
+                ),
+            }
+        )
+    )
+    value["wheels"] |= draw(_some({"maxTorque": _numbers(0.001, 1000), "maxSlip": share}))
+    return value
