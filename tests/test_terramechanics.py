@@ -269,11 +269,11 @@ def test_more_load_sinks_deeper_and_resists_more(
     light, heavy = (wheel.contact(w, soil, WHEEL) for w in (load, times * load))
     assert heavy.sinkage > light.sinkage
     towed = [wheel.towed_resistance(w, soil, WHEEL) for w in (load, times * load)]
-    assert towed[1] >= towed[0] * times
+    assert towed[1] >= towed[0] * times * (1 - 1e-12)  # the same share where it sinks to its axle
     less, more = demand(load, soil, WHEEL, pull), demand(load, soil, WHEEL, pull + 1)
     assert more.torque > less.torque
-    assert more.utilisation >= less.utilisation
-    assert more.slip >= less.slip
+    assert more.utilisation >= less.utilisation * (1 - 1e-12)
+    assert more.slip >= less.slip * (1 - 1e-12)
 
 
 @given(SOILS, LOADS, st.floats(0.0, 0.6))
