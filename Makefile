@@ -51,6 +51,7 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 	$(BIN)/python benchmarks/importing.py
 	$(BIN)/python benchmarks/reading.py
 	$(BIN)/python benchmarks/zbuffer.py
+	$(BIN)/python benchmarks/rutting.py
 	$(BIN)/python benchmarks/routing.py
 	$(BIN)/python benchmarks/traversing.py
 
