@@ -18,6 +18,7 @@ from terratool.definition.keys import KEYS
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
 from terratool.definition.reader import Checked, check
 from terratool.definition.source import Source
+from tests.schemas import subschemas
 from tests.strategies import Json, definitions
 
 SCHEMA = terratool.schema()
@@ -43,14 +44,6 @@ GOOD: Json = {
         {"path": [[2, 2], [2, 9]], "width": 1, "depth": 0.25, "passes": 2, "multipass": 2},
     ],
 }
-
-
-def subschemas(schema: Any, pointer: str = "") -> Iterator[tuple[str, Json]]:
-    """Every schema of a key, of an object kind or of a curve kind, with its pointer."""
-    for holder in ("properties", "$defs"):
-        for name, inner in schema.get(holder, {}).items():
-            yield f"{pointer}/{holder}/{name}", inner
-            yield from subschemas(inner, f"{pointer}/{holder}/{name}")
 
 
 SUBSCHEMAS = list(subschemas(SCHEMA))

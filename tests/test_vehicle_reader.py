@@ -32,6 +32,7 @@ from terratool.definition.vehicles.model import (
 from terratool.definition.vehicles.reader import check_any, check_vehicle
 from terratool.definition.writer import canonical
 from tests.commands import ROOT, run
+from tests.schemas import subschemas
 from tests.strategies import Json, definitions
 from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles
 
@@ -42,14 +43,6 @@ STRUCTURAL = {"TT103", "TT104", "TT105", "TT106"}
 
 
 # The schema
-
-
-def subschemas(schema: Json, pointer: str = "") -> Iterator[tuple[str, Json]]:
-    """Every schema of a key or of a kind of object, with its pointer."""
-    for holder in ("properties", "$defs"):
-        for name, inner in schema.get(holder, {}).items():
-            yield f"{pointer}/{holder}/{name}", inner
-            yield from subschemas(inner, f"{pointer}/{holder}/{name}")
 
 
 SUBSCHEMAS = list(subschemas(SCHEMA))

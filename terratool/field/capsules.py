@@ -16,7 +16,8 @@ _NOISE = 1e-13
 """No rounding in `holds` is worth more, in lengths of the segment and its width."""
 _UPRIGHT = 1e-290
 """A segment that goes less far along an axis does not go along it."""
-_PARTS = 8
+PARTS = 8
+"""Each cell of the index has so many parts along both axes, a bit of its mask each."""
 _GAP = 1e-6
 """How far around a capsule parts of the index are marked, in sides of a part."""
 _ULPS = 1e-15
@@ -223,11 +224,11 @@ def fill_index(segments, frame, shape, masks, offsets, entries):
 @kernel
 def _fill_masks(segments, frame, shape, masks):
     nx, ny = shape[0], shape[1]
-    beyond = margin(frame, shape, float(_PARTS))
+    beyond = margin(frame, shape, float(PARTS))
     for s in range(len(segments)):
-        low, high = rows_of(segments[s], frame[1], frame[3] * _PARTS, ny * _PARTS, beyond)
+        low, high = rows_of(segments[s], frame[1], frame[3] * PARTS, ny * PARTS, beyond)
         for row in range(low, high + 1):
-            first, last = columns_of(segments[s], row, frame, float(_PARTS), nx * _PARTS, beyond)
+            first, last = columns_of(segments[s], row, frame, float(PARTS), nx * PARTS, beyond)
             for column in range(first, last + 1):
-                bit = np.uint64((row % _PARTS) * _PARTS + column % _PARTS)
-                masks[row // _PARTS * nx + column // _PARTS] |= np.uint64(1) << bit
+                bit = np.uint64((row % PARTS) * PARTS + column % PARTS)
+                masks[row // PARTS * nx + column // PARTS] |= np.uint64(1) << bit

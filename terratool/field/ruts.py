@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terratool.field.capsules import holds
+from terratool.field.capsules import PARTS, holds
 from terratool.field.primitives import ONE, device, kernel
 
 
@@ -28,7 +28,7 @@ def cell_at(tracks, x, y):
         return np.int64(-1)
     i, j = np.int64(u), np.int64(v)
     cell = j * tracks.shape[0] + i
-    part = np.uint64(int((v - j) * 8.0) * 8 + int((u - i) * 8.0))
+    part = np.uint64(int((v - j) * PARTS) * PARTS + int((u - i) * PARTS))
     return cell if (tracks.masks[np.uint64(cell)] >> part) & ONE else np.int64(-1)
 
 
@@ -88,7 +88,7 @@ def near_ruts(tracks, x, y, u, v, out):
         within = (u[n] >= 0.0) & (u[n] < nx) & (v[n] >= 0.0) & (v[n] < ny)
         s, t = (u[n], v[n]) if within else (0.0, 0.0)
         i, j = np.int64(s), np.int64(t)
-        part = np.uint64(int((t - j) * 8.0) * 8 + int((s - i) * 8.0))
+        part = np.uint64(int((t - j) * PARTS) * PARTS + int((s - i) * PARTS))
         hit = (tracks.masks[np.uint64(j * tracks.shape[0] + i)] >> part) & ONE
         out[count] = n
         count += 1 if within and hit != 0 else 0
