@@ -27,6 +27,9 @@ class Verdict(IntEnum):
         return ("unknown", "go", "caution", "no-go")[self]
 
 
+RANKS = np.array([2, 0, 1, 3], np.uint8)
+"""What is worse, by `Verdict`: what is not known is worse than caution and better than no-go."""
+
 COLORS: dict[Verdict, tuple[int, int, int]] = {
     Verdict.UNKNOWN: (158, 158, 158),
     Verdict.GO: (190, 232, 218),

@@ -12,15 +12,12 @@ from numpy.typing import NDArray
 from terratool.raster.layers import Bands, Layer
 from terratool.traversability.maps import cells
 from terratool.traversability.maps.surveying import Measures
-from terratool.traversability.results import Verdict
+from terratool.traversability.results import RANKS, Verdict
 
 CLASS, NUMBER = "class", "number"
 
 MOST = 10.0
 """Shares of limits beyond that are written as that."""
-
-_RANK = np.array([2, 0, 1, 3], np.uint8)
-"""What is worse, by `Verdict`: what is not known is worse than caution and better than no-go."""
 
 VERDICT = Bands((Layer("verdict", ("verdict, best heading",), "", CLASS),), np.dtype(np.uint8))
 CLASSES = Bands(
@@ -79,7 +76,7 @@ def fold(measures: Measures, inside: NDArray[np.bool_]) -> Folded:
     share = measures.numbers[:, cells.UTILISATION].astype(np.float64)
     reserve = np.ones_like(share)
     np.divide(share, 1.0 + share, out=reserve, where=np.isfinite(share))
-    order = 2.0 * _RANK[measures.verdict] + reserve
+    order = 2.0 * RANKS[measures.verdict] + reserve
     best, worst = (chosen(order, axis=0)[None] for chosen in (np.argmin, np.argmax))
 
     def at(heading: Any, values: NDArray[Any]) -> NDArray[Any]:

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.traversability.results import COLORS, Survey, Verdict
+from terratool.traversability.results import COLORS, RANKS, Survey, Verdict
 
 SHADING = 0.8, 1.08
 """Shares of a colour that are left in the shade and in full light."""
@@ -30,9 +30,8 @@ def best(survey: Survey) -> NDArray[np.uint8]:
 
     What is not known is better than no-go, as it is in the map.
     """
-    ranks = np.array([2, 0, 1, 3], np.uint8)  # of unknown, go, caution, no-go
-    verdicts = np.array([Verdict.GO, Verdict.CAUTION, Verdict.UNKNOWN, Verdict.NO_GO], np.uint8)
-    out: NDArray[np.uint8] = verdicts[ranks[survey.verdict].min(axis=0)]
+    verdicts = np.argsort(RANKS).astype(np.uint8)  # by their ranks
+    out: NDArray[np.uint8] = verdicts[RANKS[survey.verdict].min(axis=0)]
     return out
 
 
