@@ -1,6 +1,6 @@
 """Painting heights and surfaces against a plain fill of the two arrays, on one and two threads.
 
-And what slopes, patches and the statement of loss cost beside them.
+And what slopes, labels and the statement of loss cost beside them.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def compare(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
     planes = painter.blank(window)
     assert planes.surfaces is not None
     sloped = Painter(terrain, grid, slopes=True)
-    patched = Painter(terrain, grid, slopes=True, patches=True)
-    more = patched.blank(window)
+    labelled = Painter(terrain, grid, slopes=True, labels=True)
+    more = labelled.blank(window)
 
     def fill() -> None:
         planes.heights.fill(1.0)
@@ -56,8 +56,8 @@ def compare(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
             "fill": fill,
             "one": lambda: painter.paint(window, planes),
             "two": lambda: painter.paint_bands(window, planes, threads=2),
-            "slopes": lambda: sloped.paint(window, replace(more, patches=None)),
-            "patches": lambda: patched.paint(window, more),
+            "slopes": lambda: sloped.paint(window, replace(more, labels=None)),
+            "labels": lambda: labelled.paint(window, more),
             "alone": lambda: busy(rounds),
             "together": lambda: on_two_threads(rounds),
         },
@@ -78,8 +78,8 @@ def compare(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
     )
     line(f"{label}with slopes against without", seconds["slopes"] / seconds["one"], "none")
     line(
-        f"{label}with slopes and patches against without",
-        seconds["patches"] / seconds["one"],
+        f"{label}with slopes and labels against without",
+        seconds["labels"] / seconds["one"],
         "none",
     )
 
@@ -88,22 +88,22 @@ def compare_losses(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
     """What it costs to say what the pixels lose, window by window as files are written."""
     grid = grid_over(terrain, 100 / pixels)
     windows = list(grid.windows(512, 8192))
-    painter, patched = Painter(terrain, grid), Painter(terrain, grid, patches=True)
+    painter, labelled = Painter(terrain, grid), Painter(terrain, grid, labels=True)
     found = Losses(terrain, grid)
     margins = [found.margins(window) for window in windows]
-    planes = [patched.paint(window) for window in margins]
+    planes = [labelled.paint(window) for window in margins]
     whole = sum(map(found.of, windows, planes), Part())
     seconds = medians(
         {
             "paint": lambda: [painter.paint(window) for window in windows],
-            "patches": lambda: [patched.paint(window) for window in margins],
+            "labels": lambda: [labelled.paint(window) for window in margins],
             "losses": lambda: [found.of(*pair) for pair in zip(windows, planes, strict=True)],
             "statement": lambda: found.statement(whole, 0),
         },
         runs,
     )
     label = f"{name.upper()} {pixels}²: "
-    added = seconds["patches"] - seconds["paint"] + seconds["losses"] + seconds["statement"]
+    added = seconds["labels"] - seconds["paint"] + seconds["losses"] + seconds["statement"]
     line(f"{label}losses against painting", added / seconds["paint"], "none")
     line(
         f"{label}… of which the statement ({seconds['statement']:.2f} s)",

@@ -59,7 +59,7 @@ def part_of(
 ) -> Part:
     """What is lost in all windows of a size."""
     found = Losses(terrain, grid, dtype)
-    painter = Painter(terrain, grid, dtype, surfaces=False, patches=True)
+    painter = Painter(terrain, grid, dtype, surfaces=False, labels=True)
     parts = [found.of(w, painter.paint(found.margins(w))) for w in grid.windows(*size)]
     return sum(parts, Part())
 
@@ -177,12 +177,12 @@ class TestWalls:
     def found(terrain: Terrain, grid: Grid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Heights of the walls in all pairs along x and along y, and the lengths they stand for."""
         window = Window(0, 0, grid.height, grid.width)
-        planes = Painter(terrain, grid, np.float64, patches=True).paint(window)
-        patches, arrays = planes.patches, terrain.arrays
-        assert patches is not None
-        room = kernels.count_candidates(patches, grid.height, grid.width)
+        planes = Painter(terrain, grid, np.float64, labels=True).paint(window)
+        labels, arrays = planes.labels, terrain.arrays
+        assert labels is not None
+        room = kernels.count_candidates(labels, grid.height, grid.width)
         pairs, rises = np.empty(room, np.int64), np.empty(room)
-        count = kernels.candidates(patches, planes.heights, grid.height, grid.width, pairs, rises)
+        count = kernels.candidates(labels, planes.heights, grid.height, grid.width, pairs, rises)
         canvas = canvas_for(arrays, id_type(terrain), rims(arrays), False, True)
         jumps, lengths = np.empty(count), np.empty(count)
         kernels.measure(
@@ -254,7 +254,7 @@ class TestWindows:
     def test_add_up_in_any_order(self) -> None:
         """To the same, bit for bit; so threads change nothing."""
         found = Losses(self.terrain, self.grid)
-        painter = Painter(self.terrain, self.grid, patches=True)
+        painter = Painter(self.terrain, self.grid, labels=True)
         parts = [found.of(w, painter.paint(found.margins(w))) for w in self.grid.windows(50, 30)]
         rng = np.random.default_rng(0)
         sums = {sum((parts[k] for k in rng.permutation(len(parts))), Part()) for _ in range(20)}
@@ -268,13 +268,13 @@ class TestWindows:
         assert reduce(lambda a, b: b + a, parts) in sums
 
     def test_planes_that_do_not_fit_are_refused(self) -> None:
-        """Of the window without its margins, or without patches."""
+        """Of the window without its margins, or without labels."""
         found = Losses(self.terrain, self.grid)
         window = Window(0, 0, 10, 10)
         assert found.margins(window) == Window(0, 0, 11, 11)
         assert found.margins(Window(190, 190, 10, 10)) == Window(190, 190, 10, 10)
         for painter, which in (
-            (Painter(self.terrain, self.grid, patches=True), window),
+            (Painter(self.terrain, self.grid, labels=True), window),
             (Painter(self.terrain, self.grid), found.margins(window)),
         ):
             with pytest.raises(ValueError, match="are wanted"):

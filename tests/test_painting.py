@@ -33,7 +33,7 @@ def paint_all(
     terrain: Terrain, grid: Grid, window: Window, threads: int = 1, dtype: Any = np.float32
 ) -> Planes:
     """All planes of a window."""
-    painter = Painter(terrain, grid, dtype, slopes=True, patches=True)
+    painter = Painter(terrain, grid, dtype, slopes=True, labels=True)
     planes = painter.blank(window)
     if threads == 1:
         return painter.paint(window, planes)
@@ -191,7 +191,7 @@ def test_any_window_is_a_part_of_the_whole() -> None:
     grid = grid_over(terrain, 100 / 1300)
     whole = paint_all(terrain, grid, Window(0, 0, 1300, 1300), dtype=np.float64)
     rng = np.random.default_rng(8)
-    painter = Painter(terrain, grid, np.float64, slopes=True, patches=True)
+    painter = Painter(terrain, grid, np.float64, slopes=True, labels=True)
     for n in range(300):
         height, width = rng.integers(1, [400, 30, 1300][n % 3], 2)
         if n % 5 == 0:
@@ -209,9 +209,9 @@ def test_what_is_not_asked_for_makes_no_difference() -> None:
     grid = grid_over(terrain, 0.4)
     window = Window(0, 0, grid.height, grid.width)
     whole = paint_all(terrain, grid, window)
-    for ids, sloped, patched in itertools.product((False, True), repeat=3):
-        planes = Painter(terrain, grid, surfaces=ids, slopes=sloped, patches=patched).paint(window)
-        wanted = (True, ids, sloped, sloped, patched)
+    for ids, sloped, labelled in itertools.product((False, True), repeat=3):
+        planes = Painter(terrain, grid, surfaces=ids, slopes=sloped, labels=labelled).paint(window)
+        wanted = (True, ids, sloped, sloped, labelled)
         for name, there in zip(Planes.__slots__, wanted, strict=True):
             plane = getattr(planes, name)
             assert (plane is not None) == there
@@ -233,18 +233,18 @@ class Centres:
         return np.array(self.y)
 
 
-def patches_at(terrain: Terrain, x: list[float], y: list[float], resolution: float) -> np.ndarray:
-    """Patches at the given columns and rows."""
+def labels_at(terrain: Terrain, x: list[float], y: list[float], resolution: float) -> np.ndarray:
+    """Labels at the given columns and rows."""
     grid: Any = Centres(x, y, resolution)
-    patches = Painter(terrain, grid, patches=True).paint(Window(0, 0, len(y), len(x))).patches
-    assert patches is not None
-    return patches
+    labels = Painter(terrain, grid, labels=True).paint(Window(0, 0, len(y), len(x))).labels
+    assert labels is not None
+    return labels
 
 
 @settings(max_examples=EXAMPLES)
 @given(st.data())
-def test_walls_lie_between_different_patches(data: st.DataObject) -> None:
-    """Wherever halving finds a wall between two neighbours, their patches differ.
+def test_walls_lie_between_different_labels(data: st.DataObject) -> None:
+    """Wherever halving finds a wall between two neighbours, their labels differ.
 
     Or they would, close to the wall: then something narrower than a pixel begins and ends there.
     """
@@ -255,26 +255,26 @@ def test_walls_lie_between_different_patches(data: st.DataObject) -> None:
     grid = grid_over(terrain, min(max(terrain.size) / count, min(terrain.size)))
     window = Window(0, 0, grid.height, grid.width)
     x, y = np.meshgrid(grid.columns(window), grid.rows(window))
-    patches = paint_all(terrain, grid, window).patches
-    assert patches is not None
+    labels = paint_all(terrain, grid, window).labels
+    assert labels is not None
     close = 1e-10 * min(terrain.size)
     for along_x in (True, False):
         wall = walls(terrain, x, y, along_x)
-        same = np.diff(patches, axis=1 if along_x else 0) == 0
+        same = np.diff(labels, axis=1 if along_x else 0) == 0
         for row, column in np.argwhere(~np.isnan(wall) & same)[:5].tolist():
             at = wall[row, column]
             sides, fixed = [at - close, at + close], x[row, column]
             if along_x:
-                beside = patches_at(terrain, sides, [y[row, column]], 2 * close)
+                beside = labels_at(terrain, sides, [y[row, column]], 2 * close)
             else:
-                beside = patches_at(terrain, [fixed], sides[::-1], 2 * close)
+                beside = labels_at(terrain, [fixed], sides[::-1], 2 * close)
             assert len(np.unique(beside)) == 2, (along_x, at, fixed, y[row, column])
 
 
 @pytest.mark.parametrize("turn", [0, 90, 180, 270])
 @pytest.mark.parametrize("cells", [1, 7, 10])
 def test_steps_on_pixel_centres(turn: int, cells: int) -> None:
-    """Of level stairs the patches change just where the heights do, also where a pixel is at t."""
+    """Of level stairs the labels change just where the heights do, also where a pixel is at t."""
     t = [k / 10 for k in range(1, 10)]
     stairs = [[0, 0], *([s, z] for k, s in enumerate(t) for z in (k, k + 1)), [1, 9]]
     child = {"type": "stairs", "cellX": cells // 2, "cellY": cells - 1, "turnDeg": turn}
@@ -284,12 +284,12 @@ def test_steps_on_pixel_centres(turn: int, cells: int) -> None:
     low, bottom, high, top = terrain.cells()[:, 1]
     x, y = low + (high - low) * np.arange(11) / 10, bottom + (top - bottom) * np.arange(11) / 10
     grid: Any = Centres(x.tolist(), y[::-1].tolist(), (high - low) / 10)
-    planes = Painter(terrain, grid, patches=True).paint(Window(0, 0, 11, 11))
+    planes = Painter(terrain, grid, labels=True).paint(Window(0, 0, 11, 11))
     inside = np.s_[1:, :-1]
     for axis in (0, 1):
         risen = np.diff(planes.heights[inside], axis=axis) != 0
         assert risen.any() == (axis == (1 if turn % 180 == 0 else 0))
-        assert np.array_equal(np.diff(planes.patches[inside], axis=axis) != 0, risen)
+        assert np.array_equal(np.diff(planes.labels[inside], axis=axis) != 0, risen)
 
 
 def test_kinks_on_pixel_centres() -> None:
@@ -309,7 +309,7 @@ def test_kinks_on_pixel_centres() -> None:
                 assert_queried(terrain, grid, Window(0, 0, grid.height, grid.width), np.float64)
 
 
-def test_patches_of_what_has_no_walls() -> None:
+def test_labels_of_what_has_no_walls() -> None:
     """Nothing that ends at 0 all around divides the pixels; what does not end so, does."""
     types: dict[str, Any] = {
         "hill": {"x": "cos", "y": []},
@@ -333,8 +333,8 @@ def test_patches_of_what_has_no_walls() -> None:
             {"size": 5, "elemTypes": {**types, "slope": {"x": [1, 2]}}, "elemTree": root}
         )
         grid = grid_over(terrain, 0.1)
-        patches = paint_all(terrain, grid, Window(0, 0, grid.height, grid.width)).patches
-        return bool((patches != patches[0, 0]).any())
+        labels = paint_all(terrain, grid, Window(0, 0, grid.height, grid.width)).labels
+        return bool((labels != labels[0, 0]).any())
 
     smooth = ["hill", "pyramid", "dome", "pit", "nothing"]
     for name in types:
@@ -541,7 +541,7 @@ def test_arrays_that_do_not_fit_are_refused(kind: str) -> None:
 def test_the_scratch_is_that_of_a_tile(more: bool) -> None:
     """However large the window: the queue grows with the grids that one tile sees."""
     terrain = terrain_of({**BIG, "elemTypes": {"p": {"x": [1]}}, "elemTree": {"type": "p"}})
-    painter = Painter(terrain, grid_over(terrain, 0.05), slopes=more, patches=more)
+    painter = Painter(terrain, grid_over(terrain, 0.05), slopes=more, labels=more)
     painter.paint(Window(0, 0, 2000, 2000))
     (used,) = painter._canvases
     assert sum(array.nbytes for array in used) < (4_100_000 if more else 1_400_000)

@@ -256,7 +256,7 @@ def test_the_index_is_as_large_as_the_segments_are_many() -> None:
 
 
 def painted(terrain: Terrain, grid: Grid) -> Any:
-    return Painter(terrain, grid, np.float64, slopes=True, patches=True).paint(grid.whole)
+    return Painter(terrain, grid, np.float64, slopes=True, labels=True).paint(grid.whole)
 
 
 def test_pixels_are_queries_across_tiles() -> None:
@@ -269,26 +269,26 @@ def test_pixels_are_queries_across_tiles() -> None:
         assert np.array_equal(planes.surfaces, terrain.sample(x, y).surface + 1)
         assert np.allclose(planes.heights, terrain.height(x, y), rtol=0, atol=1e-12, equal_nan=True)
     window = Window(grid.height // 3, grid.width // 5, 200, 301)
-    part = Painter(terrain, grid, np.float64, slopes=True, patches=True).paint(window)
+    part = Painter(terrain, grid, np.float64, slopes=True, labels=True).paint(window)
     rows = np.s_[window.row : window.row + 200]
     columns = np.s_[window.column : window.column + 301]
-    for name in ("heights", "patches", "surfaces"):
+    for name in ("heights", "labels", "surfaces"):
         whole = getattr(planes, name)[rows, columns]
         assert np.array_equal(getattr(part, name), whole, equal_nan=name == "heights")
 
 
-def test_patches_differ_wherever_a_rut_ends_or_changes() -> None:
-    """Between neighbours whose heights on level ground differ there is a wall, so patches do."""
+def test_labels_differ_wherever_a_rut_ends_or_changes() -> None:
+    """Between neighbours whose heights on level ground differ there is a wall, so labels do."""
     by_ground = {"path": [[6, 9], [19, 6]], "width": 3, "load": 3}
     tracks = [*scribbles(31, 12, (20, 10)), by_ground]
     terrain = terrain_of(yard(*tracks))
     planes = painted(terrain, grid_over(terrain, 0.05))
-    z, patches = planes.heights, planes.patches
+    z, labels = planes.heights, planes.labels
     for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         walls = (z[one] != z[other]) & ~np.isnan(z[one]) & ~np.isnan(z[other])
         assert walls.sum() > 500
-        assert (patches[one] != patches[other])[walls].all()
-    quiet = (z[:, :-1] == z[:, 1:]) & (patches[:, :-1] == patches[:, 1:])
+        assert (labels[one] != labels[other])[walls].all()
+    quiet = (z[:, :-1] == z[:, 1:]) & (labels[:, :-1] == labels[:, 1:])
     assert quiet.mean() > 0.5
 
 
@@ -298,7 +298,7 @@ def test_walls_of_ruts_are_lost() -> None:
     terrain = terrain_of(yard(track))
     grid = grid_over(terrain, 0.1)
     losses = Losses(terrain, grid)
-    planes = Painter(terrain, grid, patches=True).paint(grid.whole)
+    planes = Painter(terrain, grid, labels=True).paint(grid.whole)
     statement = losses.statement(losses.of(grid.whole, planes), 0)
     edge = 5 + 5  # that of the firm ground
     expected = 2 * math.hypot(7, 4) + math.pi * 1.5 + edge

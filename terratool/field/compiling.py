@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from terratool.definition.curves import Curve, shape_of
 from terratool.definition.model import Definition, Element
 from terratool.definition.tree import Tree, flatten
-from terratool.field import layout
 from terratool.field.curves import Pieces, bins_of, pieces_of
 from terratool.field.tracks import compile_tracks
 from terratool.field.types import COMBINE, ELEMENT, GRID, KIND, POSE, STEPPED, Arrays, Curves
+from terratool.kernels import field as kernels
 
 Ints = NDArray[np.int64]
 _DENSE_CELLS = 1024
@@ -62,18 +62,20 @@ def compile_definition(definition: Definition) -> Compiled:
     grid_of = np.zeros(len(parents), np.uint32)
     grid_of[owners] = np.arange(1, len(owners) + 1)
     grids = np.zeros(len(owners) + 1, GRID)
-    home = np.where(parents >= 0, grid_of[parents], 0)
+    home = np.where(parents >= 0, grid_of[parents], 0).astype(np.uint32)
     sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
-    layout.lay_grids(
-        grids, sides, aspects, owners, home, columns.cell, columns.span, columns.cells,
-        np.array(definition.corner), np.array(definition.extent),
-    )  # fmt: skip
+    columns = columns._replace(
+        cell=np.ascontiguousarray(columns.cell),
+        span=np.ascontiguousarray(columns.span),
+        cells=np.ascontiguousarray(columns.cells),
+    )
+    corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
+    kernels.lay_grids(grids, sides, aspects, owners, home, columns, corner, extent)
     offsets, entries, pending = _bins(grids, owners, home, grid_of, columns, dense)
 
     elements = np.zeros(len(parents), ELEMENT)
     elements["cell_x"], elements["cell_y"] = columns.cell.T
     own_sides = sides[home] * columns.span
-    extent = np.array(definition.extent)
     shares = (own_sides / extent).min(axis=1)
     elements["scale"] = np.where(np.isnan(columns.scale), shares, columns.scale)
     elements["offset"] = columns.offset
@@ -97,7 +99,7 @@ def compile_definition(definition: Definition) -> Compiled:
         curves=curves,
         bounds=bounds,
         pending=pending,
-        voids=bool(kinds["void"].any()),
+        voids=bool(kinds["is_void"].any()),
         tracks=compile_tracks(definition, bounds),
     )
     return Compiled(
@@ -123,6 +125,13 @@ class _Columns(NamedTuple):
     turn: NDArray[np.float64]
     type: Ints
     surface: Ints  # -1 for the parent's
+
+
+class _Ranges(NamedTuple):
+    """Where the elements of each grid stand, (grids,)."""
+
+    first: Ints
+    last: Ints
 
 
 def _columns(tree: Tree, definition: Definition) -> _Columns:
@@ -203,18 +212,20 @@ def _bins(
     dense: NDArray[np.bool_],
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], int]:
     """Tables from cells to elements, and the depth of the descent's stack."""
-    first = np.searchsorted(home, np.arange(len(grids)))
-    last = np.searchsorted(home, np.arange(len(grids)), side="right")
+    ranges = _Ranges(
+        first=np.searchsorted(home, np.arange(len(grids))),
+        last=np.searchsorted(home, np.arange(len(grids)), side="right"),
+    )
     grid_dense = np.concatenate([[True], dense[owners]])
     sizes = np.empty(len(grids), np.int64)
     lists = np.empty(len(grids), np.int64)
-    layout.size_bins(grids, grid_dense, first, last, columns.cell, columns.span, sizes, lists)
+    kernels.size_bins(grids, grid_dense, ranges, columns, sizes, lists)
     grids["table"] = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     offsets = np.empty(int(sizes.sum()), np.uint32)
-    entries = np.empty(max(1, int(lists.sum())), np.uint32)
-    layout.fill_bins(grids, first, last, columns.cell, columns.span, offsets, entries)
-    pending = layout.pending(grids, offsets, entries, grid_of)
-    return offsets, entries, int(pending)
+    entries = np.zeros(max(1, int(lists.sum())), np.uint32)
+    kernels.fill_bins(grids, ranges, columns, offsets, entries)
+    pending = kernels.count_pending(grids, offsets, entries, grid_of)
+    return offsets, entries, pending
 
 
 def _mark_leaves(
@@ -280,7 +291,7 @@ def _kinds(
         shape = shape_of(primitives[type_])
         kind["combine"] = COMBINE[shape.combine]
         kind["surface"] = surface_
-        kind["void"] = void[surface_]
+        kind["is_void"] = void[surface_]
         for axis, curve in (("x", shape.x), ("y", shape.y or shape.x)):
             store.put(kind, axis, curve)
         kind["special"] = kind["combine"] != COMBINE["product"] or (

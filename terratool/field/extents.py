@@ -57,7 +57,7 @@ def largest_heights(arrays: Arrays) -> Floats:
     return largest
 
 
-def rims(arrays: Arrays) -> NDArray[np.uint8]:
+def nonzero_edges(arrays: Arrays) -> NDArray[np.uint8]:
     """For each kind, whether it is other than 0 somewhere on the edge of its whole footprint."""
     out = np.ones(len(arrays.kinds), np.uint8)
     for k, kind in enumerate(arrays.kinds):

@@ -59,7 +59,7 @@ def void_at(field, winner):
     return (
         field.voids
         and winner >= 0
-        and field.kinds[field.elements[np.uint64(winner)].kind].void != 0
+        and field.kinds[field.elements[np.uint64(winner)].kind].is_void != 0
     )
 
 

@@ -59,11 +59,11 @@ def set_axis(grids, g, axis, corner, rest, pitch, pitch_rest, count):
     sure = -1.0 if local else 0.5 - near
     if axis == 0:
         grid.x, grid.x_rest, grid.per_x, grid.nx, grid.near_x = corner, rest, per, count, near
-        grid.sure_x = sure
+        grid.clear_x = sure
         grid.pitch_x, grid.pitch_x_rest = pitch, pitch_rest
     else:
         grid.y, grid.y_rest, grid.per_y, grid.ny, grid.near_y = corner, rest, per, count, near
-        grid.sure_y = sure
+        grid.clear_y = sure
         grid.pitch_y, grid.pitch_y_rest = pitch, pitch_rest
     return local
 
@@ -95,7 +95,7 @@ def lay_grids(grids, sides, aspects, owners, home, cell, span, cells, origin, ex
                 )  # fmt: skip
         grids[g].local = local
         if local:
-            grids[g].sure_x = grids[g].sure_y = -1.0
+            grids[g].clear_x = grids[g].clear_y = -1.0
         sides[g, 0] = grids[g].pitch_x + grids[g].pitch_x_rest
         sides[g, 1] = grids[g].pitch_y + grids[g].pitch_y_rest
 

@@ -36,10 +36,7 @@ device = njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinli
 
 
 # A curve's value decides about no edge, so a product and a sum in it may become one instruction.
-fused = njit(
-    cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True,
-    fastmath={"contract"},
-)  # fmt: skip
+fused = device
 
 
 @device
@@ -56,7 +53,7 @@ def edge(corner, rest, pitch, pitch_rest, k):
 @device
 def sure(grid, in_x, in_y):
     """Whether a place in a cell is far enough from its edges for its coordinates to be trusted."""
-    return abs(in_x - 0.5) <= grid.sure_x and abs(in_y - 0.5) <= grid.sure_y
+    return abs(in_x - 0.5) <= grid.clear_x and abs(in_y - 0.5) <= grid.clear_y
 
 
 @kernel

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.model import Definition
 from terratool.definition.reader import load_definition
-from terratool.field import kernels, layout
 from terratool.field.batches import batch_heights
 from terratool.field.compiling import Compiled, compile_definition
 from terratool.field.types import Arrays
+from terratool.kernels import field as kernels
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,13 @@ class Terrain:
 
     @property
     def arrays(self) -> Arrays:
-        """The flat arrays, for kernels."""
+        """The flat arrays."""
         return self._compiled.arrays
+
+    @cached_property
+    def field(self) -> kernels.Field:
+        """The same, checked and kept, as kernels take it."""
+        return kernels.Field(self.arrays)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -98,7 +103,7 @@ class Terrain:
     def height(self, x: ArrayLike, y: ArrayLike) -> Any:
         """Heights at points; a number for numbers, else a float64 array."""
         x, y, shape = _points(x, y)
-        return batch_heights(self.arrays, x, y).reshape(shape)[()]
+        return batch_heights(self.arrays, self.field, x, y).reshape(shape)[()]
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
         """Names of the surfaces at points, None where there is none; an object array for arrays."""
@@ -121,7 +126,7 @@ class Terrain:
         height = np.empty(len(x))
         element = np.empty(len(x), np.int64)
         gradient = np.empty((len(x), 2))
-        kernels.samples(self.arrays, x, y, self.arrays.scratch(), height, element, gradient)
+        kernels.samples(self.field, x, y, height, element, gradient)
         surface = self.surface_of(element)
         normal = np.column_stack([0.0 - gradient, np.where(np.isnan(height), np.nan, 1.0)])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -157,7 +162,7 @@ class Terrain:
     def cells(self) -> NDArray[np.float64]:
         """World rectangles of the elements' cells: (4, n) float64 west, south, east, north."""
         out = np.empty((4, len(self.arrays.elements)))
-        layout.cell_rectangles(self.arrays, self._compiled.parents, out)
+        kernels.cell_rectangles(self.field, self._compiled.parents, out)
         return out
 
     def pointer(self, element: int) -> str | None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from terratool.definition.keys import LARGEST
 from terratool.definition.model import DEFAULT_MULTIPASS, Definition, Track
-from terratool.field import capsules
 from terratool.field.types import SEGMENT, Tracks
+from terratool.kernels import field as kernels
 
 Floats = NDArray[np.float64]
 
@@ -119,9 +119,9 @@ def _index(segments: NDArray[Any], bounds: Floats) -> tuple[Any, ...]:
         return frame, shape, np.empty(0, np.uint64), np.zeros(1, np.uint32), none
     extent = np.maximum(high - low, 1e-9 * (bounds[2:] - bounds[:2]))
     frame[:2] = low
-    total = capsules.choose_cells(segments, extent, frame, shape)
+    total = kernels.choose_cells(segments, extent, frame, shape)
     cells = int(shape.prod())
     masks, offsets = np.zeros(cells, np.uint64), np.zeros(cells + 1, np.uint32)
     entries = np.empty(total, np.uint32)
-    capsules.fill_index(segments, frame, shape, masks, offsets, entries)
+    kernels.fill_index(segments, frame, shape, masks, offsets, entries)
     return frame, shape, masks, offsets, entries

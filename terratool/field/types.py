@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.kernels import field as kernels
+
 COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
 
 STEPPED = 2
@@ -56,7 +58,7 @@ KIND = np.dtype(
         ("combine", np.uint8),
         ("knotted_x", np.uint8),  # pieces begin at knots; STEPPED if with vertical steps
         ("knotted_y", np.uint8),
-        ("void", np.uint8),  # the surface is void
+        ("is_void", np.uint8),  # the surface is void
         ("special", np.uint8),  # anything but a product of evenly spaced pieces
     ],
     align=True,
@@ -71,8 +73,8 @@ GRID = np.dtype(
         ("y_rest", np.float64),
         ("per_x", np.float64),  # cells per unit of length
         ("per_y", np.float64),
-        ("sure_x", np.float64),  # within this of a cell's middle, in cells, no edge is near
-        ("sure_y", np.float64),
+        ("clear_x", np.float64),  # within this of a cell's middle, in cells, no edge is near
+        ("clear_y", np.float64),
         ("table", np.int64),  # where its table of bins begins in offsets
         ("bins_x", np.uint32),  # bins in a row
         ("shift_x", np.uint8),  # a bin is 2^shift_x × 2^shift_y cells
@@ -109,6 +111,8 @@ SEGMENT = np.dtype(
     align=True,
 )
 """A straight piece of a track, in the order of the document."""
+
+kernels.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT)
 
 
 class Curves(NamedTuple):
@@ -163,7 +167,7 @@ class Tracks(NamedTuple):
 
 
 class Arrays(NamedTuple):
-    """A compiled field: nothing but arrays, so that kernels take it and workers are sent it.
+    """A compiled field: nothing but arrays.
 
     Attributes:
         elements: ELEMENT, breadth first.
@@ -203,27 +207,3 @@ class Arrays(NamedTuple):
         """Memory of what most points are looked up in: all but the segments of tracks."""
         tracks = sum(array.nbytes for array in self.tracks)
         return self.nbytes - tracks + self.tracks.masks.nbytes
-
-    def scratch(self) -> Scratch:
-        """Space for the kernels to work in; each thread needs its own."""
-        return Scratch(
-            np.empty((self.pending, 3)), np.empty((7, BLOCK)), np.empty((BLOCK, 2), np.uint32)
-        )
-
-
-BLOCK = 512
-"""Points that a batch takes at a time; their positions stay in the cache."""
-
-
-class Scratch(NamedTuple):
-    """Space for the kernels to work in.
-
-    Attributes:
-        stack: (pending, 3) float64, grids that wait in a descent.
-        work: (7, BLOCK) float64, positions of a block of points.
-        bins: (BLOCK, 2) uint32, where their elements begin and end.
-    """
-
-    stack: NDArray[np.float64]
-    work: NDArray[np.float64]
-    bins: NDArray[np.uint32]

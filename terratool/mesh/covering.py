@@ -50,7 +50,7 @@ def regions_of(
     kinds = plan.field.kinds[plan.field.elements["kind"][np.maximum(winners, 0)]]
     surfaces = np.where(winners < 0, -1, kinds["surface"]).astype(np.int32)
     surfaces[worn >= 0] = plan.field.tracks.surface[worn[worn >= 0]]
-    voids = (winners >= 0) & (kinds["void"] != 0)
+    voids = (winners >= 0) & (kinds["is_void"] != 0)
     asides = np.zeros(len(covers) + 1)
     np.cumsum(plan.frames["aside"][covers["element"]], out=asides[1:])
     asides = asides[offsets[1:]] - asides[offsets[:-1]]

@@ -133,7 +133,7 @@ def _choose(plan: Plan, least: float, finer: float) -> Left:
     faint = near & ~small & (largest <= least) if least > 0.0 else np.zeros_like(near)
     kinds = field.elements["kind"]
     # a hole is more than a change of heights, and the root is the ground
-    faint &= field.kinds["void"][kinds] == 0
+    faint &= field.kinds["is_void"][kinds] == 0
     faint[0] = False
     frames["drawn"] = near & ~small & ~faint
     round_ = (field.kinds["combine"][kinds] == COMBINE["radial"]) & (frames["drawn"] != 0)

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from terratool.field import walls
-from terratool.field.canvas import Canvas, canvas_for
-from terratool.field.extents import largest_heights, rims
+from terratool.field.extents import largest_heights, nonzero_edges
 from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.misfit import misfit_of
 from terratool.raster.narrow import narrow_of
-from terratool.raster.painting import Planes, id_type
+from terratool.raster.painting import Planes
 from terratool.raster.statement import Statement, Wall
 
 _LEVEL = 1e-7
@@ -86,8 +85,8 @@ class Losses:
         self._terrain = terrain
         self._grid = grid
         self._dtype = np.dtype(dtype)
-        self._rims = rims(terrain.arrays)
-        self._canvases: deque[Canvas] = deque()
+        self._edges = nonzero_edges(terrain.arrays)
+        self._idle: deque[kernels.WallFinder] = deque()
         largest = float(largest_heights(terrain.arrays).max())
         self._level = max(_LEVEL * largest, _LOW * grid.resolution)
 
@@ -105,30 +104,29 @@ class Losses:
 
         Args:
             window: the window.
-            planes: heights and patches of its margins.
+            planes: heights and labels of its margins.
         """
         whole, resolution = self.margins(window), self._grid.resolution
-        heights, patches = planes.heights, planes.patches
-        if patches is None or not patches.shape == heights.shape == (whole.height, whole.width):
-            raise ValueError(f"heights and patches of {whole.height} × {whole.width} are wanted")
-        room = walls.count_candidates(patches, window.height, window.width)
-        pairs, rises = np.empty(room, np.int64), np.empty(room)
-        count = walls.candidates(patches, heights, window.height, window.width, pairs, rises)
+        heights, labels = planes.heights, planes.labels
+        if labels is None or not labels.shape == heights.shape == (whole.height, whole.width):
+            raise ValueError(f"heights and labels of {whole.height} × {whole.width} are wanted")
+        pairs, rises = kernels.find_candidates(labels, heights, window.height, window.width)
+        count = len(pairs)
         if not count:
             return Part()
-        pairs, rises = pairs[:count], rises[:count]
         pixels, all_pixels = window.height * window.width, self._grid.height * self._grid.width
         tests = max(_TESTS, all_pixels // _PIXELS_PER_TEST)
         chosen = _spread(count, max(_LEAST_TESTS, tests * pixels // all_pixels))
 
-        field = self._terrain.arrays
         try:
-            canvas = self._canvases.pop()
+            finder = self._idle.pop()
         except IndexError:
-            canvas = canvas_for(field, id_type(self._terrain), self._rims, False, True)
+            finder = kernels.WallFinder(self._terrain.field, self._edges)
         x, y = self._grid.columns(whole), self._grid.rows(whole)
         jumps, lengths = np.empty(len(chosen)), np.empty(len(chosen))
-        walls.measure(field, canvas, pairs[chosen], x, y, resolution, self._level, jumps, lengths)
+        kernels.measure_walls(
+            finder, pairs[chosen], x, y, resolution, self._level, jumps, lengths
+        )
         share = count / len(chosen)
         steepest, highest = (0.0, 0), (0.0, 0)
         if jumps.any():
@@ -141,21 +139,14 @@ class Losses:
         if len(chosen) < count:
             steeper = np.flatnonzero(rises > steepest[0])
             steeper = steeper[np.argsort(-rises[steeper], kind="stable")][: len(chosen)]
-            at, jump = walls.first_wall(
-                field,
-                canvas,
-                pairs[steeper],
-                _SHARE * rises[steeper],
-                x,
-                y,
-                resolution,
-                self._level,
+            at, jump = kernels.first_wall(
+                finder, pairs[steeper], _SHARE * rises[steeper], x, y, resolution, self._level
             )
             if at >= 0:
                 name = -self._name(whole, int(pairs[steeper[at]]))
                 steepest = float(rises[steeper[at]]), name
                 highest = max(highest, (float(jump), name))
-        self._canvases.append(canvas)
+        self._idle.append(finder)
         return Part(
             candidates=count,
             tested=len(chosen),

@@ -1,4 +1,4 @@
-"""Heights, surfaces, slopes and patches over windows of a grid."""
+"""Heights, surfaces, slopes and labels over windows of a grid."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from terratool.field import painting
-from terratool.field.canvas import HEIGHT, Canvas, canvas_for
-from terratool.field.extents import rims
+from terratool.field.extents import nonzero_edges
 from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 
 
@@ -33,15 +32,15 @@ class Planes:
         surfaces: of `id_type(terrain)`, the index of the surface and one, 0 where there is none.
         slope_x, slope_y: dz/dx to the east and dz/dy to the north, analytic, in the type of the
             heights; NaN where these are.
-        patches: uint32; two neighbours of one patch have no wall between them, but for a feature
-            that lies wholly between their centres. Where patches differ there may be one.
+        labels: uint32; two neighbours of one label have no wall between them, but for a feature
+            that lies wholly between their centres. Where labels differ there may be one.
     """
 
     heights: NDArray[Any]
     surfaces: NDArray[Any] | None = None
     slope_x: NDArray[Any] | None = None
     slope_y: NDArray[Any] | None = None
-    patches: NDArray[np.uint32] | None = None
+    labels: NDArray[np.uint32] | None = None
 
     def rows(self, begin: int, end: int) -> Planes:
         """Some of the rows, not copied."""
@@ -56,7 +55,7 @@ class Planes:
         return Planes(heights, *others)
 
     def _all(self) -> tuple[Any, ...]:
-        return self.heights, self.surfaces, self.slope_x, self.slope_y, self.patches
+        return self.heights, self.surfaces, self.slope_x, self.slope_y, self.labels
 
 
 class Painter:
@@ -70,7 +69,7 @@ class Painter:
         terrain: the terrain.
         grid: the pixels.
         dtype: float32 or float64, of heights and slopes.
-        surfaces, slopes, patches: which planes there are besides the heights.
+        surfaces, slopes, labels: which planes there are besides the heights.
     """
 
     def __init__(
@@ -80,24 +79,24 @@ class Painter:
         dtype: DTypeLike = np.float32,
         surfaces: bool = True,
         slopes: bool = False,
-        patches: bool = False,
+        labels: bool = False,
     ) -> None:
-        self._arrays = terrain.arrays
+        self._field = terrain.field
         self._grid = grid
-        self._ids = id_type(terrain)
         dtype = np.dtype(dtype)
         self._dtypes = (
             dtype,
-            self._ids if surfaces else None,
+            id_type(terrain) if surfaces else None,
             dtype if slopes else None,
             dtype if slopes else None,
-            np.dtype(np.uint32) if patches else None,
+            np.dtype(np.uint32) if labels else None,
         )
-        kinds = self._arrays.kinds
+        kinds = terrain.arrays.kinds
         self._voids = np.zeros(len(terrain.surfaces) + 1, np.bool_)
-        self._voids[kinds["surface"] + 1] = kinds["void"]
-        self._rims = rims(self._arrays) if patches else np.empty(0, np.uint8)
-        self._canvases: deque[Canvas] = deque()
+        self._voids[kinds["surface"] + 1] = kinds["is_void"] != 0
+        self._slopes = slopes
+        self._edges = nonzero_edges(terrain.arrays) if labels else None
+        self._idle: deque[kernels.Painter] = deque()
 
     def blank(self, window: Window) -> Planes:
         """Planes for a window, their contents undefined."""
@@ -116,31 +115,12 @@ class Painter:
             self._check(window, planes)
         x = self._grid.columns(window)
         y = np.ascontiguousarray(self._grid.rows(window)[::-1])
-        empty = self._dtypes[0], self._ids, self._dtypes[0], self._dtypes[0], np.uint32
-        flat = tuple(
-            np.empty(0, dtype) if plane is None else plane.reshape(-1)
-            for plane, dtype in zip(planes._all(), empty, strict=True)
-        )
         try:
-            canvas = self._canvases.pop()
+            painter = self._idle.pop()
         except IndexError:
-            canvas = canvas_for(
-                self._arrays,
-                self._ids,
-                self._rims,
-                slopes=planes.slope_x is not None,
-                patches=planes.patches is not None,
-            )
-        tile = 0
-        while tile >= 0:
-            tile = painting.paint_window(
-                self._arrays, canvas, self._voids, x, y, self._grid.resolution,
-                (window.row, window.column), tile, flat,
-            )  # fmt: skip
-            if tile >= 0:  # its queue was too short
-                longer = np.empty((4 * len(canvas.queue), canvas.queue.shape[1]), np.int64)
-                canvas = canvas._replace(queue=longer)
-        self._canvases.append(canvas)
+            painter = kernels.Painter(self._field, self._voids, self._slopes, self._edges)
+        kernels.paint(painter, x, y, self._grid.resolution, window.row, window.column, planes)
+        self._idle.append(painter)
         return planes
 
     def paint_bands(self, window: Window, planes: Planes, threads: int) -> None:
@@ -148,12 +128,12 @@ class Painter:
         self._check(window, planes)
 
         def paint_band(row: int) -> None:
-            height = min(HEIGHT, window.height - row)
+            height = min(kernels.TILE_HEIGHT, window.height - row)
             part = Window(window.row + row, window.column, height, window.width)
             self.paint(part, planes.rows(row, row + height))
 
         with ThreadPoolExecutor(threads) as pool:
-            for _ in pool.map(paint_band, range(0, window.height, HEIGHT)):
+            for _ in pool.map(paint_band, range(0, window.height, kernels.TILE_HEIGHT)):
                 pass
 
     def _check(self, window: Window, planes: Planes) -> None:

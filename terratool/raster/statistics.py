@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.raster.kernels import first_number, gather
+from terratool.kernels import raster as kernels
 
 _COLUMNS = 512
 
@@ -54,10 +54,10 @@ class Statistics:
 
 def statistics_of(pixels: NDArray[Any]) -> Statistics:
     """Statistics of what is not NaN in `pixels`, (height, width) of floats."""
-    shift = first_number(pixels)  # sums of squares lose less near 0
+    shift = kernels.first_number(pixels)  # sums of squares lose less near 0
     sums = np.zeros((5, _COLUMNS))
     sums[1:3] = [[math.inf], [-math.inf]]
-    gather(pixels, shift, sums)
+    kernels.gather(pixels, shift, sums)
     count, total, square = (float(sums[row].sum()) for row in (0, 3, 4))
     if not count:
         return Statistics()

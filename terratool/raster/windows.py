@@ -91,7 +91,7 @@ class Maker:
             dtype=heights_type(files),
             surfaces=any(layer.surfaces for layer in layers),
             slopes=any(layer.slopes for layer in layers),
-            patches=losses is not None,
+            labels=losses is not None,
         )
         self._files = files
         self._lay = [layer_painter(bands, terrain) for bands in files]

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field import walls
-from terratool.field.canvas import Canvas, canvas_for
-from terratool.field.extents import rims
+from terratool.field.extents import nonzero_edges
 from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
-from terratool.raster.painting import Painter, id_type
+from terratool.raster.painting import Painter
 
 STEEP = 1.0
 """Tangent from which on a face counts as a step even if the model has no wall there."""
@@ -61,16 +60,16 @@ class Grounds:
         self, terrain: Terrain, grid: Grid, least: float, slopes: bool, radius: float
     ) -> None:
         self._terrain, self._grid, self._least, self._radius = terrain, grid, least, radius
-        self._painter = Painter(terrain, grid, slopes=slopes, patches=True)
-        self._rims = rims(terrain.arrays)
-        self._canvases: deque[Canvas] = deque()
+        self._painter = Painter(terrain, grid, slopes=slopes, labels=True)
+        self._edges = nonzero_edges(terrain.arrays)
+        self._idle: deque[kernels.WallFinder] = deque()
 
     def of(self, window: Window) -> Ground:
         """The ground of a window."""
         planes = self._painter.paint(window)
-        assert planes.surfaces is not None and planes.patches is not None
+        assert planes.surfaces is not None and planes.labels is not None
         heights = planes.heights
-        pairs, same = _rises(heights, planes.patches, self._least, self._grid.resolution)
+        pairs, same = _rises(heights, planes.labels, self._least, self._grid.resolution)
         jumps = np.full(len(pairs), np.inf)
         jumps[~same] = self._walls(window, pairs[~same])
         found = jumps >= self._least
@@ -90,17 +89,15 @@ class Grounds:
         places, jumps = np.empty((len(pairs), _WALLS)), np.empty((len(pairs), _WALLS))
         if not len(pairs):
             return jumps[:, 0]
-        field = self._terrain.arrays
         try:
-            canvas = self._canvases.pop()
+            finder = self._idle.pop()
         except IndexError:
-            canvas = canvas_for(field, id_type(self._terrain), self._rims, False, True)
-        walls.walls_between(
-            field, canvas, pairs, self._grid.columns(window), self._grid.rows(window),
+            finder = kernels.WallFinder(self._terrain.field, self._edges)
+        kernels.walls_between(
+            finder, pairs, self._grid.columns(window), self._grid.rows(window),
             self._grid.resolution, 0.5 * self._least, places, jumps,
-            np.empty((_WALLS + 2, 2)),
         )  # fmt: skip
-        self._canvases.append(canvas)
+        self._idle.append(finder)
         return steps_met(pairs, window.width, places, jumps, self._radius)
 
 
@@ -147,15 +144,15 @@ def steps_met(
 
 
 def _rises(
-    heights: NDArray[np.float32], patches: NDArray[np.uint32], least: float, resolution: float
+    heights: NDArray[np.float32], labels: NDArray[np.uint32], least: float, resolution: float
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Pairs that rise enough to be looked at, ascending, and whether they are of one patch."""
+    """Pairs that rise enough to be looked at, ascending, and whether they are of one label."""
     pairs, same = [], []
     for down in (0, 1):
         first = np.s_[:-1] if down else np.s_[:, :-1]
         second = np.s_[1:] if down else np.s_[:, 1:]
         rise = np.abs(heights[second] - heights[first])
-        alike = patches[second] == patches[first]
+        alike = labels[second] == labels[first]
         row, column = np.nonzero((rise >= least) & (~alike | (rise > STEEP * resolution)))
         pairs.append(2 * (row * heights.shape[1] + column) + down)
         same.append(alike[row, column])

@@ -1,0 +1,115 @@
+// What every kernel is written with: numbers of fixed size, and views of arrays.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <numbers>
+#include <span>
+#include <utility>
+#include <vector>
+
+#if defined(_MSC_VER) && !defined(__clang__)
+#define INLINE __forceinline
+#define HARD_CHECK(condition) (void)0
+#else
+#define INLINE [[gnu::always_inline]] inline
+#ifdef _GLIBCXX_ASSERTIONS  // as std::span does it
+#define HARD_CHECK(condition) __glibcxx_assert(condition)
+#else
+#define HARD_CHECK(condition) (void)0
+#endif
+#endif
+
+namespace terratool {
+
+using i16 = std::int16_t;
+using i32 = std::int32_t;
+using i64 = std::int64_t;
+using u8 = std::uint8_t;
+using u16 = std::uint16_t;
+using u32 = std::uint32_t;
+using u64 = std::uint64_t;
+
+using std::abs;
+using std::ceil;
+using std::floor;
+using std::isnan;
+using std::max;
+using std::min;
+using std::sqrt;
+
+constexpr double PI = std::numbers::pi;
+constexpr double NaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double INF = std::numeric_limits<double>::infinity();
+
+template <class T> using Span = std::span<T>;
+
+using In = Span<const double>;
+using Out = Span<double>;
+
+template <class T> INLINE i64 count_of(const T& array) { return i64(array.size()); }
+
+// A two-dimensional array, row by row.
+template <class T> class Matrix {
+public:
+    Matrix() = default;
+    Matrix(T* data, i64 rows, i64 columns) : data_(data), rows_(rows), columns_(columns) {}
+    template <class U> Matrix(Matrix<U> other)
+        : data_(other.data()), rows_(other.rows()), columns_(other.columns()) {}
+
+    INLINE i64 rows() const { return rows_; }
+    INLINE i64 columns() const { return columns_; }
+    INLINE i64 size() const { return rows_ * columns_; }
+    INLINE T* data() const { return data_; }
+    INLINE T& operator()(i64 row, i64 column) const {
+        HARD_CHECK(row >= 0 && row < rows_ && column >= 0 && column < columns_);
+        return data_[row * columns_ + column];
+    }
+    INLINE Span<T> operator[](i64 row) const {
+        HARD_CHECK(row >= 0 && row < rows_);
+        return {data_ + row * columns_, std::size_t(columns_)};
+    }
+    INLINE Span<T> flat() const { return {data_, std::size_t(size())}; }
+    INLINE void fill(T value) const { std::fill_n(data_, size(), value); }
+
+private:
+    T* data_ = nullptr;
+    i64 rows_ = 0, columns_ = 0;
+};
+
+// A three-dimensional array: matrices, one after the other.
+template <class T> class Cube {
+public:
+    Cube() = default;
+    Cube(T* data, i64 layers, i64 rows, i64 columns)
+        : data_(data), layers_(layers), rows_(rows), columns_(columns) {}
+
+    INLINE i64 layers() const { return layers_; }
+    INLINE i64 rows() const { return rows_; }
+    INLINE i64 columns() const { return columns_; }
+    INLINE i64 size() const { return layers_ * rows_ * columns_; }
+    INLINE T* data() const { return data_; }
+    INLINE T& operator()(i64 layer, i64 row, i64 column) const {
+        return (*this)[layer](row, column);
+    }
+    INLINE Matrix<T> operator[](i64 layer) const {
+        HARD_CHECK(layer >= 0 && layer < layers_);
+        return {data_ + layer * rows_ * columns_, rows_, columns_};
+    }
+
+private:
+    T* data_ = nullptr;
+    i64 layers_ = 0, rows_ = 0, columns_ = 0;
+};
+
+// Rows of `width` values that a kernel makes: (n, width) in Python.
+template <class T, int width> using Rows = std::vector<std::array<T, width>>;
+
+template <class T> INLINE T square(T a) { return a * a; }
+template <class T> INLINE T clamp(T a, T low, T high) { return min(max(a, low), high); }
+
+}  // namespace terratool

@@ -1,0 +1,370 @@
+// Painting: the elements of a field over the pixels of a window, each over all its pixels at once.
+//
+// A window is painted in tiles that stay in the cache. In a tile, grids are visited breadth first,
+// and the elements of a grid are painted in the order of the field; so of the elements over a pixel
+// the last one painted is the one that decides the surface, as in the descent.
+//
+// Which cell of a grid a column or a row of pixels lies in is settled by `locate_cell`, as in the
+// descent, once for each column and row of pixels of the grid. Grids finer than doubles are left to
+// the descent.
+#pragma once
+
+#include <variant>
+
+#include "footprints.hpp"
+#include "labels.hpp"
+#include "slopes.hpp"
+#include "track_painting.hpp"
+
+namespace terratool {
+
+// Runs of the same bin among `cell[begin:end]` into `runs`; their number.
+template <std::size_t n, std::size_t m>
+i64 find_runs(
+    const std::array<double, n>& cell, i64 begin, i64 end, u8 shift, std::array<BinRun, m>& runs
+) {
+    i64 count = 0;
+    for (i64 k = begin; k < end;) {
+        i64 bin = i64(cell[k]) >> shift;
+        runs[count++] = {k, bin};
+        for (++k; k < end && i64(cell[k]) >> shift == bin;) ++k;
+    }
+    runs[count].begin = end;
+    return count;
+}
+
+// Narrow `begin` and `end` of ascending cells to those in a block.
+template <std::size_t n>
+void narrow_to(const std::array<double, n>& cell, i64& begin, i64& end, Block block) {
+    while (begin < end && cell[begin] < block.cell) ++begin;
+    while (end > begin && cell[end - 1] >= block.cell + block.width) --end;
+}
+
+// Begin and end of the ascending coordinates from `low` to `high`.
+inline Run inside_bounds(In x, double low, double high) {
+    i64 begin = 0, end = count_of(x);
+    while (begin < end && x[begin] < low) ++begin;
+    while (end > begin && x[end - 1] > high) --end;
+    return {begin, end};
+}
+
+// An element, and the positions of pixels in its block of cells.
+struct Painted {
+    i64 index;
+    const Element& element;
+    const Kind& kind;
+    const Pose& pose;
+    const Grid& grid;
+};
+
+// Add an unturned element that fills its block of cells.
+template <class Id>
+void paint_block(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, In u, In v, In x, In y,
+    const Rectangle& part
+) {
+    Out fx = part_of(canvas.fx, part.west, part.east), fy = part_of(canvas.fy, part.south, part.north);
+    placed_values(
+        field.curves, x_curve(p.kind), u, x, x_axis(p.grid), x_block(p.element, p.pose), fx
+    );
+    placed_values(
+        field.curves, y_curve(p.kind), v, y, y_axis(p.grid), y_block(p.element, p.pose), fy
+    );
+    bool lay = p.index == 0 && p.kind.combine == PRODUCT;
+    double scale = p.element.scale, offset = p.element.offset;
+    for (i64 r = part.south; r < part.north; ++r) {
+        double factor = fy[r - part.south];
+        Out row = canvas.heights.row(r, part.west, part.east);
+        fill(canvas.surfaces.row(r, part.west, part.east), Id(p.kind.surface + 1));
+        if (lay) lay_products(row, fx, scale * factor, offset);
+        else add_row(p.kind.combine, row, fx, factor, scale, offset);
+    }
+    if (canvas.slope_x.exists())
+        slope_block(field, canvas, p.element, p.grid, u, v, x, y, part, lay);
+    if (canvas.labels.exists()) label_block(field, canvas, p.index, p.grid, u, v, x, y, part);
+}
+
+// Add a turned or radial element of any kind to a run of pixels that it holds.
+template <class Id>
+void add_special(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, In u, double v, Out row
+) {
+    i64 count = count_of(row);
+    Out s = part_of(canvas.work_0, 0, count), t = part_of(canvas.work_1, 0, count);
+    Out fx = part_of(canvas.fx, 0, count), fy = part_of(canvas.work_2, 0, count);
+    double scale = p.element.scale, offset = p.element.offset;
+    if (p.kind.combine == RADIAL) {
+        radii(p.pose, u, v, s);
+        curve_values(field.curves, x_curve(p.kind), s, fx);
+        add_products(row, fx, scale, offset);
+    } else {
+        turn_row(p.pose, u, v, s, t);
+        curve_values(field.curves, y_curve(p.kind), t, fy);
+        curve_values(field.curves, x_curve(p.kind), s, fx);
+        add_both(p.kind.combine, row, fx, fy, scale, offset);
+    }
+}
+
+// Add a turned or radial element, row by row where its footprint holds the pixels.
+template <class Id>
+void paint_runs(
+    const Field& field, Canvas<Id>& canvas, const Painted& p, In u, In v, double resolution,
+    const Rectangle& part
+) {
+    // turned curves that change their pieces less often than this per pixel are added by pieces
+    constexpr double seldom = 1.0 / 12.0;
+    const auto& [index, element, kind, pose, grid] = p;
+    In pieces = field.curves.pieces;
+    double scale = element.scale, offset = element.offset;
+    double step = resolution * grid.per_x / pose.width;
+    double per = step > 0.0 ? 1.0 / step : 0.0;
+    Spacing spacing{per, 4.0 * per * (grid.near_x / pose.width)};
+    bool flat_x = is_constant(pieces, kind.x_first, kind.x_count);
+    bool flat_y = is_constant(pieces, kind.y_first, kind.y_count);
+    bool level = flat_x && flat_y && !kind.special;
+    double changes = flat_x ? 0.0 : abs(pose.cos) * kind.x_count;
+    changes += flat_y ? 0.0 : abs(pose.sin_u) * kind.y_count;
+    double constant =
+        offset + scale * (pieces[u64(kind.x_first) * 4] * pieces[u64(kind.y_first) * 4]);
+    for (i64 r = part.south; r < part.north; ++r) {
+        double at = v[r - part.south];
+        auto [begin, end, whole] = kind.combine == RADIAL ? disc_run(pose, u, at, spacing)
+                                                          : turned_run(pose, u, at, spacing);
+        for (i64 stop; begin < end; begin = stop) {
+            stop = whole ? end : begin + 1;
+            if (!whole && !is_in_disc(pose, u[begin], at)) continue;
+            In run = u.subspan(begin, stop - begin);
+            i64 column = part.west + begin;
+            Out row = canvas.heights.row(r, column, part.west + stop);
+            fill(canvas.surfaces.row(r, column, part.west + stop), Id(kind.surface + 1));
+            if (kind.special) add_special(field, canvas, p, run, at, row);
+            else if (level) add_constant(row, constant);
+            else if (changes * step < seldom)
+                add_turned_pieces(row, run, at, step, pose, pieces, kind, scale, offset);
+            else if (kind.x_count <= 2.0 && kind.y_count <= 2.0)
+                add_turned_pairs(row, run, at, pose, pieces, kind, scale, offset);
+            else add_turned_products(row, run, at, pose, pieces, kind, scale, offset);
+            if (canvas.slope_x.exists() && !level)
+                slope_run(field, canvas, element, grid, run, at, r, column);
+            if (canvas.labels.exists()) label_run(field, canvas, index, run, at, r, column);
+        }
+    }
+}
+
+// Paint one element where its block of cells meets the given pixels; returns these.
+template <class Id>
+Rectangle paint_element(
+    const Field& field, Canvas<Id>& canvas, i64 index, const Grid& grid, In x, In y,
+    double resolution, Rectangle part
+) {
+    const Element& element = field.elements[index];
+    Painted painted{
+        index, element, field.kinds[element.kind], field.poses[element.pose], grid
+    };
+    const Pose& pose = painted.pose;
+    bool spans = false;
+    if (grid.listed) {
+        Block across = x_block(element, pose), along = y_block(element, pose);
+        narrow_to(canvas.cell_x, part.west, part.east, across);
+        narrow_to(canvas.cell_y, part.south, part.north, along);
+        if (part.is_empty()) return {part.west, part.west, part.south, part.south};
+        spans = pose.cells_x > 1 || pose.cells_y > 1;
+        if (spans) {
+            place_in_block(
+                part_of(canvas.cell_x, part.west, part.east),
+                part_of(canvas.in_x, part.west, part.east), across,
+                part_of(canvas.u, part.west, part.east)
+            );
+            place_in_block(
+                part_of(canvas.cell_y, part.south, part.north),
+                part_of(canvas.in_y, part.south, part.north), along,
+                part_of(canvas.v, part.south, part.north)
+            );
+        }
+    }
+    In u = part_of(spans ? canvas.u : canvas.in_x, part.west, part.east);
+    In v = part_of(spans ? canvas.v : canvas.in_y, part.south, part.north);
+    if (pose.turned || painted.kind.combine == RADIAL) {
+        paint_runs(field, canvas, painted, u, v, resolution, part);
+    } else {
+        In xs = x.subspan(part.west, u.size()), ys = y.subspan(part.south, v.size());
+        paint_block(field, canvas, painted, u, v, xs, ys, part);
+    }
+    return part;
+}
+
+// Paint a part of a tile that is inside the bounds; whether pixels, NaN, are left to the descent.
+template <class Id>
+bool paint_tile(
+    const Field& field, Canvas<Id>& canvas, In x, In y, double resolution, const Rectangle& whole
+) {
+    auto& queue = canvas.queue;  // read from `head` on; what is before is done
+    queue.assign(1, {0, whole});
+    bool left = false;
+    const Element& root = field.elements[0];
+    if (field.poses[root.pose].turned || field.kinds[root.kind].combine != PRODUCT) {
+        canvas.heights.fill(whole, 0.0);
+        canvas.surfaces.fill(whole, 0);
+        if (canvas.slope_x.exists()) {
+            canvas.slope_x.fill(whole, 0.0);
+            canvas.slope_y.fill(whole, 0.0);
+        }
+    }
+    if (canvas.labels.exists()) canvas.labels.fill(whole, 0);
+    for (std::size_t head = 0; head < queue.size(); ++head) {
+        auto [g, part] = queue[head];
+        const Grid& grid = field.grids[g];
+        auto [west, east, south, north] = part;
+        locate_cells(
+            x.subspan(west, east - west), x_axis(grid), part_of(canvas.cell_x, west, east),
+            part_of(canvas.in_x, west, east)
+        );
+        locate_cells(
+            y.subspan(south, north - south), y_axis(grid), part_of(canvas.cell_y, south, north),
+            part_of(canvas.in_y, south, north)
+        );
+        i64 across = find_runs(canvas.cell_x, west, east, grid.shift_x, canvas.runs_x);
+        i64 along = find_runs(canvas.cell_y, south, north, grid.shift_y, canvas.runs_y);
+        for (i64 j = 0; j < along; ++j) {
+            for (i64 i = 0; i < across; ++i) {
+                i64 slot =
+                    grid.table + canvas.runs_y[j].bin * i64(grid.bins_x) + canvas.runs_x[i].bin;
+                Rectangle in_bin{
+                    canvas.runs_x[i].begin, canvas.runs_x[i + 1].begin, canvas.runs_y[j].begin,
+                    canvas.runs_y[j + 1].begin
+                };
+                for (u32 k = field.offsets[slot]; k < field.offsets[slot + 1]; ++k) {
+                    i64 index = grid.listed ? field.entries[k] : k;
+                    Rectangle held =
+                        paint_element(field, canvas, index, grid, x, y, resolution, in_bin);
+                    i64 below = field.elements[index].grid;
+                    if (!below || held.is_empty()) continue;
+                    if (field.grids[below].local) {
+                        left = true;
+                        canvas.heights.fill(held, NaN);  // stays NaN, whatever is added to it
+                    } else {
+                        queue.push_back({below, held});
+                    }
+                }
+            }
+        }
+    }
+    return left;
+}
+
+// Ask the descent about the pixels that were left to it.
+// `row`, counted from the north, and `column` are those of the tile's south-west pixel.
+template <class Id>
+void descend_left(
+    const Field& field, Canvas<Id>& canvas, In x, In y, i64 row, i64 column, const Rectangle& part
+) {
+    bool sloped = canvas.slope_x.exists();
+    for (i64 r = part.south; r < part.north; ++r) {
+        for (i64 c = part.west; c < part.east; ++c) {
+            if (!isnan(canvas.heights(r, c))) continue;
+            Found found = descend<true>(field, x[c], y[r], canvas.stack);
+            canvas.heights(r, c) = found.z;
+            canvas.surfaces(r, c) = Id(surface_of(field, found.top) + 1);
+            if (sloped) {
+                canvas.slope_x(r, c) = found.slope_x;
+                canvas.slope_y(r, c) = found.slope_y;
+            }
+            if (canvas.labels.exists()) canvas.labels(r, c) = label_left(row - r, column + c);
+        }
+    }
+}
+
+using Floats = std::variant<Matrix<float>, Matrix<double>>;
+using Ids = std::variant<Matrix<u8>, Matrix<u16>, Matrix<u32>>;
+
+// What is painted over a window, rows from the north; all but the heights may be empty.
+struct Planes {
+    Floats heights;
+    Ids surfaces;
+    Floats slope_x, slope_y;
+    Matrix<u32> labels;
+};
+
+template <class Visit> void visit_arguments(Planes& p, Visit visit) {
+    visit("heights[h,w]", p.heights), visit("?surfaces[h,w]", p.surfaces);
+    visit("?slope_x[h,w]", p.slope_x), visit("?slope_y[h,w]", p.slope_y);
+    visit("?labels[h,w]", p.labels);
+}
+
+// Copy the columns from `begin` to `end` of a row of a tile; outside there is `nothing`.
+template <class From, class To>
+void hand_over(Span<From> own, Span<To> out, i64 begin, i64 end, To nothing) {
+    fill(out.first(begin), nothing);
+    for (i64 n = begin; n < end; ++n) out[n] = To(own[n]);
+    fill(out.subspan(end), nothing);
+}
+
+// A window, and the rows and columns of the grid of pixels that it begins at, from the north-west.
+struct Window {
+    In x, y;  // of pixel centres, ascending
+    double resolution;
+    i64 row, column;
+};
+
+// Paint a window. `voids` says which ids are void.
+template <class Id>
+void paint_window(
+    const Field& field, Canvas<Id>& canvas, Span<const bool> voids, const Window& window,
+    const Planes& planes
+) {
+    i64 width = count_of(window.x), height = count_of(window.y);
+    i64 across = (width + TILE_WIDTH - 1) / TILE_WIDTH;
+    i64 along = (height + TILE_HEIGHT - 1) / TILE_HEIGHT;
+    if (!across || !along) return;
+    i64 wide = (width + across - 1) / across, tall = (height + along - 1) / along;
+    for (i64 line = 0; line < height; line += tall) {
+        for (i64 column = 0; column < width; column += wide) {
+            In xs = window.x.subspan(column, min(wide, width - column));
+            In ys = window.y.subspan(line, min(tall, height - line));
+            auto [west, east, _] = inside_bounds(xs, field.bounds[0], field.bounds[2]);
+            auto [south, north, __] = inside_bounds(ys, field.bounds[1], field.bounds[3]);
+            Rectangle part{west, east, south, north};
+            if (!part.is_empty()) {
+                if (paint_tile(field, canvas, xs, ys, window.resolution, part))
+                    descend_left(
+                        field, canvas, xs, ys, window.row + height - 1 - line,
+                        window.column + column, part
+                    );
+                if (has_tracks(field)) paint_tracks(field, canvas, xs, ys, part);
+            }
+            for (i64 r = 0; r < count_of(ys); ++r) {
+                bool painted = !part.is_empty() && part.south <= r && r < part.north;
+                i64 begin = painted ? part.west : 0, end = painted ? part.east : 0;
+                i64 at = height - 1 - line - r;
+                auto give = [&]<class T>(auto& tile, Matrix<T> plane, T nothing) {
+                    if (!plane.size()) return;
+                    auto out = plane[at].subspan(column, xs.size());
+                    hand_over(tile.row(r, 0, TILE_WIDTH), out, begin, end, nothing);
+                };
+                auto give_floats = [&](auto& tile, const Floats& plane) {
+                    std::visit(
+                        [&]<class T>(Matrix<T> one) {
+                            give(tile, one, T(NaN));
+                            if (!field.voids || !one.size()) return;
+                            auto ids = canvas.surfaces.row(r, begin, end);
+                            auto out = one[at].subspan(column + begin, ids.size());
+                            for (std::size_t n = 0; n < ids.size(); ++n)
+                                if (voids[ids[n]]) out[n] = T(NaN);
+                        },
+                        plane
+                    );
+                };
+                give_floats(canvas.heights, planes.heights);
+                give_floats(canvas.slope_x, planes.slope_x);
+                give_floats(canvas.slope_y, planes.slope_y);
+                give(canvas.labels, planes.labels, u32(0));
+                std::visit(
+                    [&]<class T>(Matrix<T> one) { give(canvas.surfaces, one, T(0)); },
+                    planes.surfaces
+                );
+            }
+        }
+    }
+}
+
+}  // namespace terratool

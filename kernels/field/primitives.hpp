@@ -1,0 +1,284 @@
+// Where edges stand, and what a primitive is worth at a point of its cell. The edge rule is here.
+//
+// A cell's edge stands at the double nearest to its exact position, so a coordinate that is typed as
+// the edge's decimal number lies on it. The same goes for a vertical step in a curve of an unturned
+// element. Positions within a grid are measured from its own corner, kept to 106 bits, so that
+// neither large coordinates nor deep nesting cost accuracy; grids finer than doubles go on from the
+// position in their parent's cell.
+#pragma once
+
+#include "types.hpp"
+
+namespace terratool {
+
+// Turned rectangles and discs are closed: this far outside still counts, in sides of the cell and
+// radii of the disc. Positions within a grid are also trusted only this far from an edge.
+constexpr double EDGE = 1e-9;
+
+// In turned elements a vertical step begins this much before its t.
+constexpr double STEP = 1e-12;
+
+// One axis of a grid.
+struct GridAxis {
+    double corner, rest, per, count, near, pitch, pitch_rest;
+};
+
+INLINE GridAxis x_axis(const Grid& g) {
+    return {g.x, g.x_rest, g.per_x, g.nx, g.near_x, g.pitch_x, g.pitch_x_rest};
+}
+INLINE GridAxis y_axis(const Grid& g) {
+    return {g.y, g.y_rest, g.per_y, g.ny, g.near_y, g.pitch_y, g.pitch_y_rest};
+}
+
+// Where the curve of a kind is.
+struct CurveAt {
+    u8 knotted;
+    u32 first, last, knot, bin;
+    double count;
+};
+
+INLINE CurveAt x_curve(const Kind& k) {
+    return {k.knotted_x, k.x_first, k.x_last, k.x_knot, k.x_bin, k.x_count};
+}
+INLINE CurveAt y_curve(const Kind& k) {
+    return {k.knotted_y, k.y_first, k.y_last, k.y_knot, k.y_bin, k.y_count};
+}
+
+// A block of cells along an axis.
+struct Block {
+    double cell, width;
+};
+
+struct DoubleSum {  // unevaluated: high + low
+    double high, low;
+};
+
+struct CurvePoint {
+    double value, slope;
+};
+
+struct BothCurves {
+    CurvePoint x, y;
+};
+
+struct CellPlace {  // a cell along one axis, and the position in it
+    i64 cell;
+    double in;
+};
+
+struct ShapePoint {  // value of a primitive, and its slopes in u and v
+    double value, du, dv;
+};
+
+struct Footprint {
+    bool holds;
+    ShapePoint shape;
+};
+
+struct UV {
+    double u, v;
+};
+
+// World position of edge `k` of a grid.
+INLINE DoubleSum edge_position(const GridAxis& a, double k) {
+    double step = k * a.pitch;  // exact: pitch has 36 bits, k at most 17
+    double high = a.corner + step;
+    double back = high - a.corner;
+    double low = ((a.corner - (high - back)) + (step - back)) + a.rest + k * a.pitch_rest;
+    double total = high + low;
+    return {total, low - (total - high)};
+}
+
+// Whether a place in a cell is far enough from its edges for its coordinates to be trusted.
+INLINE bool is_clear_of_edges(const Grid& grid, double in_x, double in_y) {
+    return (abs(in_x - 0.5) <= grid.clear_x) & (abs(in_y - 0.5) <= grid.clear_y);
+}
+
+// Cell of a grid that holds `x`, and the position in it, where an edge's double decides.
+// `from_above` is the position in the block of the element that the grid divides.
+inline CellPlace locate_cell(double x, const GridAxis& a, bool local, double from_above) {
+    double s, cell;
+    if (local) {
+        s = from_above * a.count;
+        cell = floor(s);
+    } else {
+        s = ((x - a.corner) - a.rest) * a.per;
+        cell = floor(s);
+        if (s - cell < a.near || s - cell > 1.0 - a.near) {
+            double k = floor(s + 0.5);
+            double at = edge_position(a, k).high;
+            cell = x >= at ? k : k - 1.0;
+            if (x == at && abs(s - k) < EDGE) s = k;
+        }
+    }
+    cell = clamp(cell, 0.0, a.count - 1.0);
+    return {i64(cell), clamp(s - cell, 0.0, 1.0)};
+}
+
+// Whether `x` has reached the double nearest to `t` of a block.
+inline bool is_past_step(double x, const GridAxis& a, Block block, double t) {
+    auto [high, low] = edge_position(a, block.cell);
+    double side = block.width * a.pitch;
+    double product = t * side;
+    // the rounding error of the product, by Dekker's splitting
+    constexpr double big = 134217729.0;
+    double t_high = t * big - (t * big - t);
+    double side_high = side * big - (side * big - side);
+    double t_low = t - t_high, side_low = side - side_high;
+    double error =
+        t_low * side_low
+        - (((product - t_high * side_high) - t_low * side_high) - t_high * side_low);
+    double total = high + product;
+    double back = total - high;
+    low += ((high - (total - back)) + (product - back)) + error + t * (block.width * a.pitch_rest);
+    return x >= total + low;
+}
+
+// Value of the piece whose coefficients begin at `row`, at `s` in it.
+INLINE double piece_value(In pieces, u64 row, double s) {
+    const double* c = &pieces[row];
+    return c[0] + s * (c[1] + s * (c[2] + s * c[3]));
+}
+
+// Slope of the piece whose coefficients begin at `row`, at `s` in it.
+INLINE double piece_slope(In pieces, u64 row, double s) {
+    const double* c = &pieces[row];
+    return c[1] + s * (2.0 * c[2] + s * (3.0 * c[3]));
+}
+
+// Value and slope of a curve of evenly spaced pieces at `t`, in [0, 1] or EDGE beyond.
+INLINE CurvePoint even_curve(In pieces, u64 first, double count, double t) {
+    double s = t * count;
+    i64 i = i64(s);  // `count` from t = 1 on: there is one more piece; 0 also just below t = 0
+    s -= double(i);
+    u64 row = (first + u64(i)) * 4;
+    return {piece_value(pieces, row, s), piece_slope(pieces, row, s) * count};
+}
+
+// Whether a curve of evenly spaced pieces is one number all along.
+INLINE bool is_constant(In pieces, u64 first, double count) {
+    const double* c = &pieces[first * 4];
+    return count == 1.0 && c[1] == 0.0 && c[2] == 0.0 && c[3] == 0.0;
+}
+
+// The last piece of a knotted curve that begins at or before `t`.
+INLINE i64 find_piece(const Curves& curves, const CurveAt& at, double t) {
+    i64 i = curves.bins[at.bin + min(i64(t * (double(at.last) + 1.0)), i64(at.last))];
+    while (t >= curves.knots[at.knot + i + 1]) ++i;
+    return i;
+}
+
+// Value and slope at `t` of piece `i` of a knotted curve.
+INLINE CurvePoint knotted_piece(const Curves& curves, const CurveAt& at, i64 i, double t) {
+    u64 row = (u64(at.first) + u64(i)) * 4;
+    double s = t - curves.knots[at.knot + i];
+    return {piece_value(curves.pieces, row, s), piece_slope(curves.pieces, row, s)};
+}
+
+// Value and slope of a knotted curve at `t`, where no edge in the world decides about steps.
+inline CurvePoint knotted_curve(const Curves& curves, const CurveAt& at, double t) {
+    double ahead = at.knotted == STEPPED ? STEP : 0.0;
+    i64 i = find_piece(curves, at, min(t + ahead, 1.0));
+    return knotted_piece(curves, at, i, max(t, curves.knots[at.knot + i]));
+}
+
+// Value and slope of any curve at `t`, where no edge in the world decides about steps.
+INLINE CurvePoint any_curve(const Curves& curves, const CurveAt& at, double t) {
+    return at.knotted ? knotted_curve(curves, at, t)
+                      : even_curve(curves.pieces, at.first, at.count, t);
+}
+
+// The piece of a curve with steps of an unturned element at `t`, at `x` in the world.
+inline i64 placed_piece(
+    const Curves& curves, const CurveAt& at, double t, double x, const GridAxis& axis, Block block
+) {
+    auto knots = curves.knots;
+    i64 begin = at.knot, here = begin + find_piece(curves, at, t);
+    auto is_past = [&](i64 n) { return is_past_step(x, axis, block, knots[n]); };
+    while (knots[here + 1] - t < axis.near && is_past(here + 1)) ++here;
+    while (here > begin && t - knots[here] < axis.near && !is_past(here)) --here;
+    return here - begin;
+}
+
+// Value and slope of a curve with steps of an unturned element at `t`, at `x` in the world.
+inline CurvePoint placed_curve(
+    const Curves& curves, const CurveAt& at, double t, double x, const GridAxis& axis, Block block
+) {
+    i64 i = placed_piece(curves, at, t, x, axis, block);
+    i64 here = at.knot + i;
+    return knotted_piece(curves, at, i, clamp(t, curves.knots[here], curves.knots[here + 1]));
+}
+
+// Value of two curves combined, and its slopes in u and v.
+INLINE ShapePoint combine(u8 how, CurvePoint x, CurvePoint y) {
+    if (how == PRODUCT) return {x.value * y.value, x.slope * y.value, x.value * y.slope};
+    if (how == SUM) return {x.value + y.value, x.slope, y.slope};
+    if ((x.value <= y.value) == (how == MIN)) return {x.value, x.slope, 0.0};
+    return {y.value, 0.0, y.slope};
+}
+
+// Values and slopes of both curves of a kind, where no edge in the world decides.
+INLINE BothCurves any_curves(const Curves& curves, const Kind& kind, double u, double v) {
+    return {any_curve(curves, x_curve(kind), u), any_curve(curves, y_curve(kind), v)};
+}
+
+INLINE Block x_block(const Element& element, const Pose& pose) {
+    return {double(element.cell_x), pose.width};
+}
+INLINE Block y_block(const Element& element, const Pose& pose) {
+    return {double(element.cell_y), pose.height};
+}
+
+// Values and slopes of both curves of an unturned element at (x, y) in the world.
+INLINE BothCurves placed_curves(
+    const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
+    const Grid& grid, UV at, double x, double y
+) {
+    BothCurves f = any_curves(curves, kind, at.u, at.v);
+    if (kind.knotted_x == STEPPED)
+        f.x = placed_curve(curves, x_curve(kind), at.u, x, x_axis(grid), x_block(element, pose));
+    if (kind.knotted_y == STEPPED)
+        f.y = placed_curve(curves, y_curve(kind), at.v, y, y_axis(grid), y_block(element, pose));
+    return f;
+}
+
+// Distance of (u, v) from the middle of the disc, in radii.
+INLINE double radius(UV at) { return sqrt(square(2.0 * at.u - 1.0) + square(2.0 * at.v - 1.0)); }
+
+// Whether (u, v) lies in the disc, and value and slopes there of the turned curve.
+INLINE Footprint radial(const Curves& curves, const Kind& kind, UV at) {
+    double rho = radius(at);
+    if (rho > 1.0 + EDGE) return {false, {0.0, 0.0, 0.0}};
+    auto [value, slope] = any_curve(curves, x_curve(kind), min(0.5 + 0.5 * rho, 1.0));
+    slope = rho > 0.0 ? slope / rho : 0.0;
+    return {true, {value, slope * (2.0 * at.u - 1.0), slope * (2.0 * at.v - 1.0)}};
+}
+
+// Position in the turned rectangle of a point at (u, v) of the cell.
+INLINE UV turned(const Pose& pose, double u, double v) {
+    double a = u - 0.5, b = v - 0.5;
+    return {0.5 + (a * pose.cos - b * pose.sin_v), 0.5 + (a * pose.sin_u + b * pose.cos)};
+}
+
+// Slopes along the sides of the cell from those along the sides of the turned rectangle.
+INLINE UV turned_slopes(const Pose& pose, double du, double dv) {
+    return {du * pose.cos + dv * pose.sin_u, dv * pose.cos - du * pose.sin_v};
+}
+
+// Whether a point lies outside of the rectangle, which is closed.
+INLINE bool is_beyond(UV at) { return max(abs(at.u - 0.5), abs(at.v - 0.5)) > 0.5 + EDGE; }
+
+// Whether a footprint holds (u, v), and value and slopes there, for any kind of primitive.
+inline Footprint special_shape(
+    const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
+    const Grid& grid, UV at, double x, double y
+) {
+    if (kind.combine == RADIAL) return radial(curves, kind, at);
+    if (pose.turned && is_beyond(at)) return {false, {0.0, 0.0, 0.0}};
+    BothCurves f = pose.turned
+        ? any_curves(curves, kind, clamp(at.u, 0.0, 1.0), clamp(at.v, 0.0, 1.0))
+        : placed_curves(curves, kind, element, pose, grid, at, x, y);
+    return {true, combine(kind.combine, f.x, f.y)};
+}
+
+}  // namespace terratool

@@ -1,0 +1,372 @@
+// The descent: which elements hold a point, and what they add up to.
+#pragma once
+
+#include "tracks.hpp"
+
+namespace terratool {
+
+// Points that a batch takes at a time; their positions stay in the cache.
+constexpr i64 BATCH = 512;
+
+constexpr i64 NO_ELEMENT = -1;
+
+struct Waiting {  // a grid that waits in a descent, and the place in the element that it divides
+    u64 grid;
+    double from_x, from_y;
+};
+
+using Stack = std::vector<Waiting>;
+
+// Space to work in; each thread needs its own.
+struct Scratch {
+    Stack stack;
+    std::array<std::array<double, BATCH>, 7> work;
+    std::array<u32, BATCH> begins, ends;
+    std::array<i64, BATCH> top;
+
+    explicit Scratch(const Field& field) : stack(field.pending) {}
+};
+
+struct LeafSum {
+    double z, slope_x, slope_y;
+    i64 top;
+};
+
+// Add the elements of a bin that have no grid and nothing special, each as wide as the cell.
+// Height, slopes in cells, and the top element go in and come out.
+template <bool sloped>
+INLINE LeafSum add_leaves(
+    const Field& field, u64 begin, u64 end, double in_x, double in_y, LeafSum sum
+) {
+    for (u64 k = begin; k < end; ++k) {
+        const Element& element = field.elements[k];
+        const Kind& kind = field.kinds[element.kind];
+        const Pose& pose = field.poses[element.pose];
+        // turned by nothing for most; that is quicker than to guess which ones are
+        UV at = turned(pose, in_x, in_y);
+        if (is_beyond(at)) continue;
+        CurvePoint fx = even_curve(field.curves.pieces, kind.x_first, kind.x_count, at.u);
+        CurvePoint fy = even_curve(field.curves.pieces, kind.y_first, kind.y_count, at.v);
+        sum.z += element.scale * (fx.value * fy.value) + element.offset;
+        sum.top = i64(k);
+        if constexpr (sloped) {
+            auto [du, dv] = turned_slopes(pose, fx.slope * fy.value, fx.value * fy.slope);
+            sum.slope_x += element.scale * du;
+            sum.slope_y += element.scale * dv;
+        }
+    }
+    return sum;
+}
+
+INLINE bool is_void(const Field& field, i64 top) {
+    return field.voids && top >= 0 && field.kinds[field.elements[top].kind].is_void != 0;
+}
+
+// Index of the surface of an element, -1 for none.
+INLINE i64 surface_of(const Field& field, i64 top) {
+    return top < 0 ? -1 : i64(field.kinds[field.elements[top].kind].surface);
+}
+
+INLINE bool has_tracks(const Field& field) { return !field.tracks.masks.empty(); }
+
+// The height of the elements, NaN in the void.
+INLINE double height_or_void(const Field& field, double z, i64 top) {
+    return is_void(field, top) ? NaN : z;
+}
+
+// What of the height of the elements is left by tracks and the void.
+INLINE double lowered(const Field& field, double z, i64 top, double x, double y) {
+    if (is_void(field, top)) return NaN;
+    return has_tracks(field) ? z - rut_at(field.tracks, x, y, surface_of(field, top)).depth : z;
+}
+
+struct Begun {  // the root's height, and the place in the root's grid
+    double z;
+    i64 i, j;
+    double in_x, in_y;
+};
+
+struct Found {  // of the elements at a point; the top one decides the surface
+    double z;
+    i64 top;
+    double slope_x, slope_y;
+};
+
+// Height, top element and gradient at a point inside the bounds, tracks apart.
+// The gradient is computed only where `sloped` holds; a descent that has `begun` goes on from there.
+template <bool sloped, bool begun = false>
+INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun from = {}) {
+    auto [z, i, j, in_x, in_y] = from;
+    bool placed = begun;
+    double slope_x = 0.0, slope_y = 0.0, from_x = 0.0, from_y = 0.0;
+    i64 top = begun ? 0 : NO_ELEMENT;
+    std::size_t pending = 0;
+    u64 g = begun ? 1 : 0;
+    while (true) {
+        const Grid& grid = field.grids[g];
+        if (placed) {
+            placed = false;
+        } else {
+            // the usual case: far enough from any edge of a cell
+            double sx = ((x - grid.x) - grid.x_rest) * grid.per_x;
+            double sy = ((y - grid.y) - grid.y_rest) * grid.per_y;
+            i = i64(sx), j = i64(sy);
+            in_x = sx - double(i), in_y = sy - double(j);
+        }
+        if (!is_clear_of_edges(grid, in_x, in_y)) [[unlikely]] {
+            auto at_x = locate_cell(x, x_axis(grid), grid.local, from_x);
+            auto at_y = locate_cell(y, y_axis(grid), grid.local, from_y);
+            i = at_x.cell, in_x = at_x.in, j = at_y.cell, in_y = at_y.in;
+        }
+        u64 slot = u64(grid.table + (j >> grid.shift_y) * i64(grid.bins_x) + (i >> grid.shift_x));
+        u64 descended = 0;
+        u64 begin = field.offsets[slot], end = field.offsets[slot + 1];
+        if (grid.leaves) {
+            LeafSum sum = add_leaves<sloped>(
+                field, begin, end, in_x, in_y, {z, 0.0, 0.0, NO_ELEMENT}
+            );
+            z = sum.z;
+            top = max(top, sum.top);
+            if constexpr (sloped) {
+                slope_x += sum.slope_x * grid.per_x;
+                slope_y += sum.slope_y * grid.per_y;
+            }
+            begin = end;
+        }
+        for (u64 k = begin; k < end; ++k) {
+            u64 index = grid.listed ? u64(field.entries[k]) : k;
+            const Element& element = field.elements[index];
+            const Kind& kind = field.kinds[element.kind];
+            const Pose& pose = field.poses[element.pose];
+            UV at{in_x, in_y};
+            if (grid.listed) {
+                i64 right = i - element.cell_x, above = j - element.cell_y;
+                if (right < 0 || above < 0 || right >= pose.cells_x || above >= pose.cells_y)
+                    continue;
+                at.u = min((double(right) + in_x) / pose.width, 1.0);
+                at.v = min((double(above) + in_y) / pose.height, 1.0);
+            }
+            if (element.grid) {
+                if (descended) stack[pending++] = {descended, from_x, from_y};
+                descended = element.grid;
+                from_x = at.u, from_y = at.v;
+            }
+            if (pose.turned) at = turned(pose, at.u, at.v);
+            ShapePoint f;
+            if (kind.special) {
+                auto [holds, shape] =
+                    special_shape(field.curves, kind, element, pose, grid, at, x, y);
+                if (!holds) continue;
+                f = shape;
+            } else {
+                if (is_beyond(at)) continue;
+                CurvePoint fx = even_curve(field.curves.pieces, kind.x_first, kind.x_count, at.u);
+                CurvePoint fy = even_curve(field.curves.pieces, kind.y_first, kind.y_count, at.v);
+                f = {fx.value * fy.value, fx.slope * fy.value, fx.value * fy.slope};
+            }
+            z += element.scale * f.value + element.offset;
+            top = max(top, i64(index));
+            if constexpr (sloped) {
+                auto [du, dv] = turned_slopes(pose, f.du, f.dv);
+                slope_x += element.scale * du * (grid.per_x / pose.width);
+                slope_y += element.scale * dv * (grid.per_y / pose.height);
+            }
+        }
+        if (descended) {
+            g = descended;
+        } else if (pending) {
+            auto waiting = stack[--pending];
+            g = waiting.grid, from_x = waiting.from_x, from_y = waiting.from_y;
+        } else {
+            return {z, top, slope_x, slope_y};
+        }
+    }
+}
+
+// Whether a point is on the terrain, its edges included.
+INLINE bool is_inside(In bounds, double x, double y) {
+    return bounds[0] <= x && x <= bounds[2] && bounds[1] <= y && y <= bounds[3];
+}
+
+// Height at a point; NaN outside and in the void.
+inline double height_at(const Field& field, double x, double y, Stack& stack) {
+    if (!is_inside(field.bounds, x, y)) return NaN;
+    Found found = descend<false>(field, x, y, stack);
+    return lowered(field, found.z, found.top, x, y);
+}
+
+// Positions along one axis of a grid, in whole cells and parts of them; vectorised.
+INLINE void positions(In x, const GridAxis& axis, Out whole, Out part) {
+    double corner = axis.corner, rest = axis.rest, per = axis.per;
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        double s = ((x[n] - corner) - rest) * per;
+        double below = floor(s);
+        whole[n] = below;
+        part[n] = s - below;
+    }
+}
+
+// Values of a curve of evenly spaced pieces at each `t`, held to [0, 1]; `whole` is scratch.
+inline void even_values(In pieces, u64 first, double count, In t, Out whole, Out out) {
+    if (is_constant(pieces, first, count)) {
+        std::fill(out.begin(), out.end(), pieces[first * 4]);
+        return;
+    }
+    for (std::size_t n = 0; n < t.size(); ++n) {  // vectorised
+        double s = clamp(t[n], 0.0, 1.0) * count;
+        double below = floor(s);
+        whole[n] = below;
+        out[n] = s - below;
+    }
+    for (std::size_t n = 0; n < t.size(); ++n)
+        out[n] = piece_value(pieces, (first + u64(i64(whole[n]))) * 4, out[n]);
+}
+
+// In the place of a top element: the height of this point is complete.
+constexpr i64 COMPLETE = -2;
+
+// Take the ruts from the heights of a block of points.
+inline void lower_block(const Field& field, In x, In y, Scratch& scratch, Out out) {
+    std::size_t count = x.size();
+    Out u(scratch.work[0].data(), count), v(scratch.work[1].data(), count);
+    Span<u32> near(scratch.ends);
+    i64 found = find_near_tracks(field.tracks, x, y, u, v, near);
+    for (i64 k = 0; k < found; ++k) {
+        u32 n = near[k];
+        if (scratch.top[n] != COMPLETE && !isnan(out[n]))
+            out[n] -= rut_at(field.tracks, x[n], y[n], surface_of(field, scratch.top[n])).depth;
+    }
+}
+
+// Heights at a block of points; the root, which they share, is evaluated for all at once.
+// They are those of the elements alone where `scratch.top` gets an element.
+inline void block_heights(const Field& field, In x, In y, Scratch& scratch, Out out) {
+    std::size_t count = x.size();
+    auto work = [&](int row) { return Out(scratch.work[row].data(), count); };
+    auto u = work(0), v = work(1), z = work(2), cell_x = work(3), in_x = work(4),
+         cell_y = work(5), in_y = work(6);
+    const Grid &ground = field.grids[0], &grid = field.grids[1];
+    const Element& root = field.elements[0];
+    const Kind& kind = field.kinds[root.kind];
+    positions(x, x_axis(ground), cell_x, u);
+    positions(y, y_axis(ground), cell_y, v);
+    even_values(field.curves.pieces, kind.x_first, kind.x_count, u, in_y, z);
+    even_values(field.curves.pieces, kind.y_first, kind.y_count, v, in_y, in_x);
+    for (std::size_t n = 0; n < count; ++n) {
+        z[n] = root.scale * (z[n] * in_x[n]) + root.offset;
+        // outside and at the edges, u is made to fail the test below
+        u[n] = cell_x[n] != 0.0 || cell_y[n] != 0.0 ? 1.0 : u[n];
+    }
+    positions(x, x_axis(grid), cell_x, in_x);
+    positions(y, y_axis(grid), cell_y, in_y);
+    auto complete = [&](std::size_t n) {
+        out[n] = height_at(field, x[n], y[n], scratch.stack);
+        scratch.top[n] = COMPLETE;
+    };
+    if (!grid.leaves) {
+        for (std::size_t n = 0; n < count; ++n) {
+            if (!is_clear_of_edges(ground, u[n], v[n])) {
+                complete(n);
+                continue;
+            }
+            Found found = descend<false, true>(
+                field, x[n], y[n], scratch.stack,
+                {z[n], i64(cell_x[n]), i64(cell_y[n]), in_x[n], in_y[n]}
+            );
+            out[n] = height_or_void(field, found.z, found.top);
+            scratch.top[n] = found.top;
+        }
+        return;
+    }
+    // first where the elements of each point are, then what they are: neither waits for the other
+    for (std::size_t n = 0; n < count; ++n) {
+        scratch.begins[n] = 1, scratch.ends[n] = 0;
+        if (is_clear_of_edges(ground, u[n], v[n]) && is_clear_of_edges(grid, in_x[n], in_y[n])) {
+            u64 slot = u64(grid.table + i64(cell_y[n]) * i64(grid.bins_x) + i64(cell_x[n]));
+            scratch.begins[n] = field.offsets[slot];
+            scratch.ends[n] = field.offsets[slot + 1];
+        }
+    }
+    for (std::size_t n = 0; n < count; ++n) {
+        u64 begin = scratch.begins[n], end = scratch.ends[n];
+        if (begin > end) {  // near an edge
+            complete(n);
+            continue;
+        }
+        LeafSum sum = add_leaves<false>(field, begin, end, in_x[n], in_y[n], {z[n], 0.0, 0.0, 0});
+        out[n] = height_or_void(field, sum.z, sum.top);
+        scratch.top[n] = sum.top;
+    }
+}
+
+// Heights at points, on one thread.
+inline void heights(const Field& field, In x, In y, Out out) {
+    Scratch scratch(field);
+    const Element& root = field.elements[0];
+    if (root.grid && !root.pose && !field.kinds[root.kind].special) {
+        for (std::size_t begin = 0; begin < x.size(); begin += BATCH) {
+            std::size_t count = min(std::size_t(BATCH), x.size() - begin);
+            auto xs = x.subspan(begin, count), ys = y.subspan(begin, count);
+            block_heights(field, xs, ys, scratch, out.subspan(begin, count));
+            if (has_tracks(field)) lower_block(field, xs, ys, scratch, out.subspan(begin, count));
+        }
+    } else {
+        for (std::size_t n = 0; n < x.size(); ++n)
+            out[n] = height_at(field, x[n], y[n], scratch.stack);
+    }
+}
+
+// Everything at points: `height` (n,), `top` (n,), `gradient` (n, 2).
+// The top element decides the surface, or the track does: the number of elements and its index; -1
+// where there is none, -2 outside. Height and gradient are NaN outside and in the void.
+inline void samples(
+    const Field& field, In x, In y, Out height, Span<i64> top, Matrix<double> gradient
+) {
+    Stack stack(field.pending);
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        height[n] = gradient(n, 0) = gradient(n, 1) = NaN;
+        top[n] = -2;
+        if (!is_inside(field.bounds, x[n], y[n])) continue;
+        Found found = descend<true>(field, x[n], y[n], stack);
+        top[n] = found.top;
+        if (is_void(field, found.top)) continue;
+        height[n] = found.z;
+        if (has_tracks(field)) {
+            Rut rut = rut_at(field.tracks, x[n], y[n], surface_of(field, found.top));
+            height[n] = found.z - rut.depth;
+            if (rut.worn >= 0) top[n] = count_of(field.elements) + rut.worn;
+        }
+        gradient(n, 0) = found.slope_x;
+        gradient(n, 1) = found.slope_y;
+    }
+}
+
+// Points of a large batch are sorted into so many strips along each axis.
+constexpr i64 STRIPS = 64;
+
+// Which of the strips along an axis; NaN goes to the first.
+INLINE i64 strip_of(double coordinate, double start, double per) {
+    double s = (coordinate - start) * per;
+    return s > 0.0 ? i64(min(s, double(STRIPS) - 1.0)) : 0;
+}
+
+// Counting sort of points by place: `order` is where each sorted point came from.
+// Points outside go with those at the nearest edge.
+inline void sort_by_place(In x, In y, In bounds, Span<i64> order, Out sorted_x, Out sorted_y) {
+    double per_x = double(STRIPS) / (bounds[2] - bounds[0]);
+    double per_y = double(STRIPS) / (bounds[3] - bounds[1]);
+    auto place = [&](std::size_t n) {
+        return strip_of(x[n], bounds[0], per_x) + STRIPS * strip_of(y[n], bounds[1], per_y);
+    };
+    std::array<i64, STRIPS * STRIPS + 1> ends{};
+    for (std::size_t n = 0; n < x.size(); ++n) ++ends[place(n) + 1];
+    for (std::size_t k = 1; k < ends.size(); ++k) ends[k] += ends[k - 1];
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        i64 at = ends[place(n)]++;
+        order[at] = i64(n);
+        sorted_x[at] = x[n];
+        sorted_y[at] = y[n];
+    }
+}
+
+}  // namespace terratool

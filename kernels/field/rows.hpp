@@ -1,0 +1,210 @@
+// Rows of pixels: what the curves are worth along them, and loops that add it to the heights.
+#pragma once
+
+#include "query.hpp"
+
+namespace terratool {
+
+// Row of the first element: `fx` · `factor` + `offset`.
+inline void lay_products(Out row, In fx, double factor, double offset) {
+    for (std::size_t n = 0; n < row.size(); ++n) row[n] = fx[n] * factor + offset;
+}
+
+// Add `fx` · `factor` + `offset`.
+inline void add_products(Out row, In fx, double factor, double offset) {
+    for (std::size_t n = 0; n < row.size(); ++n) row[n] += fx[n] * factor + offset;
+}
+
+// Add the same everywhere.
+template <class T> inline void add_constant(Span<T> row, T value) {
+    for (T& z : row) z += value;
+}
+
+// Add an unturned element to a row, along which `fy` is one number.
+INLINE void add_row(u8 how, Out row, In fx, double fy, double scale, double offset) {
+    auto add = [&](auto chosen) {
+        for (std::size_t n = 0; n < row.size(); ++n) row[n] += scale * chosen(fx[n], fy) + offset;
+    };
+    if (how == PRODUCT) add_products(row, fx, scale * fy, offset);
+    else if (how == SUM) add_products(row, fx, scale, scale * fy + offset);
+    else if (how == MIN) add([](double a, double b) { return min(a, b); });
+    else add([](double a, double b) { return max(a, b); });
+}
+
+// Four coefficients, by value: along a row they stay in registers.
+struct Cubic {
+    double c0, c1, c2, c3;
+    Cubic(In pieces, u64 at)
+        : c0(pieces[at]), c1(pieces[at + 1]), c2(pieces[at + 2]), c3(pieces[at + 3]) {}
+    INLINE double operator()(double s) const { return c0 + s * (c1 + s * (c2 + s * c3)); }
+};
+
+// A piece along a row: where in it is rate · `u` + start.
+struct Ramp {
+    double rate, start;
+    INLINE double operator()(double u) const { return u * rate + start; }
+};
+
+// Add products of two pieces along a row.
+inline void add_pieces(
+    Out row, In u, Cubic x, Ramp at_x, Cubic y, Ramp at_y, double scale, double offset
+) {
+    for (std::size_t n = 0; n < row.size(); ++n) {
+        double s = clamp(at_x(u[n]), 0.0, 1.0), t = clamp(at_y(u[n]), 0.0, 1.0);
+        row[n] += scale * (x(s) * y(t)) + offset;
+    }
+}
+
+// Add products of curves of at most two pieces along a row of a turned element.
+// Which piece counts is chosen between numbers, not between addresses, so all of it is vectors.
+inline void add_turned_pairs(
+    Out row, In u, double v, const Pose& pose, In pieces, const Kind& kind, double scale,
+    double offset
+) {
+    auto [s_start, t_start] = turned(pose, 0.0, v);
+    Ramp at_x{pose.cos * kind.x_count, s_start * kind.x_count};
+    Ramp at_y{pose.sin_u * kind.y_count, t_start * kind.y_count};
+    u64 x = u64(kind.x_first) * 4, y = u64(kind.y_first) * 4;
+    Cubic f(pieces, x), f_next(pieces, x + 4), g(pieces, y), g_next(pieces, y + 4);
+    auto value = [](double s, const Cubic& one, const Cubic& two) {
+        bool a = s >= 1.0;
+        s = clamp(a ? s - 1.0 : s, 0.0, 1.0);
+        double c3 = a ? two.c3 : one.c3, c2 = a ? two.c2 : one.c2;
+        double c1 = a ? two.c1 : one.c1, c0 = a ? two.c0 : one.c0;
+        return c0 + s * (c1 + s * (c2 + s * c3));
+    };
+    for (std::size_t n = 0; n < row.size(); ++n)
+        row[n] += scale * (value(at_x(u[n]), f, f_next) * value(at_y(u[n]), g, g_next)) + offset;
+}
+
+// Add the product of two curves of evenly spaced pieces along a row of a turned element.
+inline void add_turned_products(
+    Out row, In u, double v, const Pose& pose, In pieces, const Kind& kind, double scale,
+    double offset
+) {
+    for (std::size_t n = 0; n < row.size(); ++n) {
+        auto [s, t] = turned(pose, u[n], v);
+        double fx = even_curve(pieces, kind.x_first, kind.x_count, clamp(s, 0.0, 1.0)).value;
+        double fy = even_curve(pieces, kind.y_first, kind.y_count, clamp(t, 0.0, 1.0)).value;
+        row[n] += scale * (fx * fy) + offset;
+    }
+}
+
+// Which of evenly spaced pieces holds `t`, held to [0, 1].
+INLINE i64 even_piece(double t, double count) {
+    return i64(min(clamp(t, 0.0, 1.0) * count, count - 1.0));
+}
+
+// For how many columns more a curve stays in a piece, about, if `t` grows by `rate` in each.
+INLINE double columns_left(double t, i64 piece, double count, double rate) {
+    if (rate > 0.0) return ((double(piece) + 1.0) / count - t) / rate;
+    if (rate < 0.0) return (double(piece) / count - t) / rate;
+    return INF;
+}
+
+// As add_turned_products, by runs of columns in which both curves stay in one piece.
+inline void add_turned_pieces(
+    Out row, In u, double v, double step, const Pose& pose, In pieces, const Kind& kind,
+    double scale, double offset
+) {
+    double x_count = kind.x_count, y_count = kind.y_count;
+    i64 begin = 0, count = count_of(row);
+    while (begin < count) {
+        auto [s, t] = turned(pose, u[begin], v);
+        i64 i = even_piece(s, x_count), j = even_piece(t, y_count);
+        double ahead = min(
+            columns_left(s, i, x_count, pose.cos * step),
+            columns_left(t, j, y_count, pose.sin_u * step)
+        );
+        i64 end = begin + 1 + i64(max(min(ahead, double(count) - 1.0 - double(begin)), 0.0));
+        while (end > begin + 1) {  // guessed, so it may be one too far
+            auto [last_s, last_t] = turned(pose, u[end - 1], v);
+            if (even_piece(last_s, x_count) == i && even_piece(last_t, y_count) == j) break;
+            --end;
+        }
+        auto [middle, along] = turned(pose, 0.0, v);
+        add_pieces(
+            row.subspan(begin, end - begin), u.subspan(begin, end - begin),
+            {pieces, (kind.x_first + u64(i)) * 4},
+            {pose.cos * x_count, middle * x_count - double(i)},
+            {pieces, (kind.y_first + u64(j)) * 4},
+            {pose.sin_u * y_count, along * y_count - double(j)}, scale, offset
+        );
+        begin = end;
+    }
+}
+
+// Add a turned element to a row, along which both curves change.
+inline void add_both(u8 how, Out row, In fx, In fy, double scale, double offset) {
+    auto add = [&](auto both) {
+        for (std::size_t n = 0; n < row.size(); ++n)
+            row[n] += scale * both(fx[n], fy[n]) + offset;
+    };
+    if (how == PRODUCT) add([](double a, double b) { return a * b; });
+    else if (how == SUM) add([](double a, double b) { return a + b; });
+    else if (how == MIN) add([](double a, double b) { return min(a, b); });
+    else add([](double a, double b) { return max(a, b); });
+}
+
+template <class T> INLINE void fill(Span<T> row, T value) {
+    std::fill(row.begin(), row.end(), value);
+}
+
+// Cells of a grid that hold each `x`, and positions in them: locate_cell for many at once.
+inline void locate_cells(In x, const GridAxis& axis, Out cell, Out part) {
+    positions(x, axis, cell, part);
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        if (part[n] < axis.near || part[n] > 1.0 - axis.near || cell[n] < 0.0
+            || cell[n] >= axis.count) {
+            CellPlace at = locate_cell(x[n], axis, false, 0.0);
+            cell[n] = double(at.cell), part[n] = at.in;
+        }
+    }
+}
+
+// Positions in a block of cells, as the descent has them.
+inline void place_in_block(In cell, In part, Block block, Out out) {
+    for (std::size_t n = 0; n < cell.size(); ++n)
+        out[n] = min(((cell[n] - block.cell) + part[n]) / block.width, 1.0);
+}
+
+// Values of a curve at each `t` in [0, 1], where no edge in the world decides about steps.
+INLINE void curve_values(const Curves& curves, const CurveAt& at, In t, Out out) {
+    if (at.knotted) {
+        for (std::size_t n = 0; n < t.size(); ++n) out[n] = knotted_curve(curves, at, t[n]).value;
+    } else {
+        for (std::size_t n = 0; n < t.size(); ++n)
+            out[n] = even_curve(curves.pieces, at.first, at.count, t[n]).value;
+    }
+}
+
+// Values of a curve of an unturned element at each `t`, at `x` in the world.
+inline void placed_values(
+    const Curves& curves, const CurveAt& at, In t, In x, const GridAxis& axis, Block block, Out out
+) {
+    if (at.knotted == STEPPED) {
+        for (std::size_t n = 0; n < t.size(); ++n)
+            out[n] = placed_curve(curves, at, t[n], x[n], axis, block).value;
+    } else {
+        curve_values(curves, at, t, out);
+    }
+}
+
+// Positions in the turned rectangle of a row of points, held to [0, 1].
+inline void turn_row(const Pose& pose, In u, double v, Out out_u, Out out_v) {
+    for (std::size_t n = 0; n < u.size(); ++n) {
+        auto [a, b] = turned(pose, u[n], v);
+        out_u[n] = clamp(a, 0.0, 1.0);
+        out_v[n] = clamp(b, 0.0, 1.0);
+    }
+}
+
+// Where the turned curve of a radial element is to be read for a row of points.
+inline void radii(const Pose& pose, In u, double v, Out out) {
+    for (std::size_t n = 0; n < u.size(); ++n) {
+        UV at = pose.turned ? turned(pose, u[n], v) : UV{u[n], v};
+        out[n] = min(0.5 + 0.5 * radius(at), 1.0);
+    }
+}
+
+}  // namespace terratool

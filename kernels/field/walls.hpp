@@ -1,0 +1,239 @@
+// Walls between neighbouring pixels: where they may stand, whether they do, and which way they run.
+//
+// A pair of neighbours is a candidate if its labels differ. Whether there is a wall is found by
+// halving what lies between the two centres: by the heights and slopes of the descent, and if that
+// finds nothing, by labels.
+#pragma once
+
+#include "painting.hpp"
+
+namespace terratool {
+
+// A wall is looked for down to a billionth of a pixel: no slope changes the height much there …
+constexpr i64 HALVINGS = 30;
+// … and neither does the rim of a dome, by so many times what its slope there would.
+constexpr double STEEPER = 4.0;
+
+using Heights = std::variant<Matrix<const float>, Matrix<const double>>;
+
+// Pairs of different labels, their first pixels in the first `height` rows and `width` columns, and
+// the differences of their heights, without sign; pairs with NaN are left out.
+// A pair is twice the index of its first pixel, and one more if it goes from north to south.
+inline std::tuple<std::vector<i64>, std::vector<double>> find_candidates(
+    Matrix<const u32> labels, Heights heights, i64 height, i64 width
+) {
+    std::vector<i64> pairs;
+    std::vector<double> rises;
+    i64 rows = labels.rows(), columns = labels.columns();
+    auto look = [&]<class T>(Matrix<const T> z) {
+        auto along = [&](i64 row, i64 other, i64 shift, i64 count, i64 down) {
+            Span<const u32> one = labels[row], two = labels[other].subspan(shift);
+            i64 differing = 0;  // counted first: most rows have none
+            for (i64 c = 0; c < count; ++c) differing += one[c] != two[c];
+            for (i64 c = 0; differing && c < count; ++c) {
+                T near = z(row, c), far = z(other, c + shift);
+                if (one[c] == two[c] || isnan(near + far)) continue;
+                pairs.push_back(2 * (row * columns + c) + down);
+                rises.push_back(abs(double(far) - double(near)));
+            }
+        };
+        for (i64 r = 0; r < height; ++r) {
+            along(r, r, 1, min(width, columns - 1), 0);
+            if (r + 1 < rows) along(r, r + 1, 0, width, 1);
+        }
+    };
+    std::visit(look, heights);
+    return {std::move(pairs), std::move(rises)};
+}
+
+struct Wall {
+    double at, jump;  // where on its line it stands, and how high it is; 0 for none
+};
+
+struct Slant {
+    double z, slope;
+};
+
+// The pair that a wall is looked for in: a line, and two places on it.
+struct Line {
+    bool along_x;
+    double low, high, fixed;
+};
+
+// Looks for walls; each thread needs its own.
+class WallFinder {
+public:
+    WallFinder(const Field& field, Span<const u8> nonzero_edges)
+        : field_(field), canvas_(field, false, true, nonzero_edges) {}
+
+    // For each pair the height of the wall in it, 0 if none, and for how much wall it stands.
+    //
+    // The `lengths` are in pixels. For each pixel of its length a wall with the normal n crosses
+    // |n_x| pairs along x and |n_y| along y; so pairs that count |n_x| and |n_y| add up to it, n²
+    // being 1. Walls along the axes, turned and round ones all have their length.
+    void measure(
+        Span<const i64> pairs, In x, In y, double resolution, double level, Out jumps, Out lengths
+    ) {
+        // so far beside a wall, in pixels, it is looked for again, to see which way it runs, …
+        constexpr double aside_pixels = 1.0 / 64.0;
+        // … up to here on either side: walls nearly along the pair leave it, and weigh little
+        constexpr double reach_pixels = 0.25;
+        constexpr double grazing = 0.5 * aside_pixels / reach_pixels;
+        const double blur = 4.0 * std::ldexp(1.0, -(HALVINGS / 2));
+        double reach = reach_pixels * resolution, aside = aside_pixels * resolution;
+        for (std::size_t n = 0; n < pairs.size(); ++n) {
+            Line line = line_of(pairs[n], x, y);
+            auto [at, jump] = find_wall(line, resolution, HALVINGS, level);
+            jumps[n] = jump;
+            lengths[n] = jump == 0.0 ? 0.0 : grazing;
+            if (jump == 0.0) continue;
+            for (double side : {-aside, aside}) {
+                Line beside{line.along_x, at - reach, at + reach, line.fixed + side};
+                auto [near, again] = find_wall(beside, resolution, HALVINGS / 2, 0.5 * jump);
+                if (again > 0.0) {
+                    // as exactly as it was found it runs straight across the pair, or not
+                    double shift = abs(near - at) > reach * blur ? near - at : 0.0;
+                    lengths[n] = aside / sqrt(square(aside) + square(shift));
+                    break;
+                }
+            }
+        }
+    }
+
+    // Index of the first pair with a wall of at least this height, and the height; -1 for none.
+    std::tuple<i64, double> first(
+        Span<const i64> pairs, In heights, In x, In y, double resolution, double level
+    ) {
+        for (std::size_t n = 0; n < pairs.size(); ++n) {
+            double jump = find_wall(line_of(pairs[n], x, y), resolution, HALVINGS, level).jump;
+            if (jump > 0.0 && jump >= heights[n]) return {i64(n), jump};
+        }
+        return {-1, 0.0};
+    }
+
+    // Walls above `level` between the places of each pair: up to as many as there is room for.
+    //
+    // `places` and `jumps` are (pairs, most): where along its axis each stands, and by how much the
+    // ground rises there to the east or north, below 0 if it falls; 0 for no wall. In no order. More
+    // than one is looked for where one does not explain what rises.
+    void between(
+        Span<const i64> pairs, In x, In y, double resolution, double level, Matrix<double> places,
+        Matrix<double> jumps
+    ) {
+        std::vector<std::pair<double, double>> todo;
+        const double least = std::ldexp(1.0, -(HALVINGS - 4));
+        for (std::size_t n = 0; n < pairs.size(); ++n) {
+            Line line = line_of(pairs[n], x, y);
+            auto height = [&](double at) { return slant(line.along_x, at, line.fixed).z; };
+            std::ranges::fill(jumps[n], 0.0);
+            double beside = (line.high - line.low) * least;
+            double left = height(line.high);
+            left -= height(line.low);
+            i64 count = 0;
+            todo.assign(1, {line.low, line.high});
+            while (!todo.empty() && count < jumps.columns()) {
+                auto [begin, end] = todo.back();
+                todo.pop_back();
+                Line part{line.along_x, begin, end, line.fixed};
+                auto [at, jump] = count == 0 ? find_wall(part, resolution, HALVINGS, level)
+                                             : find_jump(part, HALVINGS, level);
+                if (jump == 0.0) continue;
+                double after = height(at + beside);
+                if (after < height(at - beside)) jump = -jump;
+                places(n, count) = at, jumps(n, count) = jump;
+                ++count;
+                left -= jump;
+                if (abs(left) > level) {
+                    todo.push_back({begin, at - beside});
+                    todo.push_back({at + beside, end});
+                }
+            }
+        }
+    }
+
+    // A wall higher than `level` between two places on a line, by heights.
+    // Kept is always the half whose change its slopes explain less.
+    Wall find_jump(const Line& line, i64 halvings, double level) {
+        auto [along_x, low, high, fixed] = line;
+        Slant at_low = slant(along_x, low, fixed), at_high = slant(along_x, high, fixed);
+        for (i64 halving = 0; halving < halvings; ++halving) {
+            double half = 0.5 * (high - low), middle = low + half;
+            if (!(low < middle && middle < high)) break;
+            Slant at = slant(along_x, middle, fixed);
+            double left = abs(at.z - at_low.z - 0.5 * half * (at_low.slope + at.slope));
+            double right = abs(at_high.z - at.z - 0.5 * half * (at.slope + at_high.slope));
+            if (left >= right) high = middle, at_high = at;
+            else low = middle, at_low = at;
+        }
+        return {low + 0.5 * (high - low), wall_between(at_low, at_high, high - low, level)};
+    }
+
+    // As find_jump, by labels: slower, but a low wall beside something steep is found, too.
+    Wall find_edge(const Line& line, double resolution, i64 halvings, double level) {
+        constexpr int most_edges = 8;  // so many between two pixels are looked at for a wall
+        auto [along_x, low, end, fixed] = line;
+        u32 last = label(along_x, end, fixed, resolution);
+        for (int edge = 0; edge < most_edges; ++edge) {
+            u32 first = label(along_x, low, fixed, resolution);
+            if (first == last) break;
+            double high = end;
+            for (i64 halving = 0; halving < halvings; ++halving) {
+                double middle = low + 0.5 * (high - low);
+                if (!(low < middle && middle < high)) break;
+                (label(along_x, middle, fixed, resolution) == first ? low : high) = middle;
+            }
+            Slant at_low = slant(along_x, low, fixed), at_high = slant(along_x, high, fixed);
+            double jump = wall_between(at_low, at_high, high - low, level);
+            if (jump > 0.0) return {low + 0.5 * (high - low), jump};
+            low = high;  // an edge without a wall; on to the next
+        }
+        return {low, 0.0};
+    }
+
+private:
+    const Field& field_;
+    Canvas<u32> canvas_;
+
+    // Where between two places on a line a wall higher than `level` stands.
+    Wall find_wall(const Line& line, double resolution, i64 halvings, double level) {
+        Wall wall = find_jump(line, halvings, level);
+        return wall.jump == 0.0 ? find_edge(line, resolution, halvings, level) : wall;
+    }
+
+    static Line line_of(i64 pair, In x, In y) {
+        i64 pixel = pair >> 1, r = pixel / count_of(x), c = pixel % count_of(x);
+        if (pair & 1) return {false, y[r + 1], y[r], x[c]};
+        return {true, x[c], x[c + 1], y[r]};
+    }
+
+    // Height and slope along an axis; NaN outside and in the void.
+    Slant slant(bool along_x, double at, double fixed) {
+        double x = along_x ? at : fixed, y = along_x ? fixed : at;
+        if (!is_inside(field_.bounds, x, y)) return {NaN, NaN};
+        Found found = descend<true>(field_, x, y, canvas_.stack);
+        if (is_void(field_, found.top)) return {NaN, NaN};
+        return {
+            lowered(field_, found.z, found.top, x, y), along_x ? found.slope_x : found.slope_y
+        };
+    }
+
+    // Height of what two places so near to each other have between them, 0 if it is no wall.
+    static double wall_between(Slant low, Slant high, double width, double level) {
+        double jump = abs(high.z - low.z);
+        double sloping = width * max(abs(low.slope), abs(high.slope));
+        return jump > level && jump > STEEPER * sloping ? jump : 0.0;
+    }
+
+    // The label of a place, painted as a tile of one pixel.
+    u32 label(bool along_x, double at, double fixed, double resolution) {
+        double x = along_x ? at : fixed, y = along_x ? fixed : at;
+        if (!is_inside(field_.bounds, x, y)) return 0;
+        In xs(&x, 1), ys(&y, 1);
+        Rectangle pixel{0, 1, 0, 1};
+        paint_tile(field_, canvas_, xs, ys, resolution, pixel);
+        if (has_tracks(field_)) paint_tracks(field_, canvas_, xs, ys, pixel);
+        return canvas_.labels(0, 0);
+    }
+};
+
+}  // namespace terratool

@@ -1,0 +1,500 @@
+// How Python calls a kernel: arrays are checked and become views, and the GIL is released.
+//
+//     def<&heights>(m, "heights", "Heights at points.", {"field", "x[n]", "y[n]", "out[n]"});
+//
+// Names of arguments say the shapes of arrays. A letter stands for one number throughout a call,
+// `n+1` for one more, `_` for any. `?out[n]` may be None: a view of nothing. Spans and matrices of
+// const are read; others are written to, and must be writable. Whatever is not as it must be is a
+// TypeError that names the argument.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+
+#include <cstring>
+#include <initializer_list>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <typeinfo>
+#include <variant>
+
+#include "../core.hpp"
+
+namespace nb = nanobind;
+
+namespace terratool::python {
+
+using namespace nb::literals;
+
+// Letters of shapes, and the numbers that they stand for in a call.
+class Sizes {
+public:
+    // Whether `text`, one length of a shape, agrees with a length; a new letter takes it.
+    bool agree(std::string_view text, i64 length) {
+        if (text == "_") return true;
+        if (text[0] >= '0' && text[0] <= '9') return std::stoll(std::string(text)) == length;
+        i64 more = text.size() > 2 ? std::stoll(std::string(text.substr(2))) : 0;
+        for (auto& [letter, size] : known_)
+            if (letter == text[0]) return size + more == length;
+        known_.emplace_back(text[0], length - more);
+        return length >= more;
+    }
+
+private:
+    std::vector<std::pair<char, i64>> known_;
+};
+
+// What str() says of a value.
+inline std::string text_of(nb::handle value) {
+    nb::object text = nb::steal(PyObject_Str(value.ptr()));
+    if (!text) throw nb::python_error();
+    return nb::cast<std::string>(text);
+}
+
+// Where an argument is: for what is said of it, and for its shape.
+struct Where {
+    const char* function;
+    std::string_view spelled;  // "x[n]"
+    Sizes& sizes;
+
+    bool is_optional() const { return spelled[0] == '?'; }
+    std::string_view name() const { return name_of(spelled); }
+    static std::string_view name_of(std::string_view spelled) {
+        spelled.remove_prefix(spelled[0] == '?');
+        return spelled.substr(0, spelled.find('['));
+    }
+    std::string_view shape() const {
+        auto begin = spelled.find('[');
+        return begin == spelled.npos ? "" : spelled.substr(begin + 1, spelled.size() - begin - 2);
+    }
+    [[noreturn]] void refuse(const std::string& wanted, nb::handle got) const {
+        std::string found = text_of(got.type().attr("__name__"));
+        if (nb::hasattr(got, "dtype") && nb::hasattr(got, "shape")) {
+            found = text_of(got.attr("dtype")) + " of shape " + text_of(got.attr("shape"));
+            if (!nb::cast<bool>(got.attr("flags").attr("c_contiguous"))) found += ", strided";
+            if (!nb::cast<bool>(got.attr("flags").attr("writeable"))) found += ", read-only";
+        }
+        throw nb::type_error(
+            (std::string(function) + "(): " + std::string(name()) + " must be " + wanted
+             + ", but is " + found).c_str());
+    }
+};
+
+// What of the buffer protocol's formats is a type, and what NumPy calls it.
+template <class T> struct Dtype;
+#define TERRATOOL_DTYPE(T, text, letters)                    \
+    template <> struct Dtype<T> {                            \
+        static constexpr const char *name = text;            \
+        static bool is(const Py_buffer& view) {              \
+            return view.format && std::strlen(view.format) == 1 \
+                && std::strchr(letters, view.format[0])      \
+                && view.itemsize == Py_ssize_t(sizeof(T));   \
+        }                                                    \
+    };
+TERRATOOL_DTYPE(double, "float64", "d")
+TERRATOOL_DTYPE(float, "float32", "f")
+TERRATOOL_DTYPE(bool, "bool", "?")
+TERRATOOL_DTYPE(i16, "int16", "h")
+TERRATOOL_DTYPE(i32, "int32", "il")
+TERRATOOL_DTYPE(i64, "int64", "lq")
+TERRATOOL_DTYPE(u8, "uint8", "B")
+TERRATOOL_DTYPE(u16, "uint16", "H")
+TERRATOOL_DTYPE(u32, "uint32", "IL")
+TERRATOOL_DTYPE(u64, "uint64", "LQ")
+#undef TERRATOOL_DTYPE
+
+// A struct that arrays are made of; `visit_members` names its members.
+template <class T>
+concept Record = requires(T& record) { visit_members(record, [](const char*, auto&) {}); };
+
+// What the buffer protocol calls the NumPy dtype of a record, once `check_record` has seen it.
+template <class T> std::string& format_of() {
+    static std::string format;
+    return format;
+}
+
+template <Record T> struct Dtype<T> {
+    static constexpr const char* name = "record";
+    static bool is(const Py_buffer& view) {
+        return view.itemsize == Py_ssize_t(sizeof(T)) && view.format
+            && format_of<T>() == view.format;
+    }
+};
+
+// Refuse a NumPy dtype that is not, member by member, the struct.
+template <Record T> void check_record(nb::handle dtype) {
+    T record{};
+    nb::object fields = dtype.attr("fields");
+    std::size_t count = 0;
+    auto wrong = [&](const std::string& what) {
+        throw nb::type_error((text_of(dtype)
+                              + " is not the struct of the kernels: " + what).c_str());
+    };
+    visit_members(record, [&]<class M>(const char* name, M& member) {
+        ++count;
+        if (!nb::cast<bool>(fields.attr("__contains__")(name))) wrong(std::string("no ") + name);
+        nb::object field = fields[name];
+        i64 offset = reinterpret_cast<char*>(&member) - reinterpret_cast<char*>(&record);
+        if (nb::cast<i64>(field[1]) != offset
+            || text_of(field[0]) != Dtype<M>::name)
+            wrong(name);
+    });
+    if (count != nb::len(fields) || nb::cast<std::size_t>(dtype.attr("itemsize")) != sizeof(T))
+        wrong("its size");
+    nb::object empty = nb::module_::import_("numpy").attr("empty")(1, dtype);
+    Py_buffer view;
+    if (PyObject_GetBuffer(empty.ptr(), &view, PyBUF_FORMAT | PyBUF_ND)) throw nb::python_error();
+    format_of<T>() = view.format;
+    PyBuffer_Release(&view);
+}
+
+// The memory of an array, kept while a kernel works on it.
+class Buffer {
+public:
+    Buffer() = default;
+    Buffer(Buffer&& other) noexcept : view_(other.view_) { other.view_.obj = nullptr; }
+    Buffer& operator=(Buffer&& other) noexcept {
+        std::swap(view_, other.view_);
+        return *this;
+    }
+    ~Buffer() {
+        if (view_.obj) PyBuffer_Release(&view_);
+    }
+
+    // Whether a value is an array of T with so many dimensions.
+    template <class T> bool take(nb::handle value, int rank) {
+        using Element = std::remove_const_t<T>;
+        if (view_.obj) PyBuffer_Release(&view_);
+        if (PyObject_GetBuffer(value.ptr(), &view_, PyBUF_FORMAT | PyBUF_STRIDES)) {
+            PyErr_Clear();
+            view_.obj = nullptr;
+            return false;
+        }
+        return view_.ndim == rank && Dtype<Element>::is(view_)
+            && PyBuffer_IsContiguous(&view_, 'C') && (std::is_const_v<T> || !view_.readonly);
+    }
+    // Whether its shape is the one that is spelled.
+    bool agrees(const Where& where) const {
+        std::string_view rest = where.shape();
+        for (int axis = 0; axis < view_.ndim && !rest.empty(); ++axis) {
+            auto comma = rest.find(',');
+            if (!where.sizes.agree(rest.substr(0, comma), view_.shape[axis])) return false;
+            rest = comma == rest.npos ? "" : rest.substr(comma + 1);
+        }
+        return true;
+    }
+    bool is_taken() const { return view_.obj != nullptr; }
+    template <class T> T* data() const { return static_cast<T*>(view_.buf); }
+    i64 length(int axis) const { return view_.shape[axis]; }
+
+private:
+    Py_buffer view_{};
+};
+
+// Views by their number of dimensions.
+template <class V> struct ViewOf;
+template <class T> struct ViewOf<Span<T>> {
+    using Element = T;
+    static constexpr int rank = 1;
+    static Span<T> of(const Buffer& b) { return {b.data<T>(), std::size_t(b.length(0))}; }
+};
+template <class T> struct ViewOf<Matrix<T>> {
+    using Element = T;
+    static constexpr int rank = 2;
+    static Matrix<T> of(const Buffer& b) { return {b.data<T>(), b.length(0), b.length(1)}; }
+};
+template <class T> struct ViewOf<Cube<T>> {
+    using Element = T;
+    static constexpr int rank = 3;
+    static Cube<T> of(const Buffer& b) {
+        return {b.data<T>(), b.length(0), b.length(1), b.length(2)};
+    }
+};
+
+template <class V>
+concept View = requires { ViewOf<V>::rank; };
+
+// A struct of views and numbers that a kernel takes as one argument; `visit_arguments` names them.
+template <class T>
+concept Bundle = requires(T& bundle) { visit_arguments(bundle, [](const char*, auto&) {}); };
+
+// How a Python value becomes an argument of a kernel, and what its type is called in a signature.
+template <class T> struct Argument {  // a class that Python knows
+    T* value;
+    static std::string type() { return text_of(nb::type<T>().attr("__name__")); }
+    Argument(nb::handle given, const Where& where) {
+        if (!nb::isinstance<T>(given)) where.refuse("a " + type(), given);
+        value = nb::inst_ptr<T>(given);
+    }
+    T& get() { return *value; }
+};
+
+template <View V> struct Argument<V> {
+    using Of = ViewOf<V>;
+    using Element = std::remove_const_t<typename Of::Element>;
+    Buffer buffer;
+
+    static std::string type() {
+        if constexpr (Record<Element>) return "NDArray[np.void]";
+        else if constexpr (std::is_same_v<Element, bool>) return "NDArray[np.bool_]";
+        else return std::string("NDArray[np.") + Dtype<Element>::name + "]";
+    }
+    static std::string wanted(const Where& where) {
+        std::string words = std::is_const_v<typename Of::Element> ? "" : "writable, ";
+        words += std::string("contiguous, ") + Dtype<Element>::name + " of ";
+        words += Of::rank == 1 ? "one dimension" : Of::rank == 2 ? "two dimensions" : "three dimensions";
+        return where.shape().empty() ? words : words + " (" + std::string(where.shape()) + ")";
+    }
+    // Whether the value is such an array; its lengths are another matter.
+    bool take(nb::handle given) { return buffer.take<typename Of::Element>(given, Of::rank); }
+
+    Argument() = default;
+    Argument(nb::handle given, const Where& where) {
+        if (where.is_optional() && given.is_none()) return;
+        if (!take(given) || !buffer.agrees(where)) where.refuse(wanted(where), given);
+    }
+    V get() { return buffer.is_taken() ? Of::of(buffer) : V(); }
+};
+
+// One of several kinds of view; the first that fits.
+template <View... V> struct Argument<std::variant<V...>> {
+    std::variant<Argument<V>...> chosen;
+
+    static std::string type() {
+        std::string words;
+        ((words += (words.empty() ? "" : " | ") + Argument<V>::type()), ...);
+        return words;
+    }
+    Argument(nb::handle given, const Where& where) {
+        if (where.is_optional() && given.is_none()) return;
+        bool found = (try_one<V>(given) || ...);
+        bool fits = found
+            && std::visit([&](auto& one) { return one.buffer.agrees(where); }, chosen);
+        if (fits) return;
+        std::string words;
+        ((words += (words.empty() ? "" : " or ") + Argument<V>::wanted(where)), ...);
+        where.refuse(words, given);
+    }
+    std::variant<V...> get() {
+        return std::visit([](auto& one) { return std::variant<V...>(one.get()); }, chosen);
+    }
+
+private:
+    template <class One> bool try_one(nb::handle given) {
+        return chosen.template emplace<Argument<One>>().take(given);
+    }
+};
+
+template <> struct Argument<double> {
+    double value;
+    static std::string type() { return "float"; }
+    Argument(nb::handle given, const Where& where) : value(PyFloat_AsDouble(given.ptr())) {
+        if (value == -1.0 && PyErr_Occurred()) {
+            PyErr_Clear();
+            where.refuse("a number", given);
+        }
+    }
+    double get() { return value; }
+};
+
+template <> struct Argument<i64> {
+    i64 value = 0;
+    static std::string type() { return "int"; }
+    Argument(nb::handle given, const Where& where) {
+        nb::object whole = nb::steal(PyNumber_Index(given.ptr()));
+        if (whole) value = PyLong_AsLongLong(whole.ptr());
+        if (PyErr_Occurred()) {
+            PyErr_Clear();
+            where.refuse("a whole number of 64 bits", given);
+        }
+    }
+    i64 get() { return value; }
+};
+
+template <> struct Argument<bool> {
+    bool value;
+    static std::string type() { return "bool"; }
+    Argument(nb::handle given, const Where& where) {
+        std::string_view name = Py_TYPE(given.ptr())->tp_name;
+        if (name != "bool" && name != "numpy.bool" && name != "numpy.bool_")
+            where.refuse("True or False", given);
+        value = PyObject_IsTrue(given.ptr()) == 1;
+    }
+    bool get() { return value; }
+};
+
+// The members of a bundle, taken one after the other from the attributes of a value.
+template <Bundle B> class Bundled {
+public:
+    static std::string type() { return "Any"; }
+    Bundled(nb::handle given, const Where& where) { fill(bundle_, given, where); }
+    B& get() { return bundle_; }
+
+private:
+    B bundle_{};
+    std::vector<std::shared_ptr<void>> held_;  // keeps memory
+
+    template <class M> void fill(M& record, nb::handle given, const Where& where) {
+        visit_arguments(record, [&]<class T>(const char* spelled, T& member) {
+            bool optional = spelled[0] == '?';
+            std::string full = (optional ? "?" : "") + std::string(where.name()) + "."
+                + (spelled + optional);
+            Where here{where.function, full, where.sizes};
+            std::string name(Where::name_of(spelled));
+            if (!nb::hasattr(given, name.c_str())) where.refuse("something with ." + name, given);
+            nb::object value = given.attr(name.c_str());
+            if constexpr (Bundle<T>) {
+                fill(member, value, here);
+            } else if constexpr (std::is_pointer_v<T>) {  // of a class that Python knows
+                using Known = std::remove_const_t<std::remove_pointer_t<T>>;
+                member = &Argument<Known>(value, here).get();
+                held_.push_back(std::make_shared<nb::object>(value));
+            } else {
+                auto argument = std::make_shared<Argument<T>>(value, here);
+                member = argument->get();
+                held_.push_back(argument);
+            }
+        });
+    }
+};
+
+template <Bundle B> struct Argument<B> : Bundled<B> {
+    using Bundled<B>::Bundled;
+};
+
+// How the result of a kernel becomes a Python value, and what its type is called.
+template <class R> struct Result {
+    static std::string type() {
+        if constexpr (std::is_same_v<R, bool>) return "bool";
+        else if constexpr (std::is_integral_v<R>) return "int";
+        else if constexpr (std::is_floating_point_v<R>) return "float";
+        else return "Any";
+    }
+    static nb::object of(R&& value) { return nb::cast(std::move(value)); }
+};
+
+template <class T> struct Result<std::vector<T>> {
+    static std::string type() { return Argument<Span<T>>::type(); }
+    static nb::object of(std::vector<T>&& made) {
+        auto* kept = new std::vector<T>(std::move(made));
+        nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+        std::size_t shape[] = {kept->size()};
+        return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), 1, shape, owner));
+    }
+};
+
+template <class T, std::size_t width> struct Result<std::vector<std::array<T, width>>> {
+    static std::string type() { return Argument<Matrix<T>>::type(); }
+    static nb::object of(std::vector<std::array<T, width>>&& made) {
+        using Made = std::vector<std::array<T, width>>;
+        auto* kept = new Made(std::move(made));
+        nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<Made*>(p); });
+        std::size_t shape[] = {kept->size(), width};
+        return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), 2, shape, owner));
+    }
+};
+
+// Records come as bytes; whoever has the dtype views them by it.
+template <Record T> struct Result<std::vector<T>> {
+    static std::string type() { return "NDArray[np.uint8]"; }
+    static nb::object of(std::vector<T>&& made) {
+        auto* kept = new std::vector<T>(std::move(made));
+        nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+        std::size_t shape[] = {kept->size() * sizeof(T)};
+        auto* bytes = reinterpret_cast<u8*>(kept->data());
+        return nb::cast(nb::ndarray<nb::numpy, u8>(bytes, 1, shape, owner));
+    }
+};
+
+template <class... R> struct Result<std::tuple<R...>> {
+    static std::string type() {
+        std::string words;
+        ((words += (words.empty() ? "" : ", ") + Result<R>::type()), ...);
+        return "tuple[" + words + "]";
+    }
+    static nb::object of(std::tuple<R...>&& made) {
+        return std::apply(
+            [](auto&&... one) {
+                return nb::object(nb::make_tuple(Result<R>::of(std::move(one))...));
+            },
+            std::move(made));
+    }
+};
+
+template <std::size_t> using Handle = nb::handle;
+
+// Makes the function that Python calls from one in C++.
+template <auto kernel, class R, class... A> struct Caller {
+    static constexpr std::size_t count = sizeof...(A);
+
+    template <class Scope, std::size_t... I>
+    static void bind(
+        Scope& scope, const char* name, const char* doc, std::initializer_list<const char*> spelled,
+        std::index_sequence<I...>
+    ) {
+        std::array<const char*, count> names{};
+        std::copy(spelled.begin(), spelled.end(), names.begin());
+        std::string signature = std::string("def ") + name + "(", shapes;
+        std::array<std::string, count> types{Argument<std::remove_cvref_t<A>>::type()...};
+        for (std::size_t k = 0; k < count; ++k) {
+            std::string_view text = names[k], own = Where::name_of(text);
+            bool optional = text[0] == '?';
+            text.remove_prefix(optional);
+            signature += (k ? ", " : "") + std::string(own) + ": " + types[k];
+            if (optional) signature += " | None";
+            if (own.size() < text.size()) shapes += (shapes.empty() ? "" : ", ") + std::string(text);
+        }
+        std::string returned = "None";
+        if constexpr (!std::is_void_v<R>) returned = Result<R>::type();
+        signature += ") -> " + returned;
+        std::string words = doc + (shapes.empty() ? "" : "\n\nShapes: " + shapes + ".");
+        scope.def(
+            name,
+            [names, name](Handle<I>... given) -> nb::object {
+                Sizes sizes;
+                // braces keep the order, in which letters of shapes are met
+                std::tuple<Argument<std::remove_cvref_t<A>>...> arguments{
+                    Argument<std::remove_cvref_t<A>>(given, Where{name, names[I], sizes})...};
+                if constexpr (std::is_void_v<R>) {
+                    nb::gil_scoped_release free;
+                    kernel(std::get<I>(arguments).get()...);
+                } else {
+                    R result = [&] {
+                        nb::gil_scoped_release free;
+                        return kernel(std::get<I>(arguments).get()...);
+                    }();
+                    return Result<R>::of(std::move(result));
+                }
+                return nb::none();
+            },
+            words.c_str(), nb::sig(signature.c_str()), nb::arg(argument_name(names[I]).c_str())...);
+    }
+    static std::string argument_name(std::string_view spelled) {
+        return std::string(Where::name_of(spelled));
+    }
+};
+
+template <auto kernel, class R, class... A> auto caller(R (*)(A...)) -> Caller<kernel, R, A...>;
+
+// A method is a function whose first argument is the object.
+template <auto method, class R, class C, class... A> R call_method(C& self, A... arguments) {
+    return (self.*method)(arguments...);
+}
+template <auto method, class R, class C, class... A>
+auto caller(R (C::*)(A...)) -> Caller<&call_method<method, R, C, A...>, R, C&, A...>;
+
+// Let Python call `kernel`, a function or a method, by this name.
+template <auto kernel>
+void def(
+    nb::module_& scope, const char* name, const char* doc, std::initializer_list<const char*> spelled
+) {
+    using Made = decltype(caller<kernel>(kernel));
+    if (spelled.size() != Made::count) throw std::logic_error(std::string(name) + ": names");
+    Made::bind(scope, name, doc, spelled, std::make_index_sequence<Made::count>());
+}
+
+}  // namespace terratool::python

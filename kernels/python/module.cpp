@@ -1,0 +1,10 @@
+// The module of all kernels.
+#include "modules.hpp"
+
+namespace nb = nanobind;
+using namespace terratool::python;
+
+NB_MODULE(_kernels, m) {
+    bind_field(m.def_submodule("field"));
+    bind_raster(m.def_submodule("raster"));
+}

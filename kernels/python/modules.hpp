@@ -1,0 +1,11 @@
+// The parts of the module, one for each package that kernels serve.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace terratool::python {
+
+void bind_field(nanobind::module_ m);
+void bind_raster(nanobind::module_ m);
+
+}  // namespace terratool::python
