@@ -6,5 +6,8 @@ using namespace terratool::python;
 
 NB_MODULE(_kernels, m) {
     bind_field(m.def_submodule("field"));
+    bind_importing(m.def_submodule("importing"));
+    bind_mesh(m.def_submodule("mesh"));
     bind_raster(m.def_submodule("raster"));
+    bind_traversability(m.def_submodule("traversability"));
 }

@@ -6,6 +6,9 @@
 namespace terratool::python {
 
 void bind_field(nanobind::module_ m);
+void bind_importing(nanobind::module_ m);
+void bind_mesh(nanobind::module_ m);
 void bind_raster(nanobind::module_ m);
+void bind_traversability(nanobind::module_ m);
 
 }  // namespace terratool::python

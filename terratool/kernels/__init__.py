@@ -24,5 +24,5 @@ variant = _variant()
 """Which of them is loaded: "baseline" or "v3"."""
 
 _compiled = import_module(f"terratool.kernels.{variant}._kernels")
-field = _compiled.field
-raster = _compiled.raster
+PARTS = ("field", "importing", "mesh", "raster", "traversability")
+globals().update({part: getattr(_compiled, part) for part in PARTS})

@@ -1,0 +1,237 @@
+"""Field: the kernels in C++. Written by `make stubs`."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+EDGE: float = 1e-09
+
+TILE_HEIGHT: int = 132
+
+BATCH: int = 512
+
+def check_records(
+    element: np.dtype[Any],
+    grid: np.dtype[Any],
+    pose: np.dtype[Any],
+    kind: np.dtype[Any],
+    segment: np.dtype[Any],
+) -> None:
+    """Refuse dtypes that are not the structs of the kernels."""
+
+class Field:
+    """A compiled field: its arrays, checked once."""
+
+    def __init__(self, arrays: object) -> None: ...
+
+class Painter:
+    """Paints windows of a field; each thread needs its own."""
+
+    def __init__(
+        self, field: object, voids: object, slopes: bool, nonzero_edges: object | None
+    ) -> None: ...
+
+class WallFinder:
+    """Looks for walls; each thread needs its own."""
+
+    def __init__(self, field: object, nonzero_edges: object) -> None: ...
+
+def heights(
+    field: Field, x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.float64]
+) -> None:
+    """
+    Heights at points.
+
+    Shapes: x[n], y[n], out[n].
+    """
+
+def samples(
+    field: Field,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    height: NDArray[np.float64],
+    top: NDArray[np.int64],
+    gradient: NDArray[np.float64],
+) -> None:
+    """
+    Height, top element and gradient at points.
+
+    Shapes: x[n], y[n], height[n], top[n], gradient[n,2].
+    """
+
+def sort_by_place(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    bounds: NDArray[np.float64],
+    order: NDArray[np.int64],
+    sorted_x: NDArray[np.float64],
+    sorted_y: NDArray[np.float64],
+) -> None:
+    """
+    Sort points by place.
+
+    Shapes: x[n], y[n], bounds[4], order[n], sorted_x[n], sorted_y[n].
+    """
+
+def lay_grids(
+    grids: NDArray[np.void],
+    sides: NDArray[np.float64],
+    aspects: NDArray[np.float64],
+    owners: NDArray[np.int64],
+    home: NDArray[np.uint32],
+    placed: Any,
+    origin: NDArray[np.float64],
+    extent: NDArray[np.float64],
+) -> None:
+    """
+    Corners and pitches of all grids, parents first.
+
+    Shapes: grids[g+1], sides[g+1,2], aspects[g+1], owners[g], home[e], origin[2], extent[2].
+    """
+
+def size_bins(
+    grids: NDArray[np.void],
+    dense: NDArray[np.bool_],
+    ranges: Any,
+    placed: Any,
+    sizes: NDArray[np.int64],
+    lists: NDArray[np.int64],
+) -> None:
+    """
+    Choose the bins of each grid.
+
+    Shapes: grids[g], dense[g], sizes[g], lists[g].
+    """
+
+def fill_bins(
+    grids: NDArray[np.void],
+    ranges: Any,
+    placed: Any,
+    offsets: NDArray[np.uint32],
+    entries: NDArray[np.uint32],
+) -> None:
+    """
+    Fill the tables from cells to elements.
+
+    Shapes: grids[g], offsets[_], entries[_].
+    """
+
+def count_pending(
+    grids: NDArray[np.void],
+    offsets: NDArray[np.uint32],
+    entries: NDArray[np.uint32],
+    grid_of: NDArray[np.uint32],
+) -> int:
+    """
+    The most grids that wait in a descent.
+
+    Shapes: grids[g], offsets[_], entries[_], grid_of[e].
+    """
+
+def cell_rectangles(field: Field, parents: NDArray[np.int32], out: NDArray[np.float64]) -> None:
+    """
+    World rectangles of the elements' cells.
+
+    Shapes: parents[E], out[4,E].
+    """
+
+def choose_cells(
+    segments: NDArray[np.void],
+    extent: NDArray[np.float64],
+    frame: NDArray[np.float64],
+    shape: NDArray[np.int64],
+) -> int:
+    """
+    Choose the cells of the index of tracks.
+
+    Shapes: segments[_], extent[2], frame[4], shape[2].
+    """
+
+def fill_index(
+    segments: NDArray[np.void],
+    frame: NDArray[np.float64],
+    shape: NDArray[np.int64],
+    masks: NDArray[np.uint64],
+    offsets: NDArray[np.uint32],
+    entries: NDArray[np.uint32],
+) -> None:
+    """
+    Fill the index of tracks.
+
+    Shapes: segments[_], frame[4], shape[2], masks[m], offsets[m+1], entries[_].
+    """
+
+def paint(
+    painter: Painter,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    resolution: float,
+    row: int,
+    column: int,
+    planes: Any,
+) -> None:
+    """
+    Paint a window of pixels, whose centres ascend.
+
+    Shapes: x[w], y[h].
+    """
+
+def find_candidates(
+    labels: NDArray[np.uint32],
+    heights: NDArray[np.float32] | NDArray[np.float64],
+    height: int,
+    width: int,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Pairs of neighbours with different labels.
+
+    Shapes: labels[h,w], heights[h,w].
+    """
+
+def measure_walls(
+    finder: WallFinder,
+    pairs: NDArray[np.int64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    resolution: float,
+    level: float,
+    jumps: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+) -> None:
+    """
+    Walls in pairs, and for how much they stand.
+
+    Shapes: pairs[n], x[_], y[_], jumps[n], lengths[n].
+    """
+
+def first_wall(
+    finder: WallFinder,
+    pairs: NDArray[np.int64],
+    heights: NDArray[np.float64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    resolution: float,
+    level: float,
+) -> tuple[int, float]:
+    """
+    The first pair with a wall of at least a height.
+
+    Shapes: pairs[n], heights[n], x[_], y[_].
+    """
+
+def walls_between(
+    finder: WallFinder,
+    pairs: NDArray[np.int64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    resolution: float,
+    level: float,
+    places: NDArray[np.float64],
+    jumps: NDArray[np.float64],
+) -> None:
+    """
+    All walls in pairs.
+
+    Shapes: pairs[n], x[_], y[_], places[n,m], jumps[n,m].
+    """

@@ -1,0 +1,1 @@
+"""Importing: the kernels in C++. Written by `make stubs`."""

@@ -1,0 +1,1 @@
+"""Mesh: the kernels in C++. Written by `make stubs`."""

@@ -1,0 +1,20 @@
+"""Raster: the kernels in C++. Written by `make stubs`."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+def first_number(pixels: NDArray[np.float32] | NDArray[np.float64]) -> float:
+    """
+    The first pixel that is not NaN, or 0.
+
+    Shapes: pixels[_,_].
+    """
+
+def gather(
+    pixels: NDArray[np.float32] | NDArray[np.float64], shift: float, sums: NDArray[np.float64]
+) -> None:
+    """
+    Statistics of pixels by column.
+
+    Shapes: pixels[_,_], sums[5,_].
+    """

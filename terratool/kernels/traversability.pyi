@@ -1,0 +1,1 @@
+"""Traversability: the kernels in C++. Written by `make stubs`."""
