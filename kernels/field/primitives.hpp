@@ -176,7 +176,7 @@ INLINE CurvePoint knotted_piece(const Curves& curves, const CurveAt& at, i64 i, 
 }
 
 // Value and slope of a knotted curve at `t`, where no edge in the world decides about steps.
-inline CurvePoint knotted_curve(const Curves& curves, const CurveAt& at, double t) {
+INLINE CurvePoint knotted_curve(const Curves& curves, const CurveAt& at, double t) {
     double ahead = at.knotted == STEPPED ? STEP : 0.0;
     i64 i = find_piece(curves, at, min(t + ahead, 1.0));
     return knotted_piece(curves, at, i, max(t, curves.knots[at.knot + i]));
@@ -217,11 +217,6 @@ INLINE ShapePoint combine(u8 how, CurvePoint x, CurvePoint y) {
     return {y.value, 0.0, y.slope};
 }
 
-// Values and slopes of both curves of a kind, where no edge in the world decides.
-INLINE BothCurves any_curves(const Curves& curves, const Kind& kind, double u, double v) {
-    return {any_curve(curves, x_curve(kind), u), any_curve(curves, y_curve(kind), v)};
-}
-
 INLINE Block x_block(const Element& element, const Pose& pose) {
     return {double(element.cell_x), pose.width};
 }
@@ -234,12 +229,14 @@ INLINE BothCurves placed_curves(
     const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
     const Grid& grid, UV at, double x, double y
 ) {
-    BothCurves f = any_curves(curves, kind, at.u, at.v);
-    if (kind.knotted_x == STEPPED)
-        f.x = placed_curve(curves, x_curve(kind), at.u, x, x_axis(grid), x_block(element, pose));
-    if (kind.knotted_y == STEPPED)
-        f.y = placed_curve(curves, y_curve(kind), at.v, y, y_axis(grid), y_block(element, pose));
-    return f;
+    return {
+        kind.knotted_x == STEPPED
+            ? placed_curve(curves, x_curve(kind), at.u, x, x_axis(grid), x_block(element, pose))
+            : any_curve(curves, x_curve(kind), at.u),
+        kind.knotted_y == STEPPED
+            ? placed_curve(curves, y_curve(kind), at.v, y, y_axis(grid), y_block(element, pose))
+            : any_curve(curves, y_curve(kind), at.v),
+    };
 }
 
 // Distance of (u, v) from the middle of the disc, in radii.
@@ -269,14 +266,15 @@ INLINE UV turned_slopes(const Pose& pose, double du, double dv) {
 INLINE bool is_beyond(UV at) { return max(abs(at.u - 0.5), abs(at.v - 0.5)) > 0.5 + EDGE; }
 
 // Whether a footprint holds (u, v), and value and slopes there, for any kind of primitive.
-inline Footprint special_shape(
+INLINE Footprint special_shape(
     const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
     const Grid& grid, UV at, double x, double y
 ) {
     if (kind.combine == RADIAL) return radial(curves, kind, at);
     if (pose.turned && is_beyond(at)) return {false, {0.0, 0.0, 0.0}};
     BothCurves f = pose.turned
-        ? any_curves(curves, kind, clamp(at.u, 0.0, 1.0), clamp(at.v, 0.0, 1.0))
+        ? BothCurves{any_curve(curves, x_curve(kind), clamp(at.u, 0.0, 1.0)),
+                     any_curve(curves, y_curve(kind), clamp(at.v, 0.0, 1.0))}
         : placed_curves(curves, kind, element, pose, grid, at, x, y);
     return {true, combine(kind.combine, f.x, f.y)};
 }

@@ -20,7 +20,7 @@ using Stack = std::vector<Waiting>;
 // Space to work in; each thread needs its own.
 struct Scratch {
     Stack stack;
-    std::array<std::array<double, BATCH>, 7> work;
+    std::array<std::array<double, BATCH>, 9> work;
     std::array<u32, BATCH> begins, ends;
     std::array<i64, BATCH> top;
 
@@ -80,8 +80,8 @@ INLINE double lowered(const Field& field, double z, i64 top, double x, double y)
     return has_tracks(field) ? z - rut_at(field.tracks, x, y, surface_of(field, top)).depth : z;
 }
 
-struct Begun {  // the root's height, and the place in the root's grid
-    double z;
+struct Begun {  // the root's height and slopes, and the place in the root's grid
+    double z, slope_x, slope_y;
     i64 i, j;
     double in_x, in_y;
 };
@@ -96,9 +96,9 @@ struct Found {  // of the elements at a point; the top one decides the surface
 // The gradient is computed only where `sloped` holds; a descent that has `begun` goes on from there.
 template <bool sloped, bool begun = false>
 INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun from = {}) {
-    auto [z, i, j, in_x, in_y] = from;
+    auto [z, slope_x, slope_y, i, j, in_x, in_y] = from;
     bool placed = begun;
-    double slope_x = 0.0, slope_y = 0.0, from_x = 0.0, from_y = 0.0;
+    double from_x = 0.0, from_y = 0.0;
     i64 top = begun ? 0 : NO_ELEMENT;
     std::size_t pending = 0;
     u64 g = begun ? 1 : 0;
@@ -200,7 +200,7 @@ INLINE void positions(In x, const GridAxis& axis, Out whole, Out part) {
     double corner = axis.corner, rest = axis.rest, per = axis.per;
     for (std::size_t n = 0; n < x.size(); ++n) {
         double s = ((x[n] - corner) - rest) * per;
-        double below = floor(s);
+        double below = quick_floor(s);
         whole[n] = below;
         part[n] = s - below;
     }
@@ -214,7 +214,7 @@ inline void even_values(In pieces, u64 first, double count, In t, Out whole, Out
     }
     for (std::size_t n = 0; n < t.size(); ++n) {  // vectorised
         double s = clamp(t[n], 0.0, 1.0) * count;
-        double below = floor(s);
+        double below = quick_floor(s);
         whole[n] = below;
         out[n] = s - below;
     }
@@ -222,11 +222,77 @@ inline void even_values(In pieces, u64 first, double count, In t, Out whole, Out
         out[n] = piece_value(pieces, (first + u64(i64(whole[n]))) * 4, out[n]);
 }
 
+// A batch of points whose root, which they share, is evaluated for all at once.
+template <bool sloped> class PointBatch {
+public:
+    Out z, slope_x, slope_y;  // of the root
+
+    // Whether the root of a field can be evaluated so.
+    static bool is_possible(const Field& field) {
+        const Element& root = field.elements[0];
+        return root.grid && !root.pose && field.kinds[root.kind].combine != RADIAL;
+    }
+
+    PointBatch(const Field& field, In x, In y, Scratch& scratch)
+        : z(row(scratch, 0, x)), slope_x(row(scratch, 1, x)), slope_y(row(scratch, 2, x)),
+          cell_x_(row(scratch, 3, x)), cell_y_(row(scratch, 4, x)), in_x_(row(scratch, 5, x)),
+          in_y_(row(scratch, 6, x)), u_(row(scratch, 7, x)), v_(row(scratch, 8, x)),
+          ground_(field.grids[0]) {
+        positions(x, x_axis(ground_), cell_x_, u_);
+        positions(y, y_axis(ground_), cell_y_, v_);
+        for (std::size_t n = 0; n < x.size(); ++n)  // outside and at its edges, u is made to fail
+            u_[n] = (cell_x_[n] != 0.0) | (cell_y_[n] != 0.0) ? 1.0 : u_[n];
+        const Element& root = field.elements[0];
+        const Kind& kind = field.kinds[root.kind];
+        const Pose& pose = field.poses[0];
+        if (sloped || kind.special) {
+            for (std::size_t n = 0; n < x.size(); ++n) {
+                if (!is_clear(n)) continue;
+                auto [fx, fy] = placed_curves(
+                    field.curves, kind, root, pose, ground_, {u_[n], v_[n]}, x[n], y[n]
+                );
+                ShapePoint f = combine(kind.combine, fx, fy);
+                z[n] = root.scale * f.value + root.offset;
+                if constexpr (sloped) {
+                    auto [du, dv] = turned_slopes(pose, f.du, f.dv);
+                    slope_x[n] = root.scale * du * (ground_.per_x / pose.width);
+                    slope_y[n] = root.scale * dv * (ground_.per_y / pose.height);
+                }
+            }
+        } else {
+            In pieces = field.curves.pieces;
+            even_values(pieces, kind.x_first, kind.x_count, u_, in_y_, z);
+            even_values(pieces, kind.y_first, kind.y_count, v_, in_y_, in_x_);
+            for (std::size_t n = 0; n < x.size(); ++n)
+                z[n] = root.scale * (z[n] * in_x_[n]) + root.offset;
+        }
+        const Grid& grid = field.grids[1];
+        positions(x, x_axis(grid), cell_x_, in_x_);
+        positions(y, y_axis(grid), cell_y_, in_y_);
+    }
+
+    // Whether a point is inside, and so far from the edges of the terrain that it can go on.
+    INLINE bool is_clear(std::size_t n) const { return is_clear_of_edges(ground_, u_[n], v_[n]); }
+    // From where its descent goes on.
+    INLINE Begun begun(std::size_t n) const {
+        double by_x = sloped ? slope_x[n] : 0.0, by_y = sloped ? slope_y[n] : 0.0;
+        return {z[n], by_x, by_y, i64(cell_x_[n]), i64(cell_y_[n]), in_x_[n], in_y_[n]};
+    }
+
+private:
+    Out cell_x_, cell_y_, in_x_, in_y_, u_, v_;
+    const Grid& ground_;
+
+    static Out row(Scratch& scratch, int index, In x) {
+        return {scratch.work[index].data(), x.size()};
+    }
+};
+
 // In the place of a top element: the height of this point is complete.
 constexpr i64 COMPLETE = -2;
 
-// Take the ruts from the heights of a block of points.
-inline void lower_block(const Field& field, In x, In y, Scratch& scratch, Out out) {
+// Take the ruts from the heights of a batch of points.
+inline void lower_batch(const Field& field, In x, In y, Scratch& scratch, Out out) {
     std::size_t count = x.size();
     Out u(scratch.work[0].data(), count), v(scratch.work[1].data(), count);
     Span<u32> near(scratch.ends);
@@ -238,78 +304,67 @@ inline void lower_block(const Field& field, In x, In y, Scratch& scratch, Out ou
     }
 }
 
-// Heights at a block of points; the root, which they share, is evaluated for all at once.
-// They are those of the elements alone where `scratch.top` gets an element.
-inline void block_heights(const Field& field, In x, In y, Scratch& scratch, Out out) {
-    std::size_t count = x.size();
-    auto work = [&](int row) { return Out(scratch.work[row].data(), count); };
-    auto u = work(0), v = work(1), z = work(2), cell_x = work(3), in_x = work(4),
-         cell_y = work(5), in_y = work(6);
-    const Grid &ground = field.grids[0], &grid = field.grids[1];
-    const Element& root = field.elements[0];
-    const Kind& kind = field.kinds[root.kind];
-    positions(x, x_axis(ground), cell_x, u);
-    positions(y, y_axis(ground), cell_y, v);
-    even_values(field.curves.pieces, kind.x_first, kind.x_count, u, in_y, z);
-    even_values(field.curves.pieces, kind.y_first, kind.y_count, v, in_y, in_x);
-    for (std::size_t n = 0; n < count; ++n) {
-        z[n] = root.scale * (z[n] * in_x[n]) + root.offset;
-        // outside and at the edges, u is made to fail the test below
-        u[n] = cell_x[n] != 0.0 || cell_y[n] != 0.0 ? 1.0 : u[n];
-    }
-    positions(x, x_axis(grid), cell_x, in_x);
-    positions(y, y_axis(grid), cell_y, in_y);
+// Heights at a batch of points; those of the elements alone where `scratch.top` gets an element.
+inline void batch_heights(const Field& field, In x, In y, Scratch& scratch, Out out) {
+    PointBatch<false> batch(field, x, y, scratch);
     auto complete = [&](std::size_t n) {
         out[n] = height_at(field, x[n], y[n], scratch.stack);
         scratch.top[n] = COMPLETE;
     };
+    const Grid& grid = field.grids[1];
     if (!grid.leaves) {
-        for (std::size_t n = 0; n < count; ++n) {
-            if (!is_clear_of_edges(ground, u[n], v[n])) {
+        for (std::size_t n = 0; n < x.size(); ++n) {
+            if (!batch.is_clear(n)) {
                 complete(n);
                 continue;
             }
-            Found found = descend<false, true>(
-                field, x[n], y[n], scratch.stack,
-                {z[n], i64(cell_x[n]), i64(cell_y[n]), in_x[n], in_y[n]}
-            );
+            Found found =
+                descend<false, true>(field, x[n], y[n], scratch.stack, batch.begun(n));
             out[n] = height_or_void(field, found.z, found.top);
             scratch.top[n] = found.top;
         }
         return;
     }
     // first where the elements of each point are, then what they are: neither waits for the other
-    for (std::size_t n = 0; n < count; ++n) {
+    for (std::size_t n = 0; n < x.size(); ++n) {
         scratch.begins[n] = 1, scratch.ends[n] = 0;
-        if (is_clear_of_edges(ground, u[n], v[n]) && is_clear_of_edges(grid, in_x[n], in_y[n])) {
-            u64 slot = u64(grid.table + i64(cell_y[n]) * i64(grid.bins_x) + i64(cell_x[n]));
+        if (!batch.is_clear(n)) continue;
+        Begun at = batch.begun(n);
+        if (is_clear_of_edges(grid, at.in_x, at.in_y)) {
+            u64 slot = u64(grid.table + at.j * i64(grid.bins_x) + at.i);
             scratch.begins[n] = field.offsets[slot];
             scratch.ends[n] = field.offsets[slot + 1];
         }
     }
-    for (std::size_t n = 0; n < count; ++n) {
+    for (std::size_t n = 0; n < x.size(); ++n) {
         u64 begin = scratch.begins[n], end = scratch.ends[n];
         if (begin > end) {  // near an edge
             complete(n);
             continue;
         }
-        LeafSum sum = add_leaves<false>(field, begin, end, in_x[n], in_y[n], {z[n], 0.0, 0.0, 0});
+        Begun at = batch.begun(n);
+        LeafSum sum = add_leaves<false>(field, begin, end, at.in_x, at.in_y, {at.z, 0.0, 0.0, 0});
         out[n] = height_or_void(field, sum.z, sum.top);
         scratch.top[n] = sum.top;
     }
 }
 
+// Call visit(begin, count) for batches of points.
+template <class Visit> INLINE void visit_batches(std::size_t points, Visit visit) {
+    for (std::size_t begin = 0; begin < points; begin += BATCH)
+        visit(begin, min(std::size_t(BATCH), points - begin));
+}
+
 // Heights at points, on one thread.
 inline void heights(const Field& field, In x, In y, Out out) {
     Scratch scratch(field);
-    const Element& root = field.elements[0];
-    if (root.grid && !root.pose && !field.kinds[root.kind].special) {
-        for (std::size_t begin = 0; begin < x.size(); begin += BATCH) {
-            std::size_t count = min(std::size_t(BATCH), x.size() - begin);
-            auto xs = x.subspan(begin, count), ys = y.subspan(begin, count);
-            block_heights(field, xs, ys, scratch, out.subspan(begin, count));
-            if (has_tracks(field)) lower_block(field, xs, ys, scratch, out.subspan(begin, count));
-        }
+    if (PointBatch<false>::is_possible(field)) {
+        visit_batches(x.size(), [&](std::size_t begin, std::size_t count) {
+            In xs = x.subspan(begin, count), ys = y.subspan(begin, count);
+            Out zs = out.subspan(begin, count);
+            batch_heights(field, xs, ys, scratch, zs);
+            if (has_tracks(field)) lower_batch(field, xs, ys, scratch, zs);
+        });
     } else {
         for (std::size_t n = 0; n < x.size(); ++n)
             out[n] = height_at(field, x[n], y[n], scratch.stack);
@@ -322,14 +377,10 @@ inline void heights(const Field& field, In x, In y, Out out) {
 inline void samples(
     const Field& field, In x, In y, Out height, Span<i64> top, Matrix<double> gradient
 ) {
-    Stack stack(field.pending);
-    for (std::size_t n = 0; n < x.size(); ++n) {
-        height[n] = gradient(n, 0) = gradient(n, 1) = NaN;
-        top[n] = -2;
-        if (!is_inside(field.bounds, x[n], y[n])) continue;
-        Found found = descend<true>(field, x[n], y[n], stack);
+    Scratch scratch(field);
+    auto put = [&](std::size_t n, const Found& found) {
         top[n] = found.top;
-        if (is_void(field, found.top)) continue;
+        if (is_void(field, found.top)) return;
         height[n] = found.z;
         if (has_tracks(field)) {
             Rut rut = rut_at(field.tracks, x[n], y[n], surface_of(field, found.top));
@@ -338,7 +389,29 @@ inline void samples(
         }
         gradient(n, 0) = found.slope_x;
         gradient(n, 1) = found.slope_y;
-    }
+    };
+    auto descend_from_root = [&](std::size_t n) {
+        if (is_inside(field.bounds, x[n], y[n]))
+            put(n, descend<true>(field, x[n], y[n], scratch.stack));
+    };
+    std::ranges::fill(height, NaN);
+    std::ranges::fill(top, -2);
+    gradient.fill(NaN);
+    bool in_batches = PointBatch<true>::is_possible(field);
+    visit_batches(x.size(), [&](std::size_t begin, std::size_t count) {
+        if (!in_batches) {
+            for (std::size_t n = begin; n < begin + count; ++n) descend_from_root(n);
+            return;
+        }
+        PointBatch<true> batch(field, x.subspan(begin, count), y.subspan(begin, count), scratch);
+        for (std::size_t k = 0; k < count; ++k) {
+            std::size_t n = begin + k;
+            if (batch.is_clear(k))
+                put(n, descend<true, true>(field, x[n], y[n], scratch.stack, batch.begun(k)));
+            else
+                descend_from_root(n);
+        }
+    });
 }
 
 // Points of a large batch are sorted into so many strips along each axis.
