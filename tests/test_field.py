@@ -69,6 +69,33 @@ class TestEdges:
         y = 4649776.75
         assert t.height([edge, math.nextafter(edge, 0)], y).tolist() == [1, 0]
 
+    @pytest.mark.parametrize("stepped", [False, True])
+    def test_of_two_doubles_as_near_the_even_one(self, stepped: bool) -> None:
+        """Where the exact position of an edge or a step is in the middle between two doubles."""
+        tested = 0
+        for west in (-k / 100 for k in range(1, 100)):
+            for cell in (40, 45, 50, 55, 60, 65):
+                exact = Fraction(west) + 8 * Fraction(cell, 80)
+                edge = float(exact)
+                other = float(2 * exact - Fraction(edge))
+                if other == edge or Fraction(edge) + Fraction(other) != 2 * exact:
+                    continue
+                tested += 1
+                assert not np.float64(edge).view(np.uint64) % 2
+                if stepped:
+                    step = {"x": [[0, 0], [0.5, 0], [0.5, 1], [1, 1]]}
+                    types = {"flat": {"x": [0]}, "step": step}
+                    element = child(cell - 1, 0, "step", span=[2, 1], vScale=1)
+                else:
+                    types, element = {"flat": {"x": [0]}, "box": BOX}, child(cell, 0, vScale=1)
+                root = {"type": "flat", "cells": [80, 1], "children": [element]}
+                t = terrain_of(
+                    {"size": [8, 1], "origin": [west, 0], "elemTypes": types, "elemTree": root}
+                )
+                assert t.height(edge, 0.5) == 1
+                assert t.height(math.nextafter(edge, -9), 0.5) == 0
+        assert tested > 20
+
     def test_steps_stand_where_the_decimal_says(self) -> None:
         t = terrain({"type": "flat", "children": [child(1, 0, "kerb", vScale=2)]}, size=30)
         assert t.height([3.9, 3.8999999999, 4.2], 1).tolist() == [2, 0, 2]

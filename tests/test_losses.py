@@ -14,14 +14,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terratool.field import walls as kernels
-from terratool.field.canvas import canvas_for
-from terratool.field.extents import largest_heights, rims
+from terratool.field.extents import largest_heights, nonzero_edges
 from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
 from terratool.raster import losses
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.losses import Losses, Part
-from terratool.raster.painting import Painter, id_type
+from terratool.raster.painting import Painter
 from terratool.raster.statement import Misfit, Narrow, Narrows, Statement, Wall
 from tests.brute import walls
 from tests.conftest import terrain_of
@@ -180,18 +179,16 @@ class TestWalls:
         planes = Painter(terrain, grid, np.float64, labels=True).paint(window)
         labels, arrays = planes.labels, terrain.arrays
         assert labels is not None
-        room = kernels.count_candidates(labels, grid.height, grid.width)
-        pairs, rises = np.empty(room, np.int64), np.empty(room)
-        count = kernels.candidates(labels, planes.heights, grid.height, grid.width, pairs, rises)
-        canvas = canvas_for(arrays, id_type(terrain), rims(arrays), False, True)
-        jumps, lengths = np.empty(count), np.empty(count)
-        kernels.measure(
-            arrays, canvas, pairs[:count], grid.columns(window), grid.rows(window),
-            grid.resolution, 1e-7 * largest_heights(arrays).max(), jumps, lengths,
+        pairs, _ = kernels.find_candidates(labels, planes.heights, grid.height, grid.width)
+        jumps, lengths = np.empty(len(pairs)), np.empty(len(pairs))
+        kernels.measure_walls(
+            kernels.WallFinder(terrain.field, nonzero_edges(arrays)), pairs,
+            grid.columns(window), grid.rows(window), grid.resolution,
+            1e-7 * largest_heights(arrays).max(), jumps, lengths,
         )  # fmt: skip
         across = np.zeros((grid.height, grid.width - 1))
         along = np.zeros((grid.height - 1, grid.width))
-        for pair, jump in zip(pairs[:count].tolist(), jumps.tolist(), strict=True):
+        for pair, jump in zip(pairs.tolist(), jumps.tolist(), strict=True):
             (along if pair % 2 else across)[divmod(pair >> 1, grid.width)] = jump
         return across, along, lengths
 

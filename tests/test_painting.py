@@ -5,8 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 import os
-import platform
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,10 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terratool.field import footprints, kernels, rows, slopes
-from terratool.field.primitives import EDGE, beyond, turned
 from terratool.field.terrain import Terrain
 from terratool.field.types import POSE
+from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.painting import Painter, Planes, id_type
 from tests.brute import largest_sum, walls
@@ -90,11 +87,9 @@ def assert_queried(terrain: Terrain, grid: Grid, window: Window, dtype: Any = np
     different = np.argwhere(planes.surfaces != wanted.surface + 1)
     assert not len(different), f"{len(different)} ids, first at {different[0]}"
     gradient = np.empty((x.size, 2))
-    arrays = terrain.arrays
     kernels.samples(
-        arrays, x.ravel(), y.ravel(), arrays.scratch(), np.empty(x.size),
-        np.empty(x.size, np.int64), gradient,
-    )  # fmt: skip
+        terrain.field, x.ravel(), y.ravel(), np.empty(x.size), np.empty(x.size, np.int64), gradient
+    )
     steep = steepest_sum(terrain)
     for name, right, slack in (
         ("heights", wanted.height, 1e-13 * largest_sum(terrain)),
@@ -361,7 +356,7 @@ class TestEnds:
         pose["cos"], pose["sin_v"], pose["sin_u"] = cosine, sine * aspect, sine / aspect
         pose["width"] = pose["height"] = 1
         pose["turned"] = turn != 0
-        return pose[0]
+        return pose
 
     @staticmethod
     def columns(data: st.DataObject, rims: list[float]) -> Any:
@@ -372,6 +367,13 @@ class TestEnds:
         u = first + np.arange(data.draw(st.integers(1, 40))) * step
         u = u[(u >= 0) & (u <= 1)]
         return u if len(u) else np.array([rim])
+
+    @staticmethod
+    def held(pose: Any, u: Any, v: float, disc: bool) -> list[bool]:
+        """What a query finds in each column."""
+        out = np.empty(len(u), np.bool_)
+        kernels.footprint_holds(pose, u, v, disc, out)
+        return out.tolist()
 
     @staticmethod
     def per(u: Any) -> float:
@@ -391,20 +393,21 @@ class TestEnds:
     ) -> None:
         """In each column that the run has, and in no other."""
         pose = self.pose(turn, aspect)
-        b, reach = v - 0.5, 0.5 + EDGE
+        b, reach = v - 0.5, 0.5 + kernels.EDGE
+        cosine, sin_v, sin_u = (pose[name][0] for name in ("cos", "sin_v", "sin_u"))
         rims = [
             0.5 + (side * reach + part) / factor
             for factor, part in (
-                (pose["cos"], b * pose["sin_v"]),
-                (pose["sin_u"], -b * pose["cos"]),
+                (cosine, b * sin_v),
+                (sin_u, -b * cosine),
             )
             for side in (-1, 1)
             if abs(factor) > 1e-200
         ]
         u = self.columns(data, rims)
         per = self.per(u)
-        begin, end = footprints.turned_run(pose, u, v, per, 4 * per * 1e-9)
-        held = [not beyond(*turned(pose, a, v)) for a in u]
+        begin, end, _ = kernels.footprint_run(pose, u, v, per, 4 * per * 1e-9, False)
+        held = self.held(pose, u, v, False)
         assert [begin <= n < end for n in range(len(u))] == held
 
     @settings(max_examples=4 * EXAMPLES)
@@ -413,13 +416,14 @@ class TestEnds:
         """In each column that the run has, if it says so, and in no other."""
         pose = self.pose(turn, aspect)
         b = v - 0.5
-        square = pose["cos"] ** 2 + pose["sin_u"] ** 2
-        middle = -b * pose["cos"] * (pose["sin_u"] - pose["sin_v"]) / square
-        root = math.sqrt(max(0.0, 0.25 * square * (1 + EDGE) ** 2 - b * b)) / square
+        cosine, sin_v, sin_u = (pose[name][0] for name in ("cos", "sin_v", "sin_u"))
+        square = cosine**2 + sin_u**2
+        middle = -b * cosine * (sin_u - sin_v) / square
+        root = math.sqrt(max(0.0, 0.25 * square * (1 + kernels.EDGE) ** 2 - b * b)) / square
         u = self.columns(data, [0.5 + middle - root, 0.5 + middle + root])
         per = self.per(u)
-        begin, end, whole = footprints.disc_run(pose, u, v, per, 4 * per * 1e-9)
-        held = [footprints.in_disc(pose, a, v) for a in u]
+        begin, end, whole = kernels.footprint_run(pose, u, v, per, 4 * per * 1e-9, True)
+        held = self.held(pose, u, v, True)
         if whole:
             assert [begin <= n < end for n in range(len(u))] == held
         else:
@@ -543,33 +547,5 @@ def test_the_scratch_is_that_of_a_tile(more: bool) -> None:
     terrain = terrain_of({**BIG, "elemTypes": {"p": {"x": [1]}}, "elemTree": {"type": "p"}})
     painter = Painter(terrain, grid_over(terrain, 0.05), slopes=more, labels=more)
     painter.paint(Window(0, 0, 2000, 2000))
-    (used,) = painter._canvases
-    assert sum(array.nbytes for array in used) < (4_100_000 if more else 1_400_000)
-
-
-@pytest.mark.skipif(
-    platform.machine() not in ("x86_64", "AMD64"), reason="other processors name these otherwise"
-)
-@pytest.mark.parametrize(
-    ("helper", "arguments"),
-    [
-        (rows.lay_products, "row row one one"),
-        (rows.add_products, "row row one one"),
-        (rows.add_constant, "row one"),
-        (rows.add_least, "row row one one one"),
-        (rows.add_most, "row row one one one"),
-        (rows.add_pieces, "row row row at one one at one one one one"),
-        (rows.add_turned_pairs, "row row one one one one row at at one one"),
-        (slopes.lay_product_slopes, "row row row row one one"),
-        (slopes.add_product_slopes, "row row row row one one"),
-        (slopes.add_chosen_slopes, "one row row row row one one one"),
-    ],
-    ids=lambda value: getattr(value, "__name__", ""),
-)
-def test_rows_are_added_by_vector_instructions(helper: Any, arguments: str) -> None:
-    """Multiplications, or where there are none additions, of several numbers at a time."""
-    kinds = {"row": np.zeros(64), "one": 1.0, "at": np.uint64(0)}
-    fresh = type(helper)(helper.py_func, targetoptions=helper.targetoptions)
-    fresh(*(kinds[name] for name in arguments.split()))
-    (assembly,) = fresh.inspect_asm().values()
-    assert re.search(r"\bv?(mul|add)pd", assembly)
+    (used,) = painter._idle
+    assert used.nbytes < (4_100_000 if more else 1_400_000)

@@ -27,6 +27,7 @@ struct BinRun {  // columns or rows from `begin` on that lie in the same bin
 template <class T> class TileOf {
 public:
     explicit TileOf(bool wanted) : values_(wanted ? TILE_WIDTH * TILE_HEIGHT : 0) {}
+    i64 nbytes() const { return i64(sizeof(T)) * count_of(values_); }
     INLINE bool exists() const { return !values_.empty(); }
     INLINE T& operator()(i64 row, i64 column) { return values_[row * TILE_WIDTH + column]; }
     // Columns `begin` to `end` of a row.
@@ -75,6 +76,12 @@ template <class Id> struct Canvas {
           stamps(has_tracks(field)), trodden(has_tracks(field)),
           near_segments(field.tracks.segments.size() / 64 + 1), nonzero_edges(nonzero),
           stack(field.pending) {}
+
+    i64 nbytes() const {
+        return i64(sizeof(*this)) + heights.nbytes() + surfaces.nbytes() + slope_x.nbytes()
+            + slope_y.nbytes() + labels.nbytes() + stamps.nbytes() + trodden.nbytes()
+            + i64(sizeof(GridPart)) * i64(queue.capacity());
+    }
 };
 
 template <std::size_t n> INLINE Out part_of(std::array<double, n>& all, i64 begin, i64 end) {

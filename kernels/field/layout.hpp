@@ -226,10 +226,10 @@ inline void cell_rectangles(const Field& field, Span<const i32> parents, Matrix<
         const Grid& grid = field.grids[e ? field.elements[parents[e]].grid : 0];
         auto x = x_axis(grid), y = y_axis(grid);
         double cell_x = element.cell_x, cell_y = element.cell_y;
-        out(0, e) = edge_position(x, cell_x).high;
-        out(1, e) = edge_position(y, cell_y).high;
-        out(2, e) = edge_position(x, cell_x + pose.width).high;
-        out(3, e) = edge_position(y, cell_y + pose.height).high;
+        out(0, e) = edge_double(x, cell_x);
+        out(1, e) = edge_double(y, cell_y);
+        out(2, e) = edge_double(x, cell_x + pose.width);
+        out(3, e) = edge_double(y, cell_y + pose.height);
     }
 }
 

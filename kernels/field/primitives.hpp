@@ -79,6 +79,15 @@ struct UV {
     double u, v;
 };
 
+// The double nearest to high + low, of two as near ones the even. The sum is known to some 2^-85 of
+// its size, so what is as near to the middle of two doubles is taken to be there.
+inline double nearest_double(double high, double low) {
+    double total = high + low, rest = low - (total - high);
+    double other = std::nextafter(total, rest > 0.0 ? INF : -INF), gap = abs(other - total);
+    if (abs(abs(rest) - 0.5 * gap) > gap * 0x1p-28) return total;
+    return std::bit_cast<u64>(total) & 1 ? other : total;
+}
+
 // World position of edge `k` of a grid.
 INLINE DoubleSum edge_position(const GridAxis& a, double k) {
     double step = k * a.pitch;  // exact: pitch has 36 bits, k at most 17
@@ -87,6 +96,12 @@ INLINE DoubleSum edge_position(const GridAxis& a, double k) {
     double low = ((a.corner - (high - back)) + (step - back)) + a.rest + k * a.pitch_rest;
     double total = high + low;
     return {total, low - (total - high)};
+}
+
+// The double at which edge `k` of a grid stands.
+inline double edge_double(const GridAxis& a, double k) {
+    auto [high, low] = edge_position(a, k);
+    return nearest_double(high, low);
 }
 
 // Whether a place in a cell is far enough from its edges for its coordinates to be trusted.
@@ -106,7 +121,7 @@ inline CellPlace locate_cell(double x, const GridAxis& a, bool local, double fro
         cell = floor(s);
         if (s - cell < a.near || s - cell > 1.0 - a.near) {
             double k = floor(s + 0.5);
-            double at = edge_position(a, k).high;
+            double at = edge_double(a, k);
             cell = x >= at ? k : k - 1.0;
             if (x == at && abs(s - k) < EDGE) s = k;
         }
@@ -131,7 +146,7 @@ inline bool is_past_step(double x, const GridAxis& a, Block block, double t) {
     double total = high + product;
     double back = total - high;
     low += ((high - (total - back)) + (product - back)) + error + t * (block.width * a.pitch_rest);
-    return x >= total + low;
+    return x >= nearest_double(total, low);
 }
 
 // Value of the piece whose coefficients begin at `row`, at `s` in it.

@@ -30,6 +30,37 @@ inline void placed_slopes(
     }
 }
 
+// Rows of the first element: slopes of a product, in which the other curve is in the factors.
+inline void lay_product_slopes(
+    Out east, Out north, In fx, In fx_slope, double east_factor, double north_factor
+) {
+    for (std::size_t n = 0; n < east.size(); ++n) {
+        east[n] = fx_slope[n] * east_factor;
+        north[n] = fx[n] * north_factor;
+    }
+}
+
+// Add the slopes of a product along a row.
+inline void add_product_slopes(
+    Out east, Out north, In fx, In fx_slope, double east_factor, double north_factor
+) {
+    for (std::size_t n = 0; n < east.size(); ++n) {
+        east[n] += fx_slope[n] * east_factor;
+        north[n] += fx[n] * north_factor;
+    }
+}
+
+// Add the slopes of the lesser or the greater of two curves, `amount` where it is `fy`.
+inline void add_chosen_slopes(
+    bool lesser, Out east, Out north, In fx, In fx_slope, double fy, double factor, double amount
+) {
+    for (std::size_t n = 0; n < east.size(); ++n) {
+        bool chosen = (fx[n] <= fy) == lesser;
+        east[n] += chosen ? fx_slope[n] * factor : 0.0;
+        north[n] += chosen ? 0.0 : amount;
+    }
+}
+
 // How an element's slopes in u and v become slopes in the world.
 struct Rates {
     double x, y;
@@ -60,25 +91,16 @@ void slope_block(
         Out east = canvas.slope_x.row(part.south + j, part.west, part.east);
         Out north = canvas.slope_y.row(part.south + j, part.west, part.east);
         double by_fy = rates.x * fy[j], by_slope = rates.y * fy_slope[j];
-        if (lay) {
-            for (std::size_t n = 0; n < east.size(); ++n) {
-                east[n] = fx_slope[n] * by_fy;
-                north[n] = fx[n] * by_slope;
-            }
-        } else if (kind.combine == PRODUCT) {
-            for (std::size_t n = 0; n < east.size(); ++n) {
-                east[n] += fx_slope[n] * by_fy;
-                north[n] += fx[n] * by_slope;
-            }
-        } else if (kind.combine == SUM) {
+        if (lay) lay_product_slopes(east, north, fx, fx_slope, by_fy, by_slope);
+        else if (kind.combine == PRODUCT)
+            add_product_slopes(east, north, fx, fx_slope, by_fy, by_slope);
+        else if (kind.combine == SUM) {
             add_products(east, fx_slope, rates.x, 0.0);
             add_constant(north, by_slope);
         } else {
-            for (std::size_t n = 0; n < east.size(); ++n) {
-                bool chosen = (fx[n] <= fy[j]) == (kind.combine == MIN);
-                east[n] += chosen ? fx_slope[n] * rates.x : 0.0;
-                north[n] += chosen ? 0.0 : by_slope;
-            }
+            add_chosen_slopes(
+                kind.combine == MIN, east, north, fx, fx_slope, fy[j], rates.x, by_slope
+            );
         }
     }
 }

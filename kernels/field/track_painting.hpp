@@ -4,8 +4,6 @@
 // `holds` is asked. Each track counts once for a pixel, so a pixel keeps the last that it had.
 #pragma once
 
-#include <bit>
-
 #include "labels.hpp"
 #include "track_index.hpp"
 

@@ -1,7 +1,7 @@
 // What Python sees of kernels/field.
 #include "field.hpp"
 
-#include <optional>
+#include <memory>
 
 #include "../field/layout.hpp"
 #include "../field/painting.hpp"
@@ -29,8 +29,13 @@ public:
         check_index(voids_.get().size() > most_surface(), "a surface in voids");
         check_index(!labels || nonzero_.get().size() == field_.kinds.size(), "nonzero_edges");
         // few surfaces take less of the cache
-        if (voids_.get().size() <= 256) small_.emplace(field_, slopes, labels, nonzero_.get());
-        else large_.emplace(field_, slopes, labels, nonzero_.get());
+        if (voids_.get().size() <= 256)
+            small_ = std::make_unique<Canvas<u8>>(field_, slopes, labels, nonzero_.get());
+        else large_ = std::make_unique<Canvas<u32>>(field_, slopes, labels, nonzero_.get());
+    }
+
+    i64 nbytes() const {
+        return small_ ? small_->nbytes() : large_->nbytes();
     }
 
     void paint(In x, In y, double resolution, i64 row, i64 column, const Planes& planes) {
@@ -45,8 +50,8 @@ private:
     const Field& field_;
     Argument<Span<const bool>> voids_;
     Argument<Span<const u8>> nonzero_;
-    std::optional<Canvas<u8>> small_;
-    std::optional<Canvas<u32>> large_;
+    std::unique_ptr<Canvas<u8>> small_;
+    std::unique_ptr<Canvas<u32>> large_;
 
     Where where(const char* name) { return {"Painter", name, sizes_}; }
     std::size_t most_surface() const {
@@ -56,6 +61,22 @@ private:
         return std::size_t(most);
     }
 };
+
+// The columns of a row `u` at `v` that a footprint holds, and whether it holds all of them.
+std::tuple<i64, i64, bool> footprint_run(
+    Span<const Pose> pose, In u, double v, double per, double doubt, bool disc
+) {
+    Spacing spacing{per, doubt};
+    auto [begin, end, whole] = disc ? disc_run(pose[0], u, v, spacing)
+                                    : turned_run(pose[0], u, v, spacing);
+    return {begin, end, whole};
+}
+
+// Whether a footprint holds each place of a row, as the descent finds.
+void footprint_holds(Span<const Pose> pose, In u, double v, bool disc, Span<bool> out) {
+    for (std::size_t n = 0; n < u.size(); ++n)
+        out[n] = disc ? is_in_disc(pose[0], u[n], v) : !is_beyond(turned(pose[0], u[n], v));
+}
 
 // Looks for walls in one field; each thread needs its own.
 class KeptFinder {
@@ -147,7 +168,8 @@ void bind_field(nb::module_ m) {
         .def(nb::init<nb::handle>(), "arrays"_a);
     nb::class_<Painter>(m, "Painter", "Paints windows of a field; each thread needs its own.")
         .def(nb::init<nb::handle, nb::handle, bool, nb::handle>(), "field"_a, "voids"_a,
-            "slopes"_a, "nonzero_edges"_a.none());
+            "slopes"_a, "nonzero_edges"_a.none())
+        .def_prop_ro("nbytes", &Painter::nbytes, "Memory that it works in.");
     nb::class_<KeptFinder>(m, "WallFinder", "Looks for walls; each thread needs its own.")
         .def(nb::init<nb::handle, nb::handle>(), "field"_a, "nonzero_edges"_a);
 
@@ -176,6 +198,11 @@ void bind_field(nb::module_ m) {
 
     def<&Painter::paint>(m, "paint", "Paint a window of pixels, whose centres ascend.",
         {"painter", "x[w]", "y[h]", "resolution", "row", "column", "planes"});
+
+    def<&footprint_run>(m, "footprint_run", "The columns of a row that a footprint holds.",
+        {"pose[1]", "u[n]", "v", "per", "doubt", "disc"});
+    def<&footprint_holds>(m, "footprint_holds", "Whether a footprint holds each place of a row.",
+        {"pose[1]", "u[n]", "v", "disc", "out[n]"});
 
     def<&find_candidates>(m, "find_candidates", "Pairs of neighbours with different labels.",
         {"labels[h,w]", "heights[h,w]", "height", "width"});
