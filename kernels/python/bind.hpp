@@ -125,6 +125,13 @@ template <Record T> struct Dtype<T> {
     }
 };
 
+// The NumPy dtypes of records that were checked, by the name in the spec of an array.
+inline nb::dict records() {
+    nb::module_ here = nb::module_::import_("terratool.kernels");
+    if (!nb::hasattr(here, "RECORDS")) here.attr("RECORDS") = nb::dict();
+    return nb::cast<nb::dict>(here.attr("RECORDS"));
+}
+
 // Refuse a NumPy dtype that is not, member by member, the struct.
 template <Record T> void check_record(nb::handle dtype) {
     T record{};
@@ -150,6 +157,7 @@ template <Record T> void check_record(nb::handle dtype) {
     if (PyObject_GetBuffer(empty.ptr(), &view, PyBUF_FORMAT | PyBUF_ND)) throw nb::python_error();
     format_of<T>() = view.format;
     PyBuffer_Release(&view);
+    records()[typeid(T).name()] = dtype;
 }
 
 // The memory of an array, kept while a kernel works on it.
@@ -222,9 +230,18 @@ concept View = requires { ViewOf<V>::rank; };
 template <class T>
 concept Bundle = requires(T& bundle) { visit_arguments(bundle, [](const char*, auto&) {}); };
 
-// How a Python value becomes an argument of a kernel, and what its type is called in a signature.
+// What is said, for tests, of an argument that is no array.
+inline nb::dict plain_spec(const std::string& type) {
+    nb::dict spec;
+    spec["type"] = type;
+    return spec;
+}
+
+// How a Python value becomes an argument of a kernel, what its type is called in a signature, and
+// what tests are told of it.
 template <class T> struct Argument {  // a class that Python knows
     T* value;
+    static nb::dict spec() { return plain_spec(type()); }
     static std::string type() { return text_of(nb::type<T>().attr("__name__")); }
     Argument(nb::handle given, const Where& where) {
         if (!nb::isinstance<T>(given)) where.refuse("a " + type(), given);
@@ -236,6 +253,7 @@ template <class T> struct Argument {  // a class that Python knows
 template <View V> struct Argument<V> {
     using Of = ViewOf<V>;
     using Element = std::remove_const_t<typename Of::Element>;
+    static constexpr bool writes = !std::is_const_v<typename Of::Element>;
     Buffer buffer;
 
     static std::string type() {
@@ -244,10 +262,17 @@ template <View V> struct Argument<V> {
         else return std::string("NDArray[np.") + Dtype<Element>::name + "]";
     }
     static std::string wanted(const Where& where) {
-        std::string words = std::is_const_v<typename Of::Element> ? "" : "writable, ";
-        words += std::string("contiguous, ") + Dtype<Element>::name + " of ";
-        words += Of::rank == 1 ? "one dimension" : Of::rank == 2 ? "two dimensions" : "three dimensions";
-        return where.shape().empty() ? words : words + " (" + std::string(where.shape()) + ")";
+        return std::string("a ") + (writes ? "writable, " : "") + "contiguous array of "
+            + std::to_string(Of::rank) + (Of::rank == 1 ? " dimension, " : " dimensions, ")
+            + Dtype<Element>::name + " (" + std::string(where.shape()) + ")";
+    }
+    static nb::dict spec() {
+        nb::dict spec;
+        if constexpr (Record<Element>) spec["record"] = typeid(Element).name();
+        else spec["dtype"] = Dtype<Element>::name;
+        spec["rank"] = Of::rank;
+        spec["writes"] = writes;
+        return spec;
     }
     // Whether the value is such an array; its lengths are another matter.
     bool take(nb::handle given) { return buffer.take<typename Of::Element>(given, Of::rank); }
@@ -268,6 +293,13 @@ template <View... V> struct Argument<std::variant<V...>> {
         std::string words;
         ((words += (words.empty() ? "" : " | ") + Argument<V>::type()), ...);
         return words;
+    }
+    static nb::dict spec() {
+        nb::list choices;
+        (choices.append(Argument<V>::spec()), ...);
+        nb::dict spec;
+        spec["choices"] = choices;
+        return spec;
     }
     Argument(nb::handle given, const Where& where) {
         if (where.is_optional() && given.is_none()) return;
@@ -292,6 +324,7 @@ private:
 template <> struct Argument<double> {
     double value;
     static std::string type() { return "float"; }
+    static nb::dict spec() { return plain_spec(type()); }
     Argument(nb::handle given, const Where& where) : value(PyFloat_AsDouble(given.ptr())) {
         if (value == -1.0 && PyErr_Occurred()) {
             PyErr_Clear();
@@ -304,6 +337,7 @@ template <> struct Argument<double> {
 template <> struct Argument<i64> {
     i64 value = 0;
     static std::string type() { return "int"; }
+    static nb::dict spec() { return plain_spec(type()); }
     Argument(nb::handle given, const Where& where) {
         nb::object whole = nb::steal(PyNumber_Index(given.ptr()));
         if (whole) value = PyLong_AsLongLong(whole.ptr());
@@ -318,6 +352,7 @@ template <> struct Argument<i64> {
 template <> struct Argument<bool> {
     bool value;
     static std::string type() { return "bool"; }
+    static nb::dict spec() { return plain_spec(type()); }
     Argument(nb::handle given, const Where& where) {
         std::string_view name = Py_TYPE(given.ptr())->tp_name;
         if (name != "bool" && name != "numpy.bool" && name != "numpy.bool_")
@@ -331,6 +366,19 @@ template <> struct Argument<bool> {
 template <Bundle B> class Bundled {
 public:
     static std::string type() { return "Any"; }
+    static nb::dict spec() {
+        nb::list members;
+        B bundle{};
+        visit_arguments(bundle, [&]<class T>(const char* spelled, T&) {
+            using Plain = std::remove_const_t<std::remove_pointer_t<T>>;
+            nb::dict spec = Argument<Plain>::spec();
+            spec["spelled"] = spelled;
+            members.append(spec);
+        });
+        nb::dict spec;
+        spec["members"] = members;
+        return spec;
+    }
     Bundled(nb::handle given, const Where& where) { fill(bundle_, given, where); }
     B& get() { return bundle_; }
 
@@ -451,6 +499,14 @@ template <auto kernel, class R, class... A> struct Caller {
         std::string returned = "None";
         if constexpr (!std::is_void_v<R>) returned = Result<R>::type();
         signature += ") -> " + returned;
+        nb::list specs;
+        auto add_spec = [&](nb::dict spec, const char* text) {
+            spec["spelled"] = text;
+            specs.append(spec);
+        };
+        (add_spec(Argument<std::remove_cvref_t<A>>::spec(), names[I]), ...);
+        if (!nb::hasattr(scope, "SPECS")) scope.attr("SPECS") = nb::dict();
+        scope.attr("SPECS")[name] = specs;
         std::string words = doc + (shapes.empty() ? "" : "\n\nShapes: " + shapes + ".");
         scope.def(
             name,

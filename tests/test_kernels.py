@@ -1,0 +1,363 @@
+"""The boundary between Python and the kernels: what is refused, and that all variants agree."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import terratool.importing
+import terratool.mesh.types
+import terratool.traversability.results  # noqa: F401, they declare the records
+from terratool import kernels
+from terratool.field.extents import nonzero_edges
+from tests.conftest import terrain_of
+
+ROOT = Path(__file__).parents[1]
+X86 = platform.machine() in ("x86_64", "AMD64")
+TERRAIN = terrain_of(
+    {"size": [3, 2], "elemTypes": {"p": {"x": [0, 1]}}, "surfTypes": {"a": {}},
+     "elemTree": {"type": "p", "surface": "a", "cells": 2, "children": [
+         {"type": "p", "cellX": 1, "cellY": 0}]}}
+)  # fmt: skip
+
+Spec = dict[str, Any]
+FUNCTIONS = [
+    (part, name) for part in kernels.PARTS for name in sorted(getattr(kernels, part).SPECS)
+]
+
+
+def specs(part: str, name: str) -> list[Spec]:
+    """What a function takes, as the bindings say."""
+    found: list[Spec] = getattr(kernels, part).SPECS[name]
+    return found
+
+
+def known(kind: str) -> Any:
+    """An object of a class of the kernels, or a number."""
+    plain = {"float": 1.0, "int": 1, "bool": False, "Field": TERRAIN.field}
+    if kind in plain:
+        return plain[kind]
+    edges = nonzero_edges(TERRAIN.arrays)
+    if kind == "Painter":
+        return kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), True, edges)
+    if kind == "WallFinder":
+        return kernels.field.WallFinder(TERRAIN.field, edges)
+    return None  # of another class: nothing after it is looked at
+
+
+def dtype_of(spec: Spec) -> np.dtype[Any]:
+    return np.dtype(kernels.RECORDS[spec["record"]] if "record" in spec else spec["dtype"])
+
+
+def shape_of(spec: Spec, spelled: str, letters: dict[str, int]) -> tuple[int, ...]:
+    """A shape as it is spelled; each letter stands for a number of its own."""
+    _, _, text = spelled.partition("[")
+    sides = text.rstrip("]").split(",") if text else ["_"] * spec["rank"]
+    lengths = []
+    for side in sides:
+        letter, _, more = side.partition("+")
+        if letter.isdigit():
+            lengths.append(int(letter))
+        elif letter == "_":
+            lengths.append(4)
+        else:
+            first = 2 if letter == "E" else 3 + len(letters)
+            lengths.append(letters.setdefault(letter, first) + int(more or 0))
+    return tuple(lengths)
+
+
+def valid(spec: Spec, letters: dict[str, int]) -> Any:
+    """An argument that fits."""
+    if "members" in spec:
+        members = {
+            m["spelled"].lstrip("?").partition("[")[0]: valid(m, letters) for m in spec["members"]
+        }
+        return SimpleNamespace(**members)
+    if "choices" in spec:
+        return valid({**spec["choices"][0], "spelled": spec["spelled"]}, letters)
+    if "rank" in spec:
+        return np.zeros(shape_of(spec, spec["spelled"], letters), dtype_of(spec))
+    return known(spec["type"])
+
+
+def arrays_of(arguments: list[Spec], values: list[Any]) -> Iterator[tuple[str, Spec, Any, Any]]:
+    """All arrays among arguments: name, spec, and where they are: an index or an attribute."""
+    for k, (spec, value) in enumerate(zip(arguments, values, strict=True)):
+        name = spec["spelled"].lstrip("?").partition("[")[0]
+        if "members" in spec:
+            for member in spec["members"]:
+                own = member["spelled"].lstrip("?").partition("[")[0]
+                yield f"{name}.{own}", member, value, own
+        else:
+            yield name, spec, values, k
+
+
+def broken(array: np.ndarray, spec: Spec, writes: bool) -> Iterator[tuple[str, Any]]:
+    """What does not fit in the place of an array."""
+    kind = np.dtype([("a", np.int16)]) if array.dtype != np.int16 else np.dtype(np.float32)
+    yield "dtype", np.zeros(array.shape, kind)
+    if "record" not in spec:
+        yield "byte order", array.astype(array.dtype.newbyteorder())
+    yield "rank", np.zeros((*array.shape, 1), array.dtype)
+    if array.ndim > 1:
+        yield "rank", array[0]
+    yield "stride", np.zeros((*array.shape[:-1], 2 * array.shape[-1]), array.dtype)[..., ::2]
+    if array.ndim > 1 and array.shape[0] != 1:
+        yield "order", np.asfortranarray(np.zeros(array.shape, array.dtype))
+    yield "list", array.tolist()
+    yield "nothing", None
+    if writes:
+        fixed = array.copy()
+        fixed.flags.writeable = False
+        yield "read-only", fixed
+
+
+@pytest.mark.parametrize(("part", "name"), FUNCTIONS, ids=lambda value: value)
+def test_arrays_that_do_not_fit_are_refused(part: str, name: str) -> None:
+    """By dtype, rank, stride, order, and where they are written to, whether they may be."""
+    arguments, function = specs(part, name), getattr(getattr(kernels, part), name)
+    letters: dict[str, int] = {}
+    values = [valid(spec, letters) for spec in arguments]
+    for argument, spec, holder, where in arrays_of(arguments, values):
+        if "rank" not in spec and "choices" not in spec:
+            continue
+        one = spec["choices"][0] if "choices" in spec else spec
+        fits = holder[where] if isinstance(where, int) else getattr(holder, where)
+        for what, wrong in broken(fits, one, one["writes"]):
+            if wrong is None and spec["spelled"].startswith("?"):
+                continue
+            put(holder, where, wrong)
+            with pytest.raises(TypeError) as refused:
+                function(*values)
+            said = str(refused.value)
+            earlier = re.match(rf"{name}\(\): ([\w.]+) must be ", said)
+            assert earlier, (what, said)
+            assert earlier[1] in (argument, *unknown(arguments)), (what, said)
+        put(holder, where, fits)
+
+
+def put(holder: Any, where: Any, value: Any) -> None:
+    """Put an argument in its place."""
+    if isinstance(where, int):
+        holder[where] = value
+    else:
+        setattr(holder, where, value)
+
+
+def unknown(arguments: list[Spec]) -> list[str]:
+    """Arguments of classes that are not made here: whatever comes after them is not looked at."""
+    return [a["spelled"] for a in arguments if "type" in a and known(a["type"]) is None]
+
+
+@pytest.mark.parametrize(("part", "name"), FUNCTIONS, ids=lambda value: value)
+def test_arrays_of_another_length_are_refused(part: str, name: str) -> None:
+    """Wherever a length follows from that of another array, or is a number."""
+    arguments, function = specs(part, name), getattr(getattr(kernels, part), name)
+    if unknown(arguments):
+        pytest.skip(f"{unknown(arguments)} is made by tests of its own")
+    letters: dict[str, int] = {}
+    values = [valid(spec, letters) for spec in arguments]
+    everywhere = "".join(str(a) for a in arguments)
+    for _, spec, holder, where in arrays_of(arguments, values):
+        if "rank" not in spec and "choices" not in spec:
+            continue
+        fits = holder[where] if isinstance(where, int) else getattr(holder, where)
+        sides = spec["spelled"].partition("[")[2].rstrip("]").split(",")
+        for axis, side in enumerate(sides if sides[0] else []):
+            letter = side.partition("+")[0]
+            alone = letter == "_" or not letter.isdigit() and uses(everywhere, letter) < 2
+            if alone and letter != "E":
+                continue
+            shape = list(fits.shape)
+            shape[axis] += 1
+            put(holder, where, np.zeros(shape, fits.dtype))
+            with pytest.raises(TypeError, match=rf"{name}\(\): [\w.]+ must be "):
+                function(*values)
+        put(holder, where, fits)
+
+
+def uses(text: str, letter: str) -> int:
+    """How often a letter stands for a length."""
+    return sum(
+        side.partition("+")[0] == letter
+        for shape in re.findall(r"\[([^\]']*)\]", text)
+        for side in shape.split(",")
+    )
+
+
+@pytest.mark.parametrize("value", ["1", None, [1], 1j])
+def test_numbers_that_are_none_are_refused(value: Any) -> None:
+    x = np.zeros((2, 3))
+    with pytest.raises(TypeError, match=r"gather\(\): shift must be a number, but is"):
+        kernels.raster.gather(x, value, np.zeros((5, 3)))
+
+
+@pytest.mark.parametrize("value", [1.5, "1", 1 << 70])
+def test_whole_numbers_that_are_none_are_refused(value: Any) -> None:
+    labels, heights = np.zeros((2, 3), np.uint32), np.zeros((2, 3))
+    with pytest.raises(TypeError, match=r"height must be a whole number of 64 bits, but is"):
+        kernels.field.find_candidates(labels, heights, value, 3)
+
+
+def test_what_is_no_field_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"heights\(\): field must be a Field, but is str"):
+        kernels.field.heights("field", np.zeros(1), np.zeros(1), np.zeros(1))
+
+
+@pytest.mark.parametrize(
+    ("name", "member", "value", "what"),
+    [
+        ("elements", "kind", 9, "an element"),
+        ("elements", "grid", 9, "an element"),
+        ("grids", "table", 99, "a grid"),
+        ("kinds", "x_first", 99, "a curve"),
+    ],
+)
+def test_a_field_that_leads_nowhere_is_refused(
+    name: str, member: str, value: int, what: str
+) -> None:
+    """Once, when it is made; kernels follow all of its indices."""
+    arrays = TERRAIN.arrays
+    changed = getattr(arrays, name).copy()
+    changed[member][-1] = value
+    with pytest.raises(TypeError, match=f"{what} leads nowhere"):
+        kernels.field.Field(arrays._replace(**{name: changed}))
+
+
+def test_dtypes_that_are_not_the_structs_are_refused() -> None:
+    """Member by member: a name, a type or a place that differs."""
+    from terratool.field.types import ELEMENT, GRID, KIND, POSE, SEGMENT
+
+    swapped = np.dtype([("cell_y", np.uint16), ("cell_x", np.uint16), *ELEMENT.descr[2:]])
+    wider = np.dtype([*ELEMENT.descr, ("more", np.float64)])
+    other = np.dtype([*ELEMENT.descr[:-1], ("grid", np.int32)])
+    for wrong in (swapped, wider, other):
+        with pytest.raises(TypeError, match="is not the struct of the kernels"):
+            kernels.field.check_records(wrong, GRID, POSE, KIND, SEGMENT)
+    kernels.field.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT)
+
+
+# The variants
+
+DIGEST = """
+import sys
+sys.path.insert(0, {root!r})
+from tests.test_kernels import digest
+print(digest())
+"""
+
+
+def digest() -> str:
+    """What some terrains are worth everywhere, as one number."""
+    from terratool.field.terrain import load
+    from terratool.mesh.building import build
+    from terratool.raster.grid import grid_over
+    from terratool.raster.losses import Losses
+    from terratool.raster.painting import Painter
+
+    found = hashlib.sha256(b"")
+    for path in sorted((ROOT / "samples").glob("*.json")):
+        terrain = load(path)
+        west, south, east, north = terrain.bounds
+        rng = np.random.default_rng(5)
+        x, y = rng.uniform(west, east, 5000), rng.uniform(south, north, 5000)
+        sample = terrain.sample(x, y)
+        grid = grid_over(terrain, max(terrain.size) / 211)
+        planes = Painter(terrain, grid, np.float64, slopes=True, labels=True).paint(grid.whole)
+        arrays = [terrain.height(x, y), sample.height, sample.element, sample.normal]
+        arrays += [planes.heights, planes.surfaces, planes.slope_x, planes.slope_y, planes.labels]
+        found.update(repr(Losses(terrain, grid).of(grid.whole, planes)).encode())
+        if path.stem in ("paper-example", "stairs-and-kerbs", "wheel-tracks"):
+            mesh = build(terrain, 0.05).mesh
+            arrays += [mesh.vertices, mesh.faces]
+        for array in arrays:
+            found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()
+
+
+@pytest.mark.skipif(not X86, reason="other processors have one variant")
+def test_both_variants_give_the_same_bits() -> None:
+    """Heights, surfaces, normals, planes, losses and meshes of all samples."""
+    if not kernels._processor.is_v3():
+        pytest.skip("this processor has no x86-64-v3")
+    said = []
+    for variant in ("baseline", "v3"):
+        environment = {**os.environ, "TERRATOOL_CPU": variant}
+        command = [sys.executable, "-c", DIGEST.format(root=str(ROOT))]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+        said.append(done.stdout)
+    assert len(said[0]) == 65
+    assert said[0] == said[1]
+
+
+def test_the_variant_can_be_chosen_and_no_other() -> None:
+    code = "from terratool import kernels; print(kernels.variant)"
+    for wanted in ("baseline", "fastest"):
+        environment = {**os.environ, "TERRATOOL_CPU": wanted}
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, env=environment
+        )
+        if wanted == "baseline":
+            assert done.stdout.split() == ["baseline"]
+        else:
+            assert "TERRATOOL_CPU is 'fastest'; it may be baseline or v3" in done.stderr
+
+
+# What the compiler made of it
+
+INSTRUCTION = re.compile(r"^\s+[0-9a-f]+:\s+(?:[0-9a-f]{2} )+\s*(\w+)", re.MULTILINE)
+
+
+@pytest.mark.skipif(not X86, reason="other processors name these otherwise")
+def test_no_product_and_sum_are_one_instruction() -> None:
+    """Fused multiply-add rounds once; where it is used would be up to the compiler."""
+    path = kernels._compiled.__file__
+    text = subprocess.run(
+        ["objdump", "--disassemble", path], capture_output=True, text=True, check=True
+    ).stdout
+    names = set(INSTRUCTION.findall(text))
+    assert {"mulsd", "vmulsd"} & names
+    assert not [name for name in names if re.match(r"vfn?m(add|sub)", name)]
+
+
+def compile_commands() -> dict[str, list[str]]:
+    """How the source of the field's bindings was compiled, by variant."""
+    found = {}
+    for path in ROOT.glob("build/*/compile_commands.json"):
+        for entry in json.loads(path.read_text()):
+            variant = re.search(r"kernels_(\w+)\.dir/kernels/python/field\.cpp", entry["command"])
+            if variant:
+                found[variant[1]] = entry["command"].split()
+    return found
+
+
+@pytest.mark.skipif(not X86, reason="other processors name these otherwise")
+@pytest.mark.skipif(not compile_commands(), reason="the kernels were not built in this checkout")
+@pytest.mark.parametrize("variant", sorted(compile_commands()))
+def test_rows_are_added_by_vector_instructions(variant: str, tmp_path: Path) -> None:
+    """Multiplications, or where there are none additions, of several numbers at a time."""
+    source = ROOT / "tests" / "rows.cpp"
+    command = compile_commands()[variant]
+    for option in ("-o", "-c"):
+        at = command.index(option)
+        del command[at : at + 2]
+    out = tmp_path / "rows.s"
+    subprocess.run([*command, "-S", str(source), "-o", str(out)], check=True, cwd=ROOT)
+    bodies = re.split(r"^(\w+):$", out.read_text(), flags=re.MULTILINE)
+    functions = {name: body for name, body in zip(bodies[1::2], bodies[2::2], strict=True)}
+    names = re.findall(r"^void (\w+)\(", source.read_text(), flags=re.MULTILINE)
+    assert len(names) > 10
+    for name in names:
+        assert re.search(r"\bv?(mul|add|sub)p[ds]\b|\bv?paddd\b", functions[name]), name
