@@ -71,10 +71,7 @@ template <> struct Argument<VehicleOnSoils> {
 };
 
 void bind_traversability(nb::module_ m) {
-    const char* names[] = {
-        "UTILISATION", "PITCH", "ROLL", "SINKAGE", "SLIP", "ENERGY", "DRAWBAR", "RESERVE", "PLANES"
-    };
-    for (int plane = 0; plane <= PLANES; ++plane) m.attr(names[plane]) = plane;
+    visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
     m.def("check_records", [](nb::handle soil, nb::handle traction, nb::handle demand) {
         check_record<Soil>(soil);
         check_record<Traction>(traction);

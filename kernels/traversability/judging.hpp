@@ -11,6 +11,13 @@ namespace terratool::traversability {
 
 // Planes of numbers that are found out with the verdicts.
 enum Plane { UTILISATION, PITCH, ROLL, SINKAGE, SLIP, ENERGY, DRAWBAR, RESERVE, PLANES };
+static_assert(PLANES == 8);  // as the shape of `numbers` says below
+
+template <class Visit> void visit_enumerators(Plane, Visit visit) {
+    visit("UTILISATION", UTILISATION), visit("PITCH", PITCH), visit("ROLL", ROLL);
+    visit("SINKAGE", SINKAGE), visit("SLIP", SLIP), visit("ENERGY", ENERGY);
+    visit("DRAWBAR", DRAWBAR), visit("RESERVE", RESERVE), visit("PLANES", PLANES);
+}
 
 // Surfaces, rows of the soils, as ground is.
 using SurfaceIds = std::variant<Cube<const u8>, Cube<const u16>, Cube<const u32>>;
@@ -81,10 +88,9 @@ void judge_points(
                     || (wheels[n].driven && soil.sinkage > 0.0 && soil.shear_modulus == 0.0);
                 limit = min(limit, on.steps[under[n][j]]);
             }
-            Stand need;
+            Stand need{};
             if (!known) {
                 // only what its shape decides can be told
-                need.deepest = 0.0;
                 need.tipping = tipping(v.layout, g);
                 need.reserve = tip_reserve(v.layout, g);
             } else {
