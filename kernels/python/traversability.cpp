@@ -14,13 +14,13 @@ namespace {
 class KeptVehicle {
 public:
     KeptVehicle(nb::handle vehicle, nb::handle soils, nb::handle steps)
-        : vehicle_(vehicle, where("vehicle")), soils_(soils, where("soils[n]")),
+        : vehicle_(vehicle, where("vehicle")), soils_(soils, where("soils")),
           steps_(steps, where("steps[n]")), on(vehicle_.get(), soils_.get(), steps_.get()) {}
 
 private:
     Sizes sizes_;
     Bundled<Vehicle> vehicle_;
-    Argument<Soils> soils_;
+    Bundled<Soils> soils_;
     Argument<In> steps_;
 
     Where where(const char* name) { return {"VehicleOnSoils", name, sizes_}; }
@@ -72,13 +72,11 @@ template <> struct Argument<VehicleOnSoils> {
 
 void bind_traversability(nb::module_ m) {
     visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
-    m.def("check_records", [](nb::handle soil, nb::handle traction, nb::handle demand) {
-        check_record<Soil>(soil);
+    m.def("check_records", [](nb::handle traction, nb::handle demand) {
         check_record<Traction>(traction);
         check_record<Demand>(demand);
-    }, "soil"_a, "traction"_a, "demand"_a,
-        nb::sig("def check_records(soil: np.dtype[Any], traction: np.dtype[Any], "
-                "demand: np.dtype[Any]) -> None"),
+    }, "traction"_a, "demand"_a,
+        nb::sig("def check_records(traction: np.dtype[Any], demand: np.dtype[Any]) -> None"),
         "Refuse dtypes that are not the structs of the kernels.");
     m.def("check_enumerations", [](nb::handle verdict, nb::handle reason) {
         check_enumeration<Verdict>(verdict);
@@ -93,12 +91,12 @@ void bind_traversability(nb::module_ m) {
     def<&mobilisations>(m, "mobilisations", "Shear displacement, share of strength mobilised.",
         {"half[n]", "shear_modulus[n]", "slip[n]", "radius"});
     def<&tractions>(m, "tractions", "What driven wheels can do at a slip.",
-        {"load[n]", "soils[n]", "slip[n]", "max_torque[n]", "wheel"});
+        {"load[n]", "soils", "slip[n]", "max_torque[n]", "wheel", "out[n]"});
     def<&demands>(m, "demands", "What wheels need to push.",
-        {"load[n]", "soils[n]", "pull[n]", "wheel"});
+        {"load[n]", "soils", "pull[n]", "wheel", "out[n]"});
     def<&towing>(m, "towing", "Resistance of wheels without torque.",
         {"load[n]", "sinkage[n]", "wheel"});
-    def<&grips>(m, "grips", "What holds wheels that do not turn.", {"load[n]", "soils[n]", "wheel"});
+    def<&grips>(m, "grips", "What holds wheels that do not turn.", {"load[n]", "soils", "wheel"});
     def<&measured_forces>(m, "measured_forces", "Load, torque and drawbar pull.",
         {"normal[n]", "shear[n]", "half[n]", "wheel"});
     def<&measured_stresses>(m, "measured_stresses", "Normal and shear stress.",
@@ -113,7 +111,7 @@ void bind_traversability(nb::module_ m) {
     def<&tipping_on>(m, "tipping", "The share of a tip-over angle that is used.",
         {"layout", "along", "across"});
     def<&drive>(m, "drive", "What it asks of a vehicle's wheels to push.",
-        {"layout", "load[w]", "soil[1]", "pull", "wheel", "max_torque"});
+        {"layout", "load[w]", "soil", "pull", "wheel", "max_torque"});
     def<&steepest>(m, "steepest", "The largest slope on each soil, and the reason that limits it.",
         {"across", "layout", "weight", "soils", "slip", "wheel", "max_torque"});
     def<&judge>(m, "judge", "Verdict, reason and largest share of measures.",

@@ -80,13 +80,13 @@ template <class ReserveAt> Slope steepest_slope(ReserveAt reserve_at) {
 // For each soil (n,) the largest slope, and the number of what limits it.
 // `slip` is the largest when climbing; across nothing turns.
 inline std::tuple<std::vector<double>, std::vector<i64>> steepest(
-    bool across, const Layout& layout, double weight, Soils soils, double slip, const Wheel& wheel,
-    double max_torque
+    bool across, const Layout& layout, double weight, const Soils& soils, double slip,
+    const Wheel& wheel, double max_torque
 ) {
     std::vector<double> angles;
     std::vector<i64> limits;
-    for (const Soil& soil : soils) {
-        auto wheels = footings_of(layout, soil);
+    for (i64 n = 0; n < soils.size(); ++n) {
+        auto wheels = footings_of(layout, soils[n]);
         Slope found = steepest_slope([&](double angle) {
             return across ? cross_reserve(wheels, layout, weight, angle, wheel)
                           : climb_reserve(wheels, layout, weight, angle, slip, wheel, max_torque);

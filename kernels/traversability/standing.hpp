@@ -150,12 +150,12 @@ private:
 class VehicleOnSoils {
 public:
     const Vehicle& vehicle;
-    Soils soils;
+    std::vector<Soil> soils;
     In steps;  // the highest step on each soil, m
 
-    VehicleOnSoils(const Vehicle& vehicle, Soils soils, In steps)
-        : vehicle(vehicle), soils(soils), steps(steps),
-          tables_(std::make_unique<Table[]>(soils.size())) {}
+    VehicleOnSoils(const Vehicle& vehicle, const Soils& all, In steps)
+        : vehicle(vehicle), soils(each(all.size(), [&](std::size_t n) { return all[n]; })),
+          steps(steps), tables_(std::make_unique<Table[]>(all.size())) {}
 
     // How it stands on one soil, if that can be interpolated.
     std::optional<Stand> find(i64 soil, double along, double across) const {

@@ -41,11 +41,6 @@ struct Soil {
     double shear_modulus;  // K, m; 0 where it is not known: all strength is mobilised at any slip
 };
 
-template <class Visit> void visit_members(Soil& s, Visit visit) {
-    visit("cohesion", s.cohesion), visit("tan_friction", s.tan_friction);
-    visit("sinkage", s.sinkage), visit("shear_modulus", s.shear_modulus);
-}
-
 // Where a wheel touches the soil, and what all formulas take from it.
 struct Contact {
     double sinkage;                   // z

@@ -5,7 +5,20 @@
 
 namespace terratool::traversability {
 
-using Soils = Span<const Soil>;
+// Soils, member by member.
+struct Soils {
+    In cohesion, tan_friction, sinkage, shear_modulus;
+
+    i64 size() const { return count_of(cohesion); }
+    Soil operator[](std::size_t n) const {
+        return {cohesion[n], tan_friction[n], sinkage[n], shear_modulus[n]};
+    }
+};
+
+template <class Visit> void visit_arguments(Soils& s, Visit visit) {
+    visit("cohesion[n]", s.cohesion), visit("tan_friction[n]", s.tan_friction);
+    visit("sinkage[n]", s.sinkage), visit("shear_modulus[n]", s.shear_modulus);
+}
 
 // What `one` makes of each of `count` numbers.
 template <class One> auto each(std::size_t count, One one) {
@@ -34,28 +47,30 @@ inline Rows<double, 2> mobilisations(In half, In modulus, In slip, double radius
 }
 
 // What driven wheels can do at a slip.
-inline std::vector<Traction> tractions(
-    In load, Soils soils, In slip, In max_torque, const Wheel& wheel
+inline void tractions(
+    In load, const Soils& soils, In slip, In max_torque, const Wheel& wheel, Span<Traction> out
 ) {
-    return each(load.size(), [&](std::size_t n) {
-        const Soil& soil = soils[n];
+    for (std::size_t n = 0; n < load.size(); ++n) {
+        Soil soil = soils[n];
         Contact at = contact_under(load[n], soil.sinkage, wheel);
         double share = mobilised(at, wheel.radius, soil.shear_modulus, slip[n]);
-        return traction(load[n], at, soil, share, wheel, max_torque[n]);
-    });
+        out[n] = traction(load[n], at, soil, share, wheel, max_torque[n]);
+    }
 }
 
 // What wheels need to push, and at which slip.
-inline std::vector<Demand> demands(In load, Soils soils, In pull, const Wheel& wheel) {
-    return each(load.size(), [&](std::size_t n) {
-        const Soil& soil = soils[n];
+inline void demands(
+    In load, const Soils& soils, In pull, const Wheel& wheel, Span<Demand> out
+) {
+    for (std::size_t n = 0; n < load.size(); ++n) {
+        Soil soil = soils[n];
         Contact at = contact_under(load[n], soil.sinkage, wheel);
         Demand need = demand(load[n], at, soil, pull[n], wheel);
         // a wheel that is held back is not said to slip
         double used = need.torque > 0.0 || need.utilisation >= 1.0 ? need.utilisation : 0.0;
         need.slip = slip_for(at, wheel.radius, soil.shear_modulus, used);
-        return need;
-    });
+        out[n] = need;
+    }
 }
 
 // Resistance of wheels without torque.
@@ -66,9 +81,10 @@ inline std::vector<double> towing(In load, In rate, const Wheel& wheel) {
 }
 
 // What holds wheels that do not turn.
-inline std::vector<double> grips(In load, Soils soils, const Wheel& wheel) {
+inline std::vector<double> grips(In load, const Soils& soils, const Wheel& wheel) {
     return each(load.size(), [&](std::size_t n) {
-        return grip(load[n], contact_under(load[n], soils[n].sinkage, wheel), soils[n], wheel);
+        Soil soil = soils[n];
+        return grip(load[n], contact_under(load[n], soil.sinkage, wheel), soil, wheel);
     });
 }
 

@@ -23,7 +23,7 @@ RESERVE: int = 7
 
 PLANES: int = 8
 
-def check_records(soil: np.dtype[Any], traction: np.dtype[Any], demand: np.dtype[Any]) -> None:
+def check_records(traction: np.dtype[Any], demand: np.dtype[Any]) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
 
 def check_enumerations(verdict: object, reason: object) -> None:
@@ -57,24 +57,29 @@ def mobilisations(
 
 def tractions(
     load: NDArray[np.float64],
-    soils: NDArray[np.void],
+    soils: Any,
     slip: NDArray[np.float64],
     max_torque: NDArray[np.float64],
     wheel: Any,
-) -> NDArray[np.uint8]:
+    out: NDArray[np.void],
+) -> None:
     """
     What driven wheels can do at a slip.
 
-    Shapes: load[n], soils[n], slip[n], max_torque[n].
+    Shapes: load[n], slip[n], max_torque[n], out[n].
     """
 
 def demands(
-    load: NDArray[np.float64], soils: NDArray[np.void], pull: NDArray[np.float64], wheel: Any
-) -> NDArray[np.uint8]:
+    load: NDArray[np.float64],
+    soils: Any,
+    pull: NDArray[np.float64],
+    wheel: Any,
+    out: NDArray[np.void],
+) -> None:
     """
     What wheels need to push.
 
-    Shapes: load[n], soils[n], pull[n].
+    Shapes: load[n], pull[n], out[n].
     """
 
 def towing(
@@ -86,11 +91,11 @@ def towing(
     Shapes: load[n], sinkage[n].
     """
 
-def grips(load: NDArray[np.float64], soils: NDArray[np.void], wheel: Any) -> NDArray[np.float64]:
+def grips(load: NDArray[np.float64], soils: Any, wheel: Any) -> NDArray[np.float64]:
     """
     What holds wheels that do not turn.
 
-    Shapes: load[n], soils[n].
+    Shapes: load[n].
     """
 
 def measured_forces(
@@ -130,27 +135,16 @@ def tipping(layout: Any, along: float, across: float) -> float:
     """The share of a tip-over angle that is used."""
 
 def drive(
-    layout: Any,
-    load: NDArray[np.float64],
-    soil: NDArray[np.void],
-    pull: float,
-    wheel: Any,
-    max_torque: float,
+    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, wheel: Any, max_torque: float
 ) -> dict[str, Any]:
     """
     What it asks of a vehicle's wheels to push.
 
-    Shapes: load[w], soil[1].
+    Shapes: load[w].
     """
 
 def steepest(
-    across: bool,
-    layout: Any,
-    weight: float,
-    soils: NDArray[np.void],
-    slip: float,
-    wheel: Any,
-    max_torque: float,
+    across: bool, layout: Any, weight: float, soils: Any, slip: float, wheel: Any, max_torque: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The largest slope on each soil, and the reason that limits it."""
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.traversability.terramechanics.arrays import SOIL, one_soil
+from terratool.traversability.terramechanics.arrays import Soils
 from terratool.traversability.terramechanics.classes import slip_limit
 from terratool.traversability.terramechanics.loads import Layout, layout, tip_edges
 from terratool.traversability.terramechanics.obstacles import step_of
@@ -79,16 +80,18 @@ def numbers_of(vehicle: Vehicle) -> Numbers:
     )  # fmt: skip
 
 
-def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Soils by id, the index of the surface and one, as `SOIL`, and the highest step on each, m.
+def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[Soils, NDArray[np.float64]]:
+    """Soils by id, the index of the surface and one, and the highest step on each, m.
 
     That of a soil that is not known is the highest that any would permit.
     """
-    table, steps = np.zeros(len(terrain.surfaces) + 1, SOIL), np.empty(len(terrain.surfaces) + 1)
-    for id_, soil in enumerate(soils(terrain, vehicle)):
+    rows = []
+    for soil in soils(terrain, vehicle):
         if soil is None:
-            table["cohesion"][id_], steps[id_] = np.nan, step_of(vehicle, _ANY)[0]
+            rows.append((math.nan, math.nan, 0.0, 0.0, step_of(vehicle, _ANY)[0]))
         else:
-            table[id_] = one_soil(soil)[0]
-            steps[id_] = step_of(vehicle, table["tan_friction"][id_])[0]
-    return table, steps
+            friction = math.tan(soil.friction)
+            step, _ = step_of(vehicle, friction)
+            rows.append((soil.cohesion, friction, soil.sinkage, soil.shear_modulus, step))
+    *members, steps = np.array(rows, np.float64).T.copy()
+    return Soils(*members), steps

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,6 @@ from terratool.traversability.types import Soil
 
 Numbers = NDArray[np.float64] | np.float64
 """An array, or a NumPy number where all that went in were numbers."""
-
-SOIL = np.dtype(
-    [(name, np.float64) for name in ("cohesion", "tan_friction", "sinkage", "shear_modulus")]
-)
-"""A `types.Soil`, with tan φ; the cohesion is NaN where the soil is not known."""
 
 DEMAND = np.dtype([(name, np.float64) for name in ("torque", "utilisation", "slip", "sinkage")])
 """A `demand.Demand`."""
@@ -37,7 +32,16 @@ TRACTION = np.dtype(
 )
 """A `wheel.Traction`."""
 
-kernels.check_records(SOIL, TRACTION, DEMAND)
+kernels.check_records(TRACTION, DEMAND)
+
+
+class Soils(NamedTuple):
+    """Members of a `types.Soil`, flat; the cohesion is NaN where a soil is not known."""
+
+    cohesion: NDArray[np.float64]
+    tan_friction: NDArray[np.float64]
+    sinkage: NDArray[np.float64]
+    shear_modulus: NDArray[np.float64]
 
 
 def flat(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
@@ -52,22 +56,18 @@ def flat(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
 
 def flat_soils(
     soil: Soil, *values: Any
-) -> tuple[tuple[int, ...], NDArray[Any], list[NDArray[np.float64]]]:
-    """As `flat`: the common shape, the soils as `SOIL`, and the other values."""
+) -> tuple[tuple[int, ...], Soils, list[NDArray[np.float64]]]:
+    """As `flat`: the common shape, the soils, and the other values."""
     shape, (cohesion, friction, sinkage, modulus, *others) = flat(
         soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, *values
     )
-    soils = np.empty(len(cohesion), SOIL)
-    soils["cohesion"], soils["tan_friction"] = cohesion, np.tan(friction)
-    soils["sinkage"], soils["shear_modulus"] = sinkage, modulus
-    return shape, soils, others
+    return shape, Soils(cohesion, np.tan(friction), sinkage, modulus), others
 
 
-def one_soil(soil: Soil) -> NDArray[Any]:
-    """A soil of numbers as (1,) `SOIL`."""
-    return np.array(
-        [(soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus)], SOIL
-    )
+def one_soil(soil: Soil) -> Soils:
+    """A soil of numbers, by itself."""
+    numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus
+    return Soils(*np.array(numbers, np.float64)[:, None])
 
 
 def shaped(column: NDArray[np.float64], shape: tuple[int, ...]) -> Numbers:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from terratool.kernels import traversability as kernels
 from terratool.traversability.terramechanics.arrays import DEMAND, Numbers, flat_soils, members
 from terratool.traversability.types import Soil, Wheel
@@ -49,5 +51,6 @@ def demand(load: Any, soil: Soil, wheel: Wheel, pull: Any = 0.0) -> Demand:
         What it needs; nothing in it is NaN.
     """
     shape, soils, (weights, pulls) = flat_soils(soil, load, pull)
-    found = kernels.demands(weights, soils, pulls, wheel).view(DEMAND)
-    return Demand(**members(found, shape))
+    out = np.empty(len(weights), DEMAND)
+    kernels.demands(weights, soils, pulls, wheel, out)
+    return Demand(**members(out, shape))

@@ -136,8 +136,9 @@ def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Tr
     shape, soils, (weights, slips, torque) = flat_soils(
         soil, load, wheel.max_slip if slip is None else slip, wheel.max_torque
     )
-    found = kernels.tractions(weights, soils, slips, torque, wheel).view(TRACTION)
-    return Traction(**members(found, shape))
+    out = np.empty(len(weights), TRACTION)
+    kernels.tractions(weights, soils, slips, torque, wheel, out)
+    return Traction(**members(out, shape))
 
 
 def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
