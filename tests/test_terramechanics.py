@@ -11,8 +11,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import RequestError
+from terratool.kernels import traversability as kernels
 from terratool.traversability.results import Reason, Verdict
-from terratool.traversability.terramechanics import kernels, loads, obstacles, slopes, wheel
+from terratool.traversability.terramechanics import loads, obstacles, slopes, wheel
+from terratool.traversability.terramechanics.arrays import one_soil
 from terratool.traversability.terramechanics.classes import Measure, classify, torque_share
 from terratool.traversability.terramechanics.demand import demand
 from terratool.traversability.types import Axle, Soil, Vehicle, Wheel
@@ -466,12 +468,8 @@ def driven(vehicle: Vehicle, soil: Soil, pull: float, pitch: float = 0.0) -> tup
     """`kernels.drive` for a vehicle that heads up a slope."""
     plan, tyre = loads.layout(vehicle), vehicle.wheel
     weights = loads.wheel_loads(vehicle, pitch)
-    like = np.ones_like(weights)
-    half = np.asarray(wheel.contact(weights, soil, tyre).half_angle)
-    return kernels.drive(  # type: ignore[no-any-return]
-        weights, half, soil.cohesion * like, math.tan(soil.friction) * like,
-        soil.shear_modulus * like, plan.driven, pull, tyre.radius, tyre.width, tyre.max_torque,
-    )  # fmt: skip
+    need = kernels.drive(plan, weights, one_soil(soil), pull, tyre, tyre.max_torque)
+    return need["utilisation"], need["torque"], need["slip"], need["torques"]
 
 
 AXLES = st.sampled_from([
@@ -541,9 +539,10 @@ def test_tip_over_looks_to_the_edge_downhill() -> None:
 def test_it_tips_where_its_weight_leaves_the_supports(pitch: float, roll: float) -> None:
     """The line of gravity through the centre of gravity meets the plane within the rectangle."""
     vehicle = Vehicle(WHEEL, (Axle(0.3), Axle(-0.7)), 50.0, track=0.6, cog_height=0.4)
-    forward, left, down = kernels.gravity(math.tan(pitch), math.tan(roll))
-    x, y = 0.4 * forward / down, 0.4 * left / down
-    share = kernels.tipping(loads.layout(vehicle).edges, forward, left, down)
+    slope = math.tan(pitch), math.tan(roll)
+    gravity = kernels.gravity(*slope)
+    x, y = (0.4 * gravity[side] / gravity["down"] for side in ("forward", "left"))
+    share = kernels.tipping(loads.layout(vehicle), *slope)
     inside = -0.7 < x < 0.3 and abs(y) < 0.3
     assert (share < 1) == inside
 

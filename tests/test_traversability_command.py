@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -16,7 +15,7 @@ import pytest
 import rasterio
 
 import terratool
-from terratool.cli import main, terminal
+from terratool.cli import main
 from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import load
@@ -151,7 +150,7 @@ def test_who_reads_no_further_is_told(within: Within, saved: Saved) -> None:
         saved(CLOSED), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.1, "--route", *WAY,
         "--fail-on", "no-route",
     )  # fmt: skip
-    assert within(*arguments).code == 1  # compiles the kernels, too
+    assert within(*arguments).code == 1
     with subprocess.Popen(
         [*COMMAND, "traversability", *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, env=ENVIRONMENT,
@@ -161,22 +160,6 @@ def test_who_reads_no_further_is_told(within: Within, saved: Saved) -> None:
         said = process.stderr.read().decode()
     assert process.returncode == 1
     assert said == "terratool: --fail-on no-route: 1 of 1 routes cannot be driven.\n"
-
-
-def test_the_first_run_says_why_it_takes_long(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    """On a terminal, and only while the kernel is not in Numba's cache."""
-    kernel = SimpleNamespace(__name__="judge", stats=SimpleNamespace(cache_path=tmp_path))
-    (tmp_path / "cells.judge_all-4.py311.nbi").touch()  # another one
-    terminal.say_first_run(kernel)
-    assert capsys.readouterr().err == ""
-    monkeypatch.setattr(terminal, "shape", dict)
-    terminal.say_first_run(kernel)
-    assert capsys.readouterr().err.startswith("Compiling, ")
-    (tmp_path / "cells.judge-40.py311.nbi").touch()
-    terminal.say_first_run(kernel)
-    assert capsys.readouterr().err == ""
 
 
 def test_a_wheel_by_itself(within: Within, saved: Saved) -> None:

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.traversability.maps import standing
 from terratool.traversability.maps.footprints import directions
 from terratool.traversability.maps.numbers import numbers_of, soil_table
 from terratool.traversability.maps.surveying import Measures, Surveyor, survey
@@ -586,27 +586,23 @@ class TestTables:
     )
     def test_near(self, soil: dict[str, Any], vehicle: Vehicle) -> None:
         """Within 0.08 everywhere, 0.03 nearly everywhere; no limit is crossed."""
-        numbers = numbers_of(vehicle)
-        soils = soil_table(slope("east", 0, soil), vehicle)
-        table = np.empty((101, 51, standing.NUMBERS))
-        standing.tabulate(numbers, soils, 1, table)
-        count = len(numbers.shares)
-        load, half, under = np.empty(count), np.empty(count), np.ones(count, np.int64)
-        found, want = np.empty(standing.NUMBERS), np.empty(standing.NUMBERS)
+        table = soil_table(slope("east", 0, soil), vehicle)
+        on_soils = kernels.VehicleOnSoils(numbers_of(vehicle), *table)
         shares, slips, direct = [], [], 0
         for along, across in np.random.default_rng(1).uniform(-0.5, 0.5, (1500, 2)):
-            if not standing.looked_up(numbers, table, along, across, found):
+            found = kernels.find_stand(on_soils, 1, along, across)
+            if found is None:
                 direct += 1
                 continue
-            standing.stand(numbers, along, across, soils, under, load, half, want)
-            moves = want[standing.ENERGY] < math.inf
-            assert (found[standing.ENERGY] < math.inf) == moves
+            want = kernels.stand(on_soils, 1, along, across)
+            moves = want["energy"] < math.inf
+            assert (found["energy"] < math.inf) == moves
             if moves:
-                shares.append(abs(found - want)[standing.SHARE])
-                slips.append(abs(found - want)[standing.SLIP])
-            assert found[standing.TIPPING] == pytest.approx(want[standing.TIPPING], abs=0.02)
-            assert found[standing.SLIDING] == pytest.approx(want[standing.SLIDING], abs=0.02)
-            assert found[standing.DEEPEST] == pytest.approx(want[standing.DEEPEST], abs=1e-4)
+                shares.append(abs(found["share"] - want["share"]))
+                slips.append(abs(found["slip"] - want["slip"]))
+            assert found["tipping"] == pytest.approx(want["tipping"], abs=0.02)
+            assert found["sliding"] == pytest.approx(want["sliding"], abs=0.02)
+            assert found["deepest"] == pytest.approx(want["deepest"], abs=1e-4)
         assert max(shares) < 0.08 and np.quantile(shares, 0.99) < 0.03
         assert max(slips) < 0.02
         assert direct < 300

@@ -16,6 +16,7 @@
 #include <initializer_list>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <tuple>
@@ -158,6 +159,20 @@ template <Record T> void check_record(nb::handle dtype) {
     format_of<T>() = view.format;
     PyBuffer_Release(&view);
     records()[typeid(T).name()] = dtype;
+}
+
+// Refuse a Python IntEnum that is not the enumeration; `visit_enumerators` names its members.
+template <class E> void check_enumeration(nb::handle given) {
+    nb::object members = given.attr("__members__");
+    std::size_t count = 0;
+    bool same = true;
+    visit_enumerators(E{}, [&](const char* name, E value) {
+        ++count;
+        same = same && nb::cast<bool>(members.attr("__contains__")(name))
+            && nb::cast<i64>(nb::int_(nb::object(members[name]))) == i64(value);
+    });
+    if (!same || count != nb::len(members))
+        throw nb::type_error((text_of(given) + " is not the enumeration of the kernels").c_str());
 }
 
 // The memory of an array, kept while a kernel works on it.
@@ -443,6 +458,23 @@ template <class T, std::size_t width> struct Result<std::vector<std::array<T, wi
         nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<Made*>(p); });
         std::size_t shape[] = {kept->size(), width};
         return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), 2, shape, owner));
+    }
+};
+
+// A record by itself becomes a dictionary; none of it None.
+template <Record T> struct Result<T> {
+    static std::string type() { return "dict[str, Any]"; }
+    static nb::object of(T&& record) {
+        nb::dict made;
+        visit_members(record, [&](const char* name, auto& member) { made[name] = member; });
+        return made;
+    }
+};
+
+template <class R> struct Result<std::optional<R>> {
+    static std::string type() { return Result<R>::type() + " | None"; }
+    static nb::object of(std::optional<R>&& value) {
+        return value ? Result<R>::of(std::move(*value)) : nb::none();
     }
 };
 

@@ -6,12 +6,6 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
-
-import click
-
-_FIRST_RUN = "Compiling, as this runs for the first time since it was installed: about a minute."
 
 
 def shape() -> dict[str, int] | None:
@@ -21,14 +15,6 @@ def shape() -> dict[str, int] | None:
     # some terminals do not know their size, and would be shown nothing
     columns, lines = os.get_terminal_size(sys.stderr.fileno())
     return {} if columns and lines else {"ncols": 80, "nrows": 24}
-
-
-def say_first_run(kernel: Any) -> None:
-    """Say on a terminal that kernels are about to be compiled, if this one of Numba never was."""
-    if shape() is not None and not any(
-        Path(kernel.stats.cache_path).glob(f"*.{kernel.__name__}-*.nbi")
-    ):
-        click.echo(_FIRST_RUN, err=True)
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.terminal import bar, say_first_run
+from terratool.cli.terminal import bar
 from terratool.cli.wheeling import vehicle_from, vehicle_options
 
 if TYPE_CHECKING:
@@ -126,7 +126,6 @@ def command(
     from terratool.output import whole_file
     from terratool.traversability.assessing import Request, assess, planned
     from terratool.traversability.conditions import parse
-    from terratool.traversability.maps.cells import judge_cells
     from terratool.traversability.reporting import document, formats, table
     from terratool.traversability.routing.waypoints import read_waypoints
 
@@ -151,7 +150,6 @@ def command(
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place
         parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
-        say_first_run(judge_cells)
         with bar(grids.pixels) as progress:
             report = assess(
                 terrain, vehicle, request,

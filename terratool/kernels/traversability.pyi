@@ -1,1 +1,250 @@
 """Traversability: the kernels in C++. Written by `make stubs`."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+UTILISATION: int = 0
+
+PITCH: int = 1
+
+ROLL: int = 2
+
+SINKAGE: int = 3
+
+SLIP: int = 4
+
+ENERGY: int = 5
+
+DRAWBAR: int = 6
+
+RESERVE: int = 7
+
+PLANES: int = 8
+
+def check_records(traction: np.dtype[Any], demand: np.dtype[Any]) -> None:
+    """Refuse dtypes that are not the structs of the kernels."""
+
+def check_enumerations(verdict: object, reason: object) -> None:
+    """Refuse enumerations that are not those of the kernels."""
+
+class VehicleOnSoils:
+    """A vehicle on the soils of a terrain, and its tables."""
+
+    def __init__(self, vehicle: object, soils: object, steps: object) -> None: ...
+
+def contacts(
+    load: NDArray[np.float64], sinkage: NDArray[np.float64], wheel: Any
+) -> NDArray[np.float64]:
+    """
+    Sinkage, half angle, effective area.
+
+    Shapes: load[n], sinkage[n].
+    """
+
+def mobilisations(
+    half: NDArray[np.float64],
+    shear_modulus: NDArray[np.float64],
+    slip: NDArray[np.float64],
+    radius: float,
+) -> NDArray[np.float64]:
+    """
+    Shear displacement, share of strength mobilised.
+
+    Shapes: half[n], shear_modulus[n], slip[n].
+    """
+
+def tractions(
+    load: NDArray[np.float64],
+    soils: Any,
+    slip: NDArray[np.float64],
+    max_torque: NDArray[np.float64],
+    wheel: Any,
+    out: NDArray[np.void],
+) -> None:
+    """
+    What driven wheels can do at a slip.
+
+    Shapes: load[n], slip[n], max_torque[n], out[n].
+    """
+
+def demands(
+    load: NDArray[np.float64],
+    soils: Any,
+    pull: NDArray[np.float64],
+    wheel: Any,
+    out: NDArray[np.void],
+) -> None:
+    """
+    What wheels need to push.
+
+    Shapes: load[n], pull[n], out[n].
+    """
+
+def towing(
+    load: NDArray[np.float64], sinkage: NDArray[np.float64], wheel: Any
+) -> NDArray[np.float64]:
+    """
+    Resistance of wheels without torque.
+
+    Shapes: load[n], sinkage[n].
+    """
+
+def grips(load: NDArray[np.float64], soils: Any, wheel: Any) -> NDArray[np.float64]:
+    """
+    What holds wheels that do not turn.
+
+    Shapes: load[n].
+    """
+
+def measured_forces(
+    normal: NDArray[np.float64], shear: NDArray[np.float64], half: NDArray[np.float64], wheel: Any
+) -> NDArray[np.float64]:
+    """
+    Load, torque and drawbar pull.
+
+    Shapes: normal[n], shear[n], half[n].
+    """
+
+def measured_stresses(
+    load: NDArray[np.float64], torque: NDArray[np.float64], half: NDArray[np.float64], wheel: Any
+) -> NDArray[np.float64]:
+    """
+    Normal and shear stress.
+
+    Shapes: load[n], torque[n], half[n].
+    """
+
+def slip_for(half: float, radius: float, shear_modulus: float, utilisation: float) -> float:
+    """Slip that mobilises a share of the strength."""
+
+def wheel_loads(
+    layout: Any, weight: float, pitch: NDArray[np.float64], roll: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """
+    Loads of a vehicle's wheels at angles, one after the other.
+
+    Shapes: pitch[n], roll[n].
+    """
+
+def gravity(along: float, across: float) -> dict[str, Any]:
+    """Direction of gravity on a plane with two tangents."""
+
+def tipping(layout: Any, along: float, across: float) -> float:
+    """The share of a tip-over angle that is used."""
+
+def drive(
+    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, wheel: Any, max_torque: float
+) -> dict[str, Any]:
+    """
+    What it asks of a vehicle's wheels to push.
+
+    Shapes: load[w].
+    """
+
+def steepest(
+    across: bool, layout: Any, weight: float, soils: Any, slip: float, wheel: Any, max_torque: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The largest slope on each soil, and the reason that limits it."""
+
+def judge(
+    shares: NDArray[np.float64],
+    go: NDArray[np.float64],
+    strict: NDArray[np.bool_],
+    reasons: NDArray[np.uint8],
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float64]]:
+    """
+    Verdict, reason and largest share of measures.
+
+    Shapes: shares[m,n], go[m], strict[m], reasons[m].
+    """
+
+def find_stand(
+    vehicle: VehicleOnSoils, soil: int, along: float, across: float
+) -> dict[str, Any] | None:
+    """How a vehicle stands on a slope, if that is in its tables."""
+
+def stand(vehicle: VehicleOnSoils, soil: int, along: float, across: float) -> dict[str, Any]:
+    """How a vehicle stands on a slope."""
+
+def judge_cells(vehicle: VehicleOnSoils, stance: Any, east: float, north: float, out: Any) -> None:
+    """Judge a vehicle with a heading at every reference point."""
+
+def highest(
+    ground: NDArray[np.float32],
+    first: int,
+    offsets: NDArray[np.int64],
+    lift: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    """
+    The highest ground under offsets, each raised.
+
+    Shapes: ground[_,_,_], offsets[k,3], lift[k], out[_,_].
+    """
+
+def supports(
+    heights: NDArray[np.float32],
+    tread: NDArray[np.int64],
+    lift: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    """
+    How high a wheel stands at every pixel.
+
+    Shapes: heights[h,w], tread[k,2], lift[k], out[h,w].
+    """
+
+def mean(
+    ground: NDArray[np.float32], first: int, offsets: NDArray[np.int64], out: NDArray[np.float32]
+) -> None:
+    """
+    The mean over offsets.
+
+    Shapes: ground[_,_,_], offsets[k,3], out[_,_].
+    """
+
+def bumps(
+    ground: NDArray[np.float32],
+    first: int,
+    offsets: NDArray[np.int64],
+    shifts: NDArray[np.float32],
+    plane: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    """
+    How far the ground under offsets stands above its plane at most.
+
+    Shapes: ground[_,_,_], offsets[k,3], shifts[k,2], plane[3,h,w], out[h,w].
+    """
+
+def roughness(
+    ground: NDArray[np.float32],
+    first: int,
+    offsets: NDArray[np.int64],
+    shifts: NDArray[np.float32],
+    plane: NDArray[np.float32],
+    spread: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    """
+    RMS distance of the ground at offsets from its plane.
+
+    Shapes: ground[_,_,_], offsets[k,3], shifts[k,2], plane[3,h,w], spread[3], out[h,w].
+    """
+
+def raise_steps(
+    supports: NDArray[np.float32],
+    pairs: NDArray[np.int64],
+    jumps: NDArray[np.float64],
+    east: float,
+    north: float,
+    strides: int,
+    out: NDArray[np.float32],
+) -> None:
+    """
+    Mark pixels beside walls with the step that a wheel meets.
+
+    Shapes: supports[h,w], pairs[n], jumps[n], out[h,w].
+    """

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.traversability.types import Vehicle
 
@@ -62,6 +63,8 @@ class Reason(IntEnum):
         """For people, and the names of classes in files."""
         return _LABELS[self]
 
+
+kernels.check_enumerations(Verdict, Reason)
 
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",

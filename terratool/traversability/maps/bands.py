@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.kernels import traversability as kernels
 from terratool.raster.layers import Bands, Layer
-from terratool.traversability.maps import cells
 from terratool.traversability.maps.surveying import Measures
 from terratool.traversability.results import RANKS, Verdict
 
@@ -73,7 +73,7 @@ def fold(measures: Measures, inside: NDArray[np.bool_]) -> Folded:
     The best heading is that of the best verdict, and of those the one with the most in reserve;
     the worst likewise. Of equals it is the first from north.
     """
-    share = measures.numbers[:, cells.UTILISATION].astype(np.float64)
+    share = measures.numbers[:, kernels.UTILISATION].astype(np.float64)
     reserve = np.ones_like(share)
     np.divide(share, 1.0 + share, out=reserve, where=np.isfinite(share))
     order = 2.0 * RANKS[measures.verdict] + reserve
@@ -82,7 +82,7 @@ def fold(measures: Measures, inside: NDArray[np.bool_]) -> Folded:
     def at(heading: Any, values: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(np.take_along_axis(values, heading, axis=0)[0])
 
-    along, across = (measures.numbers[:, n] for n in (cells.PITCH, cells.ROLL))
+    along, across = (measures.numbers[:, n] for n in (kernels.PITCH, kernels.ROLL))
     drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
     bands = (
         drives.sum(axis=0),
@@ -93,9 +93,9 @@ def fold(measures: Measures, inside: NDArray[np.bool_]) -> Folded:
         _extreme(np.fmax, measures.rough),
         _extreme(np.fmin, measures.clearance),
         _extreme(np.fmin, measures.overhang),
-        _extreme(np.fmax, measures.numbers[:, cells.SINKAGE]),
-        _extreme(np.fmin, measures.numbers[:, cells.DRAWBAR]),
-        _extreme(np.fmin, measures.numbers[:, cells.RESERVE]),
+        _extreme(np.fmax, measures.numbers[:, kernels.SINKAGE]),
+        _extreme(np.fmin, measures.numbers[:, kernels.DRAWBAR]),
+        _extreme(np.fmin, measures.numbers[:, kernels.RESERVE]),
     )
     numbers = np.stack(bands).astype(np.float32)
     reserve_band = numbers[-1]

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.kernels import traversability as kernels
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import Grid, Window
 from terratool.raster.windows import ahead
-from terratool.traversability.maps import cells, standing, sweeps
 from terratool.traversability.maps.footprints import Footprint, Offsets, Pose, footprint
 from terratool.traversability.maps.ground import Ground, Grounds
 from terratool.traversability.maps.numbers import numbers_of, soil_table
@@ -49,7 +48,7 @@ class Measures:
         heights: (height, width) float32, NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
         verdict, reason: uint8 `Verdict` and `Reason`.
-        numbers: (headings, cells.PLANES, height, width) float32.
+        numbers: (headings, kernels.PLANES, height, width) float32.
         step: float32, highest ahead of a wheel, m.
         rough: float32, RMS distance of the ground from its plane, m; NaN where it is not known.
         clearance: float32, left under the body, m; infinity where nothing can touch, NaN where
@@ -66,6 +65,43 @@ class Measures:
     rough: NDArray[np.float32]
     clearance: NDArray[np.float32]
     overhang: NDArray[np.float32]
+
+
+class Stance(NamedTuple):
+    """What a vehicle with a heading stands on at the reference points of a window.
+
+    Attributes:
+        plane: (3, height, width) float32: height of the plane through the wheels' supports, NaN
+            where one has none, and its slopes to the east and the north.
+        bump: (height, width) float32, how far the ground stands above that under the body, m.
+        front: likewise under its front overhang.
+        rear: likewise under its rear overhang.
+        rough: RMS distance of the ground from its plane, m; NaN where it is not known.
+        step: highest step ahead of the wheels, m.
+        beyond: (height, width) bool, whether the vehicle reaches beyond the terrain.
+        surfaces: of the ground, (rows, phases, columns) as in kernels/traversability/sweeps.hpp.
+        first: row of the first reference points in these.
+        wheels: (wheels, 3) where these stand in them.
+    """
+
+    plane: NDArray[np.float32]
+    bump: NDArray[np.float32]
+    front: NDArray[np.float32]
+    rear: NDArray[np.float32]
+    rough: NDArray[np.float32]
+    step: NDArray[np.float32]
+    beyond: NDArray[np.bool_]
+    surfaces: NDArray[Any]
+    first: int
+    wheels: Offsets
+
+
+class Verdicts(NamedTuple):
+    """What `judge_cells` finds out: `Measures` of one heading."""
+
+    verdict: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    numbers: NDArray[np.float32]
 
 
 def survey(
@@ -99,7 +135,8 @@ def survey(
     flat, deep = (window.height, window.width), (headings, window.height, window.width)
     verdict, reason = np.empty(deep, np.uint8), np.empty(deep, np.uint8)
     names = (
-        cells.UTILISATION, cells.PITCH, cells.ROLL, cells.SINKAGE, cells.SLIP, cells.ENERGY
+        kernels.UTILISATION, kernels.PITCH, kernels.ROLL, kernels.SINKAGE, kernels.SLIP,
+        kernels.ENERGY,
     )  # fmt: skip
     numbers = [np.empty(deep, np.float32) for _ in names]
     heights, surfaces = np.empty(flat, np.float32), np.empty(flat, surveyor.ids)
@@ -179,12 +216,7 @@ class Surveyor:
         self._margin = math.ceil(self._footprint.margin / parts)
         slopes = vehicle.wheelbase == 0.0 or vehicle.track == 0.0
         self._grounds = Grounds(terrain, self._fine, _LEAST * radius, slopes, radius)
-        self._numbers, self._soils = numbers_of(vehicle), soil_table(terrain, vehicle)
-        steps = round(standing.STEPS * standing.STEEPEST)
-        # the system gives memory only for tables that are filled
-        shape = (len(self._soils), 2 * steps + 1, steps + 1, standing.NUMBERS)
-        self._tables, self._filled = np.empty(shape), np.zeros(len(self._soils), np.bool_)
-        self._lock = Lock()
+        self._on_soils = kernels.VehicleOnSoils(numbers_of(vehicle), *soil_table(terrain, vehicle))
 
     @property
     def ids(self) -> np.dtype[Any]:
@@ -204,10 +236,9 @@ class Surveyor:
             parts * (window.height + 2 * margin), parts * (window.width + 2 * margin),
         )  # fmt: skip
         ground = self._grounds.of(around)
-        self._fill(np.unique(ground.surfaces))
         swept = _Swept(self, window, ground)
         flat, deep = (window.height, window.width), (self.headings, window.height, window.width)
-        numbers = np.empty((self.headings, cells.PLANES, *flat), np.float32)
+        numbers = np.empty((self.headings, kernels.PLANES, *flat), np.float32)
         verdict, reason = np.empty(deep, np.uint8), np.empty(deep, np.uint8)
         step, rough, clearance, overhang = (np.empty(deep, np.float32) for _ in range(4))
         half = self.headings // 2
@@ -222,11 +253,12 @@ class Surveyor:
                 plane, bump, ragged = stand
                 front, rear = (swept.bump(offsets, plane) for offsets in (pose.front, pose.rear))
                 step[heading], rough[heading] = swept.ahead(pose, steps), ragged
-                cells.judge_cells(
-                    plane, bump, front, rear, ragged, step[heading], swept.under(pose),
-                    self._beyond(window, heading), self._numbers, pose.ahead, self._soils,
-                    self._tables, verdict[heading], reason[heading], numbers[heading],
+                stance = Stance(
+                    plane, bump, front, rear, ragged, step[heading], self._beyond(window, heading),
+                    swept.ids, swept.first, swept.placed(pose.wheels),
                 )  # fmt: skip
+                out = Verdicts(verdict[heading], reason[heading], numbers[heading])
+                kernels.judge_cells(self._on_soils, stance, *pose.ahead, out)
                 left = self._left(plane, bump, front, rear, numbers[heading])
                 clearance[heading], overhang[heading] = left
         return Measures(
@@ -241,22 +273,14 @@ class Surveyor:
             overhang,
         )
 
-    def _fill(self, ids: NDArray[Any]) -> None:
-        """Fill the tables of surfaces that are known and have none yet."""
-        with self._lock:
-            for id_ in ids:
-                if not self._filled[id_] and not np.isnan(self._soils[id_, 0]):
-                    standing.tabulate(self._numbers, self._soils, int(id_), self._tables[id_])
-                    self._filled[id_] = True
-
     def _left(
         self, plane: Any, bump: Any, front: Any, rear: Any, numbers: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """What is left of the clearance, and of that under the overhangs, m."""
         vehicle = self._vehicle
         down = 1.0 / np.sqrt(1.0 + plane[1] ** 2 + plane[2] ** 2)
-        sunk = np.nan_to_num(numbers[cells.SINKAGE], nan=0.0)
-        nowhere = np.isnan(numbers[cells.PITCH])
+        sunk = np.nan_to_num(numbers[kernels.SINKAGE], nan=0.0)
+        nowhere = np.isnan(numbers[kernels.PITCH])
         left = []
         for height, under in (
             (vehicle.clearance, bump), (vehicle.front.height, front), (vehicle.rear.height, rear)
@@ -283,11 +307,11 @@ class _Swept:
         self._parts, self._margin = surveyor._parts, surveyor._margin
         self._surveyor, self._ground = surveyor, ground
         self._shape = (window.height, window.width)
-        self._first = self._parts * self._margin + self._parts // 2
+        self.first = self._parts * self._margin + self._parts // 2
         self._heights = self._phased(ground.heights)
-        self._ids = self._phased(ground.surfaces)
+        self.ids = self._phased(ground.surfaces)
         middle = np.zeros((1, 2), np.int64)
-        self.surfaces = self._at(self._ids, middle[0])
+        self.surfaces = self._at(self.ids, middle[0])
         heights = self._at(self._heights, middle[0])
         self.heights = np.where(np.isneginf(heights), np.float32(np.nan), heights)
 
@@ -298,7 +322,7 @@ class _Swept:
             plane.reshape(rows, columns // self._parts, self._parts).transpose(0, 2, 1)
         )
 
-    def _placed(self, offsets: Offsets) -> Offsets:
+    def placed(self, offsets: Offsets) -> Offsets:
         """Rows, phases and columns of offsets."""
         column = self._parts // 2 + offsets[:, 1]
         return np.column_stack(
@@ -307,9 +331,9 @@ class _Swept:
 
     def _at(self, plane: NDArray[Any], offset: Offsets) -> NDArray[Any]:
         """What lies at one offset of all reference points."""
-        row, phase, column = self._placed(offset[None])[0]
+        row, phase, column = self.placed(offset[None])[0]
         height, width = self._shape
-        first = self._first + row
+        first = self.first + row
         return plane[
             first : first + self._parts * height : self._parts, phase, column : column + width
         ].copy()
@@ -321,10 +345,6 @@ class _Swept:
         """How far east and north offsets are, m, (n, 2)."""
         resolution = self._surveyor._fine.resolution
         return np.asarray(offsets[:, ::-1] * (resolution, -resolution), np.float32)
-
-    def under(self, pose: Pose) -> NDArray[Any]:
-        """Surfaces under the wheels, (wheels, height, width)."""
-        return np.stack([self._at(self._ids, wheel) for wheel in pose.wheels])
 
     def stand(
         self, pose: Pose, supports: NDArray[np.float32]
@@ -340,25 +360,22 @@ class _Swept:
         plane[:] = total
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
             # wheels in a row say nothing of a plane: they take the ground's own slope under them
-            treads = np.concatenate([self._placed(wheel + pose.tread) for wheel in pose.wheels])
+            treads = np.concatenate([self.placed(wheel + pose.tread) for wheel in pose.wheels])
             for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
-                sweeps.mean(self._phased(slope), self._first, self._parts, treads, plane[axis])
+                kernels.mean(self._phased(slope), self.first, treads, plane[axis])
         places = self._shifts(pose.places)
         rough = self._empty()
-        work = np.empty((4, self._shape[1]), np.float32)
-        sweeps.roughness(
-            phased, self._first, self._parts, self._placed(pose.places), places, plane,
-            _spread(places), work, rough,
-        )  # fmt: skip
+        kernels.roughness(
+            phased, self.first, self.placed(pose.places), places, plane, _spread(places), rough
+        )
         return plane, self.bump(pose.body, plane), rough
 
     def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
         """How far the ground stands above the plane under offsets, m."""
         out = self._empty()
-        sweeps.bumps(
-            self._heights, self._first, self._parts, self._placed(offsets), self._shifts(offsets),
-            plane, np.empty(self._shape[1], np.float32), out,
-        )  # fmt: skip
+        kernels.bumps(
+            self._heights, self.first, self.placed(offsets), self._shifts(offsets), plane, out
+        )
         return out
 
     def supports(self, pose: Pose) -> NDArray[np.float32]:
@@ -366,13 +383,8 @@ class _Swept:
 
         Minus infinity where there is no ground, and along the edges, where not all of it is known.
         """
-        ground, lost = self._ground.heights, int(np.abs(pose.tread).max())
-        out = np.full(ground.shape, -np.inf, np.float32)
-        inner = out[lost:-lost, lost:-lost]
-        offsets = np.column_stack(
-            [pose.tread[:, 0], np.zeros(len(pose.tread), np.int64), lost + pose.tread[:, 1]]
-        )
-        sweeps.highest(ground[:, None], lost, 1, offsets, pose.lift, inner)
+        out = np.empty_like(self._ground.heights)
+        kernels.supports(self._ground.heights, pose.tread, pose.lift, out)
         return out
 
     def steps(self, pose: Pose, supports: NDArray[np.float32]) -> NDArray[np.float32] | None:
@@ -382,10 +394,9 @@ class _Swept:
         steps = np.zeros(supports.shape, np.float32)
         radius = self._surveyor._vehicle.wheel.radius
         strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
-        sweeps.raise_steps(
-            supports, self._ground.pairs, self._ground.jumps, pose.ahead, strides,
-            np.empty(4 * strides + 1), steps,
-        )  # fmt: skip
+        kernels.raise_steps(
+            supports, self._ground.pairs, self._ground.jumps, *pose.ahead, strides, steps
+        )
         return self._phased(steps)
 
     def ahead(self, pose: Pose, steps: NDArray[np.float32] | None) -> NDArray[np.float32]:
@@ -394,7 +405,7 @@ class _Swept:
             return np.zeros(self._shape, np.float32)
         out = self._empty()
         level = np.zeros(len(pose.lane), np.float32)
-        sweeps.highest(steps, self._first, self._parts, self._placed(pose.lane), level, out)
+        kernels.highest(steps, self.first, self.placed(pose.lane), level, out)
         return out
 
 

@@ -1,7 +1,7 @@
 """Go, caution or no-go, from the share that each measure takes of its limit.
 
 A share of 1 is the limit; up to which share it is go is one of the vehicle's `Thresholds`. These
-functions say what the shares are; `classify` (and `kernels.judge`, for one number) what follows.
+functions say what the shares are; `classify` what follows.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.kernels import traversability as kernels
 from terratool.traversability.results import Reason
-from terratool.traversability.terramechanics import loops
 from terratool.traversability.terramechanics.arrays import Numbers, flat, shaped
 from terratool.traversability.terramechanics.demand import Demand
 from terratool.traversability.types import Vehicle
@@ -55,16 +55,15 @@ class Classes:
 def classify(measures: Sequence[Measure]) -> Classes:
     """The worst verdict of measures, and the one that binds: of those the largest share."""
     shape, shares = flat(*(measure.share for measure in measures))
-    out = np.empty((len(shares[0]), 3))
-    loops.judgements(
+    verdict, reason, utilisation = kernels.judge(
         np.stack(shares),
-        np.array([measure.go for measure in measures]),
-        np.array([measure.strict for measure in measures]),
-        np.array([int(measure.reason) for measure in measures]),
-        out,
+        np.array([measure.go for measure in measures], np.float64),
+        np.array([measure.strict for measure in measures], np.bool_),
+        np.array([measure.reason for measure in measures], np.uint8),
     )
-    verdict, reason = (out[:, i].astype(np.uint8).reshape(shape)[()] for i in (0, 1))
-    return Classes(verdict, reason, shaped(out[:, 2], shape))
+    return Classes(
+        verdict.reshape(shape)[()], reason.reshape(shape)[()], shaped(utilisation, shape)
+    )
 
 
 def slip_limit(vehicle: Vehicle) -> float:

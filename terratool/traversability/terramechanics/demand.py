@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from terratool.traversability.terramechanics import loops
-from terratool.traversability.terramechanics.arrays import Numbers, flat, shaped
+from terratool.kernels import traversability as kernels
+from terratool.traversability.terramechanics.arrays import DEMAND, Numbers, flat_soils, members
 from terratool.traversability.types import Soil, Wheel
 
 
@@ -50,11 +50,7 @@ def demand(load: Any, soil: Soil, wheel: Wheel, pull: Any = 0.0) -> Demand:
     Returns:
         What it needs; nothing in it is NaN.
     """
-    shape, (weights, cohesion, friction, rate, modulus, forces) = flat(
-        load, soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, pull
-    )
-    out = np.empty((len(weights), 4))
-    loops.demands(
-        weights, cohesion, np.tan(friction), rate, modulus, forces, wheel.radius, wheel.width, out
-    )
-    return Demand(*(shaped(column, shape) for column in out.T))
+    shape, soils, (weights, pulls) = flat_soils(soil, load, pull)
+    out = np.empty(len(weights), DEMAND)
+    kernels.demands(weights, soils, pulls, wheel, out)
+    return Demand(**members(out, shape))

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.traversability.terramechanics import kernels
+from terratool.kernels import traversability as kernels
+from terratool.traversability.terramechanics.arrays import flat
 from terratool.traversability.types import Vehicle
 
 
@@ -82,12 +83,9 @@ def wheel_loads(vehicle: Vehicle, pitch: Any = 0.0, roll: Any = 0.0) -> NDArray[
     left (left side up). A wheel that would be pulled up bears 0.
     """
     wheels = layout(vehicle)
-    pitches, rolls = np.broadcast_arrays(np.asarray(pitch, float), np.asarray(roll, float))
-    out = np.empty((*pitches.shape, len(wheels.x)))
-    for place in np.ndindex(pitches.shape):
-        direction = kernels.gravity(math.tan(pitches[place]), math.tan(rolls[place]))
-        kernels.wheel_loads(wheels.shares, vehicle.weight, *direction, out[place])
-    return out
+    shape, (pitches, rolls) = flat(pitch, roll)
+    loads = kernels.wheel_loads(wheels, vehicle.weight, pitches, rolls)
+    return loads.reshape(*shape, len(wheels.x))
 
 
 def tip_over(vehicle: Vehicle) -> tuple[float, float, float]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.traversability.terramechanics import climbing
-from terratool.traversability.terramechanics.arrays import Numbers, flat, shaped
+from terratool.kernels import traversability as kernels
+from terratool.traversability.terramechanics.arrays import Numbers, flat_soils, shaped
 from terratool.traversability.terramechanics.loads import layout
 from terratool.traversability.types import Soil, Vehicle
 
@@ -55,19 +54,13 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> Steepest:
 
 
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> Steepest:
-    wheels, wheel = layout(vehicle), vehicle.wheel
-    shape, (cohesion, friction, rate, modulus) = flat(
-        soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus
+    wheel = vehicle.wheel
+    shape, soils, _ = flat_soils(soil)
+    angle, reason = kernels.steepest(
+        across, layout(vehicle), vehicle.weight, soils, slip, wheel, wheel.max_torque
     )
-    out = np.empty((len(cohesion), 2))
-    climbing.steepest(
-        across, wheels.shares, wheels.driven, vehicle.weight, cohesion, np.tan(friction), rate,
-        modulus, slip, wheel.radius, wheel.width, wheel.max_torque, out,
-    )  # fmt: skip
-    angle = np.maximum(out[:, 0], 0.0)
-    angle = np.where(angle >= climbing.UPRIGHT, math.pi / 2, angle)
     return Steepest(
-        shaped(angle, shape),
-        (out[:, 0] >= 0.0).reshape(shape)[()],
-        out[:, 1].astype(np.int64).reshape(shape)[()],
+        shaped(np.maximum(angle, 0.0), shape),
+        (angle >= 0.0).reshape(shape)[()],
+        reason.reshape(shape)[()],
     )

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from msgspec import UNSET
 
 from terratool.definition.model import Surface
 from terratool.field.terrain import Terrain
+from terratool.kernels import traversability as kernels
 from terratool.traversability.results import Figures, Reason, Verdict
-from terratool.traversability.terramechanics import kernels, wheel
+from terratool.traversability.terramechanics import wheel
+from terratool.traversability.terramechanics.arrays import one_soil
 from terratool.traversability.terramechanics.classes import (
     Classes,
     Measure,
@@ -21,7 +22,7 @@ from terratool.traversability.terramechanics.classes import (
     wheel_measures,
 )
 from terratool.traversability.terramechanics.demand import Demand
-from terratool.traversability.terramechanics.loads import layout, tip_over
+from terratool.traversability.terramechanics.loads import layout, tip_over, wheel_loads
 from terratool.traversability.terramechanics.obstacles import gap_width, step_of
 from terratool.traversability.terramechanics.slopes import Steepest, climb, side_slip
 from terratool.traversability.terramechanics.soils import governing_load, missing_of, soil_of
@@ -121,17 +122,10 @@ def all_figures(terrain: Terrain, vehicle: Vehicle) -> tuple[Figures, ...]:
 
 def level_demand(vehicle: Vehicle, soil: Soil) -> Demand:
     """What its wheels need to roll on the level: the largest torque, share, slip and sinkage."""
-    wheels, tyre = layout(vehicle), vehicle.wheel
-    loads = np.empty(len(wheels.x))
-    kernels.wheel_loads(wheels.shares, vehicle.weight, 0.0, 0.0, 1.0, loads)
-    contact = wheel.contact(loads, soil, tyre)
-    like: Any = np.ones_like(loads)
-    used, torque, slip, _ = kernels.drive(
-        loads, np.asarray(contact.half_angle), soil.cohesion * like,
-        math.tan(soil.friction) * like, soil.shear_modulus * like, wheels.driven, 0.0,
-        tyre.radius, tyre.width, tyre.max_torque,
-    )  # fmt: skip
-    return Demand(*map(np.float64, (torque, used, slip, np.max(contact.sinkage))))
+    tyre, loads = vehicle.wheel, wheel_loads(vehicle)
+    need = kernels.drive(layout(vehicle), loads, one_soil(soil), 0.0, tyre, tyre.max_torque)
+    sinkage = np.max(wheel.contact(loads, soil, tyre).sinkage)
+    return Demand(*map(np.float64, (need["torque"], need["utilisation"], need["slip"], sinkage)))
 
 
 def level_classes(vehicle: Vehicle, need: Demand) -> Classes:

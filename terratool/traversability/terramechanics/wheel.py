@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.traversability.terramechanics import loops
-from terratool.traversability.terramechanics.arrays import Numbers, flat, shaped
+from terratool.kernels import traversability as kernels
+from terratool.traversability.terramechanics.arrays import (
+    TRACTION,
+    Numbers,
+    flat,
+    flat_soils,
+    members,
+    shaped,
+)
 from terratool.traversability.types import Soil, Wheel
 
 LARGEST = 1e30
@@ -84,17 +91,15 @@ def contact(load: Any, soil: Soil, wheel: Wheel) -> Contact:
     is, but the angle not beyond π/4.
     """
     shape, (weights, rate) = flat(load, soil.sinkage)
-    out = np.empty((len(weights), 3))
-    loops.contacts(weights, rate, wheel.radius, wheel.width, out)
-    half = out[:, 1]
+    sinkage, half, effective = kernels.contacts(weights, rate, wheel).T
     length = wheel.radius * np.sin(2.0 * half)
     area = length * wheel.width
     rigid = half == 0.0
     pressure = np.divide(weights, area, out=np.zeros_like(area), where=~rigid)
     return Contact(
-        sinkage=shaped(out[:, 0], shape),
+        sinkage=shaped(sinkage, shape),
         half_angle=shaped(half, shape),
-        effective_area=shaped(out[:, 2], shape),
+        effective_area=shaped(effective, shape),
         length=shaped(length, shape),
         area=shaped(area, shape),
         pressure=shaped(pressure, shape),
@@ -112,9 +117,8 @@ def mobilised(
     not known, and on rigid ground.
     """
     shape, (half, modulus, slips) = flat(half_angle, shear_modulus, slip)
-    out = np.empty((len(half), 2))
-    loops.mobilisations(half, modulus, slips, radius, out)
-    return shaped(out[:, 0], shape), shaped(out[:, 1], shape)
+    displacement, share = kernels.mobilisations(half, modulus, slips, radius).T
+    return shaped(displacement, shape), shaped(share, shape)
 
 
 def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Traction:
@@ -129,44 +133,24 @@ def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Tr
     Returns:
         The wheel at its limit; nothing in it is NaN.
     """
-    slips = wheel.max_slip if slip is None else slip
-    shape, (weights, cohesion, friction, rate, modulus, chosen, torque) = flat(
-        load, soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, slips,
-        wheel.max_torque,
-    )  # fmt: skip
-    out = np.empty((len(weights), 8))
-    loops.tractions(
-        weights, cohesion, np.tan(friction), rate, modulus, chosen, torque,
-        wheel.radius, wheel.width, out,
-    )  # fmt: skip
-    return Traction(
-        mobilised=shaped(out[:, 0], shape),
-        normal_stress=shaped(out[:, 1], shape),
-        shear_stress=shaped(out[:, 2], shape),
-        thrust=shaped(out[:, 3], shape),
-        resistance=shaped(out[:, 4], shape),
-        drawbar=shaped(out[:, 5], shape),
-        torque=shaped(out[:, 6], shape),
-        motor=(out[:, 7] != 0.0).reshape(shape)[()],
+    shape, soils, (weights, slips, torque) = flat_soils(
+        soil, load, wheel.max_slip if slip is None else slip, wheel.max_torque
     )
+    out = np.empty(len(weights), TRACTION)
+    kernels.tractions(weights, soils, slips, torque, wheel, out)
+    return Traction(**members(out, shape))
 
 
 def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
     """What a wheel without torque resists, R = W tan h, N: DP at τm = 0."""
     shape, (weights, rate) = flat(load, soil.sinkage)
-    out = np.empty(len(weights))
-    loops.towing(weights, rate, wheel.radius, out)
-    return shaped(out, shape)
+    return shaped(kernels.towing(weights, rate, wheel), shape)
 
 
 def lateral_grip(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
     """What holds a wheel against a push from the side, c b l + W tan φ with l = r sin θ1, N."""
-    shape, (weights, cohesion, friction, rate) = flat(
-        load, soil.cohesion, soil.friction, soil.sinkage
-    )
-    out = np.empty(len(weights))
-    loops.grips(weights, cohesion, np.tan(friction), rate, wheel.radius, wheel.width, out)
-    return shaped(out, shape)
+    shape, soils, (weights,) = flat_soils(replace(soil, shear_modulus=0.0), load)
+    return shaped(kernels.grips(weights, soils, wheel), shape)
 
 
 def forces_from(
@@ -177,9 +161,8 @@ def forces_from(
     W = Q (σm cos h + τm sin h), T = ½ r² b θ1 τm, DP = Q (τm cos h − σm sin h).
     """
     shape, (normal, shear, entry) = flat(normal_stress, shear_stress, entry_angle)
-    out = np.empty((len(entry), 3))
-    loops.measured_forces(normal, shear, 0.5 * entry, wheel.radius, wheel.width, out)
-    return shaped(out[:, 0], shape), shaped(out[:, 1], shape), shaped(out[:, 2], shape)
+    load, torque, drawbar = kernels.measured_forces(normal, shear, 0.5 * entry, wheel).T
+    return shaped(load, shape), shaped(torque, shape), shaped(drawbar, shape)
 
 
 def stresses_from(
@@ -190,9 +173,8 @@ def stresses_from(
     τm = 2 T/(r² b θ1), σm = (W/Q − τm sin h)/cos h.
     """
     shape, (weights, torques, entry) = flat(load, torque, entry_angle)
-    out = np.empty((len(entry), 2))
-    loops.measured_stresses(weights, torques, 0.5 * entry, wheel.radius, wheel.width, out)
-    return shaped(out[:, 0], shape), shaped(out[:, 1], shape)
+    normal, shear = kernels.measured_stresses(weights, torques, 0.5 * entry, wheel).T
+    return shaped(normal, shape), shaped(shear, shape)
 
 
 def identify(normal_stress: Any, shear_stress: Any, mobilised: Any = 1.0) -> tuple[float, float]:

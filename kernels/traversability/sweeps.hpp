@@ -1,0 +1,206 @@
+// A vehicle's footprint swept over ground, all columns of a row at a time.
+//
+// Ground is (rows, phases, columns): of `phases` neighbouring pixels one is a reference point, and
+// pixel `phases · q + p` of a row is at [p, q], so that what lies equally far from the reference
+// points of a row lies side by side. Where there is no ground it is minus infinity. Offsets are
+// (n, 3): rows, phase and columns, as seen from [row, 0, 0] of a reference point; `first` is the row
+// of the first reference points. What is made is (height, width).
+#pragma once
+
+#include <type_traits>
+
+#include "../core.hpp"
+
+namespace terratool::traversability {
+
+using Heights = Matrix<const float>;
+using Ground = Cube<const float>;
+using Offsets = Matrix<const i64>;
+
+constexpr float NO_GROUND = -std::numeric_limits<float>::infinity();
+
+INLINE float higher(float a, float b) { return a > b ? a : b; }
+
+// What lies at an offset of the reference points of row `i`.
+template <class T>
+INLINE const T* swept_row(Cube<const T> ground, i64 first, Span<const i64> offset, i64 i) {
+    return &ground(first + ground.rows() * i + offset[0], offset[1], offset[2]);
+}
+
+// Columns that are worked on at a time: what is gathered for them stays in registers, or nearly.
+constexpr i64 BLOCK = 32;
+
+using Block = std::array<float, BLOCK>;
+
+// Go through `width` columns: visit(first, number). The last block overlaps the one before, so that
+// the number is a constant if it can be.
+template <class Visit> INLINE void visit_blocks(i64 width, Visit visit) {
+    if (width <= 0) return;
+    if (width < BLOCK) return visit(0, width);
+    for (i64 j = 0; j < width; j += BLOCK)
+        visit(min(j, width - BLOCK), std::integral_constant<i64, BLOCK>());
+}
+
+// Go through all reference points: visit(row, first column, number of columns).
+template <class Visit> INLINE void visit_points(Matrix<float> points, Visit visit) {
+    for (i64 i = 0; i < points.rows(); ++i)
+        visit_blocks(points.columns(), [&](i64 j, auto count) { visit(i, j, count); });
+}
+
+// For each reference point the highest ground under offsets, each raised by its `lift`.
+inline void highest(
+    Ground ground, i64 first, Offsets offsets, Span<const float> lift, Matrix<float> out
+) {
+    visit_points(out, [&](i64 i, i64 j, auto count) {
+        Block best;
+        best.fill(NO_GROUND);
+        for (i64 n = 0; n < offsets.rows(); ++n) {
+            const float* row = swept_row(ground, first, offsets[n], i) + j;
+            float raised = lift[n];
+            for (i64 k = 0; k < count; ++k) best[k] = higher(row[k] + raised, best[k]);
+        }
+        std::copy_n(best.data(), i64(count), &out(i, j));
+    });
+}
+
+// How high a wheel's lowest point stands at every pixel of `heights`, its circle raised by `lift`
+// at each offset of its tread, (n, 2) rows and columns.
+// Minus infinity where there is no ground, and along the edges, where not all of it is known.
+inline void supports(Heights heights, Offsets tread, Span<const float> lift, Matrix<float> out) {
+    i64 lost = 0;
+    for (i64 offset : tread.flat()) lost = max(lost, abs(offset));
+    out.fill(NO_GROUND);
+    for (i64 i = lost; i < out.rows() - lost; ++i) {
+        visit_blocks(out.columns() - 2 * lost, [&](i64 j, auto count) {
+            Block best;
+            best.fill(NO_GROUND);
+            for (i64 n = 0; n < tread.rows(); ++n) {
+                const float* row = &heights(i + tread(n, 0), lost + j + tread(n, 1));
+                float raised = lift[n];
+                for (i64 k = 0; k < count; ++k) best[k] = higher(row[k] + raised, best[k]);
+            }
+            std::copy_n(best.data(), i64(count), &out(i, lost + j));
+        });
+    }
+}
+
+// For each reference point the mean over offsets.
+inline void mean(Ground ground, i64 first, Offsets offsets, Matrix<float> out) {
+    float share = float(1.0 / double(offsets.rows()));
+    visit_points(out, [&](i64 i, i64 j, auto count) {
+        Block total{};
+        for (i64 n = 0; n < offsets.rows(); ++n) {
+            const float* row = swept_row(ground, first, offsets[n], i) + j;
+            for (i64 k = 0; k < count; ++k) total[k] += row[k];
+        }
+        for (i64 k = 0; k < count; ++k) out(i, j + k) = total[k] * share;
+    });
+}
+
+// For each reference point how far the ground under offsets, by rows, stands above its plane at
+// most; minus infinity for no offsets.
+// `shifts` are (n, 2), how far east and north each is, m; `plane` (3, height, width), its height,
+// dz/dx and dz/dy.
+inline void bumps(
+    Ground ground, i64 first, Offsets offsets, Matrix<const float> shifts, Ground plane,
+    Matrix<float> out
+) {
+    visit_points(out, [&](i64 i, i64 j, auto count) {
+        const float *level = &plane(0, i, j), *east = &plane(1, i, j), *north = &plane(2, i, j);
+        Block best, line;
+        best.fill(NO_GROUND);
+        for (i64 n = 0; n < offsets.rows();) {
+            i64 line_of = offsets(n, 0);
+            float dy = shifts(n, 1);
+            line.fill(NO_GROUND);
+            for (; n < offsets.rows() && offsets(n, 0) == line_of; ++n) {
+                const float* row = swept_row(ground, first, offsets[n], i) + j;
+                float dx = shifts(n, 0);
+                for (i64 k = 0; k < count; ++k) line[k] = higher(row[k] - east[k] * dx, line[k]);
+            }
+            for (i64 k = 0; k < count; ++k) best[k] = higher(line[k] - north[k] * dy, best[k]);
+        }
+        for (i64 k = 0; k < count; ++k) out(i, j + k) = best[k] - level[k];
+    });
+}
+
+// For each reference point the RMS distance of the ground at offsets from its plane.
+// The plane is that of least squares; distances are along z. NaN where ground is missing. Offsets
+// are symmetric about the reference point; `plane` is as in `bumps` and only keeps numbers small;
+// `spread` is the inverse of the offsets' second moments, xx, xy, yy; 0 for none.
+inline void roughness(
+    Ground ground, i64 first, Offsets offsets, Matrix<const float> shifts, Ground plane,
+    Span<const float> spread, Matrix<float> out
+) {
+    float share = float(1.0 / double(max(i64(1), offsets.rows())));
+    visit_points(out, [&](i64 i, i64 j, auto count) {
+        const float *level = &plane(0, i, j), *east = &plane(1, i, j), *north = &plane(2, i, j);
+        Block total{}, squares{}, by_x{}, by_y{};
+        for (i64 n = 0; n < offsets.rows(); ++n) {
+            const float* row = swept_row(ground, first, offsets[n], i) + j;
+            float dx = shifts(n, 0), dy = shifts(n, 1);
+            for (i64 k = 0; k < count; ++k) {
+                float z = row[k] - (level[k] + east[k] * dx + north[k] * dy);
+                total[k] += z;
+                squares[k] += z * z;
+                by_x[k] += z * dx;
+                by_y[k] += z * dy;
+            }
+        }
+        for (i64 k = 0; k < count; ++k) {
+            float x = by_x[k], y = by_y[k];
+            float fitted = spread[0] * x * x + 2.0f * spread[1] * x * y + spread[2] * y * y;
+            float left = (squares[k] - total[k] * total[k] * share - fitted) * share;
+            out(i, j + k) = left == left ? sqrt(max(left, 0.0f)) : left;
+        }
+    });
+}
+
+// Mark pixels beside walls with the step that a wheel with a heading, or its opposite, meets.
+// That is the wall, or what the wheel rises or sinks within some strides before and behind it if
+// that is less: it bridges narrow gaps, and goes along walls. What it rises by the slope of the
+// ground is not counted: the median of its strides.
+// `supports` says how high a wheel stands. `pairs` have twice the index of the first pixel, and one
+// for a pair from north to south; `jumps` the heights of the walls, infinity for a steep face
+// without one. `east` and `north` are the unit vector of the heading, `strides` are of a pixel's
+// side. `out` is 0 at first.
+inline void raise_steps(
+    Heights supports, Span<const i64> pairs, In jumps, double east, double north, i64 strides,
+    Matrix<float> out
+) {
+    i64 rows = supports.rows(), columns = supports.columns();
+    std::vector<double> taken, sorted;
+    auto less = [](double a, double b) { return a < b || (isnan(b) && !isnan(a)); };
+    for (std::size_t n = 0; n < pairs.size(); ++n) {
+        i64 pixel = pairs[n] >> 1, down = pairs[n] & 1;
+        i64 row = pixel / columns, column = pixel % columns;
+        double low = 0.5 * double(down), high = 0.5 * double(1 - down);
+        float last = NO_GROUND;
+        taken.clear();
+        for (i64 s = -strides; s <= strides; ++s) {
+            i64 r = i64(floor(double(row) + low - double(s) * north + 0.5));
+            i64 c = i64(floor(double(column) + high + double(s) * east + 0.5));
+            bool inside = 0 <= r && r < rows && 0 <= c && c < columns;
+            float z = inside ? supports(r, c) : NO_GROUND;
+            if (!(z > NO_GROUND)) continue;
+            if (last > NO_GROUND) taken.push_back(double(z) - double(last));
+            last = z;
+        }
+        if (taken.empty()) continue;
+        sorted = taken;
+        auto median = sorted.begin() + count_of(sorted) / 2;
+        std::nth_element(sorted.begin(), median, sorted.end(), less);
+        double at = 0.0, least = 0.0, most = 0.0;
+        for (double rise : taken) {
+            at += rise - *median;
+            least = min(least, at), most = max(most, at);
+        }
+        float step = float(min(jumps[n], most - least));
+        for (i64 p : {pixel, pixel + (down ? columns : 1)}) {
+            float& marked = out.flat()[p];
+            marked = max(marked, step);
+        }
+    }
+}
+
+}  // namespace terratool::traversability
