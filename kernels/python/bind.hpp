@@ -245,18 +245,9 @@ concept View = requires { ViewOf<V>::rank; };
 template <class T>
 concept Bundle = requires(T& bundle) { visit_arguments(bundle, [](const char*, auto&) {}); };
 
-// What is said, for tests, of an argument that is no array.
-inline nb::dict plain_spec(const std::string& type) {
-    nb::dict spec;
-    spec["type"] = type;
-    return spec;
-}
-
-// How a Python value becomes an argument of a kernel, what its type is called in a signature, and
-// what tests are told of it.
+// How a Python value becomes an argument of a kernel, and what its type is called in a signature.
 template <class T> struct Argument {  // a class that Python knows
     T* value;
-    static nb::dict spec() { return plain_spec(type()); }
     static std::string type() { return text_of(nb::type<T>().attr("__name__")); }
     Argument(nb::handle given, const Where& where) {
         if (!nb::isinstance<T>(given)) where.refuse("a " + type(), given);
@@ -264,6 +255,14 @@ template <class T> struct Argument {  // a class that Python knows
     }
     T& get() { return *value; }
 };
+
+// What tests are told of an argument: what an array must be, or the type of anything else.
+template <class T> nb::dict spec_of() {
+    if constexpr (requires { Argument<T>::spec(); }) return Argument<T>::spec();
+    nb::dict spec;
+    spec["type"] = Argument<T>::type();
+    return spec;
+}
 
 template <View V> struct Argument<V> {
     using Of = ViewOf<V>;
@@ -339,7 +338,6 @@ private:
 template <> struct Argument<double> {
     double value;
     static std::string type() { return "float"; }
-    static nb::dict spec() { return plain_spec(type()); }
     Argument(nb::handle given, const Where& where) : value(PyFloat_AsDouble(given.ptr())) {
         if (value == -1.0 && PyErr_Occurred()) {
             PyErr_Clear();
@@ -352,7 +350,6 @@ template <> struct Argument<double> {
 template <> struct Argument<i64> {
     i64 value = 0;
     static std::string type() { return "int"; }
-    static nb::dict spec() { return plain_spec(type()); }
     Argument(nb::handle given, const Where& where) {
         nb::object whole = nb::steal(PyNumber_Index(given.ptr()));
         if (whole) value = PyLong_AsLongLong(whole.ptr());
@@ -367,7 +364,6 @@ template <> struct Argument<i64> {
 template <> struct Argument<bool> {
     bool value;
     static std::string type() { return "bool"; }
-    static nb::dict spec() { return plain_spec(type()); }
     Argument(nb::handle given, const Where& where) {
         std::string_view name = Py_TYPE(given.ptr())->tp_name;
         if (name != "bool" && name != "numpy.bool" && name != "numpy.bool_")
@@ -386,7 +382,7 @@ public:
         B bundle{};
         visit_arguments(bundle, [&]<class T>(const char* spelled, T&) {
             using Plain = std::remove_const_t<std::remove_pointer_t<T>>;
-            nb::dict spec = Argument<Plain>::spec();
+            nb::dict spec = spec_of<Plain>();
             spec["spelled"] = spelled;
             members.append(spec);
         });
@@ -536,7 +532,7 @@ template <auto kernel, class R, class... A> struct Caller {
             spec["spelled"] = text;
             specs.append(spec);
         };
-        (add_spec(Argument<std::remove_cvref_t<A>>::spec(), names[I]), ...);
+        (add_spec(spec_of<std::remove_cvref_t<A>>(), names[I]), ...);
         if (!nb::hasattr(scope, "SPECS")) scope.attr("SPECS") = nb::dict();
         scope.attr("SPECS")[name] = specs;
         std::string words = doc + (shapes.empty() ? "" : "\n\nShapes: " + shapes + ".");

@@ -106,7 +106,6 @@ public:
 template <> struct Argument<WallFinder> {
     KeptFinder* kept;
     static std::string type() { return "WallFinder"; }
-    static nb::dict spec() { return plain_spec(type()); }
     Argument(nb::handle given, const Where& where) {
         if (!nb::isinstance<KeptFinder>(given)) where.refuse("a WallFinder", given);
         kept = nb::inst_ptr<KeptFinder>(given);

@@ -24,7 +24,6 @@ private:
 template <> struct Argument<Field> {
     KeptField* kept;
     static std::string type() { return "Field"; }
-    static nb::dict spec() { return plain_spec(type()); }
     Argument(nb::handle given, const Where& where) {
         if (!nb::isinstance<KeptField>(given)) where.refuse("a Field", given);
         kept = nb::inst_ptr<KeptField>(given);
