@@ -3,20 +3,33 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS ?= test
+TESTS ?= tests
+PIP := -m pip install -qq --disable-pip-version-check
+# Without isolation, what was built before is not built again.
+CONFIG := -Ceditable.rebuild=false
+TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))$(1), sep="\n")'
+SANITIZED := tests/test_kernels.py tests/test_field.py tests/test_painting.py tests/test_tracks.py \
+  tests/test_losses.py tests/test_mesh_building.py tests/test_mesh_solid.py tests/test_mesh_tracks.py \
+  tests/test_zbuffer.py tests/test_import_structure.py tests/test_vrml_numbers.py \
+  tests/test_vrml_polygons.py tests/test_terramechanics.py tests/test_traversability_map.py
+KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/python/*.cpp)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint bench docs fuzz fuzz-expressions wheel outside clean
+.PHONY: help install demo test lint bench docs stubs fuzz fuzz-expressions wheel outside sanitize debug clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 # The stamp names the extras, so that asking for more installs more.
-$(VENV)/.installed-%: pyproject.toml
+$(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "terratool needs Python 3.11 or newer; say which with make PYTHON=python3.12 …"; exit 1; }
+	@command -v c++ >/dev/null || command -v clang++ >/dev/null || [ -n "$$CXX" ] || \
+	  { echo "Building the kernels needs a C++ compiler: apt install g++, dnf install gcc-c++, or see docs/build.md."; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@echo "Installing terratool and what it needs into $(VENV) …"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	@echo "Installing terratool and what it needs into $(VENV), and building its kernels: a minute or two …"
+	@$(call TABLE,["build-system"]["requires"]) | $(BIN)/python $(PIP) --requirement /dev/stdin
+	@$(BIN)/python $(PIP) --no-build-isolation $(CONFIG) --editable '.[$*]'
 	@touch $@
 
 install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool
@@ -27,14 +40,17 @@ demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example, write its D
 	$(BIN)/terratool validate samples/paper-example.json
 	$(BIN)/terratool export-dem samples/paper-example.json out/paper-example.tif --overwrite
 	$(BIN)/terratool export-mesh samples/paper-example.json out/paper-example.glb --overwrite
-	@echo "Look at it in QGIS, or ask it: $(BIN)/terratool query samples/paper-example.json 15 15"
+	@echo "Open out/paper-example.tif in QGIS and out/paper-example.glb in Blender or any viewer of glTF,"
+	@echo "or ask the terrain: $(BIN)/terratool query samples/paper-example.json 15 15"
 
 test: $(VENV)/.installed-test  ## Run all tests, on all processors
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile $(TESTS)
 
 lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/clang-format --dry-run -Werror $(filter kernels/%,$(KERNELS)) tests/rows.cpp
+	$(BIN)/python kernels/python/stubs.py --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
@@ -55,6 +71,9 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 	$(BIN)/python benchmarks/routing.py
 	$(BIN)/python benchmarks/traversing.py
 
+stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
+	$(BIN)/python kernels/python/stubs.py
+
 docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 	$(BIN)/terratool rules --markdown > docs/rules.md
 
@@ -66,15 +85,30 @@ fuzz-expressions: $(VENV)/.installed-test  ## Try 100,000 strings as curves, eac
 
 wheel: $(VENV)/.installed-test  ## Build a wheel into dist/
 	@rm -rf dist
-	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+	$(BIN)/python -m pip wheel -qq --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist .
 
 outside: wheel  ## Install the wheel elsewhere and use it there
 	@set -e; there=$$(mktemp -d); trap 'rm -rf "$$there"' EXIT; here=$$PWD; cd "$$there"; \
 	  $(PYTHON) -m venv venv; \
-	  venv/bin/python -m pip install --quiet --disable-pip-version-check "$$here"/dist/terratool-*.whl; \
+	  venv/bin/python -m pip install -qq --disable-pip-version-check "$$here"/dist/terratool-*.whl; \
 	  venv/bin/terratool validate "$$here"/samples/*.json; \
 	  venv/bin/terratool export-dem "$$here"/samples/nested-site.json site.tif; \
 	  venv/bin/python -c 'import terratool; print(terratool.schema()["title"])'
 
+# What the dynamic linker is to load before Python, so that the sanitizers see all of its memory.
+RUNTIMES = $(foreach library,libasan.so libstdc++.so,$(shell $(or $(CXX),c++) -print-file-name=$(library)))
+
+sanitize:  ## Run the tests of the kernels with ASan, UBSan and checks of every index
+	@$(MAKE) --no-print-directory VENV=.venv-sanitize \
+	  CONFIG='-Cbuild-dir=build/sanitize -Ccmake.define.SANITIZE=ON' .venv-sanitize/.installed-test
+	LD_PRELOAD='$(RUNTIMES)' ASAN_OPTIONS=detect_leaks=0 TERRATOOL_CPU=baseline TERRATOOL_FUZZ=25 \
+	  .venv-sanitize/bin/python -m pytest -q -n auto --dist loadfile $(SANITIZED)
+
+debug:  ## Build the kernels for gdb, into .venv-debug; with COVERAGE=ON for gcov, too
+	@$(MAKE) --no-print-directory VENV=.venv-debug \
+	  CONFIG='-Cbuild-dir=build/debug -Ccmake.build-type=Debug -Ccmake.define.COVERAGE=$(or $(COVERAGE),OFF)' \
+	  .venv-debug/.installed-test
+	@echo "gdb --args .venv-debug/bin/python -m terratool …"
+
 clean:  ## Remove everything that the other targets make
-	rm -rf $(VENV) out dist build .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-sanitize .venv-debug out dist build .pytest_cache .hypothesis .mypy_cache .ruff_cache
