@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.mesh import lattice
+from terratool.kernels import mesh as kernels
 from terratool.mesh.types import Rim
 
 Ints = NDArray[np.int64]
@@ -67,7 +67,7 @@ def triangulate(
         found, triangles, neighbours = delaunay(points.astype(np.float64), edges)
         points = np.rint(found).astype(np.int64)
         keys = keys_of(points, triangles)
-        if lattice.thinnest(points, triangles) >= _NEAR:
+        if kernels.thinnest(points, triangles) >= _NEAR:
             break
         edges = _bend(points, triangles, _borders(triangles, neighbours, keys))
     return Triangulation(points, triangles, neighbours), keys
@@ -95,10 +95,9 @@ def _weld(
     order = np.lexsort((points[:, 1], points[:, 0]))
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
-    points, edges = points[order], rank[edges]
-    roots = np.arange(len(points))
-    if lattice.weld(points, roots, limits.astype(np.int64), seams, near):
-        edges = roots[edges]
+    points = points[order]
+    roots = kernels.weld(points, limits.astype(np.int64), seams, near)
+    edges = roots[rank[edges]]
     used = np.zeros(len(points), bool)
     used[edges] = True
     index = np.cumsum(used) - 1
@@ -158,10 +157,7 @@ def _borders(triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keys: 
 
 def _bend(points: Ints, triangles: NDArray[np.int32], edges: Ints) -> Ints:
     """Lead edges through vertices that are next to them: thin triangles have none for a side."""
-    count = lattice.find_thin(points, triangles, _NEAR, np.empty((0, 3), np.int64))
-    thin = np.empty((count, 3), np.int64)
-    lattice.find_thin(points, triangles, _NEAR, thin)
-    a, b, c = thin.T
+    a, b, c = kernels.find_thin(points, triangles, _NEAR).T
     count = len(points)
     keys = edges.min(axis=1) * count + edges.max(axis=1)
     long = np.minimum(a, b) * count + np.maximum(a, b)

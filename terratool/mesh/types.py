@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.types import Arrays
+from terratool.kernels import field as fields
+from terratool.kernels import mesh as kernels
 from terratool.mesh.statement import Ruts
 
 
@@ -143,6 +146,8 @@ GROUP = np.dtype(
 COVER = np.dtype([("element", np.uint32), ("group_x", np.uint32), ("group_y", np.uint32)])
 """An element that covers a region, and the groups of its curves that hold there."""
 
+kernels.check_records(FRAME, AXIS, LINE, REACH, GROUP, COVER)
+
 
 class Outlines(NamedTuple):
     """The outlines of ruts on the lattice, and an index of the rows that their edges pass.
@@ -162,11 +167,13 @@ class Outlines(NamedTuple):
     entries: NDArray[np.uint32]
 
 
-class Plan(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Plan:
     """What the kernels need to know of a field to mesh it.
 
     Attributes:
-        field: the compiled field.
+        field: the compiled field …
+        arrays: … and its arrays.
         frames: (elements,) FRAME.
         axes: (kinds, 2) AXIS.
         lines: LINE of all curves.
@@ -182,7 +189,8 @@ class Plan(NamedTuple):
         outlines: those of the ruts.
     """
 
-    field: Arrays
+    field: fields.Field
+    arrays: Arrays
     frames: NDArray[Any]
     axes: NDArray[Any]
     lines: NDArray[Any]
@@ -195,6 +203,11 @@ class Plan(NamedTuple):
     bounds: NDArray[np.float64]
     error: float
     outlines: Outlines
+
+    @cached_property
+    def kept(self) -> kernels.Plan:
+        """The same, checked and kept, as kernels take it."""
+        return kernels.Plan(self)
 
 
 class Rim(NamedTuple):
