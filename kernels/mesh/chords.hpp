@@ -35,20 +35,18 @@ inline double chord_end(
     return low;
 }
 
-// Where chords of all elements end, in t, those of x before those of y of each.
-// The frames are told which are whose.
-inline std::vector<double> find_chords(const Plan& plan, Span<Frame> frames) {
+// The chords of all elements.
+inline Chords find_chords(const Plan& plan) {
     constexpr double share = 0.95;        // chords may miss a curve by so much of the error …
     constexpr double steep_share = 0.25;  // … where a tangent is vertical by so much …
     constexpr double ring_share = 0.45;   // … and in a disc by so much
     constexpr int most = 4096;            // no curve has more chords between two steps
-    std::vector<double> chords;
-    // chords of a curve; `other` is the most that the other curve is worth; returns their number
+    Chords chords;
+    // chords of a curve; `other` is the most that the other curve is worth
     auto append = [&](const Known& e, const CurveAt& curve, const Axis& axis, double other) {
         bool radial = e.kind.combine == RADIAL;
         double part = radial ? ring_share : axis.steep ? steep_share : share;
         double allowed = part * plan.error / (abs(e.element.scale) * other);
-        std::size_t before = chords.size();
         for (i64 line = -1; line < i64(axis.lines); ++line) {
             i64 group = axis.group;
             if (line >= 0) {
@@ -61,30 +59,29 @@ inline std::vector<double> find_chords(const Plan& plan, Span<Frame> frames) {
                 double last = t;
                 t = min(chord_end(plan, curve, group, t, allowed), end);
                 if (t <= last || t >= plan.groups[group].high) break;
-                chords.push_back(t);
+                chords.ends.push_back(t);
             }
         }
-        return u32(chords.size() - before);
     };
-    for (std::size_t index = 0; index < frames.size(); ++index) {
+    auto mark = [&] { chords.begins.push_back(u32(chords.ends.size())); };
+    chords.begins.reserve(2 * plan.frames.size() + 1);
+    for (std::size_t index = 0; index < plan.frames.size(); ++index) {
         const Known e(plan, i64(index));
-        Frame& frame = frames[index];
-        frame.chord = u32(chords.size());
-        if (!frame.drawn || e.element.scale == 0.0) continue;
-        bool product = e.kind.combine == PRODUCT;
+        bool exists = e.frame.drawn && e.element.scale != 0.0;
+        bool product = e.kind.combine == PRODUCT, radial = e.kind.combine == RADIAL;
         // what has children has their edges in it
         bool lone = e.element.grid == 0 && (product || e.kind.combine == SUM);
-        CurveAt x = x_curve(e.kind), y = y_curve(e.kind);
-        frame.chords_x = frame.chords_y = 0;
-        if (e.kind.combine == RADIAL) {
-            if (e.x.ringed) frame.chords_x = append(e, x, e.x, 1.0);
-            continue;
-        }
-        if (e.x.steep || (lone && e.y.level && !e.x.linear))
-            frame.chords_x = append(e, x, e.x, product ? e.y.most : 1.0);
-        if (e.y.steep || (lone && e.x.level && !e.y.linear))
-            frame.chords_y = append(e, y, e.y, product ? e.x.most : 1.0);
+        auto wants = [&](const Axis& own, const Axis& other) {
+            return exists && (own.steep || (lone && other.level && !own.linear));
+        };
+        mark();
+        if (radial ? exists && e.x.ringed : wants(e.x, e.y))
+            append(e, x_curve(e.kind), e.x, product ? e.y.most : 1.0);
+        mark();
+        if (!radial && wants(e.y, e.x))
+            append(e, y_curve(e.kind), e.y, product ? e.x.most : 1.0);
     }
+    mark();
     return chords;
 }
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <deque>
+#include <tuple>
 
 #include "lattice.hpp"
 

@@ -39,14 +39,18 @@ INLINE CurveBounds piece_bounds(In pieces, u64 row, double s0, double s1, double
 // Bounds of a curve between two t: least and greatest value, slope, and what a chord misses.
 // A chord over a range of r misses no more than the bend times r²/8, and J r/4 for the creases; it
 // also misses no more than r/4 times all that the slope varies by.
-inline CurveBounds curve_bounds(
+INLINE CurveBounds curve_bounds(
     const Plan& plan, const CurveAt& curve, const Axis& axis, i64 group, double t0, double t1,
     double near_end
 ) {
+    In pieces = plan.field->curves.pieces;
+    if (!curve.knotted && is_constant(pieces, curve.first, curve.count)) {  // most common
+        double value = pieces[u64(curve.first) * 4];
+        return {value, value, 0.0, 0.0};
+    }
     t0 = held(plan, group, t0, near_end), t1 = held(plan, group, t1, near_end);
     auto [i, row, s] = piece_at(plan, curve, group, t0);
     auto [k, last_row, end] = piece_at(plan, curve, group, t1);
-    In pieces = plan.field->curves.pieces;
     double per = curve.knotted ? 1.0 : curve.count;
     double span = t1 - t0;
     if (i == k) {
@@ -95,8 +99,8 @@ inline double radial_error(const Plan& plan, const Cover& cover, const Corners& 
     double middle_v = (at[0].v + at[1].v + at[2].v) / 3.0;
     double least = INF, most = 0.0;
     auto squared = [](UV a, UV b) { return square(b.u - a.u) + square(b.v - a.v); };
-    double wide = 2.0
-        * sqrt(max(max(squared(at[0], at[1]), squared(at[1], at[2])), squared(at[2], at[0])));
+    double longest = max3(squared(at[0], at[1]), squared(at[1], at[2]), squared(at[2], at[0]));
+    double wide = 2.0 * sqrt(longest);
     std::array<i64, 3> s{-1, -1, -1};
     for (int c = 0; c < 3; ++c) {
         auto [u, v] = at[c];
@@ -111,9 +115,9 @@ inline double radial_error(const Plan& plan, const Cover& cover, const Corners& 
     if (s[0] < 0) s[0] = max(s[0], s[1]);
     if (s[1] < 0) s[1] = s[0];
     if (s[2] < 0) s[2] = s[0];
-    i64 low = min(min(s[0], s[1]), s[2]), high = max(max(s[0], s[1]), s[2]);
+    i64 low = min3(s[0], s[1], s[2]), high = max3(s[0], s[1], s[2]);
     i64 between = s[0] + s[1] + s[2] - low - high;
-    i64 lines = n - max(max(between - low, high - between), low + n - high);
+    i64 lines = n - max3(between - low, high - between, low + n - high);
     double half = PI / double(n);
     double outward = wide / std::cos(half);
     if (2 * lines < n) outward = min(outward, 0.5 * double(lines) * std::tan(half) * wide);
@@ -145,8 +149,8 @@ inline double element_error(const Plan& plan, const Cover& cover, const Corners&
     u8 combine = e.kind.combine;
     if (combine == RADIAL) return size * radial_error(plan, cover, at);
     double near_end = rounded(e.frame);
-    double low_u = min(min(at[0].u, at[1].u), at[2].u), high_u = max(max(at[0].u, at[1].u), at[2].u);
-    double low_v = min(min(at[0].v, at[1].v), at[2].v), high_v = max(max(at[0].v, at[1].v), at[2].v);
+    double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
+    double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
     CurveAt curve_x = x_curve(e.kind), curve_y = y_curve(e.kind);
     auto x = curve_bounds(plan, curve_x, e.x, cover.group_x, low_u, high_u, near_end);
     auto y = curve_bounds(plan, curve_y, e.y, cover.group_y, low_v, high_v, near_end);
@@ -246,7 +250,7 @@ inline ErrorAt largest_error(const InRegion& triangle, double enough) {
         const Part part = parts[--pending];
         const auto& [p0, p1, p2] = part.corners;
         const auto& [e0, e1, e2] = part.errors;
-        double own = max(max(abs(e0), abs(e1)), abs(e2));
+        double own = max3(abs(e0), abs(e1), abs(e2));
         double need = max(enough, largest * most.error);
         double error = own + triangle.bound(part.corners, need - own);
         if (error <= need) {

@@ -26,7 +26,7 @@ INLINE double length(Point a, Point b) {
 
 // The length of the longest side of a triangle.
 INLINE double longest_side(Point a, Point b, Point c) {
-    return max(max(length(a, b), length(b, c)), length(c, a));
+    return max3(length(a, b), length(b, c), length(c, a));
 }
 
 // The smallest distance of a corner from the longest side of its triangle, in points.

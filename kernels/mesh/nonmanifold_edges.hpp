@@ -1,10 +1,12 @@
-// Vertices are parted where solid wedges touch in an upright edge, so that every edge has two faces.
+// Vertices are parted where solid wedges touch in an upright edge: every edge has two faces then.
 //
 // Two boxes that touch corner to corner share an edge that four walls run along. All faces that
 // meet in such an edge are walls around one place in the plane, between two levels of it; the
 // triangles around the place say in which directions there is something solid between these levels.
 // Each run of such triangles is a wedge, and gets vertices of its own.
 #pragma once
+
+#include <tuple>
 
 #include "lattice.hpp"
 
@@ -30,7 +32,9 @@ struct Fans {
         return c;
     }
     // The next triangle around a vertex, counter-clockwise; -1 beyond the hull.
-    INLINE i64 next(i64 t, i64 p) const { return plane.neighbours(t, last_corner(corner_of(t, p))); }
+    INLINE i64 next(i64 t, i64 p) const {
+        return plane.neighbours(t, last_corner(corner_of(t, p)));
+    }
 };
 
 struct Spoke {  // a triangle around a vertex
@@ -41,8 +45,8 @@ struct Spoke {  // a triangle around a vertex
 // The vertices of a mesh when all its edges have two faces.
 class Wedges {
 public:
-    // `corners` are the levels of the corners, -1 where there is no ground; `begins` the first level
-    // of each vertex in the plane.
+    // `corners` are the levels of the corners, -1 where there is no ground; `begins` the first
+    // level of each vertex in the plane.
     Wedges(const Triangulation& plane, Triangles corners, Span<const i64> begins)
         : fans_(plane), corners_(corners), begins_(begins),
           chains_(plane.triangles.rows(), {NONE, NONE, NONE}) {
@@ -95,7 +99,7 @@ private:
     Fans fans_;
     Triangles corners_;
     Span<const i64> begins_;
-    Rows<i64, 3> chains_;  // for each corner where in the tables its levels begin, -1 if as they are
+    Rows<i64, 3> chains_;      // where in the tables the levels of a corner begin; -1: as they are
     std::vector<i32> tables_;  // for the levels of a vertex, seen from a triangle, vertices
 
     // Give each wedge vertices of its own.

@@ -1,6 +1,8 @@
 // Which ruts hold a place on the lattice, by the edges that are drawn, and how deep they are.
 #pragma once
 
+#include <tuple>
+
 #include "../field/tracks.hpp"
 #include "types.hpp"
 

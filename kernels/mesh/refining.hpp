@@ -96,7 +96,7 @@ private:
 
     // Split an edge at a share of it.
     bool split_at(i64 t, i64 e, double share, double least = LOWEST) {
-        constexpr double shortest = 64.0;  // what is shorter, in points of the lattice, is not split
+        constexpr double shortest = 64.0;  // in points of the lattice; what is shorter stays whole
         if (length_of(t, e) < shortest) return false;
         Point a = point(triangles_[t][e]), b = point(triangles_[t][next_corner(e)]);
         i64 x = a.x + i64(std::nearbyint(share * double(b.x - a.x)));
@@ -110,8 +110,9 @@ private:
 
     // Split the longest edge of a triangle, or first that of the neighbours that are longer.
     //
-    // To split an edge beside a triangle whose longest edge is another makes it ever thinner (Rivara,
-    // 1997: the longest edge propagation path ends at an edge that is the longest of both its sides).
+    // To split an edge beside a triangle whose longest edge is another makes it ever thinner
+    // (Rivara, 1997: the longest edge propagation path ends at an edge that is the longest of both
+    // its sides).
     bool bisect(i64 start) {
         constexpr int path = 1000;  // so many triangles further on at most
         i64 t = start;
@@ -144,7 +145,7 @@ private:
         double share = first + second > 0.0 ? second / (first + second) : 0.5;
         share = clamp(share, 0.25, 0.75);
         if (!is_thin(t)) {
-            if (min(min(q, s), r) > near_side) {
+            if (min3(q, s, r) > near_side) {
                 auto [a, b, c] = corners(t);
                 double x = std::nearbyint(q * double(a.x) + s * double(b.x) + r * double(c.x));
                 double y = std::nearbyint(q * double(a.y) + s * double(b.y) + r * double(c.y));
@@ -161,9 +162,9 @@ private:
 
     // Split an edge if the higher side changes along it; whether it was.
     bool part_crossing(i64 t, i64 e, double tolerance) {
-        const Side side(*this, t, e);
-        i64 other = side.beyond;
+        i64 other = neighbours_[t][e];
         if (other < t || regions_.voids[of_[other]]) return false;
+        const Side side(*this, t, e);
         i64 k = edge_to(other, t);
         double rise_a = side.za - heights_[other][next_corner(k)];
         double rise_b = side.zb - heights_[other][k];

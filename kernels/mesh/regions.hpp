@@ -48,12 +48,11 @@ inline Covering cover_at(const Plan& plan, i64 index, double x, double y) {
     }
     auto [along, across] = weights(e);
     Between x_lines = between_lines(plan, e.x, along, at.u);
-    x_lines.passed += chords_before(plan.chords.subspan(f.chord, f.chords_x), at.u);
+    x_lines.passed += chords_before(plan.chords.of(index, false), at.u);
     Between y_lines = x_lines;
     if (!radial) {
         y_lines = between_lines(plan, e.y, across, at.v);
-        y_lines.passed +=
-            chords_before(plan.chords.subspan(f.chord + f.chords_x, f.chords_y), at.v);
+        y_lines.passed += chords_before(plan.chords.of(index, true), at.v);
     }
     bool straight = e.x.linear && e.y.linear;
     u64 side = 0;  // of a disc, or which of two curves counts

@@ -1,6 +1,8 @@
 // Heights along a seam: as many vertices as the chords between them need.
 #pragma once
 
+#include <tuple>
+
 #include "sides.hpp"
 
 namespace terratool::mesh {

@@ -210,10 +210,7 @@ private:
 
     // The lines where the chords of a curve meet.
     void draw_chords(const Known& e, bool on_y) {
-        const Frame& f = e.frame;
-        In own = on_y ? plan_.chords.subspan(f.chord + f.chords_x, f.chords_y)
-                      : plan_.chords.subspan(f.chord, f.chords_x);
-        for (double t : own) {
+        for (double t : plan_.chords.of(e.index, on_y)) {
             if (e.kind.combine == RADIAL) draw_ring(e, 2.0 * t - 1.0, stride_at(e, t));
             else if (on_y) draw_in_shape(e, {0.0, t}, {1.0, t});
             else draw_in_shape(e, {t, 0.0}, {t, 1.0});

@@ -10,6 +10,7 @@
 
 #include <cstring>
 #include <numeric>
+#include <tuple>
 #include <variant>
 
 #include "../core.hpp"

@@ -14,11 +14,14 @@ constexpr i32 NONE = -1;  // in the place of an index
 INLINE i64 next_corner(i64 c) { return c == 2 ? 0 : c + 1; }
 INLINE i64 last_corner(i64 c) { return c == 0 ? 2 : c - 1; }
 
+// The least and the greatest of three.
+template <class T> INLINE T min3(T a, T b, T c) { return min(min(a, b), c); }
+template <class T> INLINE T max3(T a, T b, T c) { return max(max(a, b), c); }
+
 struct Frame {
     double west, south, east, north, per_x, per_y;
     u32 corners;
     double aside, rim;
-    u32 chord, chords_x, chords_y;
     u8 drawn;
 };
 
@@ -53,7 +56,6 @@ template <class Visit> void visit_members(Frame& f, Visit visit) {
     visit("west", f.west), visit("south", f.south), visit("east", f.east), visit("north", f.north);
     visit("per_x", f.per_x), visit("per_y", f.per_y);
     visit("corners", f.corners), visit("aside", f.aside), visit("rim", f.rim);
-    visit("chord", f.chord), visit("chords_x", f.chords_x), visit("chords_y", f.chords_y);
     visit("drawn", f.drawn);
 }
 
@@ -94,6 +96,17 @@ template <class Visit> void visit_arguments(Outlines& o, Visit visit) {
     visit("offsets", o.offsets), visit("entries", o.entries);
 }
 
+// Where the chords of elements' curves end, in t; see chords.hpp.
+struct Chords {
+    std::vector<double> ends;
+    std::vector<u32> begins;  // in the ends: of each element's curve x, then of its curve y
+
+    INLINE In of(i64 element, bool on_y) const {
+        const u32* at = &begins[2 * element + on_y];
+        return In(ends).subspan(at[0], at[1] - at[0]);
+    }
+};
+
 struct Plan {
     const Field* field;
     Span<const Frame> frames;
@@ -102,17 +115,18 @@ struct Plan {
     Span<const Group> groups;
     Span<const Reach> reaches;
     Matrix<const double> turns;
-    In chords, origin;
+    In origin;
     double pitch;
     In bounds;
     double error;
     Outlines outlines;
+    Chords chords;  // found, not given
 };
 
 template <class Visit> void visit_arguments(Plan& p, Visit visit) {
     visit("field", p.field), visit("frames[E]", p.frames), visit("axes[_,2]", p.axes);
     visit("lines", p.lines), visit("groups", p.groups), visit("reaches", p.reaches);
-    visit("turns[_,2]", p.turns), visit("chords", p.chords), visit("origin[2]", p.origin);
+    visit("turns[_,2]", p.turns), visit("origin[2]", p.origin);
     visit("pitch", p.pitch), visit("bounds[4]", p.bounds), visit("error", p.error);
     visit("outlines", p.outlines);
 }

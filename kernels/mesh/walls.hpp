@@ -1,6 +1,8 @@
 // Walls: the levels at each vertex, and the strips between them.
 #pragma once
 
+#include <tuple>
+
 #include "types.hpp"
 
 namespace terratool::mesh {
@@ -12,21 +14,21 @@ using Levels = std::tuple<double, std::vector<i64>, std::vector<double>, Rows<i3
 // Find the different heights at each vertex, ascending.
 //
 // `heights` are one-sided, at the corners of triangles; `solid` says which of these have ground.
-// `edge` says which vertices lie along the edge of what is solid: there the `base`, below all other
-// heights, is a level, too. Heights that differ by no more than the tolerance are one.
+// `on_rim` says which vertices lie along the rim of what is solid: there the `base`, below all
+// other heights, is a level, too. Heights that differ by no more than the tolerance are one.
 inline Levels find_levels(
     Triangles triangles, Matrix<const double> heights, Span<const bool> solid,
-    Span<const bool> edge, double base, double tolerance
+    Span<const bool> on_rim, double base, double tolerance
 ) {
-    i64 count = count_of(edge);
+    i64 count = count_of(on_rim);
     std::vector<i64> room(count + 1);  // for one level per corner and the base
-    for (i64 p = 0; p < count; ++p) room[p + 1] = edge[p];
+    for (i64 p = 0; p < count; ++p) room[p + 1] = on_rim[p];
     for (i32 p : triangles.flat()) ++room[p + 1];
     for (i64 p = 0; p < count; ++p) room[p + 1] += room[p];
     std::vector<double> levels(room[count]);
     std::vector<i64> begins(count + 1);  // first the number of levels
     for (i64 p = 0; p < count; ++p)
-        if (edge[p]) levels[room[p]] = base, begins[p] = 1;
+        if (on_rim[p]) levels[room[p]] = base, begins[p] = 1;
     for (i64 t = 0; t < triangles.rows(); ++t) {
         for (i64 c = 0; solid[t] && c < 3; ++c) {
             i64 p = triangles(t, c);
@@ -42,7 +44,7 @@ inline Levels find_levels(
     for (i64 p = 0; p < count; ++p) {
         i64 last = room[p];  // the lowest of those near to each other stands for all, in any order
         for (i64 k = room[p] + 1; k < room[p] + begins[p]; ++k) {
-            bool base_below = edge[p] && last == room[p];
+            bool base_below = on_rim[p] && last == room[p];
             if (base_below || levels[k] - levels[last] > tolerance) levels[++last] = levels[k];
         }
         if (begins[p]) begins[p] = last + 1 - room[p];
@@ -128,15 +130,15 @@ inline Faces raise_walls(Triangles neighbours, Triangles corners, In levels) {
     return {std::move(walls.faces), std::move(walls.owners)};
 }
 
-// The walls from the base, the lowest level, up to where the ground ends, and the triangle above
-// each. `ends` are triangles, and which of their edges: there is no ground beyond.
+// The walls from the base, the lowest level, up to the rim of the ground, and the triangle above
+// each. The `rim` are triangles, and which of their edges: there is no ground beyond.
 inline Faces raise_skirt(
-    Triangles triangles, Triangles corners, Matrix<const i32> ends, Span<const i64> begins,
+    Triangles triangles, Triangles corners, Matrix<const i32> rim, Span<const i64> begins,
     In levels
 ) {
     Walls walls{levels, {}, {}};
-    for (i64 k = 0; k < ends.rows(); ++k) {
-        i64 t = ends(k, 0), c = ends(k, 1), d = next_corner(c);
+    for (i64 k = 0; k < rim.rows(); ++k) {
+        i64 t = rim(k, 0), c = rim(k, 1), d = next_corner(c);
         walls.strip(
             {begins[triangles(t, c)], corners(t, c)}, {begins[triangles(t, d)], corners(t, d)}, t
         );

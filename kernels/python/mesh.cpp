@@ -25,6 +25,8 @@ class KeptPlan {
 public:
     explicit KeptPlan(nb::handle arrays) : arrays_(arrays, Where{"Plan", "arrays", sizes_}) {
         check();
+        nb::gil_scoped_release free;
+        arrays_.get().chords = find_chords(plan());
     }
     const Plan& plan() { return arrays_.get(); }
 
@@ -35,23 +37,11 @@ private:
     void check() {
         const Plan& p = plan();
         const Field& field = *p.field;
-        std::size_t kinds = field.kinds.size();
-        check_index(std::size_t(p.axes.rows()) == kinds, "a kind");
-        for (std::size_t k = 0; k < kinds; ++k) {
-            for (int axis = 0; axis < 2; ++axis) check_axis(p.axes(k, axis));
-            i64 last = field.kinds[k].knotted_x ? 0 : i64(field.kinds[k].x_count);
-            check_index(last <= i64(p.turns.rows()), "a curve");
+        check_index(p.axes.rows() == count_of(field.kinds), "a kind");
+        for (i64 k = 0; k < p.axes.rows(); ++k) {
+            check_axis(p.axes(k, 0), x_curve(field.kinds[k]));
+            check_axis(p.axes(k, 1), y_curve(field.kinds[k]));
         }
-        for (const Line& line : p.lines) check_index(line.group < p.groups.size(), "a line");
-        for (const Group& group : p.groups)
-            check_index(
-                0 <= group.first && group.first <= group.last && group.last < p.turns.rows(),
-                "a group"
-            );
-        for (const Frame& frame : p.frames)
-            check_index(
-                u64(frame.chord) + frame.chords_x + frame.chords_y <= p.chords.size(), "a chord"
-            );
         const Outlines& o = p.outlines;
         check_index(!o.offsets.empty(), "the rows of outlines");
         for (u32 owner : o.owners)
@@ -60,16 +50,25 @@ private:
         for (i64 offset : o.offsets)
             check_index(0 <= offset && offset <= count_of(o.entries), "a row of outlines");
     }
-    void check_axis(const Axis& axis) {
+    void check_axis(const Axis& axis, const CurveAt& curve) {
         const Plan& p = plan();
-        check_index(u64(axis.line) + axis.lines <= p.lines.size(), "a curve's line");
-        check_index(axis.group < p.groups.size(), "a curve's group");
-        check_index(u64(axis.turn) + axis.pieces <= u64(p.turns.rows()), "a curve's turn");
-        i64 levels = 1;
-        while ((i64(2) << (levels - 1)) <= axis.pieces) ++levels;
-        check_index(
-            axis.reach + levels * i64(axis.pieces) <= count_of(p.reaches), "a curve's reach"
-        );
+        const Curves& curves = p.field->curves;
+        i64 pieces = axis.pieces, levels = 1;
+        auto check_group = [&](u32 index) {
+            check_index(index < p.groups.size(), "a group");
+            const Group& group = p.groups[index];
+            check_index(
+                0 <= group.first && group.first <= group.last && group.last < pieces, "a group"
+            );
+        };
+        check_index(u64(axis.line) + axis.lines <= p.lines.size(), "a line");
+        check_group(axis.group);
+        for (const Line& line : lines_of(p, axis)) check_group(line.group);
+        check_index((curve.first + pieces) * 4 <= count_of(curves.pieces), "a piece");
+        check_index(!curve.knotted || curve.knot + pieces < count_of(curves.knots), "a knot");
+        while ((i64(1) << levels) <= pieces) ++levels;
+        check_index(axis.reach + levels * pieces <= count_of(p.reaches), "a reach");
+        check_index(axis.turn + pieces <= p.turns.rows(), "a turn");
     }
 };
 
@@ -162,8 +161,6 @@ void bind_mesh(nb::module_ m) {
         .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle>(),
             "plan"_a, "regions"_a, "plane"_a, "of"_a, "heights"_a, "locked"_a);
 
-    def<&find_chords>(m, "find_chords", "Where chords of curves end; the frames learn whose.",
-        {"plan", "frames[E]"});
     def<&index_rows>(m, "index_rows", "For each row of places the edges that pass it.",
         {"edges[_,4]", "frame[2]", "rows"});
     def<&segments_of>(m, "segments_of", "Segments of elements and all ruts: x, y, x, y.",
@@ -184,7 +181,7 @@ void bind_mesh(nb::module_ m) {
     def<&corner_heights>(m, "corner_heights", "Heights of triangles at their corners.",
         {"plan", "regions", "points[_,2]", "triangles[m,3]", "of[m]"});
     def<&follow>(m, "follow", "Where edges along a seam end, and heights at both of their ends.",
-        {"plan", "regions", "of", "axis", "at", "passes[n]", "beside[n]"});
+        {"plan", "regions", "of[k]", "axis", "at", "passes[k+1]", "beside[k+1]"});
 
     def<&Refinement::refine>(m, "refine", "Refine some triangles; whether there are more.",
         {"refinement", "allowed", "most"});
@@ -199,11 +196,11 @@ void bind_mesh(nb::module_ m) {
         {"refinement"});
 
     def<&find_levels>(m, "find_levels", "The different heights at each vertex.",
-        {"triangles[m,3]", "heights[m,3]", "solid[m]", "edge", "base", "tolerance"});
+        {"triangles[m,3]", "heights[m,3]", "solid[m]", "on_rim", "base", "tolerance"});
     def<&raise_walls>(m, "raise_walls", "The walls between triangles.",
         {"neighbours[m,3]", "corners[m,3]", "levels"});
-    def<&raise_skirt>(m, "raise_skirt", "The walls from the base up to where the ground ends.",
-        {"triangles[m,3]", "corners[m,3]", "ends[_,2]", "begins", "levels"});
+    def<&raise_skirt>(m, "raise_skirt", "The walls from the base up to the rim of the ground.",
+        {"triangles[m,3]", "corners[m,3]", "rim[_,2]", "begins", "levels"});
     def<&part_wedges>(m, "part_wedges", "Give each solid wedge vertices of its own.",
         {"plane", "corners[m,3]", "begins", "faces[f,3]", "owners[f]", "below[_,3]"});
 

@@ -37,13 +37,6 @@ class Refinement:
         locked: object,
     ) -> None: ...
 
-def find_chords(plan: Plan, frames: NDArray[np.void]) -> NDArray[np.float64]:
-    """
-    Where chords of curves end; the frames learn whose.
-
-    Shapes: frames[E].
-    """
-
 def index_rows(
     edges: NDArray[np.int64], frame: NDArray[np.float64], rows: int
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
@@ -143,7 +136,7 @@ def follow(
     """
     Where edges along a seam end, and heights at both of their ends.
 
-    Shapes: passes[n], beside[n].
+    Shapes: of[k], passes[k+1], beside[k+1].
     """
 
 def refine(refinement: Refinement, allowed: float, most: int) -> bool:
@@ -171,7 +164,7 @@ def find_levels(
     triangles: NDArray[np.int32],
     heights: NDArray[np.float64],
     solid: NDArray[np.bool_],
-    edge: NDArray[np.bool_],
+    on_rim: NDArray[np.bool_],
     base: float,
     tolerance: float,
 ) -> tuple[float, NDArray[np.int64], NDArray[np.float64], NDArray[np.int32]]:
@@ -193,14 +186,14 @@ def raise_walls(
 def raise_skirt(
     triangles: NDArray[np.int32],
     corners: NDArray[np.int32],
-    ends: NDArray[np.int32],
+    rim: NDArray[np.int32],
     begins: NDArray[np.int64],
     levels: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """
-    The walls from the base up to where the ground ends.
+    The walls from the base up to the rim of the ground.
 
-    Shapes: triangles[m,3], corners[m,3], ends[_,2].
+    Shapes: triangles[m,3], corners[m,3], rim[_,2].
     """
 
 def part_wedges(

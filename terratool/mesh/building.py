@@ -84,17 +84,19 @@ def build_part(
     left: Left,
     drawn: NDArray[np.int64],
     rim: Rim,
+    bounds: NDArray[np.int64],
 ) -> Built:
-    """Mesh the bounds of a plan.
+    """Mesh a part of what a plan is for.
 
     Args:
         terrain: the terrain.
         plan: its plan.
         left: what that leaves out.
-        drawn: (n, 4) int64 segments within the bounds.
+        drawn: (n, 4) int64 segments within the part.
         rim: what its sides have in common with other meshes.
+        bounds: (4,) west, south, east, north of the part on the lattice.
     """
-    return finish(terrain, plan, left, arrange(plan, drawn, rim), rim)
+    return finish(terrain, plan, left, arrange(plan, drawn, rim, bounds), rim)
 
 
 def finish(
@@ -112,13 +114,18 @@ def finish(
     return Built(mesh, shell, error + moved, *left)
 
 
-def arrange(plan: Plan, drawn: NDArray[np.int64], rim: Rim) -> Arranged:
+def arrange(
+    plan: Plan, drawn: NDArray[np.int64], rim: Rim, bounds: NDArray[np.int64] | None = None
+) -> Arranged:
     """Triangles whose edges follow segments, the regions, and the region of each triangle.
 
-    Beside a seam it is the region that holds along the seam, as in the tile beyond.
+    Beside a seam it is the region that holds along the seam, as in the tile beyond. Bounds on the
+    lattice may be narrower than those of the plan.
     """
+    if bounds is None:
+        bounds = plan.bounds.astype(np.int64)
     keys_of = partial(kernels.keys_of, plan.kept)
-    plane, keys = triangulate(drawn, plan.bounds, keys_of, rim)
+    plane, keys = triangulate(drawn, bounds, keys_of, rim)
     ends = rim.edges.reshape(-1, 2)
     first = 2 * np.arange(len(rim.edges), dtype=np.int32)
     along = np.column_stack([first, first, first + 1])  # their middles lie on the seams

@@ -41,7 +41,7 @@ class Triangulation(NamedTuple):
 
 def triangulate(
     segments: Ints,
-    limits: NDArray[np.float64],
+    limits: Ints,
     keys_of: Callable[[Ints, NDArray[np.int32]], Ints],
     rim: Rim,
 ) -> tuple[Triangulation, Ints]:
@@ -57,7 +57,7 @@ def triangulate(
     Returns:
         The triangles and their numbers.
     """
-    west, south, east, north = limits.astype(np.int64).tolist()
+    west, south, east, north = limits.tolist()
     around = [[west, south, west, north], [west, south, east, south]]
     around += [[east, south, east, north], [west, north, east, north]]
     outer = np.array(around, np.int64)[rim.sides < 0]
@@ -88,15 +88,13 @@ def _unique_edges(edges: Ints, count: int) -> Ints:
     return np.column_stack([packed // count, packed % count])
 
 
-def _weld(
-    points: Ints, edges: Ints, limits: NDArray[np.float64], seams: Ints, near: int
-) -> tuple[Ints, Ints]:
+def _weld(points: Ints, edges: Ints, limits: Ints, seams: Ints, near: int) -> tuple[Ints, Ints]:
     """Make vertices that are next to each other on the lattice one."""
     order = np.lexsort((points[:, 1], points[:, 0]))
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     points = points[order]
-    roots = kernels.weld(points, limits.astype(np.int64), seams, near)
+    roots = kernels.weld(points, limits, seams, near)
     edges = roots[rank[edges]]
     used = np.zeros(len(points), bool)
     used[edges] = True

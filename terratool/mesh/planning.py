@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from terratool.field.extents import curve_hulls, curve_pieces, largest_heights
 from terratool.field.terrain import Terrain
 from terratool.field.types import COMBINE, Arrays
-from terratool.kernels import mesh as kernels
 from terratool.mesh.outlines import NO_OUTLINES, outlines_of
 from terratool.mesh.statement import Ruts
 from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, REACH, Plan
@@ -96,7 +95,6 @@ def plan_of(
         groups=groups,
         reaches=reaches,
         turns=turns,
-        chords=np.empty(0),
         origin=origin,
         pitch=pitch,
         bounds=np.rint((part - np.tile(origin, 2)) / pitch),
@@ -105,8 +103,7 @@ def plan_of(
     )
     left = _choose(plan, least, finer)
     outlines, ruts = outlines_of(plan, least, SMALLEST)
-    chords = kernels.find_chords(plan.kept, plan.frames)
-    return replace(plan, chords=chords, outlines=outlines), left._replace(ruts=ruts)
+    return replace(plan, outlines=outlines), left._replace(ruts=ruts)
 
 
 def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDArray[Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -144,9 +143,8 @@ def build_tile(terrain: Terrain, layout: Layout, row: int, column: int) -> Built
         & (frames["north"] >= south)
     )
     drawn = cut(kernels.segments_of(whole.kept, np.flatnonzero(near)), limits, seams)
-    plan = replace(whole, bounds=np.array(limits, np.float64))
     rim = rim_of(limits, *seams)
-    return build_part(terrain, plan, layout.left, drawn, rim)
+    return build_part(terrain, whole, layout.left, drawn, rim, np.array(limits))
 
 
 def build_tiles(terrain: Terrain, layout: Layout) -> Iterator[tuple[int, int, Built]]:

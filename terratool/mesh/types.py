@@ -96,9 +96,6 @@ FRAME = np.dtype(
         ("corners", np.uint32),  # of the polygon that stands for a disc
         ("aside", np.float64),  # the most that the polygon changes the height inside of it
         ("rim", np.float64),  # from this t on a disc that ends too steeply for that is straight
-        ("chord", np.uint32),  # the first of its chords …
-        ("chords_x", np.uint32),  # … the number of those of its curve x, and after them of y
-        ("chords_y", np.uint32),
         ("drawn", np.uint8),  # large enough for the lattice, and in the part that is meshed
     ],
     align=True,
@@ -181,7 +178,6 @@ class Plan:
         reaches: REACH of all curves.
         turns: (n, 2) float64, for each piece how much its curve's slope jumps up to its begin,
             and how much it varies within the pieces before.
-        chords: float64, where chords of curves end, in t.
         origin: (2,) float64, world position of the lattice's zero.
         pitch: side of the lattice; a power of two.
         bounds: (4,) float64 the rectangle that is meshed, on the lattice.
@@ -197,7 +193,6 @@ class Plan:
     groups: NDArray[Any]
     reaches: NDArray[Any]
     turns: NDArray[np.float64]
-    chords: NDArray[np.float64]
     origin: NDArray[np.float64]
     pitch: float
     bounds: NDArray[np.float64]
