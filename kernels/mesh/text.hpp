@@ -192,16 +192,19 @@ inline std::tuple<Rows<float, 3>, Rows<i32, 3>> take_vertices(
 ) {
     std::vector<i32> places(points.rows(), -1);
     Rows<float, 3> own_points;
-    Rows<i32, 3> own_faces(faces.rows());
-    for (i64 n = 0; n < faces.rows(); ++n) {
-        for (i64 corner = 0; corner < 3; ++corner) {
-            i32 vertex = faces(n, corner);
-            if (places[vertex] < 0) {
-                places[vertex] = i32(own_points.size());
-                own_points.push_back({points(vertex, 0), points(vertex, 1), points(vertex, 2)});
-            }
-            own_faces[n][corner] = places[vertex];
+    Rows<i32, 3> own_faces;
+    own_points.reserve(min(points.rows(), faces.size()));
+    own_faces.reserve(faces.rows());
+    auto place_of = [&](i32 vertex) {
+        if (places[vertex] < 0) {
+            places[vertex] = i32(own_points.size());
+            own_points.push_back({points(vertex, 0), points(vertex, 1), points(vertex, 2)});
         }
+        return places[vertex];
+    };
+    for (i64 n = 0; n < faces.rows(); ++n) {
+        i32 a = place_of(faces(n, 0)), b = place_of(faces(n, 1)), c = place_of(faces(n, 2));
+        own_faces.push_back({a, b, c});
     }
     return {std::move(own_points), std::move(own_faces)};
 }
