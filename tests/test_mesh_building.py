@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -9,7 +10,10 @@ import numpy as np
 import pytest
 
 from terratool.field.terrain import Terrain
+from terratool.kernels import mesh as kernels
+from terratool.mesh import building
 from terratool.mesh.building import build
+from terratool.mesh.planning import plan_of
 from terratool.mesh.types import Mesh
 from tests.conftest import terrain_of
 from tests.meshes import (
@@ -247,6 +251,24 @@ def test_a_mesh_is_the_same_every_time() -> None:
     one_, two = (meshed(terrain_of(definition), 1e-2) for _ in range(2))
     assert one_.vertices.tobytes() == two.vertices.tobytes()
     assert one_.faces.tobytes() == two.faces.tobytes()
+
+
+def test_triangles_are_refined_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that whoever interrupts gets a turn; it makes no other difference."""
+    terrain = terrain_of(random_definition(3, 30, {**STRAIGHT, **CURVED}))
+    whole = meshed(terrain, 1e-3)
+    monkeypatch.setattr(building, "_BATCH", 7)
+    again = meshed(terrain, 1e-3)
+    for name in ("vertices", "faces", "surfaces", "walls"):
+        assert np.array_equal(getattr(whole, name), getattr(again, name))
+
+
+@pytest.mark.parametrize("name", ["groups", "reaches", "turns", "axes"])
+def test_plans_that_lead_nowhere_are_refused(name: str) -> None:
+    plan, _ = plan_of(terrain_of(random_definition(3, 30, {**STRAIGHT, **CURVED})), 1e-3)
+    assert isinstance(plan.kept, kernels.Plan)
+    with pytest.raises(TypeError, match="leads nowhere"):
+        kernels.Plan(replace(plan, **{name: getattr(plan, name)[:-1]}))
 
 
 def test_the_volume_is_that_of_the_terrain() -> None:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from terratool.errors import RequestError
+from terratool.kernels import mesh as kernels
 from terratool.mesh.building import arrange, build
 from terratool.mesh.planning import plan_of
 from terratool.mesh.rims import NO_SEAMS
-from terratool.mesh.segments import segments_of
 from terratool.mesh.solid import base_below
 from terratool.mesh.types import COVER, Built, Regions
 from terratool.mesh.walling import assemble
@@ -243,7 +243,7 @@ def test_any_heights_make_a_solid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     terrain = terrain_of(oblong(seed, random_definition(seed, 30, STRAIGHT)))
     plan, left = plan_of(terrain, 1e-3)
-    drawn = segments_of(plan, np.flatnonzero(plan.frames["drawn"]))
+    drawn = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
     plane = arrange(plan, drawn, NO_SEAMS).plane
     count = len(plane.triangles)
     none = np.zeros(count + 1, np.int64), np.empty(0, COVER)

@@ -11,12 +11,13 @@ import pytest
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.mesh import lattice, refining, rims, seams, tiling
+from terratool.kernels import mesh as kernels
+from terratool.mesh import rims, seams, tiling
 from terratool.mesh.building import build
 from terratool.mesh.planar import Triangulation
-from terratool.mesh.segments import segments_of
+from terratool.mesh.planning import plan_of
 from terratool.mesh.tiling import Layout, build_tile, build_tiles, lay_out
-from terratool.mesh.types import Mesh, Rim
+from terratool.mesh.types import COVER, Mesh, Regions, Rim
 from tests.conftest import terrain_of
 from tests.meshes import (
     CURVED,
@@ -278,24 +279,29 @@ def test_corners_take_the_heights_of_the_seam() -> None:
 
 
 def test_edges_on_a_seam_are_not_split_and_its_vertices_not_moved() -> None:
+    plan, _ = plan_of(
+        terrain_of({"size": 1, "elemTypes": STRAIGHT, "elemTree": {"type": "floor"}}), 0.1
+    )
+    flag = np.zeros(1, bool)
+    nothing = np.zeros(2, np.int64), np.empty(0, COVER)
+    region = Regions(*nothing, np.zeros(1, np.int32), flag, flag, np.zeros(1), np.zeros(1))
+    plane = Triangulation(
+        np.array([[0, 0], [1000, 0], [0, 1000]]),
+        np.array([[0, 1, 2]], np.int32),
+        np.full((1, 3), -1, np.int32),
+    )
     for locked in (False, True):
-        points = np.zeros((4, 2), np.int64)
-        points[:] = [0, 0], [1000, 0], [0, 1000], [500, 0]
-        triangles, none = np.zeros((3, 3), np.int32), np.full((3, 3), -1, np.int32)
-        triangles[0] = 0, 1, 2
-        parts = refining.Parts(
-            points, triangles, none, np.zeros(3, np.int32), np.zeros((3, 3)),
-            np.zeros(3, np.int32), np.ones(3, np.uint8), np.array([3, 1, 0, 0]),
-            np.zeros(64, np.int32), np.zeros((1, 6)), np.zeros((1, 10)), np.zeros(1),
+        work = kernels.Refinement(
+            plan.kept, region, plane, np.zeros(1, np.int32), np.zeros((1, 3)),
             np.array([-1, 0 if locked else -1, -1, -1]),
         )  # fmt: skip
-        assert refining.split_edge(parts, np.int32(0), 0, 0.0, 0.0) != locked
-        assert parts.counts[:2].tolist() == ([3, 1] if locked else [4, 2])
+        assert kernels.split_edge(work, 0, 0, 500, 0) != locked
+        points, triangles, *_ = kernels.take(work)
+        assert [len(points), len(triangles)] == ([3, 1] if locked else [4, 2])
     points = np.array([[0, 50], [0, 52], [1, 51], [1, 70]])
     limits = np.array([0, 0, 99, 99])
     for side, expected in ((0, [0, 1, 0, 3]), (-1, [0, 0, 0, 3])):
-        roots = np.arange(4)
-        lattice.weld(points, roots, limits, np.array([side, -1, -1, -1]), 2)
+        roots = kernels.weld(points, limits, np.array([side, -1, -1, -1]), 2)
         assert roots.tolist() == expected
 
 
@@ -306,7 +312,7 @@ class TestSeams:
     def test_no_segment_ends_near_them_and_none_runs_along(self, seed: int) -> None:
         _, _, _, layout = wild(seed)
         plan = layout.plan
-        drawn = segments_of(plan, np.arange(len(plan.frames)))
+        drawn = kernels.segments_of(plan.kept, np.arange(len(plan.frames)))
         for seam in (*layout.columns, *layout.rows):
             ends = drawn[:, [seam.axis, seam.axis + 2]]
             assert np.abs(ends - seam.at).min() > seams.BESIDE
@@ -351,7 +357,7 @@ class TestSeams:
         root = {"type": "b", "cells": [4, 4], "children": [box(0, 0), box(2, 45)]}
         terrain = terrain_of({"size": 4, "elemTypes": {"b": {"x": [1]}}, "elemTree": root})
         plan = lay_out(terrain, 0.1, rows=1, columns=1).plan
-        drawn = segments_of(plan, np.arange(3))
+        drawn = kernels.segments_of(plan.kept, np.arange(3))
         unit = round(1 / plan.pitch)
         # two more that cross in (3.5, 3.5), one of them steep
         crossing = np.array([[6, 6, 8, 8], [6, 8, 8, 6]]) * unit // 2
@@ -431,6 +437,7 @@ class TestLayout:
             asked.append(len(chosen))
             return segments_of(plan, chosen)
 
-        monkeypatch.setattr(tiling, "segments_of", spy)
+        segments_of = kernels.segments_of
+        monkeypatch.setattr(kernels, "segments_of", spy)
         tiles_of(terrain, layout)
         assert min(asked) < len(terrain.arrays.elements) / 3

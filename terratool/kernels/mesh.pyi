@@ -1,1 +1,261 @@
 """Mesh: the kernels in C++. Written by `make stubs`."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+NUMBER_BYTES: int = 24
+
+SHORTEST_SEAM: int = 64
+
+def check_records(
+    frame: np.dtype[Any],
+    axis: np.dtype[Any],
+    line: np.dtype[Any],
+    reach: np.dtype[Any],
+    group: np.dtype[Any],
+    cover: np.dtype[Any],
+) -> None:
+    """Refuse dtypes that are not the structs of the kernels."""
+
+class Plan:
+    """The plan of a mesh: its arrays, checked once."""
+
+    def __init__(self, arrays: object) -> None: ...
+
+class Refinement:
+    """Triangles that are refined."""
+
+    def __init__(
+        self,
+        plan: object,
+        regions: object,
+        plane: object,
+        of: object,
+        heights: object,
+        locked: object,
+    ) -> None: ...
+
+def index_rows(
+    edges: NDArray[np.int64], frame: NDArray[np.float64], rows: int
+) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """
+    For each row of places the edges that pass it.
+
+    Shapes: edges[_,4], frame[2].
+    """
+
+def segments_of(plan: Plan, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    """
+    Segments of elements and all ruts: x, y, x, y.
+
+    Shapes: chosen[_].
+    """
+
+def count_segments(plan: Plan, chosen: NDArray[np.int64]) -> int:
+    """
+    How many segments elements have.
+
+    Shapes: chosen[_].
+    """
+
+def weld(
+    points: NDArray[np.int64], limits: NDArray[np.int64], seams: NDArray[np.int64], near: int
+) -> NDArray[np.int64]:
+    """
+    For each vertex the one that it becomes.
+
+    Shapes: points[_,2], limits[4], seams[4].
+    """
+
+def thinnest(points: NDArray[np.int64], triangles: NDArray[np.int32]) -> float:
+    """
+    The smallest distance of a corner from the longest side.
+
+    Shapes: points[_,2], triangles[_,3].
+    """
+
+def find_thin(
+    points: NDArray[np.int64], triangles: NDArray[np.int32], near: float
+) -> NDArray[np.int64]:
+    """
+    Triangles lower than `near`: longest side, then corner.
+
+    Shapes: points[_,2], triangles[_,3].
+    """
+
+def keys_of(
+    plan: Plan, points: NDArray[np.int64], triangles: NDArray[np.int32]
+) -> NDArray[np.int64]:
+    """
+    For each triangle a number of what covers its middle.
+
+    Shapes: points[_,2], triangles[_,3].
+    """
+
+def describe_regions(
+    plan: Plan, points: NDArray[np.int64], triangles: NDArray[np.int32], chosen: NDArray[np.int64]
+) -> tuple[
+    NDArray[np.int64],
+    NDArray[np.uint8],
+    NDArray[np.int32],
+    NDArray[np.uint8],
+    NDArray[np.uint8],
+    NDArray[np.float64],
+    NDArray[np.float64],
+]:
+    """
+    Regions, from a triangle of each.
+
+    Shapes: points[_,2], triangles[_,3], chosen[_].
+    """
+
+def corner_heights(
+    plan: Plan,
+    regions: Any,
+    points: NDArray[np.int64],
+    triangles: NDArray[np.int32],
+    of: NDArray[np.int32],
+) -> NDArray[np.float64]:
+    """
+    Heights of triangles at their corners.
+
+    Shapes: points[_,2], triangles[m,3], of[m].
+    """
+
+def follow(
+    plan: Plan,
+    regions: Any,
+    of: NDArray[np.int32],
+    axis: int,
+    at: int,
+    passes: NDArray[np.int64],
+    beside: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Where edges along a seam end, and heights at both of their ends.
+
+    Shapes: of[k], passes[k+1], beside[k+1].
+    """
+
+def refine(refinement: Refinement, allowed: float, most: int) -> bool:
+    """Refine some triangles; whether there are more."""
+
+def part_crossings(refinement: Refinement, tolerance: float) -> bool:
+    """
+    Split edges where the higher side changes; whether there are triangles to refine.
+    """
+
+def split_edge(refinement: Refinement, triangle: int, edge: int, x: int, y: int) -> bool:
+    """Put a point of height 0 on an edge; whether it was."""
+
+def largest_error(refinement: Refinement) -> float:
+    """The largest error that triangles may have."""
+
+def take(
+    refinement: Refinement,
+) -> tuple[
+    NDArray[np.int64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]
+]:
+    """Points, corners, neighbours, regions and heights; the end of it."""
+
+def find_levels(
+    triangles: NDArray[np.int32],
+    heights: NDArray[np.float64],
+    solid: NDArray[np.bool_],
+    on_rim: NDArray[np.bool_],
+    base: float,
+    tolerance: float,
+) -> tuple[float, NDArray[np.int64], NDArray[np.float64], NDArray[np.int32]]:
+    """
+    The different heights at each vertex.
+
+    Shapes: triangles[m,3], heights[m,3], solid[m].
+    """
+
+def raise_walls(
+    neighbours: NDArray[np.int32], corners: NDArray[np.int32], levels: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """
+    The walls between triangles.
+
+    Shapes: neighbours[m,3], corners[m,3].
+    """
+
+def raise_skirt(
+    triangles: NDArray[np.int32],
+    corners: NDArray[np.int32],
+    rim: NDArray[np.int32],
+    begins: NDArray[np.int64],
+    levels: NDArray[np.float64],
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """
+    The walls from the base up to the rim of the ground.
+
+    Shapes: triangles[m,3], corners[m,3], rim[_,2].
+    """
+
+def part_wedges(
+    plane: Any,
+    corners: NDArray[np.int32],
+    begins: NDArray[np.int64],
+    faces: NDArray[np.int32],
+    owners: NDArray[np.int32],
+    below: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """
+    Give each solid wedge vertices of its own.
+
+    Shapes: corners[m,3], faces[f,3], owners[f], below[_,3].
+    """
+
+def put_points(
+    out: NDArray[np.uint8],
+    points: NDArray[np.float32] | NDArray[np.float64],
+    before: NDArray[np.uint8],
+    after: NDArray[np.uint8],
+) -> int:
+    """
+    Lines of points; returns where they end.
+
+    Shapes: points[_,3].
+    """
+
+def put_faces(
+    out: NDArray[np.uint8],
+    faces: NDArray[np.int32],
+    first: int,
+    before: NDArray[np.uint8],
+    after: NDArray[np.uint8],
+) -> int:
+    """
+    Lines of faces; returns where they end.
+
+    Shapes: faces[_,3].
+    """
+
+def sort_faces(
+    faces: NDArray[np.int32], places: NDArray[np.int32], counts: NDArray[np.int64]
+) -> NDArray[np.int32]:
+    """
+    Faces in the order of their surfaces.
+
+    Shapes: faces[m,3], places[m].
+    """
+
+def take_vertices(
+    points: NDArray[np.float32], faces: NDArray[np.int32]
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """
+    Vertices that faces use, and faces of these.
+
+    Shapes: points[_,3], faces[_,3].
+    """
+
+def stl_faces(points: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """
+    Faces as a binary STL has them.
+
+    Shapes: points[_,3], faces[_,3].
+    """

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.mesh import covering, refining, rims, sides, walling
-from terratool.mesh.missing import DEEPEST
+from terratool.kernels import mesh as kernels
+from terratool.mesh import covering, rims, walling
 from terratool.mesh.planar import Triangulation, triangulate
 from terratool.mesh.planning import Left, plan_of
-from terratool.mesh.segments import segments_of
 from terratool.mesh.types import Built, Plan, Regions, Rim
 
 _PLANS = 3
@@ -22,6 +21,8 @@ _ASIDE = 0.6
 """Discs that overlap may take up so much of the error by being polygons."""
 _ROUNDS = 8
 """Where edges were split because the higher side changes, triangles are refined again, so often."""
+_BATCH = 200_000
+"""So many triangles are looked at before others get their turn, such as who interrupts."""
 
 
 class Arranged(NamedTuple):
@@ -68,7 +69,7 @@ def build(
     finer = 1.0
     for _ in range(_PLANS):
         plan, left = plan_of(terrain, max_error, bounds, least, finer)
-        drawn = segments_of(plan, np.flatnonzero(plan.frames["drawn"]))
+        drawn = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
         arranged = arrange(plan, drawn, rims.NO_SEAMS)
         most = float(arranged.parts.asides.max(initial=0.0))
         if most <= _ASIDE * max_error:
@@ -83,17 +84,19 @@ def build_part(
     left: Left,
     drawn: NDArray[np.int64],
     rim: Rim,
+    bounds: NDArray[np.int64],
 ) -> Built:
-    """Mesh the bounds of a plan.
+    """Mesh a part of what a plan is for.
 
     Args:
         terrain: the terrain.
         plan: its plan.
         left: what that leaves out.
-        drawn: (n, 4) int64 segments within the bounds.
+        drawn: (n, 4) int64 segments within the part.
         rim: what its sides have in common with other meshes.
+        bounds: (4,) west, south, east, north of the part on the lattice.
     """
-    return finish(terrain, plan, left, arrange(plan, drawn, rim), rim)
+    return finish(terrain, plan, left, arrange(plan, drawn, rim, bounds), rim)
 
 
 def finish(
@@ -111,24 +114,29 @@ def finish(
     return Built(mesh, shell, error + moved, *left)
 
 
-def arrange(plan: Plan, drawn: NDArray[np.int64], rim: Rim) -> Arranged:
+def arrange(
+    plan: Plan, drawn: NDArray[np.int64], rim: Rim, bounds: NDArray[np.int64] | None = None
+) -> Arranged:
     """Triangles whose edges follow segments, the regions, and the region of each triangle.
 
-    Beside a seam it is the region that holds along the seam, as in the tile beyond.
+    Beside a seam it is the region that holds along the seam, as in the tile beyond. Bounds on the
+    lattice may be narrower than those of the plan.
     """
-    plane, keys = triangulate(drawn, plan.bounds, partial(covering.keys_of, plan), rim)
+    if bounds is None:
+        bounds = plan.bounds.astype(np.int64)
+    keys_of = partial(kernels.keys_of, plan.kept)
+    plane, keys = triangulate(drawn, bounds, keys_of, rim)
     ends = rim.edges.reshape(-1, 2)
     first = 2 * np.arange(len(rim.edges), dtype=np.int32)
     along = np.column_stack([first, first, first + 1])  # their middles lie on the seams
-    own = covering.keys_of(plan, ends, along)
+    own = keys_of(ends, along)
     beside, corner = rims.beside(plane, rim)
     keys[beside] = own
     points = np.concatenate([ends, plane.points])
     triangles = np.concatenate([along, plane.triangles + np.int32(len(ends))])
     parts, of = covering.regions_of(plan, points, triangles, np.concatenate([own, keys]))
     of = of[len(along) :]
-    heights = np.empty(plane.triangles.shape)
-    sides.corner_heights(plan, parts, plane.points, plane.triangles, of, heights)
+    heights = kernels.corner_heights(plan.kept, parts, plane.points, plane.triangles, of)
     rims.pin(plane, rim, beside, corner, parts.voids[of], heights)
     return Arranged(plane, parts, of, heights)
 
@@ -146,51 +154,14 @@ def approach(
     Takes and returns triangles, the region of each, and the one-sided heights at their corners;
     returns also the largest error that there may be. `locked` are the seams, as in `Rim.sides`.
     """
-    points, count = len(plane.points), len(plane.triangles)
-    work = refining.Parts(
-        *plane, of, heights,
-        queue=np.arange(count, dtype=np.int32),
-        queued=np.ones(count, np.uint8),
-        counts=np.array([points, count, count, 0]),
-        checks=np.empty(4096, np.int32),
-        spots=np.empty((int(np.diff(parts.offsets).max(initial=0)), 6)),
-        nodes=np.empty((3 * DEEPEST + 4, 10)),
-        largest=parts.asides[parts.plane & ~parts.voids].max(initial=0.0, keepdims=True),
-        locked=locked,
-    )  # fmt: skip
-    work = _grown(work)
+    work = kernels.Refinement(plan.kept, parts, plane, of, heights, locked)
     tolerance = walling.tolerance_of(plan)
     for _ in range(_ROUNDS):
-        while not refining.refine(plan, parts, work, plan.error - tolerance):
-            work = _grown(work)
-        begin = 0
-        while begin < work.counts[1]:
-            begin = refining.part_crossings(plan, parts, work, tolerance, begin)
-            if begin < work.counts[1]:
-                work = _grown(work)
-        if not work.counts[2]:  # nothing was split
+        while kernels.refine(work, plan.error - tolerance, _BATCH):
+            pass
+        if not kernels.part_crossings(work, tolerance):
             break
-    points, count = work.counts[:2]
-    plane = Triangulation(work.points[:points], work.triangles[:count], work.neighbours[:count])
-    return plane, work.of[:count], work.heights[:count], float(work.largest[0])
-
-
-def _grown(work: refining.Parts) -> refining.Parts:
-    """The same with more room."""
-    points, count = work.counts[:2]
-    queue = np.roll(work.queue, -work.counts[3])
-    work.counts[3] = 0
-
-    def longer(array: NDArray[Any], used: int) -> NDArray[Any]:
-        out = np.zeros((used + used // 2 + 1024, *array.shape[1:]), array.dtype)
-        out[:used] = array[:used]
-        return out
-
-    return work._replace(
-        points=longer(work.points, points),
-        queue=longer(queue, count),
-        **{
-            name: longer(getattr(work, name), count)
-            for name in ("triangles", "neighbours", "of", "heights", "queued")
-        },
-    )
+    level = parts.asides[parts.plane & ~parts.voids].max(initial=0.0)
+    error = max(kernels.largest_error(work), float(level))
+    points, triangles, neighbours, of, heights = kernels.take(work)
+    return Triangulation(points, triangles, neighbours), of, heights, error

@@ -9,6 +9,7 @@ from terratool.field.batches import batch_heights
 from terratool.field.extents import largest_heights
 from terratool.field.parts import Bounds, part_within
 from terratool.field.terrain import Terrain
+from terratool.kernels import field as fields
 from terratool.mesh.outlines import left_tracks, without
 from terratool.mesh.planning import plan_of
 from terratool.mesh.statement import Left, Peak, Walls
@@ -115,7 +116,7 @@ def left_out(
     points = _in_cells(terrain, out, part), spread(part), _along(terrain, tracks, part)
     x, y = (np.concatenate(axis) for axis in zip(*points, strict=True))
     whole = terrain.height(x, y)
-    change = np.abs(whole - batch_heights(arrays, x, y))
+    change = np.abs(whole - batch_heights(arrays, fields.Field(arrays), x, y))
     change[np.isnan(change)] = 0.0
     worst = int(change.argmax())
     return Left(

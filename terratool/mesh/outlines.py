@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.types import Tracks
-from terratool.mesh.inside import fill_rows
+from terratool.kernels import mesh as kernels
 from terratool.mesh.statement import Ruts
 from terratool.mesh.types import Outlines, Plan
 
@@ -50,7 +50,7 @@ def outlines_of(plan: Plan, least: float, narrowest: float) -> tuple[Outlines, R
         least: tracks that by themselves make ruts no deeper than this are left out, unless it is 0.
         narrowest: so are those with fewer points of the lattice in their width.
     """
-    tracks = plan.field.tracks
+    tracks = plan.arrays.tracks
     if not len(tracks.passes):
         return NO_OUTLINES, Ruts()
     boxes = _boxes(plan)
@@ -73,7 +73,7 @@ def outlines_of(plan: Plan, least: float, narrowest: float) -> tuple[Outlines, R
 
 def left_tracks(plan: Plan) -> NDArray[np.int64]:
     """Indices of the tracks of which nothing is drawn: left out, or far from what is meshed."""
-    every = np.arange(len(plan.field.tracks.passes))
+    every = np.arange(len(plan.arrays.tracks.passes))
     return np.setdiff1d(every, plan.outlines.owners)
 
 
@@ -98,8 +98,8 @@ def _reaches(tracks: Tracks) -> Floats:
 
 def _boxes(plan: Plan) -> list[Floats]:
     """West, south, east and north of each track, on the lattice."""
-    segments, begins = plan.field.tracks.segments, plan.field.tracks.first[:-1].astype(np.int64)
-    reach = _reaches(plan.field.tracks)
+    segments, begins = plan.arrays.tracks.segments, plan.arrays.tracks.first[:-1].astype(np.int64)
+    reach = _reaches(plan.arrays.tracks)
     low = [np.minimum(segments[axis], segments[f"end_{axis}"]) for axis in "xy"]
     high = [np.maximum(segments[axis], segments[f"end_{axis}"]) for axis in "xy"]
     sides = [np.minimum.reduceat(side, begins) - reach for side in low]
@@ -113,7 +113,7 @@ def _edges(
     """Edges of the outlines of tracks, whose each is, and how far they are off; on the lattice."""
     import shapely
 
-    tracks = plan.field.tracks
+    tracks = plan.arrays.tracks
     reaches = _reaches(tracks) / plan.pitch
     around = shapely.box(*plan.bounds)
     edges, owners = [np.empty((0, 4), np.int64)], [np.empty(0, np.uint32)]
@@ -141,7 +141,7 @@ def _path(plan: Plan, track: int) -> Any:
     """The path of a track as a line on the lattice."""
     import shapely
 
-    tracks = plan.field.tracks
+    tracks = plan.arrays.tracks
     segments = tracks.segments[tracks.first[track] : tracks.first[track + 1]]
     x, y = (np.append(segments[axis], segments[f"end_{axis}"][-1]) for axis in "xy")
     return shapely.linestrings((np.column_stack([x, y]) - plan.origin) / plan.pitch)
@@ -189,7 +189,4 @@ def _indexed(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> Outlines:
     passed = float(np.abs(edges[:, 3] - edges[:, 1]).sum())
     rows = int(min(len(edges), _ROWS * len(edges) * tall / max(passed, 1.0))) + 1
     frame = np.array([low, rows / tall])
-    count = fill_rows(edges, frame, np.zeros(rows + 1, np.int64), np.empty(0, np.uint32))
-    offsets, entries = np.zeros(rows + 1, np.int64), np.empty(count, np.uint32)
-    fill_rows(edges, frame, offsets, entries)
-    return Outlines(edges, owners, frame, offsets, entries)
+    return Outlines(edges, owners, frame, *kernels.index_rows(edges, frame, rows))

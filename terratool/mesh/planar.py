@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.mesh import lattice
+from terratool.kernels import mesh as kernels
 from terratool.mesh.types import Rim
 
 Ints = NDArray[np.int64]
@@ -41,7 +41,7 @@ class Triangulation(NamedTuple):
 
 def triangulate(
     segments: Ints,
-    limits: NDArray[np.float64],
+    limits: Ints,
     keys_of: Callable[[Ints, NDArray[np.int32]], Ints],
     rim: Rim,
 ) -> tuple[Triangulation, Ints]:
@@ -57,7 +57,7 @@ def triangulate(
     Returns:
         The triangles and their numbers.
     """
-    west, south, east, north = limits.astype(np.int64).tolist()
+    west, south, east, north = limits.tolist()
     around = [[west, south, west, north], [west, south, east, south]]
     around += [[east, south, east, north], [west, north, east, north]]
     outer = np.array(around, np.int64)[rim.sides < 0]
@@ -67,7 +67,7 @@ def triangulate(
         found, triangles, neighbours = delaunay(points.astype(np.float64), edges)
         points = np.rint(found).astype(np.int64)
         keys = keys_of(points, triangles)
-        if lattice.thinnest(points, triangles) >= _NEAR:
+        if kernels.thinnest(points, triangles) >= _NEAR:
             break
         edges = _bend(points, triangles, _borders(triangles, neighbours, keys))
     return Triangulation(points, triangles, neighbours), keys
@@ -88,17 +88,14 @@ def _unique_edges(edges: Ints, count: int) -> Ints:
     return np.column_stack([packed // count, packed % count])
 
 
-def _weld(
-    points: Ints, edges: Ints, limits: NDArray[np.float64], seams: Ints, near: int
-) -> tuple[Ints, Ints]:
+def _weld(points: Ints, edges: Ints, limits: Ints, seams: Ints, near: int) -> tuple[Ints, Ints]:
     """Make vertices that are next to each other on the lattice one."""
     order = np.lexsort((points[:, 1], points[:, 0]))
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
-    points, edges = points[order], rank[edges]
-    roots = np.arange(len(points))
-    if lattice.weld(points, roots, limits.astype(np.int64), seams, near):
-        edges = roots[edges]
+    points = points[order]
+    roots = kernels.weld(points, limits, seams, near)
+    edges = roots[rank[edges]]
     used = np.zeros(len(points), bool)
     used[edges] = True
     index = np.cumsum(used) - 1
@@ -158,10 +155,7 @@ def _borders(triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keys: 
 
 def _bend(points: Ints, triangles: NDArray[np.int32], edges: Ints) -> Ints:
     """Lead edges through vertices that are next to them: thin triangles have none for a side."""
-    count = lattice.find_thin(points, triangles, _NEAR, np.empty((0, 3), np.int64))
-    thin = np.empty((count, 3), np.int64)
-    lattice.find_thin(points, triangles, _NEAR, thin)
-    a, b, c = thin.T
+    a, b, c = kernels.find_thin(points, triangles, _NEAR).T
     count = len(points)
     keys = edges.min(axis=1) * count + edges.max(axis=1)
     long = np.minimum(a, b) * count + np.maximum(a, b)

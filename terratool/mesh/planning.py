@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from terratool.field.extents import curve_hulls, curve_pieces, largest_heights
 from terratool.field.terrain import Terrain
 from terratool.field.types import COMBINE, Arrays
-from terratool.mesh.chords import chords_of
 from terratool.mesh.outlines import NO_OUTLINES, outlines_of
 from terratool.mesh.statement import Ruts
 from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, REACH, Plan
@@ -87,14 +87,14 @@ def plan_of(
     pitch = 2.0 ** (math.ceil(math.log2(longest)) - LATTICE)
     axes, lines, groups, reaches, turns = _axes(arrays)
     plan = Plan(
-        field=arrays,
+        field=terrain.field,
+        arrays=arrays,
         frames=_frames(terrain, origin, pitch),
         axes=axes,
         lines=lines,
         groups=groups,
         reaches=reaches,
         turns=turns,
-        chords=np.empty(0),
         origin=origin,
         pitch=pitch,
         bounds=np.rint((part - np.tile(origin, 2)) / pitch),
@@ -103,7 +103,7 @@ def plan_of(
     )
     left = _choose(plan, least, finer)
     outlines, ruts = outlines_of(plan, least, SMALLEST)
-    return plan._replace(chords=chords_of(plan), outlines=outlines), left._replace(ruts=ruts)
+    return replace(plan, outlines=outlines), left._replace(ruts=ruts)
 
 
 def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDArray[Any]:
@@ -119,7 +119,7 @@ def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDAr
 
 def _choose(plan: Plan, least: float, finer: float) -> Left:
     """Which elements are drawn, and by how many corners those that are discs."""
-    frames, field = plan.frames, plan.field
+    frames, arrays = plan.frames, plan.arrays
     wide, tall = frames["east"] - frames["west"], frames["north"] - frames["south"]
     west, south, east, north = plan.bounds
     near = (
@@ -129,18 +129,18 @@ def _choose(plan: Plan, least: float, finer: float) -> Left:
         & (frames["north"] > south)
     )
     small = near & (np.minimum(wide, tall) < SMALLEST)
-    largest = largest_heights(field)
+    largest = largest_heights(arrays)
     faint = near & ~small & (largest <= least) if least > 0.0 else np.zeros_like(near)
-    kinds = field.elements["kind"]
+    kinds = arrays.elements["kind"]
     # a hole is more than a change of heights, and the root is the ground
-    faint &= field.kinds["is_void"][kinds] == 0
+    faint &= arrays.kinds["is_void"][kinds] == 0
     faint[0] = False
     frames["drawn"] = near & ~small & ~faint
-    round_ = (field.kinds["combine"][kinds] == COMBINE["radial"]) & (frames["drawn"] != 0)
+    round_ = (arrays.kinds["combine"][kinds] == COMBINE["radial"]) & (frames["drawn"] != 0)
     radius = 0.5 * np.maximum(wide, tall)[round_] * plan.pitch
     # a chord lies inside of its arc by 1 - cos(π/n) radii, which may be as long as the error is
     # high, and change the height by a part of it; a radius is half of t
-    slope = 0.5 * plan.axes["inner"][kinds[round_], 0] * np.abs(field.elements["scale"][round_])
+    slope = 0.5 * plan.axes["inner"][kinds[round_], 0] * np.abs(arrays.elements["scale"][round_])
     ringed = plan.axes["ringed"][kinds[round_], 0] != 0
     share = finer * np.where(ringed, _RINGED_SHARE, _SHARE)
     inside = share * plan.error / np.maximum(slope, share * radius)
@@ -153,7 +153,7 @@ def _choose(plan: Plan, least: float, finer: float) -> Left:
     np.maximum.at(most, cell.reshape(-1), corners)
     frames["corners"][round_] = most[cell.reshape(-1)]
     inside = 1.0 - np.cos(math.pi / frames["corners"][round_])
-    change = 0.5 * plan.axes["slope"][kinds[round_], 0] * np.abs(field.elements["scale"][round_])
+    change = 0.5 * plan.axes["slope"][kinds[round_], 0] * np.abs(arrays.elements["scale"][round_])
     change *= inside
     # where a disc ends too steeply for that, as a dome does, it is right but for so much sideways
     steep = (change > 0.5 * plan.error) & (change > slope * inside)

@@ -8,14 +8,14 @@ sides of it, in the same order, and heights along it are those of the line alone
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.mesh import covering, profiles
-from terratool.mesh.segments import segments_of
+from terratool.kernels import mesh as kernels
+from terratool.mesh import covering
 from terratool.mesh.types import Plan, Rim
 from terratool.mesh.walling import tolerance_of
 
@@ -103,7 +103,7 @@ def _find(plan: Plan, axis: int, number: int, count: int, others: Sequence[_Line
         # an irrational step: cells of all sizes have their edges at fractions
         at = round(wanted + reach * (2.0 * (((k + 0.5) * _GOLDEN) % 1.0) - 1.0))
         there = (begins <= at + BESIDE) & (ends >= at - BESIDE)
-        line = _line(plan, axis, at, segments_of(plan, chosen[there]), others)
+        line = _line(plan, axis, at, kernels.segments_of(plan.kept, chosen[there]), others)
         if line is not None:
             return line
     raise RequestError(
@@ -227,16 +227,11 @@ def _profile(plan: Plan, line: _Line) -> Seam:
     points[:, axis], points[:, 1 - axis] = at, passes
     first = np.arange(len(passes) - 1, dtype=np.int32)
     stretches = np.column_stack([first, first, first + 1])  # their middles lie on the seam
-    parts, of = covering.regions_of(
-        plan, points, stretches, covering.keys_of(plan, points, stretches)
-    )
+    keys = kernels.keys_of(plan.kept, points, stretches)
+    parts, of = covering.regions_of(plan, points, stretches, keys)
     # vertices stay away from segments that pass at a slant
-    beside = np.maximum(np.ceil(3 * _SAME * slants), profiles.SHORTEST)
-    arguments = plan, parts, of, axis, at, passes, beside, np.empty((64, 2))
-    nothing: tuple[Any, ...] = np.empty(0, np.int64), np.empty((0, 2))
-    count = profiles.follow(*arguments, *nothing)
-    ends, heights = np.empty(count, np.int64), np.empty((count, 2))
-    profiles.follow(*arguments, ends, heights)
+    beside = np.maximum(np.ceil(3 * _SAME * slants), kernels.SHORTEST_SEAM)
+    ends, heights = kernels.follow(plan.kept, parts, of, axis, at, passes, beside)
     # what is one height in a mesh is one number
     tolerance = tolerance_of(plan)
     one = np.abs(heights[1:, 0] - heights[:-1, 1]) <= tolerance

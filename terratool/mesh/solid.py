@@ -1,15 +1,12 @@
-"""What closes a mesh: where its rim runs, the base below it, vertices for each solid wedge."""
+"""What closes a mesh: where its rim runs, and the base below it."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.mesh import pinches
-from terratool.mesh.planar import Triangulation, delaunay
+from terratool.mesh.planar import delaunay
 
 Ints = NDArray[np.int32]
 
@@ -48,7 +45,7 @@ def rim_of(neighbours: Ints, ground: NDArray[np.bool_]) -> Ints:
         (k, 2) triangle, and which of its edges.
     """
     ends = ground[:, None] & ((neighbours < 0) | ~ground[neighbours])
-    return np.argwhere(ends).astype(np.int32)
+    return np.argwhere(ends).astype(np.int32, order="C")
 
 
 def base_of(points: NDArray[np.int64], edges: Ints) -> Ints:
@@ -63,43 +60,3 @@ def base_of(points: NDArray[np.int64], edges: Ints) -> Ints:
     used, index = np.unique(edges, return_inverse=True)
     _, triangles, _ = delaunay(points[used].astype(np.float64), index.reshape(-1, 2), within=True)
     return used[triangles].astype(np.int32)
-
-
-def part_wedges(
-    plane: Triangulation,
-    corners: Ints,
-    begins: NDArray[np.int64],
-    faces: Ints,
-    owners: Ints,
-    below: Ints,
-) -> tuple[Ints, Ints]:
-    """Make every edge that of two faces, by vertices of its own for each wedge.
-
-    Args:
-        plane: m triangles.
-        corners: (m, 3) level of each corner, -1 where there is no ground.
-        begins: (n + 1,) index of each vertex's first level.
-        faces: (f, 3) ground, walls and skirt, of levels; changed to vertices.
-        owners: (f,) the triangle of each.
-        below: (b, 3) the base, of vertices in the plane.
-
-    Returns:
-        The faces of the base, downwards, and for each new vertex the level that it lies at.
-    """
-    points, triangles, neighbours = plane
-    fans = np.empty(len(points), np.int32)
-    pinches.find_fans(triangles, neighbours, fans)
-    most = int(np.bincount(triangles.ravel()).max()) + 1
-    around, tops = np.empty(most, np.int32), np.empty(most, np.int32)
-    chains = np.empty(triangles.shape, np.int64)
-    given: Any = triangles, neighbours, corners, begins, fans, around, tops, chains
-    nothing = np.empty(0, np.int32)
-    used, made = pinches.part(*given, nothing, nothing)
-    tables, sources = np.empty(used, np.int32), np.empty(made, np.int32)
-    pinches.part(*given, tables, sources)
-    places = np.repeat(np.arange(len(points), dtype=np.int32), np.diff(begins))
-    if made:
-        pinches.part_faces(triangles, begins, places, chains, tables, owners, faces)
-    base = np.empty(below.shape, np.int32)
-    pinches.part_base(points, triangles, neighbours, begins, fans, chains, tables, below, base)
-    return base, sources

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from terratool.field.extents import curve_pieces
 from terratool.field.terrain import Terrain
 from terratool.field.types import COMBINE
+from terratool.kernels import mesh as kernels
 from terratool.mesh.building import build_part
 from terratool.mesh.planning import Left, plan_of
 from terratool.mesh.seams import Seam, cut, lay_seams, rim_of
-from terratool.mesh.segments import segments, segments_of
 from terratool.mesh.types import Built, Plan
 
 TILE_FACES = 1_000_000
@@ -109,19 +109,19 @@ def faces_of(plan: Plan) -> float:
     of two straight curves that change by Δx and Δy is a saddle, and needs some ΔxΔy / E. Where the
     tangent of a curve is vertical there are more.
     """
-    field = plan.field
+    arrays = plan.arrays
     drawn = np.flatnonzero(plan.frames["drawn"])
-    per_kind = np.zeros(len(field.kinds))
-    for k, kind in enumerate(field.kinds):
-        pieces = [curve_pieces(field, kind, axis)[1] for axis in "xy"]
+    per_kind = np.zeros(len(arrays.kinds))
+    for k, kind in enumerate(arrays.kinds):
+        pieces = [curve_pieces(arrays, kind, axis)[1] for axis in "xy"]
         bends = [np.sqrt(np.abs(p[:, 2] * 2 + p[:, 3] * 3) / 8).sum() for p in pieces]
         changes = [np.abs(p[:, 1:].sum(axis=1)).sum() for p in pieces]
         per_kind[k] = _PER_BEND * max(bends) ** 2
         if kind["combine"] == COMBINE["product"]:
             per_kind[k] += _PER_TWIST * changes[0] * changes[1]
-    elements = field.elements[drawn]
+    elements = arrays.elements[drawn]
     curved = (per_kind[elements["kind"]] * np.abs(elements["scale"])).sum() / plan.error
-    count = segments(plan, drawn, np.empty((0, 4), np.int64))
+    count = kernels.count_segments(plan.kept, drawn)
     ruts = _PER_EDGE * len(plan.outlines.edges)
     return float(_PER_SEGMENT * count + curved + ruts)
 
@@ -142,10 +142,9 @@ def build_tile(terrain: Terrain, layout: Layout, row: int, column: int) -> Built
         & (frames["south"] <= north)
         & (frames["north"] >= south)
     )
-    drawn = cut(segments_of(whole, np.flatnonzero(near)), limits, seams)
-    plan = whole._replace(bounds=np.array(limits, np.float64))
+    drawn = cut(kernels.segments_of(whole.kept, np.flatnonzero(near)), limits, seams)
     rim = rim_of(limits, *seams)
-    return build_part(terrain, plan, layout.left, drawn, rim)
+    return build_part(terrain, whole, layout.left, drawn, rim, np.array(limits))
 
 
 def build_tiles(terrain: Terrain, layout: Layout) -> Iterator[tuple[int, int, Built]]:

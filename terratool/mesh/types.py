@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.types import Arrays
+from terratool.kernels import field as fields
+from terratool.kernels import mesh as kernels
 from terratool.mesh.statement import Ruts
 
 
@@ -93,9 +96,6 @@ FRAME = np.dtype(
         ("corners", np.uint32),  # of the polygon that stands for a disc
         ("aside", np.float64),  # the most that the polygon changes the height inside of it
         ("rim", np.float64),  # from this t on a disc that ends too steeply for that is straight
-        ("chord", np.uint32),  # the first of its chords …
-        ("chords_x", np.uint32),  # … the number of those of its curve x, and after them of y
-        ("chords_y", np.uint32),
         ("drawn", np.uint8),  # large enough for the lattice, and in the part that is meshed
     ],
     align=True,
@@ -143,6 +143,8 @@ GROUP = np.dtype(
 COVER = np.dtype([("element", np.uint32), ("group_x", np.uint32), ("group_y", np.uint32)])
 """An element that covers a region, and the groups of its curves that hold there."""
 
+kernels.check_records(FRAME, AXIS, LINE, REACH, GROUP, COVER)
+
 
 class Outlines(NamedTuple):
     """The outlines of ruts on the lattice, and an index of the rows that their edges pass.
@@ -162,11 +164,13 @@ class Outlines(NamedTuple):
     entries: NDArray[np.uint32]
 
 
-class Plan(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Plan:
     """What the kernels need to know of a field to mesh it.
 
     Attributes:
-        field: the compiled field.
+        field: the compiled field …
+        arrays: … and its arrays.
         frames: (elements,) FRAME.
         axes: (kinds, 2) AXIS.
         lines: LINE of all curves.
@@ -174,7 +178,6 @@ class Plan(NamedTuple):
         reaches: REACH of all curves.
         turns: (n, 2) float64, for each piece how much its curve's slope jumps up to its begin,
             and how much it varies within the pieces before.
-        chords: float64, where chords of curves end, in t.
         origin: (2,) float64, world position of the lattice's zero.
         pitch: side of the lattice; a power of two.
         bounds: (4,) float64 the rectangle that is meshed, on the lattice.
@@ -182,19 +185,24 @@ class Plan(NamedTuple):
         outlines: those of the ruts.
     """
 
-    field: Arrays
+    field: fields.Field
+    arrays: Arrays
     frames: NDArray[Any]
     axes: NDArray[Any]
     lines: NDArray[Any]
     groups: NDArray[Any]
     reaches: NDArray[Any]
     turns: NDArray[np.float64]
-    chords: NDArray[np.float64]
     origin: NDArray[np.float64]
     pitch: float
     bounds: NDArray[np.float64]
     error: float
     outlines: Outlines
+
+    @cached_property
+    def kept(self) -> kernels.Plan:
+        """The same, checked and kept, as kernels take it."""
+        return kernels.Plan(self)
 
 
 class Rim(NamedTuple):

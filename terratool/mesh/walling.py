@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from msgspec import UNSET
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from terratool.field.extents import largest_heights
 from terratool.field.terrain import Terrain
-from terratool.mesh import levels as kernels
+from terratool.kernels import mesh as kernels
 from terratool.mesh import solid
 from terratool.mesh.planar import Triangulation
 from terratool.mesh.types import Mesh, Plan, Regions
@@ -26,7 +25,7 @@ GREY = 160, 160, 160
 
 def rounding_of(plan: Plan) -> float:
     """How much two heights may differ by rounding, in units of the terrain."""
-    return SAME * float(largest_heights(plan.field).max())
+    return SAME * float(largest_heights(plan.arrays).max())
 
 
 def tolerance_of(plan: Plan) -> float:
@@ -73,27 +72,11 @@ def assemble(
         edges = triangles[rim[:, :1], np.column_stack([rim[:, 1], (rim[:, 1] + 1) % 3])]
         rims[edges] = True
 
-    room = np.zeros(len(points) + 1, np.int64)
-    np.cumsum(np.bincount(triangles.ravel(), minlength=len(points)) + rims, out=room[1:])
-    begins = np.empty(len(points) + 1, np.int64)
-    levels = np.empty(room[-1])
-    corners = np.empty(triangles.shape, np.int32)
-    moved = kernels.find_levels(
-        triangles,
-        heights,
-        ground,
-        rims,
-        base or 0.0,
-        tolerance_of(plan),
-        begins,
-        room,
-        levels,
-        corners,
+    moved, begins, levels, corners = kernels.find_levels(
+        triangles, heights, ground, rims, base or 0.0, tolerance_of(plan)
     )
-    levels = levels[: begins[-1]].copy()
-
-    walls, above = _filled(kernels.raise_walls, neighbours, corners, levels)
-    skirt, over = _filled(kernels.raise_skirt, triangles, corners, rim, begins, levels)
+    walls, above = kernels.raise_walls(neighbours, corners, levels)
+    skirt, over = kernels.raise_skirt(triangles, corners, rim, begins, levels)
     faces = np.concatenate([corners[ground], walls, skirt])
     owners = np.concatenate([np.flatnonzero(ground).astype(np.int32), above, over])
     surfaces = parts.surfaces[of[owners]]
@@ -101,9 +84,8 @@ def assemble(
     upright = len(walls) + len(skirt)
     floor = np.empty((0, 3), np.int32)
     if base is not None:
-        floor, more = solid.part_wedges(
-            plane, corners, begins, faces, owners, solid.base_of(points, edges)
-        )
+        below = solid.base_of(points, edges)
+        floor, more = kernels.part_wedges(plane, corners, begins, faces, owners, below)
         sources = np.concatenate([sources, more])
     place = np.repeat(np.arange(len(points)), np.diff(begins))[sources]
     mesh = Mesh(
@@ -122,11 +104,3 @@ def assemble(
         ).reshape(-1, 3),
     )
     return mesh, len(faces) - len(skirt), moved
-
-
-def _filled(raise_: Callable[..., int], *given: Any) -> tuple[NDArray[np.int32], ...]:
-    """Faces and their triangles from a kernel that first counts them."""
-    count = raise_(*given, np.empty((0, 3), np.int32), np.empty(0, np.int32))
-    faces, owners = np.empty((count, 3), np.int32), np.empty(count, np.int32)
-    raise_(*given, faces, owners)
-    return faces, owners

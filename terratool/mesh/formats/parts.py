@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.mesh.formats.kernels import sort_faces, take_vertices
+from terratool.kernels import mesh as kernels
 from terratool.mesh.types import Mesh
 
 NO_COLOR = (128, 128, 128)
@@ -48,16 +48,15 @@ def parts_of(mesh: Mesh) -> list[Part]:
     """A mesh by its surfaces, in their order; what has none comes last."""
     count = len(mesh.names)
     # -1 is the last of so many
-    places = np.where(mesh.surfaces < 0, count, mesh.surfaces)
-    ends = np.cumsum(np.bincount(places, minlength=count + 1))
-    begins = np.concatenate([[0], ends[:-1]])
+    places = np.where(mesh.surfaces < 0, np.int32(count), mesh.surfaces)
+    counts = np.bincount(places, minlength=count + 1)
+    ends = np.cumsum(counts)
     faces = mesh.faces
-    if np.count_nonzero(np.diff(ends, prepend=0)) > 1:
-        faces = np.empty_like(mesh.faces)
-        sort_faces(mesh.faces, places, begins.copy(), faces)
+    if np.count_nonzero(counts) > 1:
+        faces = kernels.sort_faces(faces, places, counts)
     parts = []
     for place in range(count + 1):
-        own = faces[begins[place] : ends[place]]
+        own = faces[ends[place] - counts[place] : ends[place]]
         if not len(own):
             continue
         if place == count:
@@ -75,11 +74,7 @@ def shape_of(
 
     Programs that take parts for separate meshes copy all vertices that a part can see.
     """
-    places = np.full(len(points), -1, np.int32)
-    own = np.empty((min(len(points), part.faces.size), 3), np.float32)
-    faces = np.empty(part.faces.shape, np.int32)
-    count: int = take_vertices(points, part.faces, places, own, faces)
-    return own[:count], faces
+    return kernels.take_vertices(points, part.faces)
 
 
 def face_colors(mesh: Mesh) -> NDArray[np.uint8]:

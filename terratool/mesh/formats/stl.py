@@ -5,14 +5,11 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-import numpy as np
-
-from terratool.mesh.formats.kernels import put_triangles
+from terratool.kernels import mesh as kernels
 from terratool.mesh.formats.parts import points_of
 from terratool.mesh.formats.text import origin_of
 from terratool.mesh.types import Mesh
 
-_FACE = np.dtype([("normal_and_corners", "<f4", 12), ("attribute", "<u2")])
 _HEADER_BYTES = 80
 _BLOCK = 1 << 14
 
@@ -26,9 +23,4 @@ def write_stl(mesh: Mesh, path: Path, descr: str) -> None:
         file.write(header.encode("ascii", "replace")[:_HEADER_BYTES].ljust(_HEADER_BYTES))
         file.write(struct.pack("<I", len(mesh.faces)))
         for begin in range(0, len(mesh.faces), _BLOCK):
-            faces = mesh.faces[begin : begin + _BLOCK]
-            triangles = np.empty((len(faces), 12), np.float32)
-            put_triangles(points, faces, triangles)
-            rows = np.zeros(len(faces), _FACE)
-            rows["normal_and_corners"] = triangles
-            file.write(rows.data)
+            file.write(kernels.stl_faces(points, mesh.faces[begin : begin + _BLOCK]).data)

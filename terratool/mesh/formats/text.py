@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.mesh.formats.kernels import DOUBLE, NUMBER_BYTES, SINGLE, put_faces, put_points
+from terratool.kernels import mesh as kernels
 from terratool.mesh.types import Heights, Mesh
 
 _BLOCK = 1 << 15
@@ -25,8 +25,7 @@ def write_points(
 
     Each float32 is the shortest number that reads back as the same, each float64 has 15 digits.
     """
-    limits = SINGLE if points.dtype == np.float32 else DOUBLE
-    _write(file, points, put_points, (limits,), before, after)
+    _write(file, points, kernels.put_points, (), before, after)
 
 
 def write_faces(
@@ -37,7 +36,7 @@ def write_faces(
     after: bytes = b"\n",
 ) -> None:
     """Write faces, (m, 3), as lines; the first vertex has the number `first`."""
-    _write(file, faces, put_faces, (first,), before, after)
+    _write(file, faces, kernels.put_faces, (first,), before, after)
 
 
 def _write(
@@ -49,7 +48,7 @@ def _write(
     after: bytes,
 ) -> None:
     rows = np.ascontiguousarray(rows)
-    size = 3 * NUMBER_BYTES + 2 + len(before) + len(after)
+    size = 3 * kernels.NUMBER_BYTES + 2 + len(before) + len(after)
     out = np.empty(min(_BLOCK, len(rows)) * size, np.uint8)
     texts = [np.frombuffer(text, np.uint8) for text in (before, after)]
     for begin in range(0, len(rows), _BLOCK):

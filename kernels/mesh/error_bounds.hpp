@@ -1,0 +1,283 @@
+// How far a triangle is from the heights of its region: by branch and bound, for certain.
+//
+// A triangle is quartered where the bounds do not yet show that it is near enough. So the largest
+// error is found with few heights, and what is accepted holds everywhere, not only where it was
+// tested.
+//
+// For a function with second derivatives, what its linear interpolation in a triangle misses at p
+// is ½ Σ λᵢ (pᵢ - p)ᵀ H (pᵢ - p), with the Hessian H somewhere on the way to each corner pᵢ
+// (Taylor's formula at p), and Σ λᵢ (uᵢ - u)² is a variance: at most a quarter of the squared range
+// of u. At a crease the slope jumps by J, which adds up to J/4 times that range.
+#pragma once
+
+#include "lattice.hpp"
+#include "sides.hpp"
+
+namespace terratool::mesh {
+
+using Corners = std::array<UV, 3>;  // of a triangle, in an element's primitive
+
+// Bounds of a curve between two t: least and greatest value, slope, and how it bends: its second
+// derivative, or what a chord misses.
+struct CurveBounds {
+    double low, high, slope, bend;
+};
+
+// Bounds of a cubic between two places, and of its derivatives in t.
+// `per` is how fast its own parameter runs with t.
+INLINE CurveBounds piece_bounds(In pieces, u64 row, double s0, double s1, double per) {
+    double f0 = piece_value(pieces, row, s0), f1 = piece_value(pieces, row, s1);
+    double g0 = piece_slope(pieces, row, s0), g1 = piece_slope(pieces, row, s1);
+    double c2 = 2.0 * pieces[row + 2], c3 = 6.0 * pieces[row + 3];
+    double bend = max(abs(c2 + c3 * s0), abs(c2 + c3 * s1));
+    // what varies by no more than v between two ends is nowhere beyond their mean by over v / 2
+    double slope = 0.5 * (abs(g0) + abs(g1) + bend * (s1 - s0));
+    double rise = slope * (s1 - s0);
+    return {0.5 * (f0 + f1 - rise), 0.5 * (f0 + f1 + rise), slope * per, bend * per * per};
+}
+
+// Bounds of a curve between two t: least and greatest value, slope, and what a chord misses.
+// A chord over a range of r misses no more than the bend times r²/8, and J r/4 for the creases; it
+// also misses no more than r/4 times all that the slope varies by.
+INLINE CurveBounds curve_bounds(
+    const Plan& plan, const CurveAt& curve, const Axis& axis, i64 group, double t0, double t1,
+    double near_end
+) {
+    In pieces = plan.field->curves.pieces;
+    if (!curve.knotted && is_constant(pieces, curve.first, curve.count)) {  // most common
+        double value = pieces[u64(curve.first) * 4];
+        return {value, value, 0.0, 0.0};
+    }
+    t0 = held(plan, group, t0, near_end), t1 = held(plan, group, t1, near_end);
+    auto [i, row, s] = piece_at(plan, curve, group, t0);
+    auto [k, last_row, end] = piece_at(plan, curve, group, t1);
+    double per = curve.knotted ? 1.0 : curve.count;
+    double span = t1 - t0;
+    if (i == k) {
+        CurveBounds one = piece_bounds(pieces, row, s, max(s, end), per);
+        return {one.low, one.high, one.slope, 0.125 * one.bend * span * span};
+    }
+    double own = 1.0;  // the length of the first piece in its own parameter
+    if (curve.knotted) {
+        i64 knot = curve.knot + i;
+        own = plan.field->curves.knots[knot + 1] - plan.field->curves.knots[knot];
+    }
+    CurveBounds all = piece_bounds(pieces, row, s, max(s, own), per);
+    double varied = all.bend * (own - s) / per;
+    CurveBounds last_piece = piece_bounds(pieces, last_row, 0.0, end, per);
+    varied += last_piece.bend * end / per;
+    auto widen = [&](double low, double high, double slope, double bend) {
+        all.low = min(all.low, low), all.high = max(all.high, high);
+        all.slope = max(all.slope, slope), all.bend = max(all.bend, bend);
+    };
+    widen(last_piece.low, last_piece.high, last_piece.slope, last_piece.bend);
+    i64 first = axis.turn + i, last = axis.turn + k;
+    double jumps = plan.turns(last, 0) - plan.turns(first, 0);
+    varied += jumps + plan.turns(last, 1) - plan.turns(first + 1, 1);
+    if (k > i + 1) {
+        i64 level = 0;
+        while ((i64(2) << level) <= k - i - 1) ++level;
+        i64 rows = axis.reach + level * i64(axis.pieces);
+        for (i64 at : {rows + i + 1, rows + k - (i64(1) << level)}) {
+            const Reach& reach = plan.reaches[at];
+            widen(reach.low, reach.high, reach.slope, reach.bend);
+        }
+    }
+    double chord = 0.125 * all.bend * span * span + 0.25 * jumps * span;
+    return {all.low, all.high, all.slope, min(chord, 0.25 * varied * span)};
+}
+
+// As element_error, for a disc with a factor of 1.
+// The distance from the middle is linear in each sector of the polygon. Across m of the lines
+// between them its gradient turns by 2 m tan(π/n).
+inline double radial_error(const Plan& plan, const Cover& cover, const Corners& at) {
+    constexpr double inward = 1e-6;  // corners count as this much nearer to the middle, in parts
+    const Known e(plan, cover.element);
+    u32 corners = e.frame.corners;
+    i64 n = corners;
+    double middle_u = (at[0].u + at[1].u + at[2].u) / 3.0;
+    double middle_v = (at[0].v + at[1].v + at[2].v) / 3.0;
+    double least = INF, most = 0.0;
+    auto squared = [](UV a, UV b) { return square(b.u - a.u) + square(b.v - a.v); };
+    double longest = max3(squared(at[0], at[1]), squared(at[1], at[2]), squared(at[2], at[0]));
+    double wide = 2.0 * sqrt(longest);
+    std::array<i64, 3> s{-1, -1, -1};
+    for (int c = 0; c < 3; ++c) {
+        auto [u, v] = at[c];
+        double rho = gauge({u, v}, corners);
+        least = min(least, rho), most = max(most, rho);
+        // a corner on the line between two sectors is in that where the triangle is
+        i64 own =
+            sector({u + inward * (middle_u - u), v + inward * (middle_v - v)}, corners);
+        if (rho < inward) continue;  // the middle is in all of them
+        s[c] = own < 0 ? own + n : own;
+    }
+    if (s[0] < 0) s[0] = max(s[0], s[1]);
+    if (s[1] < 0) s[1] = s[0];
+    if (s[2] < 0) s[2] = s[0];
+    i64 low = min3(s[0], s[1], s[2]), high = max3(s[0], s[1], s[2]);
+    i64 between = s[0] + s[1] + s[2] - low - high;
+    i64 lines = n - max3(between - low, high - between, low + n - high);
+    double half = PI / double(n);
+    double outward = wide / std::cos(half);
+    if (2 * lines < n) outward = min(outward, 0.5 * double(lines) * std::tan(half) * wide);
+    outward *= 0.5;  // of t
+    double rim = e.frame.rim, near_end = rounded(e.frame);
+    double t0 = max(0.5 + 0.5 * least - outward, 0.5), t1 = 0.5 + 0.5 * most;
+    CurveAt curve = x_curve(e.kind);
+    auto [bottom, top, slope, chord] =
+        curve_bounds(plan, curve, e.x, cover.group_x, min(t0, rim), min(t1, rim), near_end);
+    if (t1 > rim) {  // straight from there on
+        double before = curve_at(plan, curve, cover.group_x, rim, near_end);
+        double last = curve_at(plan, curve, cover.group_x, 1.0, near_end);
+        double steep = abs(last - before) / (1.0 - rim);
+        if (t0 >= rim) return min(steep * outward, abs(last - before));
+        bottom = min(bottom, last), top = max(top, last);
+        // the bend lies in a part of the range only, but counts with all of it
+        chord *= 2.0 * (t1 - t0) / (rim - t0);
+        chord += 0.25 * (slope + steep) * (t1 - t0);
+        slope = max(slope, steep);
+    }
+    return min(chord + slope * outward, top - bottom);
+}
+
+// How far at most an element is from a triangle whose corners are on it, in units of the terrain.
+inline double element_error(const Plan& plan, const Cover& cover, const Corners& at) {
+    const Known e(plan, cover.element);
+    double size = abs(e.element.scale);
+    if (size == 0.0) return 0.0;
+    u8 combine = e.kind.combine;
+    if (combine == RADIAL) return size * radial_error(plan, cover, at);
+    double near_end = rounded(e.frame);
+    double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
+    double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
+    CurveAt curve_x = x_curve(e.kind), curve_y = y_curve(e.kind);
+    auto x = curve_bounds(plan, curve_x, e.x, cover.group_x, low_u, high_u, near_end);
+    auto y = curve_bounds(plan, curve_y, e.y, cover.group_y, low_v, high_v, near_end);
+    double wide = high_u - low_u, tall = high_v - low_v;
+    double rise_x = x.high - x.low, rise_y = y.high - y.low;
+    double along = min(x.bend, rise_x), across = min(y.bend, rise_y);
+    if (combine == PRODUCT) {
+        double most_x = max(abs(x.low), abs(x.high)), most_y = max(abs(y.low), abs(y.high));
+        // x y at a corner less x y is (Δx) y + x Δy + Δx Δy
+        double twist = min(0.25 * x.slope * wide * y.slope * tall, rise_x * rise_y);
+        double error = along * most_y + most_x * across + twist;
+        return size * min(error, rise_x * most_y + most_x * rise_y);
+    }
+    if (combine == SUM) return size * (along + across);
+    // where one of both is the answer everywhere, the other one is worth nothing
+    if (x.low >= y.high) return size * (combine == MIN ? across : along);
+    if (y.low >= x.high) return size * (combine == MIN ? along : across);
+    // min(x, y) is half of x + y - |x - y|, and |d| of a linear d is missed by 2 min(d, -d) at most
+    double above = 0.0, below = 0.0;
+    for (auto [u, v] : at) {
+        double rise = curve_at(plan, curve_x, cover.group_x, u, near_end);
+        rise -= curve_at(plan, curve_y, cover.group_y, v, near_end);
+        above = max(above, rise), below = max(below, -rise);
+    }
+    return size * (along + across + min(above, below));
+}
+
+// A place in a triangle: shares of its corners b and c.
+struct Shares {
+    double s, r;
+
+    INLINE Shares half_way(Shares to) const { return {0.5 * (s + to.s), 0.5 * (r + to.r)}; }
+    INLINE UV in(const Corners& at) const {
+        double q = 1.0 - s - r;
+        return {q * at[0].u + s * at[1].u + r * at[2].u, q * at[0].v + s * at[1].v + r * at[2].v};
+    }
+};
+
+struct ErrorAt {
+    double error;
+    Shares place;
+};
+
+// A triangle in its region: its heights, and where its corners are in each of the covers.
+struct InRegion {
+    const Plan& plan;
+    Span<const Cover> covers;
+    double drop;
+    std::array<double, 3> heights;
+    Span<const Corners> corners;
+
+    // How far the region is from the triangle at a place.
+    double error_at(Shares at) const {
+        double z = 0.0;
+        for (std::size_t k = 0; k < covers.size(); ++k)
+            z += element_height(plan, covers[k], at.in(corners[k]));
+        auto [za, zb, zc] = heights;
+        z = z - drop;
+        return z - (za + at.s * (zb - za) + at.r * (zc - za));
+    }
+
+    // How far it is from a part of the triangle with its corners on it; infinite beyond `enough`.
+    double bound(const std::array<Shares, 3>& part, double enough) const {
+        double total = 0.0;
+        for (std::size_t k = 0; k < covers.size(); ++k) {
+            const Corners& own = corners[k];
+            total += element_error(
+                plan, covers[k], {part[0].in(own), part[1].in(own), part[2].in(own)}
+            );
+            if (total > enough) return INF;
+        }
+        return total;
+    }
+};
+
+// How far a triangle is from its region, and where.
+//
+// If the answer is at most `enough`, nothing in the triangle is farther. Otherwise it is an error
+// found there, or a bound that no finer look brought below `enough`.
+inline ErrorAt largest_error(const InRegion& triangle, double enough) {
+    constexpr int deepest = 6;  // a triangle is quartered so often at most …
+    constexpr int coarse = 3;   // … as often where it is known already that it is too far off
+    // the place of the largest error is known well enough where no other is this much larger
+    constexpr double largest = 1.0;
+    struct Part {
+        std::array<Shares, 3> corners;
+        std::array<double, 3> errors;  // there
+        int depth;
+    };
+    std::array<Part, 3 * deepest + 4> parts;
+    parts[0] = {{{{0.0, 0.0}, {1.0, 0.0}, {0.0, 1.0}}}, {0.0, 0.0, 0.0}, 0};
+    i64 pending = 1;
+    ErrorAt most{0.0, {0.0, 0.0}};   // the largest error found
+    double sure = 0.0;               // no less than all errors that were looked into
+    ErrorAt doubt{0.0, {0.0, 0.0}};  // the largest bound that was not
+    while (pending) {
+        const Part part = parts[--pending];
+        const auto& [p0, p1, p2] = part.corners;
+        const auto& [e0, e1, e2] = part.errors;
+        double own = max3(abs(e0), abs(e1), abs(e2));
+        double need = max(enough, largest * most.error);
+        double error = own + triangle.bound(part.corners, need - own);
+        if (error <= need) {
+            sure = max(sure, error);
+            continue;
+        }
+        if (part.depth >= (most.error > enough ? coarse : deepest)) {
+            error = own + triangle.bound(part.corners, INF);
+            if (error > doubt.error)
+                doubt = {error, {(p0.s + p1.s + p2.s) / 3.0, (p0.r + p1.r + p2.r) / 3.0}};
+            continue;
+        }
+        Shares p01 = p0.half_way(p1), p12 = p1.half_way(p2), p20 = p2.half_way(p0);
+        double e01 = triangle.error_at(p01), e12 = triangle.error_at(p12);
+        double e20 = triangle.error_at(p20);
+        if (abs(e01) > most.error) most = {abs(e01), p01};
+        if (abs(e12) > most.error) most = {abs(e12), p12};
+        if (abs(e20) > most.error) most = {abs(e20), p20};
+        int depth = part.depth + 1;
+        parts[pending++] = {{p0, p01, p20}, {e0, e01, e20}, depth};
+        parts[pending++] = {{p01, p1, p12}, {e01, e1, e12}, depth};
+        parts[pending++] = {{p20, p12, p2}, {e20, e12, e2}, depth};
+        parts[pending++] = {{p12, p20, p01}, {e12, e20, e01}, depth};
+    }
+    if (most.error > enough) return most;
+    if (doubt.error > 0.0) return doubt;
+    return {sure, most.place};
+}
+
+}  // namespace terratool::mesh

@@ -1,0 +1,323 @@
+// Segments that the edges of a mesh follow: footprints, vertical steps, creases, where min changes.
+//
+// They are clipped to the cell of their element and to the part that is meshed, and rounded to the
+// lattice.
+#pragma once
+
+#include "sides.hpp"
+
+namespace terratool::mesh {
+
+// What lies outside by less, in points of the lattice, is inside.
+constexpr double SLACK = 1e-3;
+
+struct Place {  // on the lattice, not rounded
+    double x, y;
+};
+
+// A stretch of a segment, in parts of it; none where it ends before it begins.
+struct Stretch {
+    double low = 0.0, high = 1.0;
+
+    // Narrow it to where a linear function is at most `slack`.
+    // `before` and `after` are its values at the two ends of the segment.
+    INLINE void cut(double before, double after, double slack) {
+        before -= slack;
+        after -= slack;
+        if (before > 0.0 && after > 0.0) low = 1.0, high = 0.0;
+        else if (before > 0.0) low = max(low, before / (before - after));
+        else if (after > 0.0) high = min(high, before / (before - after));
+    }
+    // Narrow a segment to a rectangle.
+    INLINE void cut(double west, double south, double east, double north, Place a, Place b) {
+        cut(west - a.x, west - b.x, SLACK);
+        cut(a.x - east, b.x - east, SLACK);
+        cut(south - a.y, south - b.y, SLACK);
+        cut(a.y - north, b.y - north, SLACK);
+    }
+};
+
+struct Weights {
+    double along, across;
+};
+
+// How much a change of the curve x, and of the curve y, may change the height of an element.
+INLINE Weights weights(const Known& e) {
+    double along = abs(e.element.scale), across = along;
+    if (e.kind.combine == PRODUCT) along *= e.y.most, across *= e.x.most;
+    return {along, e.kind.combine == RADIAL ? 0.0 : across};
+}
+
+// A crease is an edge if the chord over it misses by more than so much of the error.
+constexpr double DRAWN = 0.5;
+
+// Whether a line of a curve is drawn, for an element where it weighs so much.
+INLINE bool is_drawn(const Plan& plan, const Line& line, double weight) {
+    return weight > 0.0 && line.crease * weight > DRAWN * plan.error;
+}
+
+INLINE Span<const Line> lines_of(const Plan& plan, const Axis& axis) {
+    return plan.lines.subspan(axis.line, axis.lines);
+}
+
+struct Between {
+    i64 passed, group;
+};
+
+// Between which drawn lines of a curve `t` lies, and in which group.
+INLINE Between between_lines(const Plan& plan, const Axis& axis, double weight, double t) {
+    Between at{0, axis.group};
+    for (const Line& line : lines_of(plan, axis)) {
+        if (line.t > t) break;
+        at.passed += is_drawn(plan, line, weight);
+        at.group = line.group;
+    }
+    return at;
+}
+
+// Begin and end of a straight piece of a curve in t, value at the begin and slope.
+struct StraightPiece {
+    double begin, end, value, slope;
+};
+
+inline StraightPiece straight_piece(const Plan& plan, const CurveAt& curve, i64 i) {
+    const Curves& curves = plan.field->curves;
+    u64 row = (u64(curve.first) + u64(i)) * 4;
+    double value = curves.pieces[row], slope = curves.pieces[row + 1];
+    if (curve.knotted) {
+        i64 knot = curve.knot + i;
+        return {curves.knots[knot], min(curves.knots[knot + 1], 1.0), value, slope};
+    }
+    return {double(i) / curve.count, double(i + 1) / curve.count, value, slope * curve.count};
+}
+
+// Number of the pieces of a curve, one of no length at the end not counted.
+inline i64 count_pieces(const Plan& plan, const CurveAt& curve) {
+    if (!curve.knotted) return i64(curve.count);
+    i64 i = 0;
+    while (plan.field->curves.knots[curve.knot + i] < 1.0) ++i;
+    return i;
+}
+
+using Segments = Rows<i64, 4>;  // x, y, x, y
+
+// Draws the segments of elements: put(segment) is called with each.
+template <class Put> class Drawing {
+public:
+    Drawing(const Plan& plan, Put put) : plan_(plan), put_(put) {}
+
+    // All segments of an element.
+    void draw(i64 index) {
+        const Known e(plan_, index);
+        auto [along, across] = weights(e);
+        if (e.pose.turned) draw_trims(e);
+        if (e.kind.combine == RADIAL) {
+            draw_ring(e, 1.0, 1);
+            for (const Line& line : lines_of(plan_, e.x))
+                if (is_drawn(plan_, line, along)) draw_ring(e, 2.0 * line.t - 1.0, 1);
+            if (is_faceted(e)) draw_spokes(e);
+            draw_chords(e, false);
+            return;
+        }
+        draw_in_shape(e, {0.0, 0.0}, {1.0, 0.0});
+        draw_in_shape(e, {1.0, 0.0}, {1.0, 1.0});
+        draw_in_shape(e, {1.0, 1.0}, {0.0, 1.0});
+        draw_in_shape(e, {0.0, 1.0}, {0.0, 0.0});
+        for (const Line& line : lines_of(plan_, e.x))
+            if (is_drawn(plan_, line, along)) draw_in_shape(e, {line.t, 0.0}, {line.t, 1.0});
+        for (const Line& line : lines_of(plan_, e.y))
+            if (is_drawn(plan_, line, across)) draw_in_shape(e, {0.0, line.t}, {1.0, line.t});
+        draw_chords(e, false);
+        draw_chords(e, true);
+        bool straight = e.x.linear && e.y.linear && e.element.scale != 0.0;
+        if (straight && (e.kind.combine == MIN || e.kind.combine == MAX)) draw_ties(e);
+    }
+
+private:
+    const Plan& plan_;
+    Put put_;
+
+    // A segment on the lattice, clipped to the cell of its element if it is `trimmed`.
+    void draw_on_lattice(const Known& e, bool trimmed, Place a, Place b) {
+        Stretch kept;
+        In bounds = plan_.bounds;
+        const Frame& f = e.frame;
+        kept.cut(bounds[0], bounds[1], bounds[2], bounds[3], a, b);
+        if (trimmed) kept.cut(f.west, f.south, f.east, f.north, a, b);
+        if (kept.low >= kept.high) return;
+        auto rounded = [&](double share) {
+            double x = a.x + share * (b.x - a.x), y = a.y + share * (b.y - a.y);
+            return Place{std::nearbyint(x), std::nearbyint(y)};
+        };
+        Place begin = rounded(kept.low), end = rounded(kept.high);
+        if (begin.x == end.x && begin.y == end.y) return;
+        // one direction, so that the same edge of two elements is the same segment
+        if (begin.x > end.x || (begin.x == end.x && begin.y > end.y)) std::swap(begin, end);
+        put_({i64(begin.x), i64(begin.y), i64(end.x), i64(end.y)});
+    }
+
+    // A segment given in (u, v) of the element's primitive.
+    void draw_in_shape(const Known& e, UV a, UV b) {
+        const Frame& f = e.frame;
+        const Pose& pose = e.pose;
+        double wide = f.east - f.west, tall = f.north - f.south;
+        auto on_lattice = [&](UV at) {
+            if (pose.turned) {  // back to the cell
+                double p = at.u - 0.5, q = at.v - 0.5;
+                at.u = 0.5 + p * pose.cos + q * pose.sin_v;
+                at.v = 0.5 + q * pose.cos - p * pose.sin_u;
+            }
+            return Place{f.west + at.u * wide, f.south + at.v * tall};
+        };
+        draw_on_lattice(e, pose.turned != 0, on_lattice(a), on_lattice(b));
+    }
+
+    // The polygon that stands for a circle of so many radii of the disc.
+    // Only each `stride`-th corner of the disc's polygon is used.
+    void draw_ring(const Known& e, double rho, i64 stride) {
+        i64 corners = e.frame.corners;
+        double step = 2.0 * PI / double(corners);
+        const UV first{0.5 + 0.5 * rho, 0.5};
+        UV before = first;
+        for (i64 k = stride; k <= corners; k += stride) {
+            double angle = double(k) * step;
+            UV at{0.5 + 0.5 * rho * std::cos(angle), 0.5 + 0.5 * rho * std::sin(angle)};
+            if (k == corners) at = first;
+            draw_in_shape(e, before, at);
+            before = at;
+        }
+    }
+
+    // How many corners of a disc's polygon the ring at `t` may go at a time.
+    i64 stride_at(const Known& e, double t) {
+        constexpr double allowed = 0.2;  // the height may change by so much of the error
+        constexpr double share = 0.01;   // the slope is that of a secant over so much of the way on
+        CurveAt curve = x_curve(e.kind);
+        i64 group = between_lines(plan_, e.x, 0.0, t).group;
+        double ahead = t + share * (1.0 - t);
+        double drop = curve_at(plan_, curve, group, t, 0.0);
+        drop -= curve_at(plan_, curve, group, ahead, 0.0);
+        // the slope there, for a change of the radius, times the radius
+        double steep = 0.5 * abs(drop * e.element.scale) / (ahead - t) * (2.0 * t - 1.0);
+        i64 corners = e.frame.corners, stride = 1;
+        while (corners % (2 * stride) == 0 && corners >= 16 * stride) {
+            double angle = 2.0 * double(stride) * PI / double(corners);
+            if (steep * (1.0 - std::cos(angle)) > allowed * plan_.error) break;
+            stride *= 2;
+        }
+        return stride;
+    }
+
+    // The lines where the chords of a curve meet.
+    void draw_chords(const Known& e, bool on_y) {
+        for (double t : plan_.chords.of(e.index, on_y)) {
+            if (e.kind.combine == RADIAL) draw_ring(e, 2.0 * t - 1.0, stride_at(e, t));
+            else if (on_y) draw_in_shape(e, {0.0, t}, {1.0, t});
+            else draw_in_shape(e, {t, 0.0}, {t, 1.0});
+        }
+    }
+
+    // The lines from the middle of a disc to the corners of its polygon.
+    void draw_spokes(const Known& e) {
+        i64 corners = e.frame.corners;
+        for (i64 k = 0; k < corners; ++k) {
+            double angle = double(k) * (2.0 * PI / double(corners));
+            draw_in_shape(
+                e, {0.5, 0.5}, {0.5 + 0.5 * std::cos(angle), 0.5 + 0.5 * std::sin(angle)}
+            );
+        }
+    }
+
+    // The sides of the cell where they trim what is turned.
+    void draw_trims(const Known& e) {
+        const Frame& f = e.frame;
+        const Pose& pose = e.pose;
+        double slack = SLACK * max(f.per_x, f.per_y);
+        constexpr std::array<UV, 4> corners = {{{0.0, 0.0}, {1.0, 0.0}, {1.0, 1.0}, {0.0, 1.0}}};
+        for (int side = 0; side < 4; ++side) {
+            auto [a0, b0] = corners[side];
+            auto [a1, b1] = corners[(side + 1) % 4];
+            double p0 = (a0 - 0.5) * pose.cos - (b0 - 0.5) * pose.sin_v;
+            double q0 = (a0 - 0.5) * pose.sin_u + (b0 - 0.5) * pose.cos;
+            double p1 = (a1 - 0.5) * pose.cos - (b1 - 0.5) * pose.sin_v;
+            double q1 = (a1 - 0.5) * pose.sin_u + (b1 - 0.5) * pose.cos;
+            Stretch kept;
+            if (e.kind.combine == RADIAL) {
+                double half = PI / double(f.corners), reach = 0.5 * std::cos(half);
+                for (i64 k = 0; k < f.corners; ++k) {
+                    double angle = double(2 * k + 1) * half;
+                    double c = std::cos(angle), s = std::sin(angle);
+                    kept.cut(p0 * c + q0 * s - reach, p1 * c + q1 * s - reach, slack);
+                }
+            } else {
+                kept.cut(p0 - 0.5, p1 - 0.5, slack);
+                kept.cut(-0.5 - p0, -0.5 - p1, slack);
+                kept.cut(q0 - 0.5, q1 - 0.5, slack);
+                kept.cut(-0.5 - q0, -0.5 - q1, slack);
+            }
+            if (kept.low >= kept.high) continue;
+            double x0 = f.west + a0 * (f.east - f.west), y0 = f.south + b0 * (f.north - f.south);
+            double x1 = f.west + a1 * (f.east - f.west), y1 = f.south + b1 * (f.north - f.south);
+            auto at = [&](double share) {
+                return Place{x0 + share * (x1 - x0), y0 + share * (y1 - y0)};
+            };
+            draw_on_lattice(e, true, at(kept.low), at(kept.high));
+        }
+    }
+
+    // The lines where the two curves of a minimum or maximum are equal.
+    void draw_ties(const Known& e) {
+        CurveAt curve_x = x_curve(e.kind), curve_y = y_curve(e.kind);
+        i64 along = count_pieces(plan_, curve_x), across = count_pieces(plan_, curve_y);
+        for (i64 i = 0; i < along; ++i) {
+            auto [u0, u1, a, slope_a] = straight_piece(plan_, curve_x, i);
+            for (i64 j = 0; j < across; ++j) {
+                auto [v0, v1, b, slope_b] = straight_piece(plan_, curve_y, j);
+                // a + slope_a (u - u0) = b + slope_b (v - v0)
+                if (slope_a == 0.0 && slope_b == 0.0) continue;
+                UV begin, end;
+                if (abs(slope_b) * (v1 - v0) >= abs(slope_a) * (u1 - u0)) {
+                    begin = {u0, v0 + (a - b) / slope_b};
+                    end = {u1, v0 + (a + slope_a * (u1 - u0) - b) / slope_b};
+                } else {
+                    begin = {u0 + (b - a) / slope_a, v0};
+                    end = {u0 + (b + slope_b * (v1 - v0) - a) / slope_a, v1};
+                }
+                Stretch kept;
+                kept.cut(u0 - begin.u, u0 - end.u, 0.0);
+                kept.cut(begin.u - u1, end.u - u1, 0.0);
+                kept.cut(v0 - begin.v, v0 - end.v, 0.0);
+                kept.cut(begin.v - v1, end.v - v1, 0.0);
+                if (kept.low >= kept.high) continue;
+                auto at = [&](double share) {
+                    return UV{
+                        begin.u + share * (end.u - begin.u), begin.v + share * (end.v - begin.v)
+                    };
+                };
+                draw_in_shape(e, at(kept.low), at(kept.high));
+            }
+        }
+    }
+};
+
+// Segments of the elements with these indices and of all ruts.
+inline Segments segments_of(const Plan& plan, Span<const i64> chosen) {
+    Segments drawn;
+    Drawing drawing(plan, [&](std::array<i64, 4> segment) { drawn.push_back(segment); });
+    for (i64 index : chosen) drawing.draw(index);
+    for (i64 e = 0; e < plan.outlines.edges.rows(); ++e) {
+        auto edge = plan.outlines.edges[e];
+        drawn.push_back({edge[0], edge[1], edge[2], edge[3]});
+    }
+    return drawn;
+}
+
+// How many segments elements have.
+inline i64 count_segments(const Plan& plan, Span<const i64> chosen) {
+    i64 count = 0;
+    Drawing drawing(plan, [&](std::array<i64, 4>) { ++count; });
+    for (i64 index : chosen) drawing.draw(index);
+    return count;
+}
+
+}  // namespace terratool::mesh

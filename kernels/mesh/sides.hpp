@@ -1,0 +1,140 @@
+// Heights from one side: what a region's elements are worth at a point of it or of its rim.
+//
+// At a wall the height has one value for each region that meets there. An element's curves are held
+// to the stretch between two vertical steps that the region lies in, its u and v to the footprint.
+#pragma once
+
+#include "../field/primitives.hpp"
+#include "types.hpp"
+
+namespace terratool::mesh {
+
+// So many points of the lattice beside a rim or a step a vertex is on it: it was rounded.
+constexpr double ROUNDED = 6.0;
+
+// Distance of a place from the middle in radii of the polygon that stands for a disc.
+// It is 1 on the whole polygon. The height is that of the cone over the polygon, so that rings of
+// edges stay level and a disc that ends at 0 meets the ground without a gap.
+INLINE double gauge(UV at, u32 corners) {
+    double a = 2.0 * at.u - 1.0, b = 2.0 * at.v - 1.0;
+    double rho = sqrt(a * a + b * b);
+    double half = PI / double(corners);
+    double angle = std::atan2(b, a);
+    angle -= 2.0 * half * floor(angle / (2.0 * half));  // within its sector
+    return rho * std::cos(angle - half) / std::cos(half);
+}
+
+// Which of the triangles between the middle and the sides of a disc's polygon holds a place.
+INLINE i64 sector(UV at, u32 corners) {
+    double angle = std::atan2(2.0 * at.v - 1.0, 2.0 * at.u - 1.0);
+    return i64(floor(angle * double(corners) / (2.0 * PI)));
+}
+
+// Whether a disc is drawn as a pyramid: its curve is made of straight pieces.
+INLINE bool is_faceted(const Known& e) {
+    return e.kind.combine == RADIAL && e.x.linear && !e.x.level && e.element.scale != 0.0;
+}
+
+struct PiecePlace {  // a piece of a curve, its row, and a place in it
+    i64 piece;
+    u64 row;
+    double s;
+};
+
+// The piece of a curve that holds `t` in a group.
+INLINE PiecePlace piece_at(const Plan& plan, const CurveAt& curve, i64 group, double t) {
+    const Group& limits = plan.groups[group];
+    const Curves& curves = plan.field->curves;
+    i64 i;
+    double s;
+    if (curve.knotted) {
+        i = clamp(find_piece(curves, curve, t), limits.first, limits.last);
+        s = t - curves.knots[curve.knot + i];
+    } else {
+        i = clamp(i64(t * curve.count), limits.first, limits.last);
+        s = t * curve.count - double(i);
+    }
+    return {i, (u64(curve.first) + u64(i)) * 4, s};
+}
+
+// `t` within a group; what is `near` to one of its ends is there.
+INLINE double held(const Plan& plan, i64 group, double t, double near_end) {
+    const Group& limits = plan.groups[group];
+    if (t < limits.low + near_end) t = limits.low;
+    if (t > limits.high - near_end) t = limits.high;
+    return t;
+}
+
+// Value of a curve at `t`, within the group with the index `group`.
+INLINE double curve_at(
+    const Plan& plan, const CurveAt& curve, i64 group, double t, double near_end
+) {
+    PiecePlace at = piece_at(plan, curve, group, held(plan, group, t, near_end));
+    return piece_value(plan.field->curves.pieces, at.row, at.s);
+}
+
+// How far along a curve, in t, a vertex may have been rounded.
+INLINE double rounded(const Frame& frame) { return ROUNDED * max(frame.per_x, frame.per_y); }
+
+// Position in an element's cell of a point on the lattice.
+INLINE UV place_in_cell(const Frame& frame, double x, double y) {
+    return {(x - frame.west) * frame.per_x, (y - frame.south) * frame.per_y};
+}
+
+// Position in an element's primitive of a point on the lattice.
+INLINE UV place_in_shape(const Plan& plan, i64 index, double x, double y) {
+    UV at = place_in_cell(plan.frames[index], x, y);
+    const Pose& pose = plan.field->poses[plan.field->elements[index].pose];
+    return pose.turned ? turned(pose, at.u, at.v) : at;
+}
+
+// What an element adds to the height at a place, as it does in the region of the cover.
+INLINE double element_height(const Plan& plan, const Cover& cover, UV at) {
+    const Element& element = plan.field->elements[cover.element];
+    const Kind& kind = plan.field->kinds[element.kind];
+    const Frame& frame = plan.frames[cover.element];
+    double near_end = rounded(frame), value;
+    auto x = [&](double t) { return curve_at(plan, x_curve(kind), cover.group_x, t, near_end); };
+    if (kind.combine == RADIAL) {
+        double t = 0.5 + 0.5 * gauge(at, frame.corners);
+        if (t <= frame.rim) {
+            value = x(t);
+        } else {
+            value = x(1.0);
+            double before = x(frame.rim);
+            value -= (value - before) * (1.0 - min(t, 1.0)) / (1.0 - frame.rim);
+        }
+    } else {
+        double fx = x(at.u);
+        double fy = curve_at(plan, y_curve(kind), cover.group_y, at.v, near_end);
+        if (kind.combine == PRODUCT) value = fx * fy;
+        else if (kind.combine == SUM) value = fx + fy;
+        else value = kind.combine == MIN ? min(fx, fy) : max(fx, fy);
+    }
+    return element.scale * value + element.offset;
+}
+
+// Height of a region at a point of it, or of its rim, on the lattice.
+inline double height_in(const Plan& plan, const Regions& regions, i64 region, double x, double y) {
+    double z = 0.0;
+    for (const Cover& cover : regions.covers_of(region))
+        z += element_height(plan, cover, place_in_shape(plan, cover.element, x, y));
+    return z - regions.drops[region];
+}
+
+// Heights of triangles at their corners, each from its own side; `of` are their regions.
+inline Rows<double, 3> corner_heights(
+    const Plan& plan, const Regions& regions, Points points, Triangles triangles, Span<const i32> of
+) {
+    Rows<double, 3> heights(triangles.rows());
+    for (i64 t = 0; t < triangles.rows(); ++t) {
+        for (i64 c = 0; c < 3; ++c) {
+            i64 p = triangles(t, c);
+            double x = double(points(p, 0)), y = double(points(p, 1));
+            heights[t][c] = height_in(plan, regions, of[t], x, y);
+        }
+    }
+    return heights;
+}
+
+}  // namespace terratool::mesh

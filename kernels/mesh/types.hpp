@@ -1,0 +1,178 @@
+// The arrays of a plan, and what is made from them. terratool/mesh/types.py says what they mean.
+#pragma once
+
+#include "../field/types.hpp"
+
+namespace terratool::mesh {
+
+using Points = Matrix<const i64>;     // (n, 2) on the lattice
+using Triangles = Matrix<const i32>;  // (m, 3) indices of points, or of triangles beyond edges
+
+constexpr i32 NONE = -1;  // in the place of an index
+
+// The corners, or the edges, of a triangle, counter-clockwise; edge c leads from corner c on.
+INLINE i64 next_corner(i64 c) { return c == 2 ? 0 : c + 1; }
+INLINE i64 last_corner(i64 c) { return c == 0 ? 2 : c - 1; }
+
+// The least and the greatest of three.
+template <class T> INLINE T min3(T a, T b, T c) { return min(min(a, b), c); }
+template <class T> INLINE T max3(T a, T b, T c) { return max(max(a, b), c); }
+
+struct Frame {
+    double west, south, east, north, per_x, per_y;
+    u32 corners;
+    double aside, rim;
+    u8 drawn;
+};
+
+struct Axis {
+    u32 line, lines, group;
+    u8 level, linear;
+    double most, inner, slope;
+    u8 steep, ringed;
+    double faintest;
+    u32 reach, pieces, turn;
+};
+
+struct Line {
+    double t, crease;
+    u32 group;
+};
+
+struct Reach {
+    double low, high, slope, bend;
+};
+
+struct Group {
+    double low, high;
+    i64 first, last;
+};
+
+struct Cover {
+    u32 element, group_x, group_y;
+};
+
+template <class Visit> void visit_members(Frame& f, Visit visit) {
+    visit("west", f.west), visit("south", f.south), visit("east", f.east), visit("north", f.north);
+    visit("per_x", f.per_x), visit("per_y", f.per_y);
+    visit("corners", f.corners), visit("aside", f.aside), visit("rim", f.rim);
+    visit("drawn", f.drawn);
+}
+
+template <class Visit> void visit_members(Axis& a, Visit visit) {
+    visit("line", a.line), visit("lines", a.lines), visit("group", a.group);
+    visit("level", a.level), visit("linear", a.linear);
+    visit("most", a.most), visit("inner", a.inner), visit("slope", a.slope);
+    visit("steep", a.steep), visit("ringed", a.ringed), visit("faintest", a.faintest);
+    visit("reach", a.reach), visit("pieces", a.pieces), visit("turn", a.turn);
+}
+
+template <class Visit> void visit_members(Line& l, Visit visit) {
+    visit("t", l.t), visit("crease", l.crease), visit("group", l.group);
+}
+
+template <class Visit> void visit_members(Reach& r, Visit visit) {
+    visit("low", r.low), visit("high", r.high), visit("slope", r.slope), visit("bend", r.bend);
+}
+
+template <class Visit> void visit_members(Group& g, Visit visit) {
+    visit("low", g.low), visit("high", g.high), visit("first", g.first), visit("last", g.last);
+}
+
+template <class Visit> void visit_members(Cover& c, Visit visit) {
+    visit("element", c.element), visit("group_x", c.group_x), visit("group_y", c.group_y);
+}
+
+struct Outlines {
+    Matrix<const i64> edges;
+    Span<const u32> owners;
+    In frame;
+    Span<const i64> offsets;
+    Span<const u32> entries;
+};
+
+template <class Visit> void visit_arguments(Outlines& o, Visit visit) {
+    visit("edges[o,4]", o.edges), visit("owners[o]", o.owners), visit("frame[2]", o.frame);
+    visit("offsets", o.offsets), visit("entries", o.entries);
+}
+
+// Where the chords of elements' curves end, in t; see chords.hpp.
+struct Chords {
+    std::vector<double> ends;
+    std::vector<u32> begins;  // in the ends: of each element's curve x, then of its curve y
+
+    INLINE In of(i64 element, bool on_y) const {
+        const u32* at = &begins[2 * element + on_y];
+        return In(ends).subspan(at[0], at[1] - at[0]);
+    }
+};
+
+struct Plan {
+    const Field* field;
+    Span<const Frame> frames;
+    Matrix<const Axis> axes;
+    Span<const Line> lines;
+    Span<const Group> groups;
+    Span<const Reach> reaches;
+    Matrix<const double> turns;
+    In origin;
+    double pitch;
+    In bounds;
+    double error;
+    Outlines outlines;
+    Chords chords;  // found, not given
+};
+
+template <class Visit> void visit_arguments(Plan& p, Visit visit) {
+    visit("field", p.field), visit("frames[E]", p.frames), visit("axes[_,2]", p.axes);
+    visit("lines", p.lines), visit("groups", p.groups), visit("reaches", p.reaches);
+    visit("turns[_,2]", p.turns), visit("origin[2]", p.origin);
+    visit("pitch", p.pitch), visit("bounds[4]", p.bounds), visit("error", p.error);
+    visit("outlines", p.outlines);
+}
+
+struct Regions {
+    Span<const i64> offsets;
+    Span<const Cover> covers;
+    Span<const i32> surfaces;
+    Span<const bool> voids, plane;
+    In asides, drops;
+
+    INLINE Span<const Cover> covers_of(i64 region) const {
+        return covers.subspan(offsets[region], offsets[region + 1] - offsets[region]);
+    }
+};
+
+template <class Visit> void visit_arguments(Regions& r, Visit visit) {
+    visit("offsets[r+1]", r.offsets), visit("covers", r.covers), visit("surfaces[r]", r.surfaces);
+    visit("voids[r]", r.voids), visit("plane[r]", r.plane);
+    visit("asides[r]", r.asides), visit("drops[r]", r.drops);
+}
+
+// Triangles in the plane.
+struct Triangulation {
+    Points points;
+    Triangles triangles, neighbours;
+};
+
+template <class Visit> void visit_arguments(Triangulation& t, Visit visit) {
+    visit("points[p,2]", t.points), visit("triangles[m,3]", t.triangles);
+    visit("neighbours[m,3]", t.neighbours);
+}
+
+// An element, with all that is known of it.
+struct Known {
+    i64 index;
+    const Element& element;
+    const Kind& kind;
+    const Pose& pose;
+    const Frame& frame;
+    const Axis &x, &y;
+
+    INLINE Known(const Plan& plan, i64 at)
+        : index(at), element(plan.field->elements[at]), kind(plan.field->kinds[element.kind]),
+          pose(plan.field->poses[element.pose]), frame(plan.frames[at]),
+          x(plan.axes(element.kind, 0)), y(plan.axes(element.kind, 1)) {}
+};
+
+}  // namespace terratool::mesh
