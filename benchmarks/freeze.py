@@ -26,12 +26,18 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 GENERATED = 120
 """Definitions drawn from the strategies of the tests, as many again with tracks."""
+LAYERS = (
+    "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
+    "color",
+)  # fmt: skip
 VEHICLES = ("husky-a200", "curiosity", "neobotix-mp-500")
 
 Command = tuple[str, list[str]]
 
 
-def commands(name: str, wide: float, origin: tuple[float, float], relief: float) -> Iterator[Command]:
+def commands(
+    name: str, wide: float, origin: tuple[float, float], relief: float
+) -> Iterator[Command]:
     """What is run for a terrain: a name for its results, and the arguments, in its own folder."""
     file = f"../../samples/{name}.json"
     fine, coarse = f"{wide / 397:.5g}", f"{wide / 90:.5g}"
@@ -42,8 +48,7 @@ def commands(name: str, wide: float, origin: tuple[float, float], relief: float)
     yield "format", ["format", file, "--check"]
     yield "query-csv", ["query", file, "--points", "points.csv"]
     yield "query-json", ["query", file, "--points", "points.csv", "--format", "json"]
-    layers = "height surface slope aspect normal cohesion friction sinkage sonar color".split()
-    every = [word for layer in layers for word in ("--layer", layer)]
+    every = [word for layer in LAYERS for word in ("--layer", layer)]
     yield "dem-tif", ["export-dem", file, "dem.tif", "--resolution", fine]
     yield "dem-all", ["export-dem", file, "all.tif", "--resolution", coarse, *every]
     yield "dem-npy", ["export-dem", file, "dem.npy", "--resolution", fine, "--dtype", "float64"]
@@ -189,9 +194,13 @@ def generated() -> Iterator[tuple[str, dict[str, Any]]]:
 
 def record_arrays(out: Path) -> None:
     """What the library answers: heights, samples, windows, losses, meshes."""
-    definitions = list(generated())
-    for path in sorted((ROOT / "samples").glob("*.json")):
-        definitions.append((f"sample-{path.stem}", json.loads(path.read_text())))
+    definitions = [
+        *generated(),
+        *(
+            (f"sample-{path.stem}", json.loads(path.read_text()))
+            for path in sorted((ROOT / "samples").glob("*.json"))
+        ),
+    ]
     folder = out / "arrays"
     folder.mkdir()
     for name, definition in definitions:

@@ -401,28 +401,3 @@ def test_the_command_says_what_it_did(tmp_path: Path, saved: Callable[..., Path]
     assert (band["name"], band["unit"], file["dtype"]) == ("height", "m", "float32")
     text = run("export-dem", saved(SITE), tmp_path / "b.tif").stdout
     assert "60 × 40 pixels of 0.2 (a tenth of the smallest cell)" in text
-
-
-def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path: Path, saved: Callable[..., Path]) -> None:
-    """With rate and time left, on standard error; also where the terminal knows no width."""
-    pty = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
-    command = [sys.executable, "-m", "terratool", "export-dem", str(saved(SITE))]
-    ours, theirs = pty.openpty()
-    with subprocess.Popen(
-        [*command, str(tmp_path / "a.tif")], stdout=subprocess.PIPE, stderr=theirs
-    ) as process:
-        os.close(theirs)
-        shown = b""
-        while True:
-            try:
-                more = os.read(ours, 4096)
-            except OSError:  # the other end is closed
-                break
-            if not more:
-                break
-            shown += more
-        assert process.stdout and b"60 \xc3\x97 40 pixels" in process.stdout.read()
-    os.close(ours)
-    assert process.returncode == 0
-    assert b"%|" in shown and b"px/s]" in shown and b"2.40k" in shown
-    assert run("export-dem", saved(SITE), tmp_path / "b.tif").stderr == ""

@@ -894,35 +894,6 @@ def test_the_three_commands_write_the_same(
     assert again[0] == 0
 
 
-def test_a_line_on_a_terminal_and_none_in_a_pipe(
-    tmp_path: Path, saved: Callable[..., Path]
-) -> None:
-    """How far it is, on standard error."""
-    pty = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
-    import os
-
-    command = [sys.executable, "-m", "terratool", "export-mesh", str(saved(SITE))]
-    ours, theirs = pty.openpty()
-    with subprocess.Popen(
-        [*command, str(tmp_path / "a.ply")], stdout=subprocess.PIPE, stderr=theirs
-    ) as process:
-        os.close(theirs)
-        shown = b""
-        while True:
-            try:
-                more = os.read(ours, 4096)
-            except OSError:  # the other end is closed
-                break
-            if not more:
-                break
-            shown += more
-        assert process.stdout and b"faces" in process.stdout.read()
-    os.close(ours)
-    assert b"meshing within 0.00" in shown
-    piped = subprocess.run([*command, str(tmp_path / "b.ply")], capture_output=True, check=False)
-    assert (piped.returncode, piped.stderr) == (0, b"")
-
-
 def test_a_link_keeps_being_one(tmp_path: Path) -> None:
     """What stands behind it is written, and named."""
     (tmp_path / "real").mkdir()

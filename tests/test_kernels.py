@@ -177,7 +177,7 @@ def test_arrays_of_another_length_are_refused(part: str, name: str) -> None:
         sides = spec["spelled"].partition("[")[2].rstrip("]").split(",")
         for axis, side in enumerate(sides if sides[0] else []):
             letter = side.partition("+")[0]
-            alone = letter == "_" or not letter.isdigit() and uses(everywhere, letter) < 2
+            alone = letter == "_" or (not letter.isdigit() and uses(everywhere, letter) < 2)
             if alone and letter != "E":
                 continue
             shape = list(fits.shape)
@@ -290,7 +290,7 @@ def digest() -> str:
 @pytest.mark.skipif(not X86, reason="other processors have one variant")
 def test_both_variants_give_the_same_bits() -> None:
     """Heights, surfaces, normals, planes, losses and meshes of all samples."""
-    if not kernels._processor.is_v3():
+    if not kernels.is_v3():
         pytest.skip("this processor has no x86-64-v3")
     said = []
     for variant in ("baseline", "v3"):
@@ -356,7 +356,7 @@ def test_rows_are_added_by_vector_instructions(variant: str, tmp_path: Path) -> 
     out = tmp_path / "rows.s"
     subprocess.run([*command, "-S", str(source), "-o", str(out)], check=True, cwd=ROOT)
     bodies = re.split(r"^(\w+):$", out.read_text(), flags=re.MULTILINE)
-    functions = {name: body for name, body in zip(bodies[1::2], bodies[2::2], strict=True)}
+    functions = dict(zip(bodies[1::2], bodies[2::2], strict=True))
     names = re.findall(r"^void (\w+)\(", source.read_text(), flags=re.MULTILINE)
     assert len(names) > 10
     for name in names:

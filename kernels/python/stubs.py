@@ -13,6 +13,10 @@ import tempfile
 from pathlib import Path
 
 FOLDER = Path(__file__).parents[2] / "terratool" / "kernels"
+STUBGEN = """
+import runpy, terratool.kernels
+runpy.run_module("nanobind.stubgen", run_name="__main__")
+"""
 HEAD = '''"""{title}: the kernels in C++. Written by `make stubs`."""
 
 from typing import Any
@@ -31,15 +35,15 @@ def made() -> dict[str, str]:
         for name in kernels.PARTS:
             module = f"terratool.kernels.{kernels.variant}._kernels.{name}"
             path = Path(folder) / f"{name}.pyi"
-            command = [sys.executable, "-m", "nanobind.stubgen", "-q", "-m", module, "-o", path]
-            code = "import terratool.kernels, runpy; runpy.run_module('nanobind.stubgen', run_name='__main__')"
-            command[1:3] = ["-c", code]
-            subprocess.run(command, check=True)
+            subprocess.run(
+                [sys.executable, "-c", STUBGEN, "-q", "-m", module, "-o", path], check=True
+            )
             text = path.read_text().replace("import np\n", "").strip()
             lines = [line for line in text.splitlines() if not line.startswith(("import", "from"))]
             path.write_text(HEAD.format(title=name.capitalize()) + "\n" + "\n".join(lines) + "\n")
         for command in (["check", "--select", "F401", "--fix", "--quiet"], ["format", "--quiet"]):
-            subprocess.run([sys.executable, "-m", "ruff", *command, folder], check=True)
+            config = ["--config", FOLDER.parents[1] / "pyproject.toml"]
+            subprocess.run([sys.executable, "-m", "ruff", *command, *config, folder], check=True)
         for path in Path(folder).glob("*.pyi"):
             texts[path.name] = path.read_text()
     return texts

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from terratool.cli.terminal import Status
 from terratool.cli.wheeling import vehicle_from, vehicle_options
 
 if TYPE_CHECKING:
@@ -95,18 +96,21 @@ def command(
     refuse_existing(Path(output), overwrite)
     refuse_missing_folder(Path(output))
     vehicle = vehicle_from(options)
-    definition = load_definition(file)
     path = read_waypoints(path_file)
-    deformed = deform(
-        definition,
-        vehicle,
-        path,
-        passes=passes,
-        surface=surface,
-        multipass=multipass,
-        tolerance=tolerance,
-    )
-    written = write_deformed(file, output, deformed, overwrite)
+    with Status(f"reading {Path(file).name}") as status:
+        definition = load_definition(file)
+        status.say("driving")
+        deformed = deform(
+            definition,
+            vehicle,
+            path,
+            passes=passes,
+            surface=surface,
+            multipass=multipass,
+            tolerance=tolerance,
+        )
+        status.say(f"writing {Path(output).name}")
+        written = write_deformed(file, output, deformed, overwrite)
     if as_json:
         click.echo(json.dumps(as_dict(deformed, output, written), indent=2, ensure_ascii=False))
     else:

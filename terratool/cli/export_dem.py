@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.terminal import bar
+from terratool.cli.loading import load
+from terratool.cli.terminal import Status
 
 if TYPE_CHECKING:
     from terratool.raster.export import Report, Tiles, Written
@@ -105,7 +106,6 @@ def command(
     from pathlib import Path
 
     from terratool.errors import WriteError
-    from terratool.field.terrain import load
     from terratool.output import is_same_file, refuse_existing
     from terratool.raster.export import export_dem
     from terratool.raster.geotiff import Compression
@@ -141,7 +141,7 @@ def command(
             dask=dask,
         )
     )
-    with bar(grid.width * grid.height) as progress:
+    with Status("painting", grid.width * grid.height) as progress:
         report = write(
             layers=layers,
             dtype=dtype,

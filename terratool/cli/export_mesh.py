@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from terratool.cli.terminal import shape
+from terratool.cli.loading import load
+from terratool.cli.terminal import Status
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -152,7 +152,6 @@ def _export(
     resolution: float | None = None,
 ) -> None:
     """Write a mesh, or a grid of heights, and say what it is; a suffix is the only one allowed."""
-    from terratool.field.terrain import load
     from terratool.mesh.elevation import export_elevation_grid
     from terratool.mesh.export import check_numbers, export_mesh
     from terratool.mesh.writing import check_request
@@ -183,10 +182,11 @@ def _export(
     _refuse_definition(file, output, form.companions)
     terrain = load(file)
     if elevation_grid:
-        report = export_elevation_grid(terrain, output, resolution, bounds, overwrite=overwrite)
+        with Status("writing"):
+            report = export_elevation_grid(terrain, output, resolution, bounds, overwrite=overwrite)
         lines = grid_as_text(report)
     else:
-        with _status() as progress:
+        with Status("meshing") as status:
             report = export_mesh(
                 terrain,
                 output,
@@ -197,7 +197,7 @@ def _export(
                 base=base,
                 world=origin == "world",
                 overwrite=overwrite,
-                progress=progress,
+                progress=status.say,
             )
         lines = as_text(report)
     _say(report, lines, as_json)
@@ -292,7 +292,7 @@ def _tiled(
     world: bool,
     overwrite: bool,
 ) -> Tiles:
-    """Write tiles, with a bar on a terminal."""
+    """Write tiles."""
     from terratool.field.parts import check_bounds
     from terratool.mesh.export import default_error, relief_of
     from terratool.mesh.mosaic import export_tiles
@@ -302,11 +302,10 @@ def _tiled(
     chosen = "as asked"
     if max_error is None:
         max_error, chosen = default_error(relief_of(terrain, bounds))
-    with _status() as progress:
+    with Status("meshing") as status:
 
         def tell(done: int, tiles: int, faces: int) -> None:
-            if progress:
-                progress(f"{done} of {tiles} tiles, {faces:,} faces")
+            status.say(f"{done} of {tiles} tiles, {faces:,} faces")
 
         return export_tiles(
             terrain,
@@ -334,19 +333,6 @@ def _refuse_definition(file: str, output: str, companions: tuple[str, ...]) -> N
     for path in paths:
         if is_same_file(path, file):
             raise WriteError(f"{path}: is the definition itself.", "Choose another name.")
-
-
-@contextlib.contextmanager
-def _status() -> Iterator[Callable[[str], object] | None]:
-    """A line on a terminal that says how far it is; nothing elsewhere."""
-    sizes = shape()
-    if sizes is None:
-        yield None
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=0, bar_format="{desc} … {elapsed}", leave=False, **sizes) as shown:
-        yield shown.set_description_str
 
 
 def as_text(report: Report) -> Iterator[str]:

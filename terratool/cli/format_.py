@@ -9,6 +9,7 @@ from itertools import chain
 import click
 
 from terratool.cli.reporting import Report, Summary, as_text
+from terratool.cli.terminal import Status
 from terratool.definition.findings import printable
 from terratool.definition.reader import Options, check
 from terratool.definition.source import PLAIN, Source, read_source, sources
@@ -37,14 +38,16 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     for name in chain.from_iterable(_names(given, failed) for given in files):
         count += 1
         try:
-            source = read_source(name)
+            with Status(f"reading {printable(name)}"):
+                source = read_source(name)
         except ReadError as error:
             failed.append(_said(error))
             continue
         if not _is_json(source):
             broken += 1
             continue
-        text = canonical(source.data.decode("utf-8"))
+        with Status(f"laying out {printable(name)}"):
+            text = canonical(source.data.decode("utf-8"))
         differs = text.encode() != source.data
         if name == "-" and not only_check:
             click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.sourcing import options_of, source_options
+from terratool.cli.terminal import Status
 
 if TYPE_CHECKING:
     from terratool.importing.primitives.inserting import Target
@@ -110,8 +111,10 @@ def command(
         _refuse_output(output, overwrite)
     if output is not None:
         _refuse_source(source, output)
-    patch, wanted = _read(source, options, wanted)
-    imported = import_primitive(patch, name, wanted)
+    with Status(f"reading {source}") as status:
+        patch, wanted = _read(source, options, wanted)
+        status.say("fitting")
+        imported = import_primitive(patch, name, wanted)
     largest = imported.misfit.largest
     if tolerance is not None and largest > tolerance:
         for line in sentences(imported):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.sourcing import options_of, source_options
-from terratool.cli.terminal import bar
+from terratool.cli.terminal import Status
 
 if TYPE_CHECKING:
     from terratool.importing.terrains.terrain import Report
@@ -105,9 +106,11 @@ def command(
         surfaces=surfaces,
         title=Path(source).name,
     )
-    with open_source(source, options_of(values)) as heights:
-        lattice = heights.lattice
-        with bar(2 * lattice.rows * lattice.columns) as progress:
+    with contextlib.ExitStack() as stack:
+        with Status(f"reading {source}"):
+            heights = stack.enter_context(open_source(source, options_of(values)))
+        pixels = heights.lattice.rows * heights.lattice.columns
+        with Status("reading and writing", 2 * pixels) as progress:
             report = import_terrain(heights, output, options, overwrite, progress)
     if as_json:
         click.echo(json.dumps(as_dict(report, output), indent=2, ensure_ascii=False))

@@ -7,6 +7,9 @@ from typing import Any
 
 import click
 
+from terratool.cli.loading import load
+from terratool.cli.terminal import Status
+
 
 @click.command("info", epilog="Example: terratool info samples/paper-example.json")
 @click.argument("file")
@@ -14,9 +17,10 @@ import click
 def command(file: str, as_json: bool) -> None:
     """Say what a terrain consists of: size, elements, heights, memory."""
     from terratool.field.summary import summarise
-    from terratool.field.terrain import load
 
-    summary = summarise(load(file))
+    terrain = load(file)
+    with Status("looking at heights"):
+        summary = summarise(terrain)
     click.echo(json.dumps(summary, indent=2, ensure_ascii=False) if as_json else _text(summary))
 
 

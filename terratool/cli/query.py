@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from terratool.cli.loading import load
+from terratool.cli.terminal import Status
 from terratool.definition.findings import shown
 from terratool.errors import ReadError
 
@@ -54,12 +56,14 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
         raise click.UsageError("Give points either as X Y pairs or with --points.")
     given = _from_arguments(coordinates) if points is None else None
 
-    from terratool.field.terrain import load
-
     terrain = load(file)
     source = iter(given) if given is not None else _from_csv(str(points))
     write = _write_json if form == "json" else _write_csv
-    write(_rows(terrain, source))
+    if sys.stdout is not None and sys.stdout.isatty():
+        write(_rows(terrain, source))
+    else:
+        with Status("answering"):
+            write(_rows(terrain, source))
 
 
 def _from_arguments(coordinates: tuple[str, ...]) -> list[Point]:

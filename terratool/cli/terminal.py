@@ -1,36 +1,110 @@
-"""Standard error as a terminal that shows how far something is."""
+"""How far a command is, on standard error.
+
+On a terminal that is a line that changes, elsewhere now and then another one. What is soon done
+says nothing.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+import threading
+import time
+from types import TracebackType
+from typing import TextIO
+
+AFTER = 1.0
+"""s after which a terminal shows how far it is …"""
+TICK = 0.2
+"""… and then again and again."""
+EVERY = 10.0
+"""s between lines where standard error is no terminal."""
 
 
-def shape() -> dict[str, int] | None:
-    """Sizes that tqdm has to be told; None where there is no terminal."""
-    if sys.stderr is None or not sys.stderr.isatty():  # None where it was closed
-        return None
-    # some terminals do not know their size, and would be shown nothing
-    columns, lines = os.get_terminal_size(sys.stderr.fileno())
-    return {} if columns and lines else {"ncols": 80, "nrows": 24}
+class Status:
+    """Says what is being done while it lasts, from a thread of its own.
 
+    Args:
+        what: what is being done.
+        total: how much there is to do, if that is known; calls then say how much more is done.
+        unit: of that.
+        then: what is done when all of it is done.
+    """
 
-@contextlib.contextmanager
-def bar(pixels: int) -> Iterator[Callable[[int], object] | None]:
-    """A progress bar over so many pixels on a terminal; nothing elsewhere."""
-    sizes = shape()
-    if sizes is None:
-        yield None
-        return
-    from tqdm import tqdm
+    def __init__(
+        self, what: str, total: int | None = None, unit: str = "px", then: str = "finishing"
+    ) -> None:
+        self._what, self._total, self._unit, self._then = what, total, unit, then
+        self._done = 0
+        self._stream: TextIO | None = sys.stderr  # None where it was closed
+        self._width = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._tell, daemon=True)
 
-    with tqdm(total=pixels, unit="px", unit_scale=True, leave=False, **sizes) as shown:
+    def __call__(self, more: int) -> None:
+        """So much more is done."""
+        self._done += more
 
-        def update(more: int) -> None:
-            shown.update(more)
-            if shown.n >= pixels:  # a copy in another format may take as long again
-                shown.set_description_str("finishing")
+    def say(self, what: str) -> None:
+        """Something else is being done now."""
+        self._what = what
 
-        yield update
+    def __enter__(self) -> Status:
+        self._begin = time.monotonic()
+        if self._stream is not None:
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self._ended.set()
+        if self._stream is not None:
+            self._thread.join()
+
+    def _tell(self) -> None:
+        assert self._stream is not None
+        terminal = self._stream.isatty()
+        wait = AFTER if terminal else EVERY
+        try:
+            while not self._ended.wait(wait):
+                self._show() if terminal else self._add_line()
+                wait = TICK if terminal else EVERY
+            self._write("\r" + " " * self._width + "\r" if self._width else "")
+        except (OSError, ValueError):  # nobody reads it any more
+            pass
+
+    def _show(self) -> None:
+        """Write over the line on the terminal."""
+        assert self._stream is not None
+        # some terminals do not know their size
+        columns = (os.get_terminal_size(self._stream.fileno()).columns or 80) - 1
+        line = self._line(columns)[:columns]
+        self._write("\r" + line.ljust(self._width))
+        self._width = max(self._width, len(line))
+
+    def _line(self, columns: int) -> str:
+        elapsed = time.monotonic() - self._begin
+        if self._total is None or self._done >= self._total:
+            return f"{self._what if self._total is None else self._then} … {elapsed:.0f} s"
+        from tqdm import tqdm
+
+        meter: str = tqdm.format_meter(
+            self._done, self._total, elapsed, ncols=columns, prefix=self._what, unit=self._unit,
+            unit_scale=True,
+        )  # fmt: skip
+        return meter
+
+    def _add_line(self) -> None:
+        far = self._what
+        if self._total is not None:
+            share = min(self._done / self._total, 1.0) if self._total else 1.0
+            far = f"{self._what}, {share:.0%}" if share < 1.0 else self._then
+        self._write(f"terratool: {far}, {time.monotonic() - self._begin:.0f} s\n")
+
+    def _write(self, text: str) -> None:
+        assert self._stream is not None
+        if text:
+            self._stream.write(text)
+            self._stream.flush()

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.terminal import bar
+from terratool.cli.loading import load
+from terratool.cli.terminal import Status
 from terratool.cli.wheeling import vehicle_from, vehicle_options
 
 if TYPE_CHECKING:
@@ -122,7 +123,6 @@ def command(
     from pathlib import Path
 
     from terratool.definition.findings import printable
-    from terratool.field.terrain import load
     from terratool.output import whole_file
     from terratool.traversability.assessing import Request, assess, planned
     from terratool.traversability.conditions import parse
@@ -150,7 +150,9 @@ def command(
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place
         parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
-        with bar(grids.pixels) as progress:
+        routed = bool(routes or waypoints or reachable)
+        then = "looking for ways" if routed else "finishing"
+        with Status("judging", grids.pixels, then=then) as progress:
             report = assess(
                 terrain, vehicle, request,
                 name=Path(file).name, map_path=map_, pictured=pictured, overwrite=overwrite,

@@ -10,6 +10,7 @@ from itertools import chain
 import click
 
 from terratool.cli.reporting import REPORTERS, Report, Summary, Unreadable
+from terratool.cli.terminal import Status
 from terratool.definition.findings import Finding, printable
 from terratool.definition.reader import Checked, Options
 from terratool.definition.rules import all_rules
@@ -102,7 +103,8 @@ def command(
     for name in _names(files, unreadable):
         options = Options(True, max_step, max(0, limit - len(findings)), select, ignore)
         try:
-            checked = check_any(read_source(name), options)
+            with Status(f"checking {printable(name)}"):
+                checked = check_any(read_source(name), options)
         except ReadError as error:
             unreadable.append(Unreadable(name, error.message, error.hint))
             continue

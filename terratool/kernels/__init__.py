@@ -10,14 +10,14 @@ from __future__ import annotations
 import os
 from importlib import import_module
 
-from terratool.kernels import _processor
+from terratool.kernels._processor import is_v3
 
 
 def _variant() -> str:
     wanted = os.environ.get("TERRATOOL_CPU", "")
     if wanted not in ("", "baseline", "v3"):
         raise ImportError(f"TERRATOOL_CPU is {wanted!r}; it may be baseline or v3, or not set.")
-    return wanted or ("v3" if _processor.is_v3() else "baseline")
+    return wanted or ("v3" if is_v3() else "baseline")
 
 
 variant = _variant()

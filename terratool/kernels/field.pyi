@@ -31,11 +31,16 @@ class Painter:
     def __init__(
         self, field: object, voids: object, slopes: bool, nonzero_edges: object | None
     ) -> None: ...
+    @property
+    def nbytes(self) -> int:
+        """Memory that it works in."""
 
 class WallFinder:
     """Looks for walls; each thread needs its own."""
 
     def __init__(self, field: object, nonzero_edges: object) -> None: ...
+
+SPECS: dict = ...
 
 def heights(
     field: Field, x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.float64]
@@ -175,6 +180,24 @@ def paint(
     Paint a window of pixels, whose centres ascend.
 
     Shapes: x[w], y[h].
+    """
+
+def footprint_run(
+    pose: NDArray[np.void], u: NDArray[np.float64], v: float, per: float, doubt: float, disc: bool
+) -> tuple[int, int, bool]:
+    """
+    The columns of a row that a footprint holds.
+
+    Shapes: pose[1], u[n].
+    """
+
+def footprint_holds(
+    pose: NDArray[np.void], u: NDArray[np.float64], v: float, disc: bool, out: NDArray[np.bool_]
+) -> None:
+    """
+    Whether a footprint holds each place of a row.
+
+    Shapes: pose[1], u[n], out[n].
     """
 
 def find_candidates(

@@ -37,6 +37,8 @@ class Refinement:
         locked: object,
     ) -> None: ...
 
+SPECS: dict = ...
+
 def index_rows(
     edges: NDArray[np.int64], frame: NDArray[np.float64], rows: int
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:

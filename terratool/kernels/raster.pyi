@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+SPECS: dict = ...
+
 def first_number(pixels: NDArray[np.float32] | NDArray[np.float64]) -> float:
     """
     The first pixel that is not NaN, or 0.

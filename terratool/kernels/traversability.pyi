@@ -34,6 +34,8 @@ class VehicleOnSoils:
 
     def __init__(self, vehicle: object, soils: object, steps: object) -> None: ...
 
+SPECS: dict = ...
+
 def contacts(
     load: NDArray[np.float64], sinkage: NDArray[np.float64], wheel: Any
 ) -> NDArray[np.float64]:

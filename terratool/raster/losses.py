@@ -124,9 +124,7 @@ class Losses:
             finder = kernels.WallFinder(self._terrain.field, self._edges)
         x, y = self._grid.columns(whole), self._grid.rows(whole)
         jumps, lengths = np.empty(len(chosen)), np.empty(len(chosen))
-        kernels.measure_walls(
-            finder, pairs[chosen], x, y, resolution, self._level, jumps, lengths
-        )
+        kernels.measure_walls(finder, pairs[chosen], x, y, resolution, self._level, jumps, lengths)
         share = count / len(chosen)
         steepest, highest = (0.0, 0), (0.0, 0)
         if jumps.any():

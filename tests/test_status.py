@@ -1,0 +1,179 @@
+"""What commands say while they work: soon on a terminal, now and then elsewhere."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from terratool.cli import terminal
+from terratool.cli.terminal import Status
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE
+
+
+class Stream(io.StringIO):
+    """A standard error that lets a test wait until something was written."""
+
+    def __init__(self, tty: bool) -> None:
+        super().__init__()
+        self.tty = tty
+        self.written = threading.Event()
+
+    def isatty(self) -> bool:
+        return self.tty
+
+    def fileno(self) -> int:
+        return 2
+
+    def write(self, text: str) -> int:
+        done = super().write(text)
+        self.written.set()
+        return done
+
+    def next(self) -> str:
+        """What was written since, once there is something."""
+        self.written.clear()
+        assert self.written.wait(30), "nothing was said"
+        return self.getvalue()
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No time passes before something is said."""
+    for name in ("AFTER", "TICK", "EVERY"):
+        monkeypatch.setattr(terminal, name, 0.001)
+    monkeypatch.setattr(terminal.os, "get_terminal_size", lambda _: os.terminal_size((60, 24)))
+
+
+def stream(monkeypatch: pytest.MonkeyPatch, tty: bool) -> Stream:
+    made = Stream(tty)
+    monkeypatch.setattr(sys, "stderr", made)
+    return made
+
+
+@pytest.mark.usefixtures("hasty")
+class TestATerminal:
+    """One line, which is written over, no longer than it is wide, and gone in the end."""
+
+    def test_says_what_and_how_long(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        err = stream(monkeypatch, True)
+        with Status("reading a.json") as status:
+            assert "\rreading a.json … 0 s" in err.next()
+            status.say("writing b.json")
+            while "writing b.json" not in err.next():
+                pass
+        assert "\n" not in err.getvalue()
+        assert re.search(r"\r +\r$", err.getvalue())
+
+    def test_says_how_far_and_what_comes_then(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        err = stream(monkeypatch, True)
+        with Status("painting", 4000, then="counting") as status:
+            while "painting:   0%|" not in err.next():
+                pass
+            status(3000)
+            while "painting:  75%|" not in err.next():
+                pass
+            assert "3.00k/4.00k" in err.getvalue()
+            status(1000)
+            while "counting … 0 s" not in err.next():
+                pass
+        lines = re.split("\r", err.getvalue())
+        assert max(map(len, lines)) < 60
+
+    def test_says_nothing_after_an_error(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        err = stream(monkeypatch, True)
+        with pytest.raises(KeyError), Status("reading"):
+            err.next()
+            raise KeyError
+        assert re.search(r"\r +\r$", err.getvalue())
+
+
+@pytest.mark.usefixtures("hasty")
+class TestAPipe:
+    """Whole lines, each with the time that has gone."""
+
+    def test_says_how_far(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        err = stream(monkeypatch, False)
+        with Status("painting", 4000) as status:
+            assert err.next().splitlines()[0] == "terratool: painting, 0%, 0 s"
+            status(1000)
+            while "terratool: painting, 25%, 0 s\n" not in err.next():
+                pass
+            status(3000)
+            while "terratool: finishing, 0 s\n" not in err.next():
+                pass
+        assert "\r" not in err.getvalue()
+
+    def test_that_is_closed_ends_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        err = stream(monkeypatch, False)
+        with Status("painting"):
+            err.next()
+            err.close()
+        monkeypatch.setattr(sys, "stderr", None)
+        with Status("painting"):
+            pass
+
+
+def test_what_is_soon_done_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    for tty in (False, True):
+        err = stream(monkeypatch, tty)
+        with Status("reading"):
+            pass
+        assert err.getvalue() == ""
+    assert terminal.AFTER <= 2 and terminal.EVERY <= 10
+
+
+CODE = """
+import sys
+from terratool.cli import terminal
+terminal.AFTER = terminal.TICK = 0.001
+from terratool.cli.main import main
+sys.argv[0] = "terratool"
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (["export-dem", SAMPLE, "a.tif"], b"painting"),
+        (["export-mesh", SAMPLE, "a.ply", "--max-error", "0.0005"], b"meshing within"),
+        (["info", SAMPLE], b"looking at heights"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_commands_on_a_terminal(command: list[str], said: bytes, tmp_path: Path) -> None:
+    """Their results are on standard output all the same; also where the terminal has no size."""
+    pty: Any = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", CODE, *command], stdout=subprocess.PIPE, stderr=theirs,
+        cwd=tmp_path, env=ENVIRONMENT,
+    ) as process:  # fmt: skip
+        os.close(theirs)
+        shown = b""
+        while True:
+            try:
+                more = os.read(ours, 4096)
+            except OSError:  # the other end is closed
+                break
+            if not more:
+                break
+            shown += more
+        assert process.stdout and process.stdout.read()
+    os.close(ours)
+    assert process.returncode == 0
+    assert said in shown
+    piped = subprocess.run(
+        [*COMMAND, *command, *(["--overwrite"] if len(command) > 2 else [])],
+        capture_output=True, cwd=tmp_path, env=ENVIRONMENT, check=False,
+    )  # fmt: skip
+    assert (piped.returncode, piped.stderr) == (0, b"")
+    assert str(ROOT) in ENVIRONMENT["PYTHONPATH"]
