@@ -10,8 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import terrains
+from compiled import busy
 from measure import line, medians
-from numba import njit
 
 from terratool.definition.reader import check
 from terratool.definition.source import Source
@@ -19,15 +19,6 @@ from terratool.field.terrain import Terrain
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.losses import Losses, Part
 from terratool.raster.painting import Painter
-
-
-@njit(nogil=True)
-def busy(rounds):
-    """Work that touches no memory, to see what a second thread is worth just now."""
-    x = 0.0
-    for n in range(rounds):
-        x = x * 0.5 + n
-    return x
 
 
 def on_two_threads(rounds: int) -> None:

@@ -10,8 +10,8 @@ import sys
 
 import numpy as np
 import terrains
+from compiled import bilinear
 from measure import line, medians
-from numba import njit
 from scipy.ndimage import map_coordinates
 
 from terratool.definition.reader import check
@@ -19,20 +19,6 @@ from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.raster.painting import Painter
-
-
-@njit(nogil=True)
-def bilinear(dem, x, y, per, out):
-    """Heights of a DEM at points, as a user would write it: rows from the south."""
-    last = dem.shape[0] - 2
-    for n in range(len(x)):
-        u, v = x[n] * per - 0.5, y[n] * per - 0.5
-        i, j = min(max(int(u), 0), last), min(max(int(v), 0), last)
-        u -= i
-        v -= j
-        south = dem[j, i] + u * (dem[j, i + 1] - dem[j, i])
-        north = dem[j + 1, i] + u * (dem[j + 1, i + 1] - dem[j + 1, i])
-        out[n] = south + v * (north - south)
 
 
 def dem_of(terrain: Terrain, pixels: int) -> np.ndarray:

@@ -8,8 +8,8 @@ import numpy as np
 from measure import line, medians
 
 from terratool.importing.meshes.sampling import sample
-from terratool.importing.meshes.zbuffer import paint, to_pixels
 from terratool.importing.triangles import Triangles
+from terratool.kernels import importing as kernels
 
 
 def sheet(side: int) -> Triangles:
@@ -46,13 +46,12 @@ if __name__ == "__main__":
     mixed, block = shuffled(mesh), solid(mesh)
     heights = np.full((pixels, pixels), np.nan)
     counts = np.zeros(heights.shape, np.uint8)
-    points = np.empty_like(mesh.vertices)
 
     def painted(mesh: Triangles) -> None:
-        to_pixels(mesh.vertices, 0.0, 0.0, 1000 / pixels, 1000 / pixels, points)
+        points = kernels.to_pixels(mesh.vertices, 0.0, 0.0, 1000 / pixels, 1000 / pixels)
         heights.fill(np.nan)
         counts.fill(0)
-        paint(points, mesh.faces, 1e-9, heights, counts)
+        kernels.paint_faces(points, mesh.faces, 1e-9, heights, counts)
 
     def gathered() -> None:
         """What any way to sample a mesh has to do: look at three corners of each face."""

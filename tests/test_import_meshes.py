@@ -799,7 +799,7 @@ for name in ("scipy", "networkx", "lxml", "PIL", "ezdxf", "jsonschema"):
 import terratool.importing.meshes.sampling
 import terratool.importing.meshes.steps
 import terratool.importing.meshes.triangulated
-assert {{"trimesh", "numba", "rasterio"}}.isdisjoint(sys.modules)
+assert {{"trimesh", "rasterio"}}.isdisjoint(sys.modules)
 for path in {paths!r}:
     print(len(terratool.importing.meshes.triangulated.read_triangles(path).faces))
 """

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from terratool.importing.vrml.polygons import triangulate
+from terratool.kernels import importing as kernels
 
 
 def cut(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], int, int]:
     """One polygon with all the points in their order."""
-    return triangulate(points, np.arange(len(points), dtype=np.int32))
+    return kernels.triangulate(points, np.arange(len(points), dtype=np.int32))
 
 
 def normals(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -33,7 +33,7 @@ def star(radii: list[float], seed: int) -> NDArray[np.float64]:
         (3 * np.cos(angles) * radii, np.sin(angles) * radii, np.zeros(len(radii)))
     )
     turned = Rotation.from_rotvec(rng.uniform(-2, 2, 3)).apply(flat)
-    return np.asarray(turned) + rng.uniform(-50, 50, 3)
+    return np.ascontiguousarray(turned) + rng.uniform(-50, 50, 3)
 
 
 def area_vector(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -121,7 +121,7 @@ def test_many_polygons_and_their_ends() -> None:
     """Also with the first corner repeated, an empty one, and none behind the last."""
     points = star([1, 2, 1.5, 2.5, 1, 3, 2], 5)
     indices = [0, 1, 2, 0, -1, -1, 2, 3, 3, 4, -7, 4, 5, -1, 6, 0, 1, 2]
-    faces, flat, crossed = triangulate(points, np.array(indices, np.int32))
+    faces, flat, crossed = kernels.triangulate(points, np.array(indices, np.int32))
     assert faces[:2].tolist() == [[0, 1, 2], [2, 3, 4]]
     assert flat == 2  # the empty one and the one of two corners
     assert crossed == 0
@@ -130,7 +130,7 @@ def test_many_polygons_and_their_ends() -> None:
 
 
 def test_nothing() -> None:
-    faces, flat, crossed = triangulate(np.empty((0, 3)), np.empty(0, np.int32))
+    faces, flat, crossed = kernels.triangulate(np.empty((0, 3)), np.empty(0, np.int32))
     assert (faces.shape, flat, crossed) == ((0, 3), 0, 0)
 
 

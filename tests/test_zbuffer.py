@@ -16,8 +16,8 @@ from scipy.spatial import Delaunay
 from terratool.errors import ReadError, RequestError
 from terratool.importing.meshes.sampling import sample
 from terratool.importing.meshes.steps import steps
-from terratool.importing.meshes.zbuffer import paint, to_pixels
 from terratool.importing.triangles import Triangles
+from terratool.kernels import importing as kernels
 
 UTM = (500_000.0, 6_000_000.0)
 
@@ -98,9 +98,8 @@ def test_heights_are_those_of_rays_from_above(soup: Any) -> None:
     """Any triangles at all, many of whose edges and corners lie on pixel centres."""
     mesh = mesh_of(*soup)
     heights, counts = np.full((5, 7), np.nan), np.zeros((5, 7), np.uint8)
-    pixels = np.empty_like(mesh.vertices)
-    to_pixels(mesh.vertices, -0.5, -0.5, 1.0, 1.0, pixels)
-    paint(pixels, mesh.faces, 1e-9, heights, counts)
+    pixels = kernels.to_pixels(mesh.vertices, -0.5, -0.5, 1.0, 1.0)
+    kernels.paint_faces(pixels, mesh.faces, 1e-9, heights, counts)
     true = rays(mesh, [Fraction(n) for n in range(7)], [Fraction(n) for n in range(5)])
     wanted = np.array([[np.nan if z is None else float(z) for z in row] for row in true])
     np.testing.assert_allclose(heights, wanted, rtol=0, atol=1e-12)
@@ -173,10 +172,10 @@ def test_no_centre_between_triangles_is_missed(seed: int, offset: float) -> None
     """Nor is one counted twice: a sheet covers each centre once."""
     mesh, _ = scattered(seed, 400, 7.0, 3.0)
     heights, counts = np.full((120, 280), np.nan), np.zeros((120, 280), np.uint8)
-    pixels = np.empty_like(mesh.vertices)
     # the outermost centres lie well within
-    to_pixels(moved(mesh, offset, offset).vertices, offset, offset, 0.025, 0.025, pixels)
-    paint(pixels, mesh.faces, 0.0, heights, counts)
+    vertices = moved(mesh, offset, offset).vertices
+    pixels = kernels.to_pixels(vertices, offset, offset, 0.025, 0.025)
+    kernels.paint_faces(pixels, mesh.faces, 0.0, heights, counts)
     assert not np.isnan(heights).any()
     assert (counts == 1).all()
 
@@ -210,7 +209,7 @@ def test_corners_on_centres_keep_their_heights_and_count_once(seed: int) -> None
         faces += [np.roll(face, rng.integers(3))[:: rng.choice([-1, 1])] for face in pair]
     points = np.column_stack([x, y, z]).astype(np.float64)
     heights, counts = np.full((5, 8), np.nan), np.zeros((5, 8), np.uint8)
-    paint(points, np.array(faces, np.int32), 1e-9, heights, counts)
+    kernels.paint_faces(points, np.array(faces, np.int32), 1e-9, heights, counts)
     np.testing.assert_array_equal(heights, z.reshape(5, 8))
     wanted = np.ones((5, 8))
     wanted[-1] = wanted[:, -1] = 0  # a face does not count on its own north and east sides

@@ -436,6 +436,12 @@ template <class R> struct Result {
     static nb::object of(R&& value) { return nb::cast(std::move(value)); }
 };
 
+// Text comes as bytes.
+template <> struct Result<std::string> {
+    static std::string type() { return "bytes"; }
+    static nb::object of(std::string&& text) { return nb::bytes(text.data(), text.size()); }
+};
+
 template <class T> struct Result<std::vector<T>> {
     static std::string type() { return Argument<Span<T>>::type(); }
     static nb::object of(std::vector<T>&& made) {
@@ -471,6 +477,18 @@ template <class R> struct Result<std::optional<R>> {
     static std::string type() { return Result<R>::type() + " | None"; }
     static nb::object of(std::optional<R>&& value) {
         return value ? Result<R>::of(std::move(*value)) : nb::none();
+    }
+};
+
+// Pairs come as a list: there are few, as a rule.
+template <class A, class B> struct Result<std::vector<std::pair<A, B>>> {
+    static std::string type() {
+        return "list[tuple[" + Result<A>::type() + ", " + Result<B>::type() + "]]";
+    }
+    static nb::object of(std::vector<std::pair<A, B>>&& made) {
+        nb::list list;
+        for (auto& [a, b] : made) list.append(nb::make_tuple(a, b));
+        return list;
     }
 };
 
@@ -555,7 +573,9 @@ template <auto kernel, class R, class... A> struct Caller {
                 }
                 return nb::none();
             },
-            words.c_str(), nb::sig(signature.c_str()), nb::arg(argument_name(names[I]).c_str())...);
+            words.c_str(), nb::sig(signature.c_str()),
+            // None gets as far as to Argument, which knows where it may be
+            nb::arg(argument_name(names[I]).c_str()).none()...);
     }
     static std::string argument_name(std::string_view spelled) {
         return std::string(Where::name_of(spelled));

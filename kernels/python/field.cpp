@@ -78,6 +78,11 @@ void footprint_holds(Span<const Pose> pose, In u, double v, bool disc, Span<bool
         out[n] = disc ? is_in_disc(pose[0], u[n], v) : !is_beyond(turned(pose[0], u[n], v));
 }
 
+// Whether a segment holds each of some points.
+void segment_holds(Span<const Segment> segment, In x, In y, Span<bool> out) {
+    for (std::size_t n = 0; n < x.size(); ++n) out[n] = holds(segment[0], x[n], y[n]);
+}
+
 // Looks for walls in one field; each thread needs its own.
 class KeptFinder {
 public:
@@ -203,6 +208,9 @@ void bind_field(nb::module_ m) {
         {"pose[1]", "u[n]", "v", "per", "doubt", "disc"});
     def<&footprint_holds>(m, "footprint_holds", "Whether a footprint holds each place of a row.",
         {"pose[1]", "u[n]", "v", "disc", "out[n]"});
+
+    def<&segment_holds>(m, "segment_holds", "Whether a segment of a track holds points.",
+        {"segment[1]", "x[n]", "y[n]", "out[n]"});
 
     def<&find_candidates>(m, "find_candidates", "Pairs of neighbours with different labels.",
         {"labels[h,w]", "heights[h,w]", "height", "width"});

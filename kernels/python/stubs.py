@@ -7,6 +7,7 @@ They stand in terratool/kernels, a file for each part of the module.
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,7 @@ STUBGEN = """
 import runpy, terratool.kernels
 runpy.run_module("nanobind.stubgen", run_name="__main__")
 """
+SPECS = "SPECS: dict[str, list[dict[str, Any]]]"
 HEAD = '''"""{title}: the kernels in C++. Written by `make stubs`."""
 
 from typing import Any
@@ -38,7 +40,8 @@ def made() -> dict[str, str]:
             subprocess.run(
                 [sys.executable, "-c", STUBGEN, "-q", "-m", module, "-o", path], check=True
             )
-            text = path.read_text().replace("import np\n", "").strip()
+            text = re.sub(r"^SPECS: dict = .*$", SPECS, path.read_text(), flags=re.MULTILINE)
+            text = text.replace("import np\n", "").strip()
             lines = [line for line in text.splitlines() if not line.startswith(("import", "from"))]
             path.write_text(HEAD.format(title=name.capitalize()) + "\n" + "\n".join(lines) + "\n")
         for command in (["check", "--select", "F401", "--fix", "--quiet"], ["format", "--quiet"]):

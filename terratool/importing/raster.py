@@ -21,8 +21,7 @@ from rasterio.windows import Window
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.parts import Bounds
-from terratool.importing.extremes import extremes
-from terratool.importing.samples import Lattice
+from terratool.importing.samples import Lattice, extremes
 
 HIGHEST = 1e9
 """A definition's heights stay below this in size."""

@@ -61,6 +61,23 @@ class Heights(Protocol):
         ...
 
 
+def extremes(heights: NDArray[np.float64]) -> tuple[float, float, int, int]:
+    """Look at (rows, columns) float64 heights; those that are infinite become NaN.
+
+    Returns:
+        Lowest and highest height, infinities where there is none; how many are NaN; how many of
+        these were infinite.
+    """
+    low = float(np.fmin.reduce(heights, axis=None, initial=np.inf)) + 0.0  # which is never -0
+    high = float(np.fmax.reduce(heights, axis=None, initial=-np.inf)) + 0.0
+    if low == -np.inf or high == np.inf:
+        infinite = np.isinf(heights)
+        heights[infinite] = np.nan
+        low, high, unknown, _ = extremes(heights)
+        return low, high, unknown, int(infinite.sum())
+    return low, high, int(np.count_nonzero(np.isnan(heights))), 0
+
+
 @dataclass(frozen=True, slots=True)
 class Samples:
     """Heights in memory; it is a `Heights`.

@@ -40,7 +40,7 @@ class WallFinder:
 
     def __init__(self, field: object, nonzero_edges: object) -> None: ...
 
-SPECS: dict = ...
+SPECS: dict[str, list[dict[str, Any]]]
 
 def heights(
     field: Field, x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.float64]
@@ -198,6 +198,18 @@ def footprint_holds(
     Whether a footprint holds each place of a row.
 
     Shapes: pose[1], u[n], out[n].
+    """
+
+def segment_holds(
+    segment: NDArray[np.void],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    out: NDArray[np.bool_],
+) -> None:
+    """
+    Whether a segment of a track holds points.
+
+    Shapes: segment[1], x[n], y[n], out[n].
     """
 
 def find_candidates(

@@ -37,7 +37,7 @@ class Refinement:
         locked: object,
     ) -> None: ...
 
-SPECS: dict = ...
+SPECS: dict[str, list[dict[str, Any]]]
 
 def index_rows(
     edges: NDArray[np.int64], frame: NDArray[np.float64], rows: int

@@ -1,9 +1,11 @@
 """Raster: the kernels in C++. Written by `make stubs`."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-SPECS: dict = ...
+SPECS: dict[str, list[dict[str, Any]]]
 
 def first_number(pixels: NDArray[np.float32] | NDArray[np.float64]) -> float:
     """

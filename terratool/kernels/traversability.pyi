@@ -34,7 +34,7 @@ class VehicleOnSoils:
 
     def __init__(self, vehicle: object, soils: object, steps: object) -> None: ...
 
-SPECS: dict = ...
+SPECS: dict[str, list[dict[str, Any]]]
 
 def contacts(
     load: NDArray[np.float64], sinkage: NDArray[np.float64], wheel: Any

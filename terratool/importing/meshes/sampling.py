@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.parts import Bounds, check_overlap
 from terratool.importing.samples import Lattice, Samples
 from terratool.importing.triangles import Triangles
+from terratool.kernels import importing as kernels
 
 Progress = Callable[[str], object]
 
@@ -94,8 +94,6 @@ def sample(
         ReadError: there is no face that is seen from above, or a corner is no place.
         RequestError: a resolution or bounds that make no sense for this mesh.
     """
-    from terratool.importing.meshes.zbuffer import paint, reach, survey, to_pixels
-
     vertices = np.ascontiguousarray(triangles.vertices, np.float64)
     faces = np.ascontiguousarray(triangles.faces, np.int32)
     if len(faces) == 0:
@@ -105,12 +103,11 @@ def sample(
             f"{name}: faces have corners that are not there, or are no numbers.",
             "Check how the mesh was made.",
         )
-    low_x, high_x, low_y, high_y, low_z, high_z = reach(vertices, faces)
+    (low_x, low_y, low_z), (high_x, high_y, high_z) = kernels.find_extent(vertices, faces).tolist()
     extent = low_x, low_y, high_x, high_y
     bounds = extent if bounds is None else _checked(bounds, extent, name)
-    kinds = np.empty(len(faces), np.uint8)
-    upright = survey(vertices, faces, *bounds, kinds)
-    seen, vertical, flat, outside = np.bincount(kinds, minlength=4).tolist()
+    upright, kinds = kernels.survey_faces(vertices, faces, *bounds)
+    seen, vertical, flat, outside = kinds.tolist()
     if vertical and not seen and not outside:
         raise ReadError(
             f"{name}: all faces are vertical, so that there is nothing to see from above.",
@@ -120,16 +117,15 @@ def sample(
         raise ReadError(f"{name}: no face has an area.", "Check the coordinates of the mesh.")
     lattice, why = _lattice(bounds, resolution)
     # the origin is taken off first, so that coordinates as large as those of UTM lose nothing
-    points = np.empty_like(vertices)
-    to_pixels(vertices, lattice.west, lattice.south, lattice.dx, lattice.dy, points)
+    points = kernels.to_pixels(vertices, lattice.west, lattice.south, lattice.dx, lattice.dy)
     spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / lattice.dx
     try:
         heights = np.full((lattice.rows, lattice.columns), np.nan)
         counts = np.zeros(heights.shape, np.uint8)
-        paint(points, faces, min(max(_NEAR, 4 * spacing), _FAR), heights, counts)
+        kernels.paint_faces(points, faces, min(max(_NEAR, 4 * spacing), _FAR), heights, counts)
         near = _SAME * (high_z - low_z)
-        hidden = _overhangs(points, faces, near, heights, counts) if (counts > 1).any() else 0
-        missing = _missing(heights)
+        hidden = kernels.count_overhangs(points, faces, near, heights, counts)
+        missing = kernels.count_holes(heights)
     except MemoryError as error:
         raise RequestError(
             f"{lattice.columns:,} × {lattice.rows:,} heights do not fit into memory.",
@@ -193,34 +189,6 @@ def _sentences(lost: _Lost, lattice: Lattice) -> Iterator[str]:
         yield f"{lost.outside:,} of {lost.faces:,} faces lie outside of the bounds."
     if lost.flat:
         yield f"{lost.flat:,} of {lost.faces:,} faces have no area and count for nothing."
-
-
-def _overhangs(
-    points: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    near: float,
-    heights: NDArray[np.float64],
-    counts: NDArray[np.uint8],
-) -> int:
-    """How many pixels have a surface below the highest one that is open to the air."""
-    from terratool.importing.meshes.zbuffer import look_below, overhangs
-
-    below = np.zeros(heights.shape, np.uint8)
-    turned = np.zeros((2, *heights.shape), np.int16)
-    air, lowest = np.zeros(heights.shape), np.full(heights.shape, np.inf)
-    usual = look_below(points, faces, near, heights, counts, below, turned, air, lowest)
-    return int(overhangs(near, below, turned, air, lowest, usual))
-
-
-def _missing(heights: NDArray[np.float64]) -> tuple[int, int]:
-    """Pixels without a height within the outline of what has one, and beyond it."""
-    from terratool.importing.meshes.zbuffer import holes
-
-    missing = int(np.count_nonzero(np.isnan(heights)))
-    if not missing:
-        return 0, 0
-    within, beyond = holes(heights, np.empty(missing, np.int64))
-    return int(within), int(beyond)
 
 
 def _checked(bounds: Bounds, extent: Bounds, name: str) -> Bounds:

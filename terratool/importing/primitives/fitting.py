@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.primitives import bilinear
 from terratool.importing.primitives.rank import REACH
 from terratool.importing.primitives.terms import Floats, Points, Terms
+from terratool.kernels import importing as kernels
 
 _LIGHT = 1e-11
 """Weight of differences between neighbouring values: it decides where no pixel does."""
@@ -41,7 +41,7 @@ FURTHER = (20.0, 40.0, 80.0, 160.0, 320.0)
 
 @dataclass(slots=True)
 class Problem:
-    """Points between the nodes of two curves, and scratch for the kernels.
+    """Points between the nodes of two curves.
 
     Attributes:
         i, f, j, g: (n,) the node before each point and how far it is on the way to the next one.
@@ -60,27 +60,16 @@ class Problem:
 
 def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> Problem:
     """Heights at points as a problem for curves with these nodes."""
-    i, f = _intervals(x_nodes, points.u)
-    j, g = _intervals(y_nodes, points.v)
+    i, f = kernels.locate(x_nodes, points.u)
+    j, g = kernels.locate(y_nodes, points.v)
     low, high = float(points.z.min()), float(points.z.max())
     relief = high - low
     return Problem(points.z, i, f, j, g, relief, low - REACH * relief, high + REACH * relief)
 
 
-def _intervals(nodes: Floats, t: Floats) -> tuple[NDArray[np.int64], Floats]:
-    index, fraction = np.empty(len(t), np.int64), np.empty(len(t))
-    bilinear.intervals(nodes, t, index, fraction)
-    return index, fraction
-
-
 def misfits(problem: Problem, terms: Terms) -> Floats:
     """(n,) heights minus the fit."""
-    out = np.empty(len(problem.z))
-    bilinear.residuals(
-        problem.i, problem.f, problem.j, problem.g, problem.z, terms.x, terms.y, terms.offset,
-        terms.summed, out,
-    )  # fmt: skip
-    return out
+    return kernels.residuals(problem, terms)
 
 
 def least_squares(problem: Problem, terms: Terms, weights: Floats, steps: int) -> Terms:
@@ -95,7 +84,6 @@ def least_squares(problem: Problem, terms: Terms, weights: Floats, steps: int) -
     p, q, count = len(terms.x_nodes), len(terms.y_nodes), terms.count
     size = count * (p + q) + 1
     matrix, right = np.empty((size, size)), np.empty(size)
-    where, slopes = np.empty(4 * count + 1, np.int64), np.empty(4 * count + 1)
     own, next_one = _stiffness(terms)
     at = np.arange(size)
     damping, least, most = _DAMPING
@@ -103,10 +91,7 @@ def least_squares(problem: Problem, terms: Terms, weights: Floats, steps: int) -
     fresh = False
     for _ in range(steps):
         if not fresh:
-            bilinear.normal_equations(
-                problem.i, problem.f, problem.j, problem.g, problem.z, weights, terms.x, terms.y,
-                terms.offset, terms.summed, where, slopes, matrix, right,
-            )  # fmt: skip
+            kernels.normal_equations(problem, terms, weights, matrix, right)
             scale = float(np.trace(matrix)) / size
             values = _packed(terms)
             right -= scale * own * values
@@ -119,7 +104,7 @@ def least_squares(problem: Problem, terms: Terms, weights: Floats, steps: int) -
         damped[at, at] += damping * (matrix[at, at] + _FIRM * scale)
         better = terms
         after = cost
-        if bilinear.solve(damped, step):
+        if kernels.solve(damped, step):
             better = _moved(problem, terms, step)
             after = _cost(problem, better, weights)
         if after < cost:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from terratool.importing.primitives import bilinear, fitting, rank
+from terratool.importing.primitives import fitting, rank
 from terratool.importing.primitives.terms import Floats, Patch, Points, Terms, nodes
+from terratool.kernels import importing as kernels
 
 SLACK = 1.05
 """The fewest values are taken whose error is no more than so many times the smallest."""
@@ -146,14 +147,9 @@ def _worst(patch: Patch, terms: Terms) -> tuple[Points, float]:
     """The pixel of each block that is fitted worst, and the largest misfit."""
     rows, columns = patch.values.shape
     block = math.ceil(max(rows, columns) / _BLOCKS)
-    shape = math.ceil(rows / block), math.ceil(columns / block)
-    which, size = np.empty(shape, np.int64), np.empty(shape)
-    bilinear.worst_pixels(
-        patch.values, patch.affine, terms.x_nodes, terms.x, terms.y_nodes, terms.y, terms.offset,
-        terms.summed, block, which, size,
-    )  # fmt: skip
-    row, column = np.divmod(which[which >= 0], columns)
-    return rank.points_at(patch, row, column), float(size.max())
+    pixels, largest = kernels.worst_pixels(patch.values, patch.affine, terms, block)
+    row, column = np.divmod(pixels, columns)
+    return rank.points_at(patch, row, column), largest
 
 
 def relief_of(patch: Patch) -> float:
@@ -163,8 +159,5 @@ def relief_of(patch: Patch) -> float:
 
 def balanced(patch: Patch, terms: Terms) -> tuple[float, Terms]:
     """The largest misfit of all pixels with the offset that makes it smallest, and such terms."""
-    low, high = bilinear.range_of_misfits(
-        patch.values, patch.affine, terms.x_nodes, terms.x, terms.y_nodes, terms.y, terms.offset,
-        terms.summed,
-    )  # fmt: skip
+    low, high = kernels.error_range(patch.values, patch.affine, terms)
     return 0.5 * (high - low), replace(terms, offset=terms.offset + 0.5 * (low + high))

@@ -53,7 +53,7 @@ class Patch:
     @property
     def values(self) -> Floats:
         """(rows, columns) heights, NaN for none."""
-        return self.samples.values
+        return np.ascontiguousarray(self.samples.values)
 
     @property
     def affine(self) -> Floats:

@@ -23,7 +23,6 @@ from rasterio.windows import Window
 from terratool.errors import ReadError
 from terratool.importing.raster import complaints
 from terratool.importing.samples import Lattice
-from terratool.importing.terrains import kernels
 from terratool.raster.layers import LAYERS
 
 Ints = NDArray[np.int64]
@@ -203,14 +202,3 @@ def _number(text: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) and 0 <= value < 1e6 else None
-
-
-def rectangles(classes: Ints) -> Ints:
-    """Rectangles of one class each: (n, 5) int64 of column, row, width, height and class.
-
-    Args:
-        classes: (rows, columns) int64, negative for what is left out.
-    """
-    room = np.empty((classes.size, 5), np.int64)
-    count = kernels.rectangles(classes, np.empty(classes.shape[1], np.int64), room)
-    return room[:count]

@@ -14,7 +14,7 @@ from terratool.definition.model import Definition
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain
 from terratool.importing.samples import Lattice
-from terratool.importing.terrains import kernels
+from terratool.kernels import importing as kernels
 from terratool.raster.grid import Window
 from terratool.raster.painting import Painter
 
@@ -91,11 +91,12 @@ class Misfit:
         Raises:
             BoundError: a height is missing in the field.
         """
-        i, j, count = kernels.misfit(heights, ours, self._sums)
-        if i == -2:
+        at, count = kernels.compare(np.ravel(heights), np.ravel(ours), self._sums)
+        if np.isnan(self._sums[1]):
             raise BoundError("a height is missing in the compiled field")
         self.count += count
-        if i >= 0:
+        if at >= 0:
+            i, j = divmod(at, heights.shape[1])
             self.where = (
                 self.lattice.west + (column + j + 0.5) * self.lattice.dx,
                 self.lattice.south + (row + i + 0.5) * self.lattice.dy,

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.terrains import kernels
+from terratool.kernels import importing as kernels
 
 BLOCK = 64
 """Rows that are worked on at a time."""
@@ -97,12 +97,8 @@ def round_block(
         above: what was counted in the last row, if that is known of the block to the north.
     """
     size = max(1, min(spacing, len(heights) - 1))
-    counts = np.zeros(heights.shape, np.int64)
-    levels = np.empty(heights.shape)
-    if above is not None:
-        counts[-1] = above
-        levels[-1] = base + above * step
-    kernels.round_rows(heights, size, step, base, counts, levels, above is not None)
+    counts, levels = np.empty(heights.shape, np.int64), np.empty(heights.shape)
+    kernels.round_rows(np.ascontiguousarray(heights), size, step, base, above, counts, levels)
     return Block(first, size, counts, levels)
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.extremes import extremes
-from terratool.importing.samples import Heights
-from terratool.importing.terrains.covering import Classes, open_classes, rectangles
+from terratool.importing.samples import Heights, extremes
+from terratool.importing.terrains.covering import Classes, open_classes
 from terratool.importing.terrains.writing import Elements, element
+from terratool.kernels import importing as kernels
 
 _ROWS = 256
 _VOID = int(np.iinfo(np.int64).max)
@@ -108,7 +108,7 @@ def _cover(
         return
     if holes is not None:
         classes[holes] = _VOID
-    for column, row, width, height, number in rectangles(classes).tolist():
+    for column, row, width, height, number in kernels.cut_rectangles(classes).tolist():
         name = "void" if number == _VOID else raster.surface(number)[0] if raster else ""
         counts[number] = counts.get(number, 0) + width * height
         cell, span = (column, first + row), (width, height)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import WriteError
-from terratool.importing.terrains import kernels
 from terratool.importing.terrains.rows import Entry
+from terratool.kernels import importing as kernels
 
 _PIECE = 1 << 22
 """Bytes of text that are compressed at a time."""
@@ -36,9 +36,7 @@ def curve(values: NDArray[np.int64] | str) -> bytes:
     """A curve as JSON."""
     if isinstance(values, str):
         return values.encode()
-    room = np.empty(21 * len(values), np.uint8)
-    used = kernels.write_integers(np.ascontiguousarray(values), room)
-    return b"[" + room[:used].tobytes() + b"]"
+    return kernels.write_integers(np.ascontiguousarray(values))
 
 
 def primitive(entry: Entry) -> bytes:

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.vrml.polygons import triangulate
 from terratool.importing.vrml.rotations import rotation
 from terratool.importing.vrml.shapes import Mesh, halved
+from terratool.kernels import importing as kernels
 
 _STRAIGHT = 1e-7
 """Sine of the angle below which the segments of a spine lie on one line: float32 knows no less."""
@@ -57,9 +57,9 @@ def extrusion(
     around = columns[:-1] if closed else columns
     faces = [halved(quads)]
     if begin:
-        faces.append(triangulate(vertices, (rows[0] + around)[::-1].copy())[0])
+        faces.append(kernels.triangulate(vertices, (rows[0] + around)[::-1].copy())[0])
     if end:
-        faces.append(triangulate(vertices, rows[-1] + around)[0])
+        faces.append(kernels.triangulate(vertices, rows[-1] + around)[0])
     return Mesh(vertices, np.concatenate(faces))
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.places import places
 from terratool.errors import ReadError
-from terratool.importing.vrml.numbers import ENDED, FULL, HARD, WRONG, scan
+from terratool.kernels import importing as kernels
 
 _gap = re.compile(rb"(?:[\t-\r ,]++|#[^\r\n]*+)*+").match
 _word = re.compile(rb"[^\x00-\x20,#\"\[\]{}\x7f]++").match
@@ -19,6 +20,10 @@ _numbers = re.compile(rb"#[^\r\n]*+|[^\t-\r ,#]++").finditer
 
 NUMERIC = frozenset(b"+-.0123456789")
 """First bytes of numbers."""
+
+_EXACT = [Fraction(10) ** n for n in range(-kernels.MAX_EXPONENT, kernels.MAX_EXPONENT + 1)]
+_POWERS = np.array([(float(power), float(power - Fraction(float(power)))) for power in _EXACT])
+"""Powers of ten as sums of two doubles."""
 
 _GAPS = frozenset(b"\t\n\v\f\r ,#")
 _SHOWN = 40
@@ -38,7 +43,6 @@ class Text:
         self.at = 0
         self.numbers = 0
         self._bytes = np.frombuffer(data, np.uint8)
-        self._room = np.empty(256)
 
     def error(self, at: int, message: str, hint: str) -> ReadError:
         """What is wrong at a byte, with its line and its column."""
@@ -104,24 +108,15 @@ class Text:
         Raises:
             ReadError: one is none, or too large.
         """
-        out, count, at = self._room, 0, self.at
-        while True:
-            count, at, why = scan(self._bytes, at, out, count)
-            if why == ENDED:
-                break
-            if why == FULL:
-                out, full = np.empty(4 * len(out)), out
-                out[:count] = full
-                continue
-            self.at = at
-            if why == WRONG:
-                raise self.error(at, f"{self.shown()} is no number.", "Write it as 12 or 1.5e-3.")
-            assert why == HARD
-            out[count] = self._hard()
-            count, at = count + 1, self.at
-        self.at = at
-        self.numbers += count
-        return out[:count].copy() if out is self._room else out[:count]
+        numbers, hard, end, wrong = kernels.read_numbers(self._bytes, self.at, _POWERS)
+        for index, begin in hard:
+            self.at = begin
+            numbers[index] = self._hard()
+        self.at = end
+        if wrong:
+            raise self.error(end, f"{self.shown()} is no number.", "Write it as 12 or 1.5e-3.")
+        self.numbers += len(numbers)
+        return numbers
 
     def _hard(self) -> float:
         word = self.word("a number")

@@ -13,7 +13,6 @@ from terratool.importing.triangles import Triangles
 from terratool.importing.vrml.extrusion import extrusion
 from terratool.importing.vrml.nodes import Node, Value
 from terratool.importing.vrml.parsing import Scene
-from terratool.importing.vrml.polygons import triangulate
 from terratool.importing.vrml.rotations import Matrix, placed, pose, product
 from terratool.importing.vrml.shapes import (
     SIDES,
@@ -25,6 +24,7 @@ from terratool.importing.vrml.shapes import (
     sphere,
 )
 from terratool.importing.vrml.text import Text
+from terratool.kernels import importing as kernels
 
 REPEATED = 50_000_000
 """Steps that USE and PROTO may take beyond what was written: a number is one, a triangle is one."""
@@ -190,7 +190,7 @@ class _Walker:
                 f"there is no point {int(numbers[index]):,}; {_points(len(points))}.",
                 "Correct the index, or add the points that are missing.",
             )
-        faces, flat, crossed = triangulate(points, numbers.astype(np.int32))
+        faces, flat, crossed = kernels.triangulate(points, numbers.astype(np.int32))
         self._spend(len(faces), node)
         self.flat += flat
         self.crossed += crossed

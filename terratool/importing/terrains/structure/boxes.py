@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.terrains.structure.kernels import FLAT
 from terratool.importing.terrains.structure.residual import Floats, Residual
 from terratool.importing.terrains.structure.types import Axis, Part
+from terratool.kernels import importing as kernels
 
 SPIKES = 20_000
 """So many of the largest differences are looked at."""
@@ -112,7 +112,8 @@ def _box(
     """A box on whole pixels, as high as the difference at its corner says."""
     value = float(residual.mixed[row, column])
     sign = (1.0 if row + 1 == south else -1.0) * (1.0 if column + 1 == west else -1.0)
-    return Part(Axis(FLAT, 2 * west, 2 * east), Axis(FLAT, 2 * south, 2 * north), sign * value)
+    x, y = Axis(kernels.FLAT, 2 * west, 2 * east), Axis(kernels.FLAT, 2 * south, 2 * north)
+    return Part(x, y, sign * value)
 
 
 def _cells(

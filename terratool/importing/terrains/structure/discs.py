@@ -7,12 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.primitives import EDGE
-from terratool.importing.terrains.structure import kernels
 from terratool.importing.terrains.structure.islands import Island
 from terratool.importing.terrains.structure.residual import Floats
 from terratool.importing.terrains.structure.spelling import NAMES, SPELLINGS, shortest
 from terratool.importing.terrains.structure.types import CurveText, Structure, curve_at
+from terratool.kernels import field
+from terratool.kernels import importing as kernels
 
 PROFILES = (
     kernels.TENT, kernels.COSBELL, kernels.DOME, kernels.COS, kernels.GAUSS, kernels.FLAT,
@@ -87,7 +87,7 @@ def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
 def _turned(code: int, rho: Floats) -> Floats:
     """A named curve turned about its middle, 0 beyond its rim."""
     t = np.minimum(0.5 + 0.5 * rho, 1.0 - 1e-15)  # the rim is a part of the disc
-    return np.where(rho <= 1.0 + EDGE, curve_at(code, t), 0.0)
+    return np.where(rho <= 1.0 + field.EDGE, curve_at(code, t), 0.0)
 
 
 def _fit(shape: Floats, heights: Floats) -> tuple[float, float]:
@@ -108,7 +108,7 @@ def _crater(
     if rho is None:
         return None
     usable = np.isfinite(island.around)
-    inside = usable & (rho <= 1.0 + EDGE)
+    inside = usable & (rho <= 1.0 + field.EDGE)
     outside = usable & ~inside
     if inside.sum() < 40 or np.abs(island.around[outside]).max(initial=0.0) > tolerance:
         return None

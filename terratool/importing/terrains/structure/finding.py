@@ -9,7 +9,6 @@ from terratool.importing.terrains.structure.discs import disc_of
 from terratool.importing.terrains.structure.evaluating import deviation
 from terratool.importing.terrains.structure.ground import ground_of, twist_of
 from terratool.importing.terrains.structure.islands import BLOCKS, islands
-from terratool.importing.terrains.structure.kernels import FLAT
 from terratool.importing.terrains.structure.merging import merged
 from terratool.importing.terrains.structure.peeling import Limits, is_quiet, peel
 from terratool.importing.terrains.structure.residual import (
@@ -21,6 +20,7 @@ from terratool.importing.terrains.structure.residual import (
 from terratool.importing.terrains.structure.spelling import named, with_flanks, with_walls
 from terratool.importing.terrains.structure.turning import turned_box_of
 from terratool.importing.terrains.structure.types import Part, Structure
+from terratool.kernels import importing as kernels
 
 MOST_PIXELS = 32_768
 """A grid has at most 65,536 cells along each axis, two for each pixel."""
@@ -180,7 +180,7 @@ def refined(residual: Residual, parts: list[Part], noise: float) -> list[Part]:
 
 def leveled(residual: Residual, part: Part) -> Part:
     """A box as high as its walls are on average, which noise says less of than of its corners."""
-    if part.x.code != FLAT or part.y.code != FLAT:
+    if part.x.code != kernels.FLAT or part.y.code != kernels.FLAT:
         return part
     residual.subtract(Part(part.x, part.y, -part.scale))
     sides = [side for side in jumps(residual, part) if len(side)]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from terratool.importing.terrains.structure.kernels import RAMP
 from terratool.importing.terrains.structure.residual import Residual
 from terratool.importing.terrains.structure.spelling import shortest
 from terratool.importing.terrains.structure.types import Axis, CurveText, Part, Structure
+from terratool.kernels import importing as kernels
 
 SHARE = 0.5
 """A slope has to explain so much of the DEM where there are structures on it."""
@@ -31,7 +31,7 @@ def twist_of(residual: Residual) -> Part | None:
         return None
     level = float(np.mean(known[::every][near]))
     rows, columns = residual.heights.shape
-    ramp_x, ramp_y = Axis(RAMP, 0, 2 * columns), Axis(RAMP, 0, 2 * rows)
+    ramp_x, ramp_y = Axis(kernels.RAMP, 0, 2 * columns), Axis(kernels.RAMP, 0, 2 * rows)
     return Part(ramp_x, ramp_y, level * rows * columns)
 
 

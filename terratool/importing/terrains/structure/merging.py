@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from terratool.importing.terrains.structure.kernels import FALL, FLAT, RAMP
 from terratool.importing.terrains.structure.types import Axis, Part
+from terratool.kernels import importing as kernels
 
 CLOSE = 1e-3
 """How far heights may be apart, in steps of a ramp."""
@@ -20,11 +20,11 @@ def merged(parts: list[Part]) -> list[Part]:
     for index, part in enumerate(parts):
         for along_x in (True, False):
             ramp, across = (part.x, part.y) if along_x else (part.y, part.x)
-            if ramp.code not in (RAMP, FALL) or across.code != FLAT:
+            if ramp.code not in (kernels.RAMP, kernels.FALL) or across.code != kernels.FLAT:
                 continue
             step = part.scale / (ramp.stop - ramp.first)
-            end = ramp.end if ramp.code == RAMP else ramp.begin - 2
-            last = Axis(FLAT, end, end + 2)
+            end = ramp.end if ramp.code == kernels.RAMP else ramp.begin - 2
+            last = Axis(kernels.FLAT, end, end + 2)
             place = places.get((last, across) if along_x else (across, last))
             box = None if place is None else out[place]
             if place is None or box is None:

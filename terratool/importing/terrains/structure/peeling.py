@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.terrains.structure import kernels
 from terratool.importing.terrains.structure.boxes import find_boxes
-from terratool.importing.terrains.structure.kernels import FLAT
 from terratool.importing.terrains.structure.profiles import curve_of, partners, profile_along
 from terratool.importing.terrains.structure.residual import (
     QUIET_SHARE,
@@ -19,6 +17,7 @@ from terratool.importing.terrains.structure.residual import (
     share_within,
 )
 from terratool.importing.terrains.structure.types import Axis, Part
+from terratool.kernels import importing as kernels
 
 ROUNDS = 8
 BLOCK = 16
@@ -117,7 +116,7 @@ def _pass(
         attempt = (guess.__name__, limits.unusual, row, column)
         if failed.get(attempt) == state:
             continue
-        if kernels.least(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
+        if kernels.least_size(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
             continue  # it went with another one
         best = _best(residual, guess(residual, pivot, limits), limits)
         if best is not None:
@@ -135,10 +134,7 @@ def _pass(
 def _pivots(residual: Residual, reach: tuple[int, int], least: float) -> Iterator[tuple[int, int]]:
     """The strongest gap of each block, the strongest first."""
     if reach not in residual.pivots:
-        blocks = tuple(-(-count // BLOCK) for count in residual.mixed.shape)
-        best, at = np.empty(blocks), np.zeros((*blocks, 2), np.int64)
-        kernels.strongest(residual.mixed, *reach, BLOCK, best, at)
-        residual.pivots[reach] = best.ravel(), at.reshape(-1, 2)
+        residual.pivots[reach] = kernels.find_strongest(residual.mixed, *reach, BLOCK)
     best, at = residual.pivots[reach]
     for block in np.argsort(-best, kind="stable").tolist():
         if best[block] <= least:
@@ -214,7 +210,7 @@ def _flats(
     """Flat cells along the first axis with one edge at a pivot, the nearest first."""
     for other in partners(mixed, known, pivot, along, noise)[:PARTNERS].tolist():
         low, high = sorted((pivot[0], other))
-        yield Axis(FLAT, 2 * (low + 1), 2 * (high + 1))
+        yield Axis(kernels.FLAT, 2 * (low + 1), 2 * (high + 1))
 
 
 def _by_height(
@@ -236,10 +232,10 @@ def _by_height(
     edge = gap + 1
     end = edge + _run(north[edge:])
     if end > edge:
-        yield Axis(FLAT, 2 * edge, 2 * end)
+        yield Axis(kernels.FLAT, 2 * edge, 2 * end)
     begin = edge - _run(south[:edge][::-1])
     if begin < edge:
-        yield Axis(FLAT, 2 * begin, 2 * edge)
+        yield Axis(kernels.FLAT, 2 * begin, 2 * edge)
 
 
 def _roughness(heights: Floats) -> Floats:

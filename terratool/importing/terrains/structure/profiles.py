@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.terrains.structure import kernels
 from terratool.importing.terrains.structure.types import VECTOR, Axis
+from terratool.kernels import importing as kernels
 
 Floats = NDArray[np.float64]
 
@@ -94,17 +94,9 @@ def curve_of(profile: Profile, unusual: bool) -> Axis | None:
         begins = begins[: max(1, CELLS // len(ends), len(begins) // 2)]
         ends = ends[: max(1, len(ends) // 2)]
     for odd in (0, 1) if unusual else (0,):
-        code, begin, end = kernels.best_fit(
-            profile.ratios,
-            profile.valid,
-            profile.tolerance,
-            profile.pivot,
-            _edges(begins, odd),
-            _edges(ends, odd),
-            GOOD,
-        )
+        code, begin, end = kernels.fit_curve(profile, _edges(begins, odd), _edges(ends, odd), GOOD)
         if code >= 0:
-            return Axis(int(code), int(begin), int(end))
+            return Axis(code, begin, end)
         if code == -2:
             return None
     return _vector_of(profile, west, east) if unusual else None

@@ -89,7 +89,7 @@ class Residual:
 
 def residual_of(heights: Floats) -> Residual:
     """The residual of a whole DEM."""
-    heights = np.where(np.isfinite(heights), heights, np.nan)
+    heights = np.ascontiguousarray(np.where(np.isfinite(heights), heights, np.nan))
     east = heights[:, 1:] - heights[:, :-1]
     mixed = east[1:] - east[:-1]
     known = np.isfinite(mixed)

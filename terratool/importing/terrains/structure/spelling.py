@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.terrains.structure import kernels
 from terratool.importing.terrains.structure.types import VECTOR, Axis, CurveText, Part, Structure
+from terratool.kernels import importing as kernels
 
 NAMES = (
     "flat", "ramp", "fall", "tent", "cos", "cosbell", "dome", "gauss", "rise", "sink",

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.primitives import EDGE
 from terratool.importing.terrains.structure.islands import Island
 from terratool.importing.terrains.structure.residual import Floats
 from terratool.importing.terrains.structure.spelling import shortest
 from terratool.importing.terrains.structure.types import Structure
+from terratool.kernels import field
 
 LEVEL = 0.97
 """So many pixels of an island have to be level, at one of two heights."""
@@ -138,7 +138,7 @@ def _covers(angle: float, width: int, height: int, dx: Floats, dy: Floats) -> ND
     cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     u, v = (dx * cos - dy * sin) / width, (dx * sin + dy * cos) / height
     covers: NDArray[np.bool_] = (
-        (np.maximum(np.abs(u), np.abs(v)) <= 0.5 + EDGE)
+        (np.maximum(np.abs(u), np.abs(v)) <= 0.5 + field.EDGE)
         & (np.abs(dx) < width / 2)
         & (np.abs(dy) < height / 2)
     )

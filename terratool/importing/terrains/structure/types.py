@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.terrains.structure import kernels
+from terratool.kernels import importing as kernels
 
 CurveText = str | tuple[float, ...] | tuple[tuple[float, float], ...]
 """A curve as the definition spells it: a name or an expression, a vector, knots."""
@@ -18,10 +18,7 @@ VECTOR = -1
 
 def curve_at(code: int, t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values of a known curve at any t, 0 where that is not in [0, 1); in the shape of `t`."""
-    flat = np.ascontiguousarray(t).ravel()
-    out = np.empty(len(flat))
-    kernels.fill(code, flat, out)
-    return out.reshape(t.shape)
+    return kernels.sample_curve(code, np.ravel(t)).reshape(t.shape)
 
 
 @dataclass(frozen=True, slots=True)
