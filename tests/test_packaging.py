@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import sysconfig
 import zipfile
 from pathlib import Path
 
@@ -29,10 +30,12 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(unpacked: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Without `site`, which would find the checkout where it is installed in place."""
+    others = [sysconfig.get_path(name) for name in ("purelib", "platlib")]
     return subprocess.run(
-        [sys.executable, *arguments],
+        [sys.executable, "-S", *arguments],
         capture_output=True, text=True, check=True, cwd=unpacked.parent,
-        env={**os.environ, "PYTHONPATH": str(unpacked)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(unpacked), *others])},
     )  # fmt: skip
 
 

@@ -56,7 +56,8 @@ inline void add_chosen_slopes(
 ) {
     for (std::size_t n = 0; n < east.size(); ++n) {
         bool chosen = (fx[n] <= fy) == lesser;
-        east[n] += chosen ? fx_slope[n] * factor : 0.0;
+        double slope = fx_slope[n] * factor;
+        east[n] += chosen ? slope : 0.0;
         north[n] += chosen ? 0.0 : amount;
     }
 }
