@@ -8,14 +8,14 @@ PIP := -m pip install -qq --disable-pip-version-check
 # Without isolation, what was built before is not built again.
 CONFIG := -Ceditable.rebuild=false
 TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))$(1), sep="\n")'
-SANITIZED := tests/test_kernels.py tests/test_field.py tests/test_painting.py tests/test_tracks.py \
+KERNEL_TESTS := tests/test_kernels.py tests/test_field.py tests/test_painting.py tests/test_tracks.py \
   tests/test_losses.py tests/test_mesh_building.py tests/test_mesh_solid.py tests/test_mesh_tracks.py \
   tests/test_zbuffer.py tests/test_import_structure.py tests/test_vrml_numbers.py \
   tests/test_vrml_polygons.py tests/test_terramechanics.py tests/test_traversability_map.py
 KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/python/*.cpp)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint bench docs stubs fuzz fuzz-expressions wheel outside sanitize debug clean
+.PHONY: help install demo test baseline lint bench docs stubs fuzz fuzz-expressions wheel outside sanitize debug clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -45,6 +45,9 @@ demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example, write its D
 
 test: $(VENV)/.installed-test  ## Run all tests, on all processors
 	$(BIN)/python -m pytest -n auto --dist loadfile $(TESTS)
+
+baseline: $(VENV)/.installed-test  ## Run the tests of the kernels as built for any processor
+	TERRATOOL_CPU=baseline $(BIN)/python -m pytest -n auto --dist loadfile $(KERNEL_TESTS)
 
 lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 	$(BIN)/ruff check .
@@ -102,7 +105,7 @@ sanitize:  ## Run the tests of the kernels with ASan, UBSan and checks of every 
 	@$(MAKE) --no-print-directory VENV=.venv-sanitize \
 	  CONFIG='-Cbuild-dir=build/sanitize -Ccmake.define.SANITIZE=ON' .venv-sanitize/.installed-test
 	LD_PRELOAD='$(RUNTIMES)' ASAN_OPTIONS=detect_leaks=0 TERRATOOL_CPU=baseline TERRATOOL_FUZZ=25 \
-	  .venv-sanitize/bin/python -m pytest -q -n auto --dist loadfile $(SANITIZED)
+	  .venv-sanitize/bin/python -m pytest -q -n auto --dist loadfile $(KERNEL_TESTS)
 
 debug:  ## Build the kernels for gdb, into .venv-debug; with COVERAGE=ON for gcov, too
 	@$(MAKE) --no-print-directory VENV=.venv-debug \

@@ -59,8 +59,8 @@ template <class T> class Matrix {
 public:
     Matrix() = default;
     Matrix(T* data, i64 rows, i64 columns) : data_(data), rows_(rows), columns_(columns) {}
-    template <class U> Matrix(Matrix<U> other)
-        : data_(other.data()), rows_(other.rows()), columns_(other.columns()) {}
+    template <class U>
+    Matrix(Matrix<U> other) : data_(other.data()), rows_(other.rows()), columns_(other.columns()) {}
 
     INLINE i64 rows() const { return rows_; }
     INLINE i64 columns() const { return columns_; }

@@ -17,7 +17,7 @@ from terratool.field.terrain import Terrain
 
 settings.register_profile(
     "terratool",
-    deadline=None,  # the first call of a kernel compiles it
+    deadline=None,
     suppress_health_check=list(HealthCheck),
     derandomize="TERRATOOL_FUZZ" not in os.environ,
     database=None,

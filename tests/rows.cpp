@@ -10,8 +10,12 @@ void lays_products(Out row, In fx) { lay_products(row, fx, 2.0, 3.0); }
 void adds_products(Out row, In fx, double a, double b) { add_products(row, fx, a, b); }
 void adds_constant(Out row, double a) { add_constant(row, a); }
 void adds_labels(Span<u32> row, u32 a) { add_constant(row, a); }
-void adds_row(u8 how, Out row, In fx, double a, double b, double c) { add_row(how, row, fx, a, b, c); }
-void adds_both(u8 how, Out row, In fx, In fy, double a, double b) { add_both(how, row, fx, fy, a, b); }
+void adds_row(u8 how, Out row, In fx, double a, double b, double c) {
+    add_row(how, row, fx, a, b, c);
+}
+void adds_both(u8 how, Out row, In fx, In fy, double a, double b) {
+    add_both(how, row, fx, fy, a, b);
+}
 void adds_pieces(Out row, In u, In pieces, const Ramp& x, const Ramp& y, double a, double b) {
     add_pieces(row, u, {pieces, 0}, x, {pieces, 4}, y, a, b);
 }
@@ -33,5 +37,4 @@ void finds_positions(In x, const GridAxis& axis, Out whole, Out part) {
 void gathers(Matrix<const float> pixels, double shift, Matrix<double> sums) {
     raster::gather(pixels, shift, sums);
 }
-
 }

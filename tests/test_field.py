@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from fractions import Fraction
 from typing import Any
 
@@ -10,7 +12,6 @@ import numpy as np
 import pytest
 
 from terratool.field import batches
-from terratool.field.terrain import _points
 from tests.conftest import terrain_of
 
 BOX = {"x": [1]}
@@ -368,14 +369,18 @@ class TestExtremes:
         assert t.height(x, 4649776.5) == pytest.approx(exact, abs=1e-9)
 
 
-def test_one_value_beside_a_number_may_be_written_to():
-    """NumPy warns of arrays that it broadcast, which kernels look at."""
-    for x, y in ((1.0, np.array([2.0])), (np.ones((1, 1)), np.array([[2.0]])), (1.0, 2.0)):
-        first, second, shape = _points(x, y)
-        assert first.flags.writeable
-        assert second.flags.writeable
-        assert shape == np.broadcast_shapes(np.shape(x), np.shape(y))
-    first, second, shape = _points(np.array([[1.0], [2.0]]), np.array([3.0, 4.0, 5.0]))
-    assert first.tolist() == [1, 1, 1, 2, 2, 2]
-    assert second.tolist() == [3, 4, 5, 3, 4, 5]
-    assert shape == (2, 3)
+def test_points_are_given_as_numpy_broadcasts_them() -> None:
+    t = terrain({"type": "ramp"})
+    x, y = np.array([[10.0], [20.0]]), np.array([3.0, 4.0, 5.0])
+    assert t.height(x, y) == pytest.approx(np.array([[0.1] * 3, [0.2] * 3]))
+    assert t.height(10.0, np.array([3.0])) == pytest.approx(np.array([0.1]))
+    assert t.height(np.full((1, 1), 10.0), 3.0).shape == (1, 1)
+    assert t.height(10.0, 3.0) == pytest.approx(0.1)
+
+
+def test_what_has_been_asked_can_be_copied_and_sent() -> None:
+    """To another process, say, after it has made what kernels ask."""
+    t = terrain({"type": "ramp", "children": [child(3, 6, vScale=2)]})
+    height = t.height(35.0, 65.0)
+    for other in (pickle.loads(pickle.dumps(t)), copy.deepcopy(t)):
+        assert other.height(35.0, 65.0) == height != 0.0

@@ -59,8 +59,8 @@ template <class Id> struct Canvas {
     TileOf<u32> labels;  // of regions
     TileOf<u32> stamps;  // the last track over a pixel and one, 0 for none
     TileOf<Trodden> trodden;
-    std::vector<u64> near_segments;      // a bit for each, all 0 but while they are looked for
-    Span<const u8> nonzero_edges;        // by kinds: whether a footprint's edge may be a wall
+    std::vector<u64> near_segments;  // a bit for each, all 0 but while they are looked for
+    Span<const u8> nonzero_edges;    // by kinds: whether a footprint's edge may be a wall
     std::vector<GridPart> queue;
     Stack stack;
     // by column and by row: cells of a grid and positions in them, positions in a block of cells,
@@ -72,10 +72,9 @@ template <class Id> struct Canvas {
     std::array<BinRun, TILE_HEIGHT + 1> runs_y;
 
     Canvas(const Field& field, bool slopes, bool labelled, Span<const u8> nonzero)
-        : slope_x(slopes), slope_y(slopes), labels(labelled),
-          stamps(has_tracks(field)), trodden(has_tracks(field)),
-          near_segments(field.tracks.segments.size() / 64 + 1), nonzero_edges(nonzero),
-          stack(field.pending) {}
+        : slope_x(slopes), slope_y(slopes), labels(labelled), stamps(has_tracks(field)),
+          trodden(has_tracks(field)), near_segments(field.tracks.segments.size() / 64 + 1),
+          nonzero_edges(nonzero), stack(field.pending) {}
 
     i64 nbytes() const {
         return i64(sizeof(*this)) + heights.nbytes() + surfaces.nbytes() + slope_x.nbytes()

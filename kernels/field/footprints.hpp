@@ -1,7 +1,7 @@
 // Which pixels of a row a turned rectangle or a disc holds: solved, then made exact.
 //
 // The ends of a run are guessed by arithmetic and moved to where the tests of the descent, the same
-// operations on the same numbers, change their answer. What a guess is worth is a matter of time only.
+// operations on the same numbers, change their answer. The guess matters only for speed.
 #pragma once
 
 #include "primitives.hpp"

@@ -67,9 +67,8 @@ void label_block(
         fill(marks, u32(0));
         GridAxis axis = x_axis(grid);
         for (std::size_t n = 0; kind.knotted_x == STEPPED && n < u.size(); ++n) {
-            i64 piece = placed_piece(
-                field.curves, x_curve(kind), u[n], x[n], axis, x_block(element, pose)
-            );
+            i64 piece =
+                placed_piece(field.curves, x_curve(kind), u[n], x[n], axis, x_block(element, pose));
             marks[n] = mark_of_piece(index, ACROSS, piece);
         }
     }
@@ -84,8 +83,7 @@ void label_block(
         }
         if (steps)
             for (std::size_t n = 0; n < row.size(); ++n) row[n] += marks[n] + value;
-        else
-            add_constant(row, value);
+        else add_constant(row, value);
     }
 }
 

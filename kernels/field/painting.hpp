@@ -63,7 +63,8 @@ void paint_block(
     const Field& field, Canvas<Id>& canvas, const Painted& p, In u, In v, In x, In y,
     const Rectangle& part
 ) {
-    Out fx = part_of(canvas.fx, part.west, part.east), fy = part_of(canvas.fy, part.south, part.north);
+    Out fx = part_of(canvas.fx, part.west, part.east),
+        fy = part_of(canvas.fy, part.south, part.north);
     placed_values(
         field.curves, x_curve(p.kind), u, x, x_axis(p.grid), x_block(p.element, p.pose), fx
     );
@@ -158,9 +159,7 @@ Rectangle paint_element(
     double resolution, Rectangle part
 ) {
     const Element& element = field.elements[index];
-    Painted painted{
-        index, element, field.kinds[element.kind], field.poses[element.pose], grid
-    };
+    Painted painted{index, element, field.kinds[element.kind], field.poses[element.pose], grid};
     const Pose& pose = painted.pose;
     bool spans = false;
     if (grid.listed) {

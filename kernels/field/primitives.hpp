@@ -1,10 +1,10 @@
 // Where edges stand, and what a primitive is worth at a point of its cell. The edge rule is here.
 //
-// A cell's edge stands at the double nearest to its exact position, so a coordinate that is typed as
-// the edge's decimal number lies on it. The same goes for a vertical step in a curve of an unturned
-// element. Positions within a grid are measured from its own corner, kept to 106 bits, so that
-// neither large coordinates nor deep nesting cost accuracy; grids finer than doubles go on from the
-// position in their parent's cell.
+// A cell's edge stands at the double nearest to its exact position, so a coordinate that is typed
+// as the edge's decimal number lies on it. The same goes for a vertical step in a curve of an
+// unturned element. Positions within a grid are measured from its own corner, kept to 106 bits, so
+// that neither large coordinates nor deep nesting cost accuracy; grids finer than doubles go on
+// from the position in their parent's cell.
 #pragma once
 
 #include "types.hpp"
@@ -140,8 +140,7 @@ inline bool is_past_step(double x, const GridAxis& a, Block block, double t) {
     double t_high = t * big - (t * big - t);
     double side_high = side * big - (side * big - side);
     double t_low = t - t_high, side_low = side - side_high;
-    double error =
-        t_low * side_low
+    double error = t_low * side_low
         - (((product - t_high * side_high) - t_low * side_high) - t_high * side_low);
     double total = high + product;
     double back = total - high;
@@ -287,10 +286,13 @@ INLINE Footprint special_shape(
 ) {
     if (kind.combine == RADIAL) return radial(curves, kind, at);
     if (pose.turned && is_beyond(at)) return {false, {0.0, 0.0, 0.0}};
-    BothCurves f = pose.turned
-        ? BothCurves{any_curve(curves, x_curve(kind), clamp(at.u, 0.0, 1.0)),
-                     any_curve(curves, y_curve(kind), clamp(at.v, 0.0, 1.0))}
-        : placed_curves(curves, kind, element, pose, grid, at, x, y);
+    BothCurves f;
+    if (pose.turned) {
+        f.x = any_curve(curves, x_curve(kind), clamp(at.u, 0.0, 1.0));
+        f.y = any_curve(curves, y_curve(kind), clamp(at.v, 0.0, 1.0));
+    } else {
+        f = placed_curves(curves, kind, element, pose, grid, at, x, y);
+    }
     return {true, combine(kind.combine, f.x, f.y)};
 }
 

@@ -35,9 +35,8 @@ struct LeafSum {
 // Add the elements of a bin that have no grid and nothing special, each as wide as the cell.
 // Height, slopes in cells, and the top element go in and come out.
 template <bool sloped>
-INLINE LeafSum add_leaves(
-    const Field& field, u64 begin, u64 end, double in_x, double in_y, LeafSum sum
-) {
+INLINE LeafSum
+add_leaves(const Field& field, u64 begin, u64 end, double in_x, double in_y, LeafSum sum) {
     for (u64 k = begin; k < end; ++k) {
         const Element& element = field.elements[k];
         const Kind& kind = field.kinds[element.kind];
@@ -93,7 +92,7 @@ struct Found {  // of the elements at a point; the top one decides the surface
 };
 
 // Height, top element and gradient at a point inside the bounds, tracks apart.
-// The gradient is computed only where `sloped` holds; a descent that has `begun` goes on from there.
+// The gradient is computed only where `sloped` holds; a descent that has `begun` goes on from it.
 template <bool sloped, bool begun = false>
 INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun from = {}) {
     auto [z, slope_x, slope_y, i, j, in_x, in_y] = from;
@@ -122,9 +121,8 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
         u64 descended = 0;
         u64 begin = field.offsets[slot], end = field.offsets[slot + 1];
         if (grid.leaves) {
-            LeafSum sum = add_leaves<sloped>(
-                field, begin, end, in_x, in_y, {z, 0.0, 0.0, NO_ELEMENT}
-            );
+            LeafSum sum =
+                add_leaves<sloped>(field, begin, end, in_x, in_y, {z, 0.0, 0.0, NO_ELEMENT});
             z = sum.z;
             top = max(top, sum.top);
             if constexpr (sloped) {
@@ -318,8 +316,7 @@ inline void batch_heights(const Field& field, In x, In y, Scratch& scratch, Out 
                 complete(n);
                 continue;
             }
-            Found found =
-                descend<false, true>(field, x[n], y[n], scratch.stack, batch.begun(n));
+            Found found = descend<false, true>(field, x[n], y[n], scratch.stack, batch.begun(n));
             out[n] = height_or_void(field, found.z, found.top);
             scratch.top[n] = found.top;
         }
@@ -408,8 +405,7 @@ inline void samples(
             std::size_t n = begin + k;
             if (batch.is_clear(k))
                 put(n, descend<true, true>(field, x[n], y[n], scratch.stack, batch.begun(k)));
-            else
-                descend_from_root(n);
+            else descend_from_root(n);
         }
     });
 }

@@ -112,10 +112,9 @@ inline void add_turned_pieces(
     while (begin < count) {
         auto [s, t] = turned(pose, u[begin], v);
         i64 i = even_piece(s, x_count), j = even_piece(t, y_count);
-        double ahead = min(
-            columns_left(s, i, x_count, pose.cos * step),
-            columns_left(t, j, y_count, pose.sin_u * step)
-        );
+        double ahead =
+            min(columns_left(s, i, x_count, pose.cos * step),
+                columns_left(t, j, y_count, pose.sin_u * step));
         i64 end = begin + 1 + i64(max(min(ahead, double(count) - 1.0 - double(begin)), 0.0));
         while (end > begin + 1) {  // guessed, so it may be one too far
             auto [last_s, last_t] = turned(pose, u[end - 1], v);
@@ -137,8 +136,7 @@ inline void add_turned_pieces(
 // Add a turned element to a row, along which both curves change.
 inline void add_both(u8 how, Out row, In fx, In fy, double scale, double offset) {
     auto add = [&](auto both) {
-        for (std::size_t n = 0; n < row.size(); ++n)
-            row[n] += scale * both(fx[n], fy[n]) + offset;
+        for (std::size_t n = 0; n < row.size(); ++n) row[n] += scale * both(fx[n], fy[n]) + offset;
     };
     if (how == PRODUCT) add([](double a, double b) { return a * b; });
     else if (how == SUM) add([](double a, double b) { return a + b; });

@@ -22,9 +22,7 @@ inline void placed_slopes(
             f = knotted_curve(curves, at, t[n]);
         } else {
             // in a grid of leaves the descent turns all elements, these by nothing, which rounds
-            f = even_curve(
-                curves.pieces, at.first, at.count, leaves ? 0.5 + (t[n] - 0.5) : t[n]
-            );
+            f = even_curve(curves.pieces, at.first, at.count, leaves ? 0.5 + (t[n] - 0.5) : t[n]);
         }
         values[n] = f.value, slopes[n] = f.slope;
     }
@@ -82,10 +80,12 @@ void slope_block(
     Out fy = part_of(canvas.fy, 0, count_of(v)), fy_slope = part_of(canvas.work_1, 0, count_of(v));
     bool leaves = grid.leaves;
     placed_slopes(
-        field.curves, x_curve(kind), u, leaves, x, x_axis(grid), x_block(element, pose), fx, fx_slope
+        field.curves, x_curve(kind), u, leaves, x, x_axis(grid), x_block(element, pose), fx,
+        fx_slope
     );
     placed_slopes(
-        field.curves, y_curve(kind), v, leaves, y, y_axis(grid), y_block(element, pose), fy, fy_slope
+        field.curves, y_curve(kind), v, leaves, y, y_axis(grid), y_block(element, pose), fy,
+        fy_slope
     );
     Rates rates(element, grid, pose);
     for (i64 j = 0; j < count_of(v); ++j) {

@@ -14,7 +14,7 @@ constexpr u64 TRACK_KEY = u64(1) << 61, DEPTH_KEY = u64(5) << 60;
 // Of no more pixels in a row each is asked about: quicker than to know which are sure.
 constexpr i64 FEW_PIXELS = 12;
 
-struct SegmentShape {  // what all rows of a segment have in common
+struct SegmentShape {               // what all rows of a segment have in common
     double length, over_x, over_y;  // and 1 / dx and 1 / dy, 0 where it runs along the other axis
     explicit SegmentShape(const Segment& s)
         : length(sqrt(s.square)), over_x(abs(s.dx) > UPRIGHT_SEGMENT ? 1.0 / s.dx : 0.0),
@@ -205,11 +205,10 @@ void paint_tracks(const Field& field, Canvas<Id>& canvas, In x, In y, const Rect
     Ascending rows{y, pixels_per(y, part.south, part.north)};
     for (i64 word = low; word <= high; ++word) {
         for (u64 bits = std::exchange(near[word], 0); bits; bits &= bits - 1)
-            press_segment(
-                tracks, canvas, word * 64 + std::countr_zero(bits), columns, rows, part
-            );
+            press_segment(tracks, canvas, word * 64 + std::countr_zero(bits), columns, rows, part);
     }
-    for (i64 r = part.south; r < part.north; ++r) lower_row(tracks, canvas, r, part.west, part.east);
+    for (i64 r = part.south; r < part.north; ++r)
+        lower_row(tracks, canvas, r, part.west, part.east);
 }
 
 }  // namespace terratool

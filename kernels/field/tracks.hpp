@@ -1,7 +1,7 @@
 // Tracks at a point: which of them hold it, how deep their ruts are together, what is worn there.
 //
-// A segment of a track is a capsule, a strip with round ends. `holds` decides about every point that
-// anything asks about; whatever else looks at segments only tells where that is certain.
+// A segment of a track is a capsule, a strip with round ends. `holds` decides about every point
+// that anything asks about; whatever else looks at segments only tells where that is certain.
 #pragma once
 
 #include "primitives.hpp"

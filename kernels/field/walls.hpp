@@ -114,8 +114,8 @@ public:
     // Walls above `level` between the places of each pair: up to as many as there is room for.
     //
     // `places` and `jumps` are (pairs, most): where along its axis each stands, and by how much the
-    // ground rises there to the east or north, below 0 if it falls; 0 for no wall. In no order. More
-    // than one is looked for where one does not explain what rises.
+    // ground rises there to the east or north, below 0 if it falls; 0 for no wall. In no order.
+    // More than one is looked for where one does not explain what rises.
     void between(
         Span<const i64> pairs, In x, In y, double resolution, double level, Matrix<double> places,
         Matrix<double> jumps
@@ -212,9 +212,7 @@ private:
         if (!is_inside(field_.bounds, x, y)) return {NaN, NaN};
         Found found = descend<true>(field_, x, y, canvas_.stack);
         if (is_void(field_, found.top)) return {NaN, NaN};
-        return {
-            lowered(field_, found.z, found.top, x, y), along_x ? found.slope_x : found.slope_y
-        };
+        return {lowered(field_, found.z, found.top, x, y), along_x ? found.slope_x : found.slope_y};
     }
 
     // Height of what two places so near to each other have between them, 0 if it is no wall.

@@ -94,7 +94,8 @@ public:
         while (true) {
             if (is_class(GAP)) ++at_;
             else if (!is('#')) return;
-            else while (!is_at_end() && !is('\n') && !is('\r')) ++at_;
+            else
+                while (!is_at_end() && !is('\n') && !is('\r')) ++at_;
         }
     }
 

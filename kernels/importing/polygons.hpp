@@ -100,8 +100,8 @@ private:
             auto a = points_[loop_[n]], b = points_[loop_[(n + 1) % count]];
             for (i64 axis = 0; axis < 3; ++axis) {
                 i64 u = (axis + 1) % 3, v = (axis + 2) % 3;
-                normal[axis] += (a[u] - base[u]) * (b[v] - base[v])
-                    - (a[v] - base[v]) * (b[u] - base[u]);
+                normal[axis] +=
+                    (a[u] - base[u]) * (b[v] - base[v]) - (a[v] - base[v]) * (b[u] - base[u]);
             }
         }
         i64 axis = 0;
@@ -159,8 +159,10 @@ private:
             south = min(south, corner.at.y), north = max(north, corner.at.y);
         }
         i64 side = clamp(i64(sqrt(double(corners_.size())) / 2.0), i64(1), i64(1024));
-        return {side, west, south, double(side) / max(east - west, 1e-300),
-            double(side) / max(north - south, 1e-300)};
+        return {
+            side, west, south, double(side) / max(east - west, 1e-300),
+            double(side) / max(north - south, 1e-300)
+        };
     }
 
     // Cut the polygon, which is seen counterclockwise; returns whether it does not cross itself.

@@ -38,7 +38,9 @@ inline std::vector<double> sample_curve(i64 code, In t) {
     return out;
 }
 
-struct Cell { i64 begin, end; };  // of a curve, in half pixels
+struct Cell {
+    i64 begin, end;
+};  // of a curve, in half pixels
 
 // Difference of a curve's values at the centres of the pixels `gap` + 1 and `gap`.
 INLINE double curve_step(i64 code, Cell cell, i64 gap) {
@@ -137,9 +139,7 @@ inline std::tuple<i64, i64, i64> fit_curve(
 
 // The least size of a difference and its neighbours, so many to each side along y and along x; 0
 // where one lies outside.
-inline double least_size(
-    Matrix<const double> mixed, i64 row, i64 column, i64 down, i64 across
-) {
+inline double least_size(Matrix<const double> mixed, i64 row, i64 column, i64 down, i64 across) {
     if (row < down || column < across || row + down >= mixed.rows()
         || column + across >= mixed.columns())
         return 0.0;

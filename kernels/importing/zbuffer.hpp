@@ -16,11 +16,13 @@ using Points = Matrix<const double>;  // (n, 3): u, v, z; or x, y, z in the worl
 using Faces = Matrix<const i32>;      // (m, 3), indices of points
 using Counts = Matrix<u8>;            // how many surfaces a pixel has
 
-constexpr u8 MOST = 255;         // surfaces over a pixel are not counted any further
+constexpr u8 MOST = 255;          // surfaces over a pixel are not counted any further
 constexpr double UPRIGHT = 1e-6;  // a face is vertical if no larger from above than this part of it
 constexpr double FLAT_FACE = 1e-12;  // … has no area if lower than this part of its longest edge
 
-struct Point { double u, v, z; };
+struct Point {
+    double u, v, z;
+};
 
 INLINE Point point_at(Points points, i64 n) { return {points(n, 0), points(n, 1), points(n, 2)}; }
 
@@ -40,7 +42,9 @@ INLINE double between(double a, double b, double t) {
     return t < 0.5 ? a + t * (b - a) : b - (1.0 - t) * (b - a);
 }
 
-struct Cut { double u, z; };  // where a row cuts an edge
+struct Cut {
+    double u, z;
+};  // where a row cuts an edge
 
 // The cut of a row and the edge from a up to b.
 INLINE Cut cut_edge(const Point& a, const Point& b, double v) {
@@ -92,7 +96,9 @@ struct Interval {
         : low(min(min(a, b), c)), high(max(max(a, b), c)) {}
 };
 
-struct Range { double first, last; };
+struct Range {
+    double first, last;
+};
 
 // Where to begin and to end, to meet the whole numbers from `low` to `high` that are below `count`.
 INLINE Range whole_numbers(double low, double high, i64 count) {
@@ -112,9 +118,7 @@ inline void paint_faces(
         Range rows = whole_numbers(low.v - tolerance, high.v + tolerance, heights.rows());
         if (rows.first > rows.last) continue;
         Interval width(low.u, middle.u, high.u);
-        Range all = whole_numbers(
-            width.low - tolerance, width.high + tolerance, heights.columns()
-        );
+        Range all = whole_numbers(width.low - tolerance, width.high + tolerance, heights.columns());
         if (all.first > all.last || area == 0.0) continue;
         for (double v = rows.first; v <= rows.last; v += 1.0) {
             i64 row = i64(v);

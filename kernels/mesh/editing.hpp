@@ -68,10 +68,14 @@ public:
             const Side two(*this, other, edge_to(other, t));  // from b to a, and d
             i32 beyond = of_[other];
             // other keeps b-p-d, the second new one gets p-a-d
-            write(other, beyond, {two.a, at, two.c}, {two.za, z_beyond, two.zc},
-                  {new_one, new_two, two.to_ca});
-            write(new_two, beyond, {at, two.b, two.c}, {z_beyond, two.zb, two.zc},
-                  {t, two.to_bc, other});
+            write(
+                other, beyond, {two.a, at, two.c}, {two.za, z_beyond, two.zc},
+                {new_one, new_two, two.to_ca}
+            );
+            write(
+                new_two, beyond, {at, two.b, two.c}, {z_beyond, two.zb, two.zc},
+                {t, two.to_bc, other}
+            );
             relink(two.to_bc, other, new_two);
         }
         // t keeps a-p-c, the first new one gets p-b-c
@@ -83,11 +87,10 @@ public:
     }
 
     // Points, corners, neighbours, regions and heights; they are no longer here then.
-    std::tuple<Rows<i64, 2>, Rows<i32, 3>, Rows<i32, 3>, std::vector<i32>, Rows<double, 3>>
-    take() {
+    std::tuple<Rows<i64, 2>, Rows<i32, 3>, Rows<i32, 3>, std::vector<i32>, Rows<double, 3>> take() {
         return {
-            std::move(points_), std::move(triangles_), std::move(neighbours_), std::move(of_),
-            std::move(heights_),
+            std::move(points_), std::move(triangles_), std::move(neighbours_),
+            std::move(of_),     std::move(heights_),
         };
     }
 
@@ -218,10 +221,14 @@ private:
             Point a = point(one.a), b = point(one.b), c = point(one.c), d = point(two.c);
             if (is_round(a, b, c, d) || is_low(a, d, c) || is_low(d, b, c)) continue;
             i32 region = of_[t];
-            write(t, region, {one.a, two.c, one.c}, {one.za, two.zc, one.zc},
-                  {two.to_bc, other, one.to_ca});
-            write(other, region, {two.c, one.b, one.c}, {two.zc, one.zb, one.zc},
-                  {two.to_ca, one.to_bc, t});
+            write(
+                t, region, {one.a, two.c, one.c}, {one.za, two.zc, one.zc},
+                {two.to_bc, other, one.to_ca}
+            );
+            write(
+                other, region, {two.c, one.b, one.c}, {two.zc, one.zb, one.zc},
+                {two.to_ca, one.to_bc, t}
+            );
             relink(two.to_bc, other, t);
             relink(one.to_bc, t, other);
             if (checks_.size() + 2 <= most) checks_.push_back(t), checks_.push_back(other);

@@ -107,8 +107,7 @@ inline double radial_error(const Plan& plan, const Cover& cover, const Corners& 
         double rho = gauge({u, v}, corners);
         least = min(least, rho), most = max(most, rho);
         // a corner on the line between two sectors is in that where the triangle is
-        i64 own =
-            sector({u + inward * (middle_u - u), v + inward * (middle_v - v)}, corners);
+        i64 own = sector({u + inward * (middle_u - u), v + inward * (middle_v - v)}, corners);
         if (rho < inward) continue;  // the middle is in all of them
         s[c] = own < 0 ? own + n : own;
     }
@@ -217,9 +216,8 @@ struct InRegion {
         double total = 0.0;
         for (std::size_t k = 0; k < covers.size(); ++k) {
             const Corners& own = corners[k];
-            total += element_error(
-                plan, covers[k], {part[0].in(own), part[1].in(own), part[2].in(own)}
-            );
+            total +=
+                element_error(plan, covers[k], {part[0].in(own), part[1].in(own), part[2].in(own)});
             if (total > enough) return INF;
         }
         return total;

@@ -37,7 +37,7 @@ struct Fans {
     }
 };
 
-struct Spoke {  // a triangle around a vertex
+struct Spoke {     // a triangle around a vertex
     i64 triangle;  // -1 for what lies beyond the hull
     i64 top;       // up to this level of the vertex there is something solid; -1 without ground
 };

@@ -55,9 +55,7 @@ public:
     const std::vector<i64>& find(double x, double y) {
         constexpr u8 odd = 1, seen = 2;
         found_.clear();
-        RowFrame index{
-            outlines_.frame[0], outlines_.frame[1], count_of(outlines_.offsets) - 1
-        };
+        RowFrame index{outlines_.frame[0], outlines_.frame[1], count_of(outlines_.offsets) - 1};
         if (index.rows < 1) return found_;
         i64 row = index.row_of(y);
         for (i64 k = outlines_.offsets[row]; k < outlines_.offsets[row + 1]; ++k) {

@@ -170,7 +170,7 @@ describe_regions(const Plan& plan, Points points, Triangles triangles, Span<cons
     }
     return {
         std::move(offsets), std::move(covers), std::move(surfaces), std::move(voids),
-        std::move(plane), std::move(asides), std::move(drops),
+        std::move(plane),   std::move(asides), std::move(drops),
     };
 }
 

@@ -94,9 +94,8 @@ inline std::tuple<std::vector<i64>, Rows<double, 2>> follow(
             End end = pending.back();
             Profile::Edge edge{begin.place, end.place, begin.height, end.height};
             double middle = std::nearbyint(0.5 * (begin.place + end.place));
-            if (!(is_void || regions.plane[region])
-                && end.place - begin.place >= 2 * SHORTEST_SEAM && lowest <= middle
-                && middle <= highest && pending.size() < deepest
+            if (!(is_void || regions.plane[region]) && end.place - begin.place >= 2 * SHORTEST_SEAM
+                && lowest <= middle && middle <= highest && pending.size() < deepest
                 && (profile.misses(region, edge) || profile.is_bent(region, edge))) {
                 pending.push_back(end_at(middle));
                 continue;

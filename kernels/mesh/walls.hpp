@@ -88,8 +88,7 @@ struct Walls {
     // Append the wall between two chains of levels, seen from where p is to the left of q.
     void strip(Chain p, Chain q, i64 owner) {
         while (p.low < p.high || q.low < q.high) {
-            bool up = q.low == q.high
-                || (p.low < p.high && levels[p.low + 1] <= levels[q.low + 1]);
+            bool up = q.low == q.high || (p.low < p.high && levels[p.low + 1] <= levels[q.low + 1]);
             faces.push_back({i32(p.low), i32(q.low), i32(up ? p.low + 1 : q.low + 1)});
             owners.push_back(i32(owner));
             ++(up ? p : q).low;
@@ -133,8 +132,7 @@ inline Faces raise_walls(Triangles neighbours, Triangles corners, In levels) {
 // The walls from the base, the lowest level, up to the rim of the ground, and the triangle above
 // each. The `rim` are triangles, and which of their edges: there is no ground beyond.
 inline Faces raise_skirt(
-    Triangles triangles, Triangles corners, Matrix<const i32> rim, Span<const i64> begins,
-    In levels
+    Triangles triangles, Triangles corners, Matrix<const i32> rim, Span<const i64> begins, In levels
 ) {
     Walls walls{levels, {}, {}};
     for (i64 k = 0; k < rim.rows(); ++k) {

@@ -27,6 +27,10 @@
 
 namespace nb = nanobind;
 
+// What is not a loop over numbers need not be quick, but quickly compiled.
+#define COLD [[gnu::cold, gnu::noinline]]
+#define NOINLINE [[gnu::noinline]]
+
 namespace terratool::python {
 
 using namespace nb::literals;
@@ -72,29 +76,28 @@ struct Where {
         auto begin = spelled.find('[');
         return begin == spelled.npos ? "" : spelled.substr(begin + 1, spelled.size() - begin - 2);
     }
-    [[noreturn]] void refuse(const std::string& wanted, nb::handle got) const {
+    [[noreturn]] COLD void refuse(const std::string& wanted, nb::handle got) const {
         std::string found = text_of(got.type().attr("__name__"));
         if (nb::hasattr(got, "dtype") && nb::hasattr(got, "shape")) {
             found = text_of(got.attr("dtype")) + " of shape " + text_of(got.attr("shape"));
             if (!nb::cast<bool>(got.attr("flags").attr("c_contiguous"))) found += ", strided";
             if (!nb::cast<bool>(got.attr("flags").attr("writeable"))) found += ", read-only";
         }
-        throw nb::type_error(
-            (std::string(function) + "(): " + std::string(name()) + " must be " + wanted
-             + ", but is " + found).c_str());
+        throw nb::type_error((std::string(function) + "(): " + std::string(name()) + " must be "
+                              + wanted + ", but is " + found)
+                                 .c_str());
     }
 };
 
 // What of the buffer protocol's formats is a type, and what NumPy calls it.
 template <class T> struct Dtype;
-#define TERRATOOL_DTYPE(T, text, letters)                    \
-    template <> struct Dtype<T> {                            \
-        static constexpr const char *name = text;            \
-        static bool is(const Py_buffer& view) {              \
-            return view.format && std::strlen(view.format) == 1 \
-                && std::strchr(letters, view.format[0])      \
-                && view.itemsize == Py_ssize_t(sizeof(T));   \
-        }                                                    \
+#define TERRATOOL_DTYPE(T, text, letters)                                                          \
+    template <> struct Dtype<T> {                                                                  \
+        static constexpr const char* name = text;                                                  \
+        static bool is(const Py_buffer& view) {                                                    \
+            return view.format && std::strlen(view.format) == 1                                    \
+                && std::strchr(letters, view.format[0]) && view.itemsize == Py_ssize_t(sizeof(T)); \
+        }                                                                                          \
     };
 TERRATOOL_DTYPE(double, "float64", "d")
 TERRATOOL_DTYPE(float, "float32", "f")
@@ -139,17 +142,16 @@ template <Record T> void check_record(nb::handle dtype) {
     nb::object fields = dtype.attr("fields");
     std::size_t count = 0;
     auto wrong = [&](const std::string& what) {
-        throw nb::type_error((text_of(dtype)
-                              + " is not the struct of the kernels: " + what).c_str());
+        throw nb::type_error(
+            (text_of(dtype) + " is not the struct of the kernels: " + what).c_str()
+        );
     };
     visit_members(record, [&]<class M>(const char* name, M& member) {
         ++count;
         if (!nb::cast<bool>(fields.attr("__contains__")(name))) wrong(std::string("no ") + name);
         nb::object field = fields[name];
         i64 offset = reinterpret_cast<char*>(&member) - reinterpret_cast<char*>(&record);
-        if (nb::cast<i64>(field[1]) != offset
-            || text_of(field[0]) != Dtype<M>::name)
-            wrong(name);
+        if (nb::cast<i64>(field[1]) != offset || text_of(field[0]) != Dtype<M>::name) wrong(name);
     });
     if (count != nb::len(fields) || nb::cast<std::size_t>(dtype.attr("itemsize")) != sizeof(T))
         wrong("its size");
@@ -197,8 +199,8 @@ public:
             view_.obj = nullptr;
             return false;
         }
-        return view_.ndim == rank && Dtype<Element>::is(view_)
-            && PyBuffer_IsContiguous(&view_, 'C') && (std::is_const_v<T> || !view_.readonly);
+        return view_.ndim == rank && Dtype<Element>::is(view_) && PyBuffer_IsContiguous(&view_, 'C')
+            && (std::is_const_v<T> || !view_.readonly);
     }
     // Whether its shape is the one that is spelled.
     bool agrees(const Where& where) const {
@@ -248,8 +250,8 @@ concept Bundle = requires(T& bundle) { visit_arguments(bundle, [](const char*, a
 // How a Python value becomes an argument of a kernel, and what its type is called in a signature.
 template <class T> struct Argument {  // a class that Python knows
     T* value;
-    static std::string type() { return text_of(nb::type<T>().attr("__name__")); }
-    Argument(nb::handle given, const Where& where) {
+    COLD static std::string type() { return text_of(nb::type<T>().attr("__name__")); }
+    NOINLINE Argument(nb::handle given, const Where& where) {
         if (!nb::isinstance<T>(given)) where.refuse("a " + type(), given);
         value = nb::inst_ptr<T>(given);
     }
@@ -270,17 +272,17 @@ template <View V> struct Argument<V> {
     static constexpr bool writes = !std::is_const_v<typename Of::Element>;
     Buffer buffer;
 
-    static std::string type() {
+    COLD static std::string type() {
         if constexpr (Record<Element>) return "NDArray[np.void]";
         else if constexpr (std::is_same_v<Element, bool>) return "NDArray[np.bool_]";
         else return std::string("NDArray[np.") + Dtype<Element>::name + "]";
     }
-    static std::string wanted(const Where& where) {
+    COLD static std::string wanted(const Where& where) {
         return std::string("a ") + (writes ? "writable, " : "") + "contiguous array of "
             + std::to_string(Of::rank) + (Of::rank == 1 ? " dimension, " : " dimensions, ")
             + Dtype<Element>::name + " (" + std::string(where.shape()) + ")";
     }
-    static nb::dict spec() {
+    COLD static nb::dict spec() {
         nb::dict spec;
         if constexpr (Record<Element>) spec["record"] = typeid(Element).name();
         else spec["dtype"] = Dtype<Element>::name;
@@ -292,7 +294,7 @@ template <View V> struct Argument<V> {
     bool take(nb::handle given) { return buffer.take<typename Of::Element>(given, Of::rank); }
 
     Argument() = default;
-    Argument(nb::handle given, const Where& where) {
+    NOINLINE Argument(nb::handle given, const Where& where) {
         if (where.is_optional() && given.is_none()) return;
         if (!take(given) || !buffer.agrees(where)) where.refuse(wanted(where), given);
     }
@@ -303,23 +305,23 @@ template <View V> struct Argument<V> {
 template <View... V> struct Argument<std::variant<V...>> {
     std::variant<Argument<V>...> chosen;
 
-    static std::string type() {
+    COLD static std::string type() {
         std::string words;
         ((words += (words.empty() ? "" : " | ") + Argument<V>::type()), ...);
         return words;
     }
-    static nb::dict spec() {
+    COLD static nb::dict spec() {
         nb::list choices;
         (choices.append(Argument<V>::spec()), ...);
         nb::dict spec;
         spec["choices"] = choices;
         return spec;
     }
-    Argument(nb::handle given, const Where& where) {
+    NOINLINE Argument(nb::handle given, const Where& where) {
         if (where.is_optional() && given.is_none()) return;
         bool found = (try_one<V>(given) || ...);
-        bool fits = found
-            && std::visit([&](auto& one) { return one.buffer.agrees(where); }, chosen);
+        bool fits =
+            found && std::visit([&](auto& one) { return one.buffer.agrees(where); }, chosen);
         if (fits) return;
         std::string words;
         ((words += (words.empty() ? "" : " or ") + Argument<V>::wanted(where)), ...);
@@ -337,8 +339,8 @@ private:
 
 template <> struct Argument<double> {
     double value;
-    static std::string type() { return "float"; }
-    Argument(nb::handle given, const Where& where) : value(PyFloat_AsDouble(given.ptr())) {
+    COLD static std::string type() { return "float"; }
+    NOINLINE Argument(nb::handle given, const Where& where) : value(PyFloat_AsDouble(given.ptr())) {
         if (value == -1.0 && PyErr_Occurred()) {
             PyErr_Clear();
             where.refuse("a number", given);
@@ -349,8 +351,8 @@ template <> struct Argument<double> {
 
 template <> struct Argument<i64> {
     i64 value = 0;
-    static std::string type() { return "int"; }
-    Argument(nb::handle given, const Where& where) {
+    COLD static std::string type() { return "int"; }
+    NOINLINE Argument(nb::handle given, const Where& where) {
         nb::object whole = nb::steal(PyNumber_Index(given.ptr()));
         if (whole) value = PyLong_AsLongLong(whole.ptr());
         if (PyErr_Occurred()) {
@@ -363,8 +365,8 @@ template <> struct Argument<i64> {
 
 template <> struct Argument<bool> {
     bool value;
-    static std::string type() { return "bool"; }
-    Argument(nb::handle given, const Where& where) {
+    COLD static std::string type() { return "bool"; }
+    NOINLINE Argument(nb::handle given, const Where& where) {
         std::string_view name = Py_TYPE(given.ptr())->tp_name;
         if (name != "bool" && name != "numpy.bool" && name != "numpy.bool_")
             where.refuse("True or False", given);
@@ -376,8 +378,8 @@ template <> struct Argument<bool> {
 // The members of a bundle, taken one after the other from the attributes of a value.
 template <Bundle B> class Bundled {
 public:
-    static std::string type() { return "Any"; }
-    static nb::dict spec() {
+    COLD static std::string type() { return "Any"; }
+    COLD static nb::dict spec() {
         nb::list members;
         B bundle{};
         visit_arguments(bundle, [&]<class T>(const char* spelled, T&) {
@@ -390,7 +392,7 @@ public:
         spec["members"] = members;
         return spec;
     }
-    Bundled(nb::handle given, const Where& where) { fill(bundle_, given, where); }
+    NOINLINE Bundled(nb::handle given, const Where& where) { fill(bundle_, given, where); }
     B& get() { return bundle_; }
 
 private:
@@ -400,8 +402,8 @@ private:
     template <class M> void fill(M& record, nb::handle given, const Where& where) {
         visit_arguments(record, [&]<class T>(const char* spelled, T& member) {
             bool optional = spelled[0] == '?';
-            std::string full = (optional ? "?" : "") + std::string(where.name()) + "."
-                + (spelled + optional);
+            std::string full =
+                (optional ? "?" : "") + std::string(where.name()) + "." + (spelled + optional);
             Where here{where.function, full, where.sizes};
             std::string name(Where::name_of(spelled));
             if (!nb::hasattr(given, name.c_str())) where.refuse("something with ." + name, given);
@@ -427,7 +429,7 @@ template <Bundle B> struct Argument<B> : Bundled<B> {
 
 // How the result of a kernel becomes a Python value, and what its type is called.
 template <class R> struct Result {
-    static std::string type() {
+    COLD static std::string type() {
         if constexpr (std::is_same_v<R, bool>) return "bool";
         else if constexpr (std::is_integral_v<R>) return "int";
         else if constexpr (std::is_floating_point_v<R>) return "float";
@@ -438,12 +440,12 @@ template <class R> struct Result {
 
 // Text comes as bytes.
 template <> struct Result<std::string> {
-    static std::string type() { return "bytes"; }
+    COLD static std::string type() { return "bytes"; }
     static nb::object of(std::string&& text) { return nb::bytes(text.data(), text.size()); }
 };
 
 template <class T> struct Result<std::vector<T>> {
-    static std::string type() { return Argument<Span<T>>::type(); }
+    COLD static std::string type() { return Argument<Span<T>>::type(); }
     static nb::object of(std::vector<T>&& made) {
         auto* kept = new std::vector<T>(std::move(made));
         nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
@@ -453,7 +455,7 @@ template <class T> struct Result<std::vector<T>> {
 };
 
 template <class T, std::size_t width> struct Result<std::vector<std::array<T, width>>> {
-    static std::string type() { return Argument<Matrix<T>>::type(); }
+    COLD static std::string type() { return Argument<Matrix<T>>::type(); }
     static nb::object of(std::vector<std::array<T, width>>&& made) {
         using Made = std::vector<std::array<T, width>>;
         auto* kept = new Made(std::move(made));
@@ -465,7 +467,7 @@ template <class T, std::size_t width> struct Result<std::vector<std::array<T, wi
 
 // A record by itself becomes a dictionary; none of it None.
 template <Record T> struct Result<T> {
-    static std::string type() { return "dict[str, Any]"; }
+    COLD static std::string type() { return "dict[str, Any]"; }
     static nb::object of(T&& record) {
         nb::dict made;
         visit_members(record, [&](const char* name, auto& member) { made[name] = member; });
@@ -474,7 +476,7 @@ template <Record T> struct Result<T> {
 };
 
 template <class R> struct Result<std::optional<R>> {
-    static std::string type() { return Result<R>::type() + " | None"; }
+    COLD static std::string type() { return Result<R>::type() + " | None"; }
     static nb::object of(std::optional<R>&& value) {
         return value ? Result<R>::of(std::move(*value)) : nb::none();
     }
@@ -482,7 +484,7 @@ template <class R> struct Result<std::optional<R>> {
 
 // Pairs come as a list: there are few, as a rule.
 template <class A, class B> struct Result<std::vector<std::pair<A, B>>> {
-    static std::string type() {
+    COLD static std::string type() {
         return "list[tuple[" + Result<A>::type() + ", " + Result<B>::type() + "]]";
     }
     static nb::object of(std::vector<std::pair<A, B>>&& made) {
@@ -494,7 +496,7 @@ template <class A, class B> struct Result<std::vector<std::pair<A, B>>> {
 
 // Records come as bytes; whoever has the dtype views them by it.
 template <Record T> struct Result<std::vector<T>> {
-    static std::string type() { return "NDArray[np.uint8]"; }
+    COLD static std::string type() { return "NDArray[np.uint8]"; }
     static nb::object of(std::vector<T>&& made) {
         auto* kept = new std::vector<T>(std::move(made));
         nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
@@ -505,7 +507,7 @@ template <Record T> struct Result<std::vector<T>> {
 };
 
 template <class... R> struct Result<std::tuple<R...>> {
-    static std::string type() {
+    COLD static std::string type() {
         std::string words;
         ((words += (words.empty() ? "" : ", ") + Result<R>::type()), ...);
         return "tuple[" + words + "]";
@@ -515,7 +517,8 @@ template <class... R> struct Result<std::tuple<R...>> {
             [](auto&&... one) {
                 return nb::object(nb::make_tuple(Result<R>::of(std::move(one))...));
             },
-            std::move(made));
+            std::move(made)
+        );
     }
 };
 
@@ -526,7 +529,7 @@ template <auto kernel, class R, class... A> struct Caller {
     static constexpr std::size_t count = sizeof...(A);
 
     template <class Scope, std::size_t... I>
-    static void bind(
+    COLD static void bind(
         Scope& scope, const char* name, const char* doc, std::initializer_list<const char*> spelled,
         std::index_sequence<I...>
     ) {
@@ -538,9 +541,11 @@ template <auto kernel, class R, class... A> struct Caller {
             std::string_view text = names[k], own = Where::name_of(text);
             bool optional = text[0] == '?';
             text.remove_prefix(optional);
-            signature += (k ? ", " : "") + std::string(own) + ": " + types[k];
+            if (k) signature += ", ";
+            signature += std::string(own) + ": " + types[k];
             if (optional) signature += " | None";
-            if (own.size() < text.size()) shapes += (shapes.empty() ? "" : ", ") + std::string(text);
+            if (own.size() < text.size())
+                shapes += (shapes.empty() ? "" : ", ") + std::string(text);
         }
         std::string returned = "None";
         if constexpr (!std::is_void_v<R>) returned = Result<R>::type();
@@ -560,7 +565,8 @@ template <auto kernel, class R, class... A> struct Caller {
                 Sizes sizes;
                 // braces keep the order, in which letters of shapes are met
                 std::tuple<Argument<std::remove_cvref_t<A>>...> arguments{
-                    Argument<std::remove_cvref_t<A>>(given, Where{name, names[I], sizes})...};
+                    Argument<std::remove_cvref_t<A>>(given, Where{name, names[I], sizes})...
+                };
                 if constexpr (std::is_void_v<R>) {
                     nb::gil_scoped_release free;
                     kernel(std::get<I>(arguments).get()...);
@@ -575,7 +581,8 @@ template <auto kernel, class R, class... A> struct Caller {
             },
             words.c_str(), nb::sig(signature.c_str()),
             // None gets as far as to Argument, which knows where it may be
-            nb::arg(argument_name(names[I]).c_str()).none()...);
+            nb::arg(argument_name(names[I]).c_str()).none()...
+        );
     }
     static std::string argument_name(std::string_view spelled) {
         return std::string(Where::name_of(spelled));
@@ -594,7 +601,8 @@ auto caller(R (C::*)(A...)) -> Caller<&call_method<method, R, C, A...>, R, C&, A
 // Let Python call `kernel`, a function or a method, by this name.
 template <auto kernel>
 void def(
-    nb::module_& scope, const char* name, const char* doc, std::initializer_list<const char*> spelled
+    nb::module_& scope, const char* name, const char* doc,
+    std::initializer_list<const char*> spelled
 ) {
     using Made = decltype(caller<kernel>(kernel));
     if (spelled.size() != Made::count) throw std::logic_error(std::string(name) + ": names");

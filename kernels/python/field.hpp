@@ -6,10 +6,14 @@
 
 namespace terratool::python {
 
+// Refuse an index that leads nowhere: whoever holds a field may follow all of them.
+inline void check_index(bool good, const char* what) {
+    if (!good) throw nb::type_error((std::string("Field(): ") + what + " leads nowhere").c_str());
+}
+
 class KeptField {
 public:
-    explicit KeptField(nb::handle arrays)
-        : arrays_(arrays, Where{"Field", "arrays", sizes_}) {
+    explicit KeptField(nb::handle arrays) : arrays_(arrays, Where{"Field", "arrays", sizes_}) {
         check();
     }
     const Field& field() { return arrays_.get(); }

@@ -141,79 +141,131 @@ bool split_edge(Refinement& refinement, i64 triangle, i64 edge, i64 x, i64 y) {
 void bind_mesh(nb::module_ m) {
     m.attr("NUMBER_BYTES") = NUMBER_BYTES;
     m.attr("SHORTEST_SEAM") = SHORTEST_SEAM;
-    m.def("check_records", [](nb::handle frame, nb::handle axis, nb::handle line, nb::handle reach,
-                              nb::handle group, nb::handle cover) {
-        check_record<Frame>(frame);
-        check_record<Axis>(axis);
-        check_record<Line>(line);
-        check_record<Reach>(reach);
-        check_record<Group>(group);
-        check_record<Cover>(cover);
-    }, "frame"_a, "axis"_a, "line"_a, "reach"_a, "group"_a, "cover"_a,
-        nb::sig("def check_records(frame: np.dtype[Any], axis: np.dtype[Any], "
-                "line: np.dtype[Any], reach: np.dtype[Any], group: np.dtype[Any], "
-                "cover: np.dtype[Any]) -> None"),
-        "Refuse dtypes that are not the structs of the kernels.");
+    m.def(
+        "check_records",
+        [](nb::handle frame, nb::handle axis, nb::handle line, nb::handle reach, nb::handle group,
+           nb::handle cover) {
+            check_record<Frame>(frame);
+            check_record<Axis>(axis);
+            check_record<Line>(line);
+            check_record<Reach>(reach);
+            check_record<Group>(group);
+            check_record<Cover>(cover);
+        },
+        "frame"_a, "axis"_a, "line"_a, "reach"_a, "group"_a, "cover"_a,
+        nb::sig(
+            "def check_records(frame: np.dtype[Any], axis: np.dtype[Any], "
+            "line: np.dtype[Any], reach: np.dtype[Any], group: np.dtype[Any], "
+            "cover: np.dtype[Any]) -> None"
+        ),
+        "Refuse dtypes that are not the structs of the kernels."
+    );
 
     nb::class_<KeptPlan>(m, "Plan", "The plan of a mesh: its arrays, checked once.")
         .def(nb::init<nb::handle>(), "arrays"_a);
     nb::class_<KeptRefinement>(m, "Refinement", "Triangles that are refined.")
-        .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle>(),
-            "plan"_a, "regions"_a, "plane"_a, "of"_a, "heights"_a, "locked"_a);
+        .def(
+            nb::init<nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle>(),
+            "plan"_a, "regions"_a, "plane"_a, "of"_a, "heights"_a, "locked"_a
+        );
 
-    def<&index_rows>(m, "index_rows", "For each row of places the edges that pass it.",
-        {"edges[_,4]", "frame[2]", "rows"});
-    def<&segments_of>(m, "segments_of", "Segments of elements and all ruts: x, y, x, y.",
-        {"plan", "chosen[_]"});
-    def<&count_segments>(m, "count_segments", "How many segments elements have.",
-        {"plan", "chosen[_]"});
+    def<&index_rows>(
+        m, "index_rows", "For each row of places the edges that pass it.",
+        {"edges[_,4]", "frame[2]", "rows"}
+    );
+    def<&segments_of>(
+        m, "segments_of", "Segments of elements and all ruts: x, y, x, y.", {"plan", "chosen[_]"}
+    );
+    def<&count_segments>(
+        m, "count_segments", "How many segments elements have.", {"plan", "chosen[_]"}
+    );
 
-    def<&weld>(m, "weld", "For each vertex the one that it becomes.",
-        {"points[_,2]", "limits[4]", "seams[4]", "near"});
-    def<&thinnest>(m, "thinnest", "The smallest distance of a corner from the longest side.",
-        {"points[_,2]", "triangles[_,3]"});
-    def<&find_thin>(m, "find_thin", "Triangles lower than `near`: longest side, then corner.",
-        {"points[_,2]", "triangles[_,3]", "near"});
-    def<&keys_of>(m, "keys_of", "For each triangle a number of what covers its middle.",
-        {"plan", "points[_,2]", "triangles[_,3]"});
-    def<&describe_regions>(m, "describe_regions", "Regions, from a triangle of each.",
-        {"plan", "points[_,2]", "triangles[_,3]", "chosen[_]"});
-    def<&corner_heights>(m, "corner_heights", "Heights of triangles at their corners.",
-        {"plan", "regions", "points[_,2]", "triangles[m,3]", "of[m]"});
-    def<&follow>(m, "follow", "Where edges along a seam end, and heights at both of their ends.",
-        {"plan", "regions", "of[k]", "axis", "at", "passes[k+1]", "beside[k+1]"});
+    def<&weld>(
+        m, "weld", "For each vertex the one that it becomes.",
+        {"points[_,2]", "limits[4]", "seams[4]", "near"}
+    );
+    def<&thinnest>(
+        m, "thinnest", "The smallest distance of a corner from the longest side.",
+        {"points[_,2]", "triangles[_,3]"}
+    );
+    def<&find_thin>(
+        m, "find_thin", "Triangles lower than `near`: longest side, then corner.",
+        {"points[_,2]", "triangles[_,3]", "near"}
+    );
+    def<&keys_of>(
+        m, "keys_of", "For each triangle a number of what covers its middle.",
+        {"plan", "points[_,2]", "triangles[_,3]"}
+    );
+    def<&describe_regions>(
+        m, "describe_regions", "Regions, from a triangle of each.",
+        {"plan", "points[_,2]", "triangles[_,3]", "chosen[_]"}
+    );
+    def<&corner_heights>(
+        m, "corner_heights", "Heights of triangles at their corners.",
+        {"plan", "regions", "points[_,2]", "triangles[m,3]", "of[m]"}
+    );
+    def<&follow>(
+        m, "follow", "Where edges along a seam end, and heights at both of their ends.",
+        {"plan", "regions", "of[k]", "axis", "at", "passes[k+1]", "beside[k+1]"}
+    );
 
-    def<&Refinement::refine>(m, "refine", "Refine some triangles; whether there are more.",
-        {"refinement", "allowed", "most"});
-    def<&Refinement::part_crossings>(m, "part_crossings",
+    def<&Refinement::refine>(
+        m, "refine", "Refine some triangles; whether there are more.",
+        {"refinement", "allowed", "most"}
+    );
+    def<&Refinement::part_crossings>(
+        m, "part_crossings",
         "Split edges where the higher side changes; whether there are triangles to refine.",
-        {"refinement", "tolerance"});
-    def<&split_edge>(m, "split_edge", "Put a point of height 0 on an edge; whether it was.",
-        {"refinement", "triangle", "edge", "x", "y"});
-    def<&largest_error>(m, "largest_error", "The largest error that triangles may have.",
-        {"refinement"});
-    def<&take>(m, "take", "Points, corners, neighbours, regions and heights; the end of it.",
-        {"refinement"});
+        {"refinement", "tolerance"}
+    );
+    def<&split_edge>(
+        m, "split_edge", "Put a point of height 0 on an edge; whether it was.",
+        {"refinement", "triangle", "edge", "x", "y"}
+    );
+    def<&largest_error>(
+        m, "largest_error", "The largest error that triangles may have.", {"refinement"}
+    );
+    def<&take>(
+        m, "take", "Points, corners, neighbours, regions and heights; the end of it.",
+        {"refinement"}
+    );
 
-    def<&find_levels>(m, "find_levels", "The different heights at each vertex.",
-        {"triangles[m,3]", "heights[m,3]", "solid[m]", "on_rim", "base", "tolerance"});
-    def<&raise_walls>(m, "raise_walls", "The walls between triangles.",
-        {"neighbours[m,3]", "corners[m,3]", "levels"});
-    def<&raise_skirt>(m, "raise_skirt", "The walls from the base up to the rim of the ground.",
-        {"triangles[m,3]", "corners[m,3]", "rim[_,2]", "begins", "levels"});
-    def<&part_wedges>(m, "part_wedges", "Give each solid wedge vertices of its own.",
-        {"plane", "corners[m,3]", "begins", "faces[f,3]", "owners[f]", "below[_,3]"});
+    def<&find_levels>(
+        m, "find_levels", "The different heights at each vertex.",
+        {"triangles[m,3]", "heights[m,3]", "solid[m]", "on_rim", "base", "tolerance"}
+    );
+    def<&raise_walls>(
+        m, "raise_walls", "The walls between triangles.",
+        {"neighbours[m,3]", "corners[m,3]", "levels"}
+    );
+    def<&raise_skirt>(
+        m, "raise_skirt", "The walls from the base up to the rim of the ground.",
+        {"triangles[m,3]", "corners[m,3]", "rim[_,2]", "begins", "levels"}
+    );
+    def<&part_wedges>(
+        m, "part_wedges", "Give each solid wedge vertices of its own.",
+        {"plane", "corners[m,3]", "begins", "faces[f,3]", "owners[f]", "below[_,3]"}
+    );
 
-    def<&put_points>(m, "put_points", "Lines of points; returns where they end.",
-        {"out", "points[_,3]", "before", "after"});
-    def<&put_faces>(m, "put_faces", "Lines of faces; returns where they end.",
-        {"out", "faces[_,3]", "first", "before", "after"});
-    def<&sort_faces>(m, "sort_faces", "Faces in the order of their surfaces.",
-        {"faces[m,3]", "places[m]", "counts"});
-    def<&take_vertices>(m, "take_vertices", "Vertices that faces use, and faces of these.",
-        {"points[_,3]", "faces[_,3]"});
-    def<&stl_faces>(m, "stl_faces", "Faces as a binary STL has them.",
-        {"points[_,3]", "faces[_,3]"});
+    def<&put_points>(
+        m, "put_points", "Lines of points; returns where they end.",
+        {"out", "points[_,3]", "before", "after"}
+    );
+    def<&put_faces>(
+        m, "put_faces", "Lines of faces; returns where they end.",
+        {"out", "faces[_,3]", "first", "before", "after"}
+    );
+    def<&sort_faces>(
+        m, "sort_faces", "Faces in the order of their surfaces.",
+        {"faces[m,3]", "places[m]", "counts"}
+    );
+    def<&take_vertices>(
+        m, "take_vertices", "Vertices that faces use, and faces of these.",
+        {"points[_,3]", "faces[_,3]"}
+    );
+    def<&stl_faces>(
+        m, "stl_faces", "Faces as a binary STL has them.", {"points[_,3]", "faces[_,3]"}
+    );
 }
 
 }  // namespace terratool::python

@@ -6,7 +6,9 @@ using namespace terratool::python;
 
 NB_MODULE(_kernels, m) {
     nb::set_leak_warnings(false);  // a terrain may live until the end
-    bind_field(m.def_submodule("field"));
+    nb::module_ field = m.def_submodule("field");
+    bind_field(field);
+    bind_painting(field);
     bind_importing(m.def_submodule("importing"));
     bind_mesh(m.def_submodule("mesh"));
     bind_raster(m.def_submodule("raster"));

@@ -1,4 +1,4 @@
-// The parts of the module, one for each package that kernels serve.
+// The parts of the module. That of the field is bound in two files, which build side by side.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -8,6 +8,7 @@ namespace terratool::python {
 void bind_field(nanobind::module_ m);
 void bind_importing(nanobind::module_ m);
 void bind_mesh(nanobind::module_ m);
+void bind_painting(nanobind::module_ m);
 void bind_raster(nanobind::module_ m);
 void bind_traversability(nanobind::module_ m);
 

@@ -47,9 +47,7 @@ double tipping_on(const Layout& layout, double along, double across) {
     return tipping(layout, gravity(along, across));
 }
 
-std::optional<Stand> find_stand(
-    const VehicleOnSoils& on, i64 soil, double along, double across
-) {
+std::optional<Stand> find_stand(const VehicleOnSoils& on, i64 soil, double along, double across) {
     return on.find(soil, along, across);
 }
 
@@ -72,70 +70,119 @@ template <> struct Argument<VehicleOnSoils> {
 
 void bind_traversability(nb::module_ m) {
     visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
-    m.def("check_records", [](nb::handle traction, nb::handle demand) {
-        check_record<Traction>(traction);
-        check_record<Demand>(demand);
-    }, "traction"_a, "demand"_a,
+    m.def(
+        "check_records",
+        [](nb::handle traction, nb::handle demand) {
+            check_record<Traction>(traction);
+            check_record<Demand>(demand);
+        },
+        "traction"_a, "demand"_a,
         nb::sig("def check_records(traction: np.dtype[Any], demand: np.dtype[Any]) -> None"),
-        "Refuse dtypes that are not the structs of the kernels.");
-    m.def("check_enumerations", [](nb::handle verdict, nb::handle reason) {
-        check_enumeration<Verdict>(verdict);
-        check_enumeration<Reason>(reason);
-    }, "verdict"_a, "reason"_a, "Refuse enumerations that are not those of the kernels.");
+        "Refuse dtypes that are not the structs of the kernels."
+    );
+    m.def(
+        "check_enumerations",
+        [](nb::handle verdict, nb::handle reason) {
+            check_enumeration<Verdict>(verdict);
+            check_enumeration<Reason>(reason);
+        },
+        "verdict"_a, "reason"_a, "Refuse enumerations that are not those of the kernels."
+    );
     nb::class_<KeptVehicle>(
         m, "VehicleOnSoils", "A vehicle on the soils of a terrain, and its tables."
-    ).def(nb::init<nb::handle, nb::handle, nb::handle>(), "vehicle"_a, "soils"_a, "steps"_a);
+    )
+        .def(nb::init<nb::handle, nb::handle, nb::handle>(), "vehicle"_a, "soils"_a, "steps"_a);
 
-    def<&contacts>(m, "contacts", "Sinkage, half angle, effective area.",
-        {"load[n]", "sinkage[n]", "wheel"});
-    def<&mobilisations>(m, "mobilisations", "Shear displacement, share of strength mobilised.",
-        {"half[n]", "shear_modulus[n]", "slip[n]", "radius"});
-    def<&tractions>(m, "tractions", "What driven wheels can do at a slip.",
-        {"load[n]", "soils", "slip[n]", "max_torque[n]", "wheel", "out[n]"});
-    def<&demands>(m, "demands", "What wheels need to push.",
-        {"load[n]", "soils", "pull[n]", "wheel", "out[n]"});
-    def<&towing>(m, "towing", "Resistance of wheels without torque.",
-        {"load[n]", "sinkage[n]", "wheel"});
+    def<&contacts>(
+        m, "contacts", "Sinkage, half angle, effective area.", {"load[n]", "sinkage[n]", "wheel"}
+    );
+    def<&mobilisations>(
+        m, "mobilisations", "Shear displacement, share of strength mobilised.",
+        {"half[n]", "shear_modulus[n]", "slip[n]", "radius"}
+    );
+    def<&tractions>(
+        m, "tractions", "What driven wheels can do at a slip.",
+        {"load[n]", "soils", "slip[n]", "max_torque[n]", "wheel", "out[n]"}
+    );
+    def<&demands>(
+        m, "demands", "What wheels need to push.",
+        {"load[n]", "soils", "pull[n]", "wheel", "out[n]"}
+    );
+    def<&towing>(
+        m, "towing", "Resistance of wheels without torque.", {"load[n]", "sinkage[n]", "wheel"}
+    );
     def<&grips>(m, "grips", "What holds wheels that do not turn.", {"load[n]", "soils", "wheel"});
-    def<&measured_forces>(m, "measured_forces", "Load, torque and drawbar pull.",
-        {"normal[n]", "shear[n]", "half[n]", "wheel"});
-    def<&measured_stresses>(m, "measured_stresses", "Normal and shear stress.",
-        {"load[n]", "torque[n]", "half[n]", "wheel"});
-    def<&slip_at>(m, "slip_for", "Slip that mobilises a share of the strength.",
-        {"half", "radius", "shear_modulus", "utilisation"});
+    def<&measured_forces>(
+        m, "measured_forces", "Load, torque and drawbar pull.",
+        {"normal[n]", "shear[n]", "half[n]", "wheel"}
+    );
+    def<&measured_stresses>(
+        m, "measured_stresses", "Normal and shear stress.",
+        {"load[n]", "torque[n]", "half[n]", "wheel"}
+    );
+    def<&slip_at>(
+        m, "slip_for", "Slip that mobilises a share of the strength.",
+        {"half", "radius", "shear_modulus", "utilisation"}
+    );
 
-    def<&wheel_loads>(m, "wheel_loads", "Loads of a vehicle's wheels at angles, one after the other.",
-        {"layout", "weight", "pitch[n]", "roll[n]"});
-    def<&gravity>(m, "gravity", "Direction of gravity on a plane with two tangents.",
-        {"along", "across"});
-    def<&tipping_on>(m, "tipping", "The share of a tip-over angle that is used.",
-        {"layout", "along", "across"});
-    def<&drive>(m, "drive", "What it asks of a vehicle's wheels to push.",
-        {"layout", "load[w]", "soil", "pull", "wheel", "max_torque"});
-    def<&steepest>(m, "steepest", "The largest slope on each soil, and the reason that limits it.",
-        {"across", "layout", "weight", "soils", "slip", "wheel", "max_torque"});
-    def<&judge>(m, "judge", "Verdict, reason and largest share of measures.",
-        {"shares[m,n]", "go[m]", "strict[m]", "reasons[m]"});
+    def<&wheel_loads>(
+        m, "wheel_loads", "Loads of a vehicle's wheels at angles, one after the other.",
+        {"layout", "weight", "pitch[n]", "roll[n]"}
+    );
+    def<&gravity>(
+        m, "gravity", "Direction of gravity on a plane with two tangents.", {"along", "across"}
+    );
+    def<&tipping_on>(
+        m, "tipping", "The share of a tip-over angle that is used.", {"layout", "along", "across"}
+    );
+    def<&drive>(
+        m, "drive", "What it asks of a vehicle's wheels to push.",
+        {"layout", "load[w]", "soil", "pull", "wheel", "max_torque"}
+    );
+    def<&steepest>(
+        m, "steepest", "The largest slope on each soil, and the reason that limits it.",
+        {"across", "layout", "weight", "soils", "slip", "wheel", "max_torque"}
+    );
+    def<&judge>(
+        m, "judge", "Verdict, reason and largest share of measures.",
+        {"shares[m,n]", "go[m]", "strict[m]", "reasons[m]"}
+    );
 
-    def<&find_stand>(m, "find_stand", "How a vehicle stands on a slope, if that is in its tables.",
-        {"vehicle", "soil", "along", "across"});
-    def<&stand_on>(m, "stand", "How a vehicle stands on a slope.",
-        {"vehicle", "soil", "along", "across"});
-    def<&judge_cells>(m, "judge_cells", "Judge a vehicle with a heading at every reference point.",
-        {"vehicle", "stance", "east", "north", "out"});
-    def<&highest>(m, "highest", "The highest ground under offsets, each raised.",
-        {"ground[_,_,_]", "first", "offsets[k,3]", "lift[k]", "out[_,_]"});
-    def<&supports>(m, "supports", "How high a wheel stands at every pixel.",
-        {"heights[h,w]", "tread[k,2]", "lift[k]", "out[h,w]"});
-    def<&mean>(m, "mean", "The mean over offsets.",
-        {"ground[_,_,_]", "first", "offsets[k,3]", "out[_,_]"});
-    def<&bumps>(m, "bumps", "How far the ground under offsets stands above its plane at most.",
-        {"ground[_,_,_]", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "out[h,w]"});
-    def<&roughness>(m, "roughness", "RMS distance of the ground at offsets from its plane.",
+    def<&find_stand>(
+        m, "find_stand", "How a vehicle stands on a slope, if that is in its tables.",
+        {"vehicle", "soil", "along", "across"}
+    );
+    def<&stand_on>(
+        m, "stand", "How a vehicle stands on a slope.", {"vehicle", "soil", "along", "across"}
+    );
+    def<&judge_cells>(
+        m, "judge_cells", "Judge a vehicle with a heading at every reference point.",
+        {"vehicle", "stance", "east", "north", "out"}
+    );
+    def<&highest>(
+        m, "highest", "The highest ground under offsets, each raised.",
+        {"ground[_,_,_]", "first", "offsets[k,3]", "lift[k]", "out[_,_]"}
+    );
+    def<&supports>(
+        m, "supports", "How high a wheel stands at every pixel.",
+        {"heights[h,w]", "tread[k,2]", "lift[k]", "out[h,w]"}
+    );
+    def<&mean>(
+        m, "mean", "The mean over offsets.", {"ground[_,_,_]", "first", "offsets[k,3]", "out[_,_]"}
+    );
+    def<&bumps>(
+        m, "bumps", "How far the ground under offsets stands above its plane at most.",
+        {"ground[_,_,_]", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "out[h,w]"}
+    );
+    def<&roughness>(
+        m, "roughness", "RMS distance of the ground at offsets from its plane.",
         {"ground[_,_,_]", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "spread[3]",
-            "out[h,w]"});
-    def<&raise_steps>(m, "raise_steps", "Mark pixels beside walls with the step that a wheel meets.",
-        {"supports[h,w]", "pairs[n]", "jumps[n]", "east", "north", "strides", "out[h,w]"});
+         "out[h,w]"}
+    );
+    def<&raise_steps>(
+        m, "raise_steps", "Mark pixels beside walls with the step that a wheel meets.",
+        {"supports[h,w]", "pairs[n]", "jumps[n]", "east", "north", "strides", "out[h,w]"}
+    );
 }
 
 }  // namespace terratool::python

@@ -25,7 +25,9 @@ inline Reserve climb_reserve(
     Pull pushed = pulls(wheels, share, wheel, max_torque);
     return {
         pushed.force - resistances(wheels) + weight * g.forward,
-        pushed.motor ? Reason::TORQUE : share < 1.0 ? Reason::SLIP : Reason::TRACTION
+        pushed.motor      ? Reason::TORQUE
+            : share < 1.0 ? Reason::SLIP
+                          : Reason::TRACTION
     };
 }
 

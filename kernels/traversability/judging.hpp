@@ -84,8 +84,8 @@ void judge_points(
                 const Soil& soil = on.soils[under[n][j]];
                 known = known && !isnan(soil.cohesion);
                 alike = alike && under[n][j] == under[0][j];
-                vague = vague
-                    || (wheels[n].driven && soil.sinkage > 0.0 && soil.shear_modulus == 0.0);
+                vague =
+                    vague || (wheels[n].driven && soil.sinkage > 0.0 && soil.shear_modulus == 0.0);
                 limit = min(limit, on.steps[under[n][j]]);
             }
             Stand need{};

@@ -115,12 +115,13 @@ public:
                 if (most - least > SMOOTH) return {};
             }
         }
-        auto between = [](double a, double b, double at) { return at > 0.0 ? a + (b - a) * at : a; };
+        auto between = [](double a, double b, double at) {
+            return at > 0.0 ? a + (b - a) * at : a;
+        };
         Stand out;
-        for (auto n : {
-                 &Stand::share, &Stand::torque, &Stand::slip, &Stand::energy, &Stand::drawbar,
-                 &Stand::deepest, &Stand::sliding, &Stand::tipping, &Stand::reserve
-             })
+        for (auto n :
+             {&Stand::share, &Stand::torque, &Stand::slip, &Stand::energy, &Stand::drawbar,
+              &Stand::deepest, &Stand::sliding, &Stand::tipping, &Stand::reserve})
             out.*n = between(between(one.*n, two.*n, t), between(three.*n, four.*n, t), s);
         if (kind == STUCK) {
             out.energy = INF;
@@ -130,8 +131,8 @@ public:
     }
 
 private:
-    static constexpr int STEPS = 50;          // for a tangent of 1 …
-    static constexpr double STEEPEST = 1.0;   // … up to which it goes, ahead both ways …
+    static constexpr int STEPS = 50;         // for a tangent of 1 …
+    static constexpr double STEEPEST = 1.0;  // … up to which it goes, ahead both ways …
     static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;  // … and to a side
     static constexpr double SMOOTH = 0.08;  // shares or slips that differ by more are not smooth
     enum Kind { MOVES, STUCK, ENDLESS };    // it does, does not, or what it takes is not finite

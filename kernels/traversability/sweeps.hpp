@@ -3,8 +3,8 @@
 // Ground is (rows, phases, columns): of `phases` neighbouring pixels one is a reference point, and
 // pixel `phases · q + p` of a row is at [p, q], so that what lies equally far from the reference
 // points of a row lies side by side. Where there is no ground it is minus infinity. Offsets are
-// (n, 3): rows, phase and columns, as seen from [row, 0, 0] of a reference point; `first` is the row
-// of the first reference points. What is made is (height, width).
+// (n, 3): rows, phase and columns, as seen from [row, 0, 0] of a reference point; `first` is the
+// row of the first reference points. What is made is (height, width).
 #pragma once
 
 #include <type_traits>

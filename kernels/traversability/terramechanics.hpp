@@ -1,9 +1,9 @@
 // Wheel and soil, number by number: each formula of the model stands here, and only here.
 //
 // The model is that of Iagnemma, Shibly and Dubowsky, "On-line terrain parameter estimation for
-// planetary rovers", ICRA 2002: a rigid wheel enters the soil at the angle θ1 = 2h from the downward
-// vertical and leaves it at 0; normal stress σ and shear stress τ rise and fall linearly with their
-// peaks in the middle, at h. Slip mobilises strength as in Janosi and Hanamoto 1961.
+// planetary rovers", ICRA 2002: a rigid wheel enters the soil at the angle θ1 = 2h from the
+// downward vertical and leaves it at 0; normal stress σ and shear stress τ rise and fall linearly
+// with their peaks in the middle, at h. Slip mobilises strength as in Janosi and Hanamoto 1961.
 //
 // Everything is in N, m, Pa and rad. Ground into which a wheel sinks less than `RIGID` is rigid:
 // h = 0, and only friction acts. Of wheels that sink deeper than to their axles the model says
@@ -164,9 +164,8 @@ INLINE Traction traction(
         stress = stresses_under(load, torque, at, wheel);
     }
     auto [_, thrust, resistance] = forces(stress, at);
-    return {
-        share, stress.normal, stress.shear, thrust, resistance, thrust - resistance, torque, motor
-    };
+    return {share,      stress.normal,       stress.shear, thrust,
+            resistance, thrust - resistance, torque,       motor};
 }
 
 // What a wheel asks of motor and soil.
@@ -183,9 +182,8 @@ template <class Visit> void visit_members(Demand& d, Visit visit) {
 
 // What a wheel that pushes with `pull` asks of motor and soil; below 0 it is held back.
 // U is infinity where no strength would do; slip is not looked for.
-INLINE Demand demand(
-    double load, const Contact& at, const Soil& soil, double pull, const Wheel& wheel
-) {
+INLINE Demand
+demand(double load, const Contact& at, const Soil& soil, double pull, const Wheel& wheel) {
     if (at.is_rigid() || load == 0.0) {
         double strength = load * soil.tan_friction, torque = wheel.radius * pull;
         double used = pull == 0.0 ? 0.0 : strength > 0.0 ? abs(pull) / strength : INF;

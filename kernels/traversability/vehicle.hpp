@@ -1,4 +1,5 @@
-// A vehicle on a slope: what each wheel bears, when it tips over, what it asks of its wheels to push.
+// A vehicle on a slope: what each wheel bears, when it tips over, what it asks of its wheels to
+// push.
 #pragma once
 
 #include "wheels.hpp"

@@ -10,8 +10,20 @@ namespace terratool::traversability {
 enum class Verdict : u8 { UNKNOWN, GO, CAUTION, NO_GO };
 
 enum class Reason : u8 {
-    NONE, NO_GROUND, EDGE, SOIL_UNKNOWN, TRACTION, TORQUE, SLIP, SINKAGE, SIDE_SLIP, TIP_OVER, STEP,
-    HIGH_CENTRED, APPROACH, ROUGHNESS
+    NONE,
+    NO_GROUND,
+    EDGE,
+    SOIL_UNKNOWN,
+    TRACTION,
+    TORQUE,
+    SLIP,
+    SINKAGE,
+    SIDE_SLIP,
+    TIP_OVER,
+    STEP,
+    HIGH_CENTRED,
+    APPROACH,
+    ROUGHNESS
 };
 
 template <class Visit> void visit_enumerators(Verdict, Visit visit) {
@@ -35,7 +47,8 @@ struct Judgement {
     double worst = 0.0;  // the largest share that any takes of its limit
 
     // One more measure: go up to the share `go` of its limit, caution up to 1 (below 1 if it is
-    // `strict`), then no-go. Of measures of one verdict the one that takes the largest share counts.
+    // `strict`), then no-go. Of measures of one verdict the one that takes the largest share
+    // counts.
     INLINE void add(Reason why, double share, double go, bool strict) {
         Verdict found = share > 1.0 || (strict && share >= 1.0) ? Verdict::NO_GO
             : share >= go                                       ? Verdict::CAUTION

@@ -59,9 +59,7 @@ inline void tractions(
 }
 
 // What wheels need to push, and at which slip.
-inline void demands(
-    In load, const Soils& soils, In pull, const Wheel& wheel, Span<Demand> out
-) {
+inline void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Span<Demand> out) {
     for (std::size_t n = 0; n < load.size(); ++n) {
         Soil soil = soils[n];
         Contact at = contact_under(load[n], soil.sinkage, wheel);

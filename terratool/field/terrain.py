@@ -68,6 +68,9 @@ class Terrain:
         """The same, checked and kept, as kernels take it."""
         return kernels.Field(self.arrays)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "field"}
+
     @property
     def bounds(self) -> tuple[float, float, float, float]:
         """World rectangle west, south, east, north."""
@@ -197,10 +200,8 @@ def _points(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[int, ...]]:
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     shape = np.broadcast_shapes(x.shape, y.shape)
-    # where nothing is to be repeated the array itself is passed on, as what NumPy broadcasts to one
-    # value may not be written to
     first, second = (
-        np.ascontiguousarray(one if one.shape == shape else np.broadcast_to(one, shape).copy())
+        np.ascontiguousarray(one if one.shape == shape else np.broadcast_to(one, shape)).ravel()
         for one in (x, y)
     )
-    return first.ravel(), second.ravel(), shape
+    return first, second, shape

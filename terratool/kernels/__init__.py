@@ -10,14 +10,25 @@ from __future__ import annotations
 import os
 from importlib import import_module
 
-from terratool.kernels._processor import is_v3
+from terratool.errors import RequestError, TerratoolError
+
+try:
+    from terratool.kernels._processor import is_v3
+except ModuleNotFoundError as error:
+    raise TerratoolError(
+        "The kernels of terratool are not built here.", "Run make install, or pip install -e ."
+    ) from error
 
 
 def _variant() -> str:
     wanted = os.environ.get("TERRATOOL_CPU", "")
-    if wanted not in ("", "baseline", "v3"):
-        raise ImportError(f"TERRATOOL_CPU is {wanted!r}; it may be baseline or v3, or not set.")
-    return wanted or ("v3" if is_v3() else "baseline")
+    known = ("baseline", "v3") if is_v3() else ("baseline",)
+    if wanted and wanted not in known:
+        raise RequestError(
+            f"TERRATOOL_CPU is {wanted!r}, which is not for this processor.",
+            f"Set it to {' or '.join(known)}, or not at all.",
+        )
+    return wanted or known[-1]
 
 
 variant = _variant()

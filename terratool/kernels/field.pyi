@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 EDGE: float = 1e-09
 
-TILE_HEIGHT: int = 132
-
 BATCH: int = 512
 
 def check_records(
@@ -24,21 +22,6 @@ class Field:
     """A compiled field: its arrays, checked once."""
 
     def __init__(self, arrays: object) -> None: ...
-
-class Painter:
-    """Paints windows of a field; each thread needs its own."""
-
-    def __init__(
-        self, field: object, voids: object, slopes: bool, nonzero_edges: object | None
-    ) -> None: ...
-    @property
-    def nbytes(self) -> int:
-        """Memory that it works in."""
-
-class WallFinder:
-    """Looks for walls; each thread needs its own."""
-
-    def __init__(self, field: object, nonzero_edges: object) -> None: ...
 
 SPECS: dict[str, list[dict[str, Any]]]
 
@@ -167,6 +150,35 @@ def fill_index(
     Shapes: segments[_], frame[4], shape[2], masks[m], offsets[m+1], entries[_].
     """
 
+def segment_holds(
+    segment: NDArray[np.void],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    out: NDArray[np.bool_],
+) -> None:
+    """
+    Whether a segment of a track holds points.
+
+    Shapes: segment[1], x[n], y[n], out[n].
+    """
+
+TILE_HEIGHT: int = 132
+
+class Painter:
+    """Paints windows of a field; each thread needs its own."""
+
+    def __init__(
+        self, field: object, voids: object, slopes: bool, nonzero_edges: object | None
+    ) -> None: ...
+    @property
+    def nbytes(self) -> int:
+        """Memory that it works in."""
+
+class WallFinder:
+    """Looks for walls; each thread needs its own."""
+
+    def __init__(self, field: object, nonzero_edges: object) -> None: ...
+
 def paint(
     painter: Painter,
     x: NDArray[np.float64],
@@ -198,18 +210,6 @@ def footprint_holds(
     Whether a footprint holds each place of a row.
 
     Shapes: pose[1], u[n], out[n].
-    """
-
-def segment_holds(
-    segment: NDArray[np.void],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    out: NDArray[np.bool_],
-) -> None:
-    """
-    Whether a segment of a track holds points.
-
-    Shapes: segment[1], x[n], y[n], out[n].
     """
 
 def find_candidates(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import math
-import pickle
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -155,9 +154,7 @@ class Tiler:
         self.terrain, self.plan, self.scratch = terrain, plan, scratch
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # packed, as Dask hands over bare arrays as they were received: read-only, which kernels
-        # would have to be compiled for once more
-        return _unpacked, (pickle.dumps((self.terrain, self.plan, self.scratch), 5),)
+        return Tiler, (self.terrain, self.plan, self.scratch)  # without what it works in
 
     @cached_property
     def _maker(self) -> Maker:
@@ -254,7 +251,3 @@ def checksum(path: Path) -> str:
 
 def _whole(path: Path) -> Whole:
     return Whole(path.name, path.stat().st_size, checksum(path))
-
-
-def _unpacked(packed: bytes) -> Tiler:
-    return Tiler(*pickle.loads(packed))

@@ -1,0 +1,149 @@
+// What Python sees of kernels/field: windows of pixels, and the walls between them.
+#include "../field/painting.hpp"
+
+#include <memory>
+
+#include "../field/walls.hpp"
+#include "field.hpp"
+#include "modules.hpp"
+
+namespace terratool::python {
+
+namespace {
+
+// Paints windows of one field; each thread needs its own.
+class Painter {
+public:
+    Painter(nb::handle field, nb::handle voids, bool slopes, nb::handle nonzero_edges)
+        : kept_(nb::borrow(field)), field_(Argument<Field>(field, where("field")).get()),
+          voids_(voids, where("voids")), nonzero_(nonzero_edges, where("?nonzero_edges")) {
+        bool labels = !nonzero_edges.is_none();
+        check_index(voids_.get().size() > most_surface(), "a surface in voids");
+        check_index(!labels || nonzero_.get().size() == field_.kinds.size(), "nonzero_edges");
+        // few surfaces take less of the cache
+        if (voids_.get().size() <= 256)
+            small_ = std::make_unique<Canvas<u8>>(field_, slopes, labels, nonzero_.get());
+        else large_ = std::make_unique<Canvas<u32>>(field_, slopes, labels, nonzero_.get());
+    }
+
+    i64 nbytes() const { return small_ ? small_->nbytes() : large_->nbytes(); }
+
+    void paint(In x, In y, double resolution, i64 row, i64 column, const Planes& planes) {
+        Window window{x, y, resolution, row, column};
+        if (small_) paint_window(field_, *small_, voids_.get(), window, planes);
+        else paint_window(field_, *large_, voids_.get(), window, planes);
+    }
+
+private:
+    Sizes sizes_;
+    nb::object kept_;
+    const Field& field_;
+    Argument<Span<const bool>> voids_;
+    Argument<Span<const u8>> nonzero_;
+    std::unique_ptr<Canvas<u8>> small_;
+    std::unique_ptr<Canvas<u32>> large_;
+
+    Where where(const char* name) { return {"Painter", name, sizes_}; }
+    std::size_t most_surface() const {
+        i64 most = 0;
+        for (const Kind& kind : field_.kinds) most = max(most, i64(kind.surface) + 1);
+        for (i32 surface : field_.tracks.surface) most = max(most, i64(surface) + 1);
+        return std::size_t(most);
+    }
+};
+
+// The columns of a row `u` at `v` that a footprint holds, and whether it holds all of them.
+std::tuple<i64, i64, bool> footprint_run(
+    Span<const Pose> pose, In u, double v, double per, double doubt, bool disc
+) {
+    Spacing spacing{per, doubt};
+    auto [begin, end, whole] =
+        disc ? disc_run(pose[0], u, v, spacing) : turned_run(pose[0], u, v, spacing);
+    return {begin, end, whole};
+}
+
+// Whether a footprint holds each place of a row, as the descent finds.
+void footprint_holds(Span<const Pose> pose, In u, double v, bool disc, Span<bool> out) {
+    for (std::size_t n = 0; n < u.size(); ++n)
+        out[n] = disc ? is_in_disc(pose[0], u[n], v) : !is_beyond(turned(pose[0], u[n], v));
+}
+
+// Looks for walls in one field; each thread needs its own.
+class KeptFinder {
+public:
+    KeptFinder(nb::handle field, nb::handle nonzero_edges)
+        : kept_(nb::borrow(field)), nonzero_(nonzero_edges, where("nonzero_edges")),
+          finder(Argument<Field>(field, where("field")).get(), nonzero_.get()) {
+        check_index(
+            nonzero_.get().size() == Argument<Field>(field, where("field")).get().kinds.size(),
+            "nonzero_edges"
+        );
+    }
+
+private:
+    Sizes sizes_;
+    nb::object kept_;
+    Argument<Span<const u8>> nonzero_;
+
+    Where where(const char* name) { return {"WallFinder", name, sizes_}; }
+
+public:
+    WallFinder finder;
+};
+
+}  // namespace
+
+template <> struct Argument<WallFinder> {
+    KeptFinder* kept;
+    static std::string type() { return "WallFinder"; }
+    Argument(nb::handle given, const Where& where) {
+        if (!nb::isinstance<KeptFinder>(given)) where.refuse("a WallFinder", given);
+        kept = nb::inst_ptr<KeptFinder>(given);
+    }
+    WallFinder& get() { return kept->finder; }
+};
+
+void bind_painting(nb::module_ m) {
+    m.attr("TILE_HEIGHT") = TILE_HEIGHT;
+    nb::class_<Painter>(m, "Painter", "Paints windows of a field; each thread needs its own.")
+        .def(
+            nb::init<nb::handle, nb::handle, bool, nb::handle>(), "field"_a, "voids"_a, "slopes"_a,
+            "nonzero_edges"_a.none()
+        )
+        .def_prop_ro("nbytes", &Painter::nbytes, "Memory that it works in.");
+    nb::class_<KeptFinder>(m, "WallFinder", "Looks for walls; each thread needs its own.")
+        .def(nb::init<nb::handle, nb::handle>(), "field"_a, "nonzero_edges"_a);
+
+    def<&Painter::paint>(
+        m, "paint", "Paint a window of pixels, whose centres ascend.",
+        {"painter", "x[w]", "y[h]", "resolution", "row", "column", "planes"}
+    );
+
+    def<&footprint_run>(
+        m, "footprint_run", "The columns of a row that a footprint holds.",
+        {"pose[1]", "u[n]", "v", "per", "doubt", "disc"}
+    );
+    def<&footprint_holds>(
+        m, "footprint_holds", "Whether a footprint holds each place of a row.",
+        {"pose[1]", "u[n]", "v", "disc", "out[n]"}
+    );
+
+    def<&find_candidates>(
+        m, "find_candidates", "Pairs of neighbours with different labels.",
+        {"labels[h,w]", "heights[h,w]", "height", "width"}
+    );
+    def<&WallFinder::measure>(
+        m, "measure_walls", "Walls in pairs, and for how much they stand.",
+        {"finder", "pairs[n]", "x[_]", "y[_]", "resolution", "level", "jumps[n]", "lengths[n]"}
+    );
+    def<&WallFinder::first>(
+        m, "first_wall", "The first pair with a wall of at least a height.",
+        {"finder", "pairs[n]", "heights[n]", "x[_]", "y[_]", "resolution", "level"}
+    );
+    def<&WallFinder::between>(
+        m, "walls_between", "All walls in pairs.",
+        {"finder", "pairs[n]", "x[_]", "y[_]", "resolution", "level", "places[n,m]", "jumps[n,m]"}
+    );
+}
+
+}  // namespace terratool::python
