@@ -221,6 +221,25 @@ def test_least_squares_are_the_best_of_their_rank(terms: int) -> None:
         assert squares == pytest.approx(float((rest**2).sum()), rel=1e-9)
 
 
+def test_a_decomposition_that_fails_is_tried_another_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    """LAPACK's does not converge for some matrices, though it does for the transposed."""
+    z, decompose, failed = roughness(24, 5)[:17, :], np.linalg.svd, []
+
+    def fails_once(matrix: np.ndarray, **options: Any) -> Any:
+        if matrix.shape[-2:] == (17, 24) and not failed:
+            failed.append(matrix)
+            raise np.linalg.LinAlgError("SVD did not converge")
+        return decompose(matrix, **options)
+
+    grid = rank.grid_of(Patch(samples_of(z)), 64)
+    want = rank.fits(grid, nodes(24), nodes(17), 2)[0]
+    monkeypatch.setattr(np.linalg, "svd", fails_once)
+    got = rank.fits(grid, nodes(24), nodes(17), 2)[0]
+    assert failed and got.offset == want.offset
+    surfaces = [np.einsum("kp,kq->pq", fit.x, fit.y) for fit in (want, got)]
+    assert surfaces[1] == pytest.approx(surfaces[0], abs=1e-9)
+
+
 def test_more_terms_fit_better_and_never_better_than_they_can() -> None:
     z = 10 * roughness(40, 6)[:31, :]
     largest = []

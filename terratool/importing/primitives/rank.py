@@ -155,7 +155,7 @@ def _products(
     terms = min(terms, columns.shape[1], rows.shape[1])
     filled = _nearest(grid.z)[None] - offsets[:, None, None]
     for _ in range(_ROUNDS if missing.any() else 1):
-        u, s, vt = np.linalg.svd(rows.T @ filled @ columns, full_matrices=False)
+        u, s, vt = _svd(rows.T @ filled @ columns)
         root = np.sqrt(s[:, :terms, None])
         inner_y = u[:, :, :terms].transpose(0, 2, 1) * root
         inner_x = vt[:, :terms] * root
@@ -166,9 +166,18 @@ def _products(
 
 def _orthogonal(matrix: Floats) -> tuple[Floats, Floats]:
     """An orthonormal basis of the columns' span, and what takes coordinates to coefficients."""
-    u, s, vt = np.linalg.svd(matrix, full_matrices=False)
+    u, s, vt = _svd(matrix)
     kept = s > _TINY * s[0]
     return u[:, kept], vt[kept].T / s[kept]
+
+
+def _svd(matrices: Floats) -> tuple[Floats, Floats, Floats]:
+    """The reduced singular value decomposition: u (…, m, k), s (…, k), vt (…, k, n)."""
+    try:
+        return np.linalg.svd(matrices, full_matrices=False)
+    except np.linalg.LinAlgError:  # LAPACK's gesdd gives up on one matrix in a million
+        u, s, vt = np.linalg.svd(np.swapaxes(matrices, -1, -2), full_matrices=False)
+        return np.swapaxes(vt, -1, -2), s, np.swapaxes(u, -1, -2)
 
 
 def _nearest(z: Floats) -> Floats:
