@@ -64,7 +64,7 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 	$(BIN)/python benchmarks/exporting.py
 	$(BIN)/python benchmarks/compiling.py
 	$(BIN)/python benchmarks/validating.py
-	$(BIN)/python benchmarks/startup.py
+	$(BIN)/python benchmarks/startup.py --fresh
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/meshing.py
 	$(BIN)/python benchmarks/importing.py
@@ -104,7 +104,7 @@ RUNTIMES = $(foreach library,libasan.so libstdc++.so,$(shell $(or $(CXX),c++) -p
 sanitize:  ## Run the tests of the kernels with ASan, UBSan and checks of every index
 	@$(MAKE) --no-print-directory VENV=.venv-sanitize \
 	  CONFIG='-Cbuild-dir=build/sanitize -Ccmake.define.SANITIZE=ON' .venv-sanitize/.installed-test
-	LD_PRELOAD='$(RUNTIMES)' ASAN_OPTIONS=detect_leaks=0 TERRATOOL_CPU=baseline TERRATOOL_FUZZ=25 \
+	LD_PRELOAD='$(RUNTIMES)' ASAN_OPTIONS=detect_leaks=0 TERRATOOL_CPU=baseline \
 	  .venv-sanitize/bin/python -m pytest -q -n auto --dist loadfile $(KERNEL_TESTS)
 
 debug:  ## Build the kernels for gdb, into .venv-debug; with COVERAGE=ON for gcov, too

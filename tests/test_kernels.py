@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -304,6 +305,8 @@ def test_both_variants_give_the_same_bits() -> None:
     """Heights, surfaces, normals, planes, losses and meshes of all samples."""
     if not kernels.is_v3():
         pytest.skip("this processor has no x86-64-v3")
+    if find_spec("terratool.kernels.v3") is None:
+        pytest.skip("only one was built")
     said = []
     for variant in ("baseline", "v3"):
         environment = {**os.environ, "TERRATOOL_CPU": variant}

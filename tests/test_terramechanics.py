@@ -547,7 +547,7 @@ def test_it_tips_where_its_weight_leaves_the_supports(pitch: float, roll: float)
     assert (share < 1) == inside
 
 
-@given(SOILS, st.floats(0, 0.5))
+@given(SOILS, st.just(0.0) | st.floats(1e-30, 0.5))  # squares of less would vanish
 @settings(max_examples=60, deadline=None)
 def test_four_equal_wheels_need_what_one_needs(soil: Soil, pull: float) -> None:
     """With equal loads, sharing is dividing."""
