@@ -367,9 +367,10 @@ template <> struct Argument<bool> {
     bool value;
     COLD static std::string type() { return "bool"; }
     NOINLINE Argument(nb::handle given, const Where& where) {
-        std::string_view name = Py_TYPE(given.ptr())->tp_name;
-        if (name != "bool" && name != "numpy.bool" && name != "numpy.bool_")
-            where.refuse("True or False", given);
+        if (!PyBool_Check(given.ptr())) {
+            std::string name = text_of(given.type().attr("__name__"));  // NumPy's
+            if (name != "bool" && name != "bool_") where.refuse("True or False", given);
+        }
         value = PyObject_IsTrue(given.ptr()) == 1;
     }
     bool get() { return value; }
