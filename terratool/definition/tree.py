@@ -48,6 +48,10 @@ class Tree(Struct, frozen=True, dict=True):
             self.columns[name] = list(map(attrgetter(name), self.elements))
         return self.columns[name]
 
+    def value(self, name: str, index: int) -> Any:
+        """One attribute of one element."""
+        return getattr(self.elements[index], name) if self.elements else self.column(name)[index]
+
     def distinct(self, name: str) -> set[Any]:
         """The different values of an attribute."""
         if name not in self._distinct:
@@ -59,7 +63,7 @@ class Tree(Struct, frozen=True, dict=True):
 
     def grid(self, index: int) -> Pair:
         """Columns and rows of the grid of an element."""
-        cells = self.column("cells")[index]
+        cells = self.value("cells", index)
         if cells is UNSET:
             return DEFAULT_CELLS, DEFAULT_CELLS
         return cells if isinstance(cells, tuple) else (cells, cells)
