@@ -6,6 +6,7 @@ using namespace terratool::python;
 
 NB_MODULE(_kernels, m) {
     nb::set_leak_warnings(false);  // a terrain may live until the end
+    bind_definition(m.def_submodule("definition"));
     bind_field(m.def_submodule("field"));
     bind_importing(m.def_submodule("importing"));
     bind_mesh(m.def_submodule("mesh"));

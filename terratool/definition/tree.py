@@ -75,10 +75,6 @@ class Tree(Struct, frozen=True, dict=True):
         span = self.column("span")[index] if self.distinct("span") != {UNSET} else UNSET
         return (x, y, 1, 1) if span is UNSET else (x, y, *span)
 
-    def forget(self) -> None:
-        """Look at the columns anew, for they have changed."""
-        self._distinct.clear()
-
     def having(self, name: str, wanted: Container[Any]) -> Iterator[tuple[int, Any]]:
         """Index and value of the elements whose attribute is one of these."""
         if any(value in wanted for value in self.distinct(name)):
