@@ -10,7 +10,6 @@ import random
 from dataclasses import dataclass, field
 from typing import Any
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,7 +18,8 @@ from terratool.definition import jsontext, skimming
 from terratool.definition.findings import escape
 from terratool.definition.misspelt import MisspeltError
 from terratool.definition.places import Spot, locate
-from terratool.definition.values import lost_no_key, read_values, repeated_keys
+from terratool.definition.values import read_values, repeated_keys
+from terratool.kernels import definition as kernels
 from tests.layouts import Cursor, scalars, texts
 
 Members = list[tuple[str, Any]]
@@ -257,6 +257,7 @@ def test_repeated_keys_worked_out_by_hand() -> None:
     named = [("/a", 2), ("/a", 3), ("/b/c", 2), ("/a/0/", 2)]
     assert repeated_keys(text.encode(), 6) == (named, 4)
     assert repeated_keys(text.encode(), 0) == ([], 6)
+    assert repeated_keys(b'{"a":{"b":1,"b":2},"a":3}', 1) == ([], 2)
     text = '{"a/b":[0,{"~":{"/":1,"~1":2,"/":3}}]}'
     assert repeated_keys(text.encode(), 6) == ([("/a~1b/1/~0/~1", 2)], 1)
 
@@ -270,11 +271,31 @@ def test_repeated_keys_far_down() -> None:
 
 
 @given(nested(few_keys | tricky, repeated=True), st.data())
-def test_a_lost_key_is_never_overlooked(value: Any, data: st.DataObject) -> None:
-    """The quick look says that no key is lost only where none is."""
-    text = written(value, data).text
-    if lost_no_key(text.encode(), msgspec.json.decode(text)):
-        assert walked(text) == []
+def test_a_repeated_key_is_never_overlooked(value: Any, data: st.DataObject) -> None:
+    """The quick look says that no key stands twice only where none does."""
+    text = written(value, data).text.encode()
+    if not kernels.may_repeat_keys(text):
+        assert repeated_keys(text, 1) == ([], 0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 15, 16, 17, 40])
+@pytest.mark.parametrize("layout", ["{%s}", '[{},{"k0":"}"},{%s},0]', '{"k0":{%s},"k1":{"k0":0}}'])
+def test_the_quick_look_is_not_needlessly_careful(layout: str, count: int) -> None:
+    """It tells objects of any size, and texts from keys."""
+    members = [f'"k{k}" \r\n\t: "k0\\":{{[,"' for k in range(count)]
+    assert not kernels.may_repeat_keys((layout % ",".join(members)).encode())
+    for k in range(count):
+        again = [*members, f'"k{k}":0']
+        assert kernels.may_repeat_keys((layout % ",".join(again)).encode())
+        assert kernels.may_repeat_keys((layout % ",".join(again[::-1])).encode())
+    assert kernels.may_repeat_keys(rb'{"\u0061":0}')
+
+
+def test_repeated_keys_of_long_texts() -> None:
+    """A text is looked at in the same way however long it is."""
+    for text, wanted in (('{"a":1,"b":2}', []), ('{"b":1,"b":2}', [("/b", 2)])):
+        for space in (0, 1_000_000):
+            assert repeated_keys((" " * space + text).encode(), 9) == (wanted, len(wanted))
 
 
 # Where a text stops being JSON

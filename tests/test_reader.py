@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import sys
 from copy import deepcopy
 from itertools import product
@@ -16,7 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.definition import reader
-from terratool.definition.findings import Collected
+from terratool.definition.keys import KEYS
+from terratool.definition.model import Element
 from terratool.definition.reader import Checked, Options, load_definition
 from terratool.definition.source import Source, read_source
 from terratool.errors import DefinitionError, ReadError
@@ -33,7 +35,7 @@ def check(text: str | bytes) -> Checked:
 
 def explain(text: str | bytes) -> Checked:
     """The same by the explaining way alone."""
-    with mock.patch.object(reader, "_quickly", return_value=(None, False)):
+    with mock.patch.object(reader, "_quickly", return_value=None):
         return check(text)
 
 
@@ -64,14 +66,12 @@ def test_both_ways_make_one_model(definition: Json, layout: dict[str, Any]) -> N
     for surface in definition.get("surfTypes", {}).values():
         surface.pop("x-note", None)
     compact = json.dumps(definition, separators=(",", ":"))
-    assert reader._quickly(compact.encode(), Collected(1))[1], "the fast way was not taken"
+    assert reader._quickly(compact.encode()) is not None, "the fast way was not taken"
     fast = check(compact)
     assert fast.definition is not None, fast.findings
     assert check(json.dumps(definition, **layout)) == fast
     slow = json.dumps({**definition, "x-slow": [{"x-slow": 1}]}, **layout)
-    assert reader._quickly(slow.encode(), Collected(1))[0] is None, (
-        "the explaining way was not taken"
-    )
+    assert reader._quickly(slow.encode()) is None, "the explaining way was not taken"
     assert check(slow).definition == fast.definition
 
 
@@ -107,6 +107,25 @@ def test_both_ways_have_one_verdict(definition: Json, data: st.DataObject) -> No
     assert check(text) == explain(text)
 
 
+@pytest.mark.parametrize(
+    "key", [key for key, wanted in KEYS[Element].items() if wanted.kind in ("whole", "number")]
+)
+def test_elements_are_decoded_within_the_ranges_of_their_keys(key: str) -> None:
+    """Numbers at both ends of a range are taken the fast way, and the next ones are not."""
+    wanted = KEYS[Element][key]
+    for bound, inside in ((wanted.low, 1), (wanted.high, -1)):
+        next_in, next_out = bound + inside, bound - inside
+        if wanted.kind == "number":
+            next_in, next_out = (math.nextafter(bound, way * math.inf) for way in (inside, -inside))
+        for number in (next_in, bound, next_out):
+            for value in [number] * wanted.alone + [[number, 1], [1, number]] * (wanted.length > 0):
+                child = {"type": "b", "cellX": 0, "cellY": 0, key: value}
+                tree = {"type": "b", "children": [child]}
+                text = json.dumps({"size": 1, "elemTypes": {"b": {"x": [1]}}, "elemTree": tree})
+                assert (reader._quickly(text.encode()) is not None) == (number != next_out)
+                assert check(text) == explain(text)
+
+
 BYTES = [b"", *(bytes([n]) for n in b'{}[]:,"\\-+.0eE \t\n'), b"\xff", b"\xc3", b"\x01", b"\\u0022",
          b'"a":1,', b'"type" :"p0",', b'"type":"p0",']  # fmt: skip
 
@@ -133,7 +152,7 @@ def test_both_ways_have_one_opinion(definition: Json, data: st.DataObject) -> No
         owner[key] = data.draw(wrong_values | st.just(owner[key]))
     text = json.dumps(definition, separators=(",", ":"))
     options = Options(max_step=data.draw(st.sampled_from([None, 0.0, 1.5])))
-    with mock.patch.object(reader, "_quickly", return_value=(None, False)):
+    with mock.patch.object(reader, "_quickly", return_value=None):
         explained = reader.check(Source("t.json", text.encode()), options)
     assert reader.check(Source("t.json", text.encode()), options) == explained
     bad = [f.code for f in explained.findings if f.severity == "error"]

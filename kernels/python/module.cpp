@@ -6,6 +6,7 @@ using namespace terratool::python;
 
 NB_MODULE(_kernels, m) {
     nb::set_leak_warnings(false);  // a terrain may live until the end
+    bind_definition(m.def_submodule("definition"));
     nb::module_ field = m.def_submodule("field");
     bind_field(field);
     bind_painting(field);

@@ -5,6 +5,7 @@
 
 namespace terratool::python {
 
+void bind_definition(nanobind::module_ m);
 void bind_field(nanobind::module_ m);
 void bind_importing(nanobind::module_ m);
 void bind_mesh(nanobind::module_ m);

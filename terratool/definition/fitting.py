@@ -7,8 +7,8 @@ from typing import Any
 
 from terratool.definition.built import Built, Owner
 from terratool.definition.findings import Collected, Remark, escape, shown
-from terratool.definition.keys import KEYS, LARGEST, Key
-from terratool.definition.model import Element
+from terratool.definition.keys import KEYS, Key
+from terratool.definition.model import LARGEST, Element
 from terratool.definition.slots import ALL_KEYS, JSON_TYPES, SLOTS, fits
 from terratool.definition.wording import kind_of, unknown_key
 

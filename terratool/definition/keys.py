@@ -11,16 +11,20 @@ from typing import Literal
 
 from msgspec import Struct
 
-from terratool.definition.model import Definition, Element, Primitive, Surface, Track
+from terratool.definition.model import (
+    LARGEST,
+    MAX_CELLS,
+    SMALLEST,
+    Definition,
+    Element,
+    Primitive,
+    Surface,
+    Track,
+)
 
-MAX_CELLS = 65536
 MAX_PASSES = 10**9
 """Sums of passes stay whole in doubles."""
 COMBINES = ("product", "sum", "min", "max", "radial")
-
-LARGEST = 1e30
-"""No length, height or factor may be larger in size; sums and squares then stay finite."""
-SMALLEST = 1e-30
 
 
 class Key(Struct, frozen=True):

@@ -8,9 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Annotated
 
 import msgspec
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET, Meta, Struct, UnsetType
+
+MAX_CELLS = 65536
+
+LARGEST = 1e30
+"""No length, height or factor may be larger in size; sums and squares then stay finite."""
+SMALLEST = 1e-30
 
 DEFAULT_CELLS = 10
 """Cells of an element's grid along each axis where `cells` is absent."""
@@ -21,6 +28,12 @@ DEFAULT_MULTIPASS = 3.0
 Pair = tuple[float, float]
 CurveValue = tuple[float | Pair, ...] | str
 """A vector, a list of knots (never both in one list; a rule sees to that), or a string."""
+
+
+# the ranges of numbers of elements, held against while decoding: later it takes far longer
+_Place = Annotated[int, Meta(ge=0, le=MAX_CELLS - 1)]
+_Count = Annotated[int, Meta(ge=1, le=MAX_CELLS)]
+_Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 
 
 def names_of(kind: type) -> Iterator[tuple[str, str]]:
@@ -57,12 +70,13 @@ class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
     descr: str | UnsetType = UNSET
     type: str | UnsetType = UNSET
     surface: str | UnsetType = UNSET
-    cell_x: int | UnsetType = UNSET
-    cell_y: int | UnsetType = UNSET
-    span: tuple[int, int] | UnsetType = UNSET
-    v_scale: float | UnsetType = UNSET
-    v_offset: float | UnsetType = UNSET
-    turn_deg: float | UnsetType = UNSET
+    cell_x: _Place | UnsetType = UNSET
+    cell_y: _Place | UnsetType = UNSET
+    span: tuple[_Count, _Count] | UnsetType = UNSET
+    v_scale: _Number | UnsetType = UNSET
+    v_offset: _Number | UnsetType = UNSET
+    turn_deg: _Number | UnsetType = UNSET
+    # no range here: msgspec 0.22 mixes up a number with a range and a pair beside it
     cells: int | tuple[int, int] | UnsetType = UNSET
     children: tuple[Element, ...] | UnsetType = UNSET
 

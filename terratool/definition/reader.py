@@ -28,8 +28,8 @@ from terratool.definition.model import (
 from terratool.definition.recognising import kind_of
 from terratool.definition.rules import Subject, all_rules
 from terratool.definition.source import Source, read_source
-from terratool.definition.tree import flatten
-from terratool.definition.values import Repeated, lost_no_key, read_values, repeated_keys
+from terratool.definition.tree import Tree, flatten
+from terratool.definition.values import Repeated, read_values, repeated_keys
 from terratool.definition.vehicles.model import VehicleText
 from terratool.errors import DefinitionError
 
@@ -120,18 +120,16 @@ def check(source: Source, options: Options | None = None) -> Checked:
 def _check(source: Source, options: Options) -> Checked:
     data = source.data
     found = Collected(options.limit)
-    built, clean = _quickly(data, found)
+    built = _quickly(data)
     if built is None:
         from terratool.definition.structure import build
 
         value, misspelt = plain_values(data)
         if misspelt is not None:
             return unreadable(source, misspelt)
-        clean = lost_no_key(data, value)
         built = build(value, found)
         del value
-    if not clean:
-        take_repeated(data, found)
+    take_repeated(data, found)
     if built.definition is not None:
         subject = Subject(
             built.definition, built.tree, built.unfit, source.size, source.packed,
@@ -169,24 +167,17 @@ def plain_values(data: bytes) -> tuple[Any, MisspeltError | None]:
         return None, _bad_encoding(data, error)
 
 
-def _quickly(data: bytes, found: Collected) -> tuple[Built | None, bool]:
-    """What the text says, if all of it fits; and whether surely no key stands twice."""
+def _quickly(data: bytes) -> Built | None:
+    """What the text says, if all of it fits."""
     try:
         definition = msgspec.json.decode(data, type=Definition)
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
-        return None, False
+        return None
     tree = flatten(definition)
     crs = definition.crs
     # the values of a crs are free, and may be beyond any float
     free = isinstance(crs, dict) or (isinstance(crs, int) and crs.bit_length() > 64)
-    if free or not _in_range(definition):
-        return None, False
-    built = Built(definition, tree)
-    if not all(map(_all_hold, ((tree.distinct(name), key) for name, key in _RANGED[Element]))):
-        from terratool.definition.structure import mend
-
-        built = mend(built, found)
-    return built, lost_no_key(data, definition)
+    return None if free or not _in_range(definition, tree) else Built(definition, tree)
 
 
 _RANGED: dict[type, list[tuple[str, Key]]] = {
@@ -195,13 +186,14 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
         for name, key in names_of(kind)
         if KEYS[kind][key].kind in ("number", "whole")
     ]
-    for kind in (Definition, Surface, Element, Track)
+    for kind in (Definition, Surface, Track)
 }
 
 
-def _in_range(definition: Definition) -> bool:
-    """Whether every number outside of the tree lies in the range of its key."""
-    ranged = [
+def _in_range(definition: Definition, tree: Tree) -> bool:
+    """Whether every number whose range is not part of its type lies in that of its key."""
+    ranged = [(tree.distinct("cells"), KEYS[Element]["cells"])]
+    ranged += [
         ({getattr(owner, name)}, key)
         for owner in (definition, *definition.surfaces.values(), *definition.ruts)
         for name, key in _RANGED[type(owner)]

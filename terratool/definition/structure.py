@@ -26,13 +26,6 @@ def build(value: Any, found: Collected) -> Built:
     return _Builder(found).build(value)
 
 
-def mend(built: Built, found: Collected) -> Built:
-    """Leave out the numbers of elements that are beyond their range."""
-    mended = _Builder(found).mend(built.tree)
-    mended.definition = built.definition
-    return mended
-
-
 class _Builder(Fitter):
     def build(self, value: Any) -> Built:
         if not isinstance(value, dict):
@@ -114,18 +107,6 @@ class _Builder(Fitter):
                 columns[slot.name] = [UNSET] * len(values)
         self._own_keys(used - SLOTS[Element].keys(), values)
         return Tree([], families, levels, columns)
-
-    def mend(self, tree: Tree) -> Built:
-        """Leave out what is beyond its range in a tree of the right types."""
-        for key, slot in SLOTS[Element].items():
-            if slot.high < BIGGEST:
-                # pairs are lists in a text
-                column = [list(v) if type(v) is tuple else v for v in tree.column(slot.name)]
-                self._mend(key, slot, column)
-                tree.columns[slot.name] = column
-        tree.forget()
-        self._built.tree = tree
-        return self._built
 
     def _own_keys(self, own: set[str], values: list[dict[str, Any]]) -> None:
         """All keys that elements have besides those of the format."""

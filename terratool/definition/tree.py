@@ -48,6 +48,10 @@ class Tree(Struct, frozen=True, dict=True):
             self.columns[name] = list(map(attrgetter(name), self.elements))
         return self.columns[name]
 
+    def value(self, name: str, index: int) -> Any:
+        """One attribute of one element."""
+        return getattr(self.elements[index], name) if self.elements else self.column(name)[index]
+
     def distinct(self, name: str) -> set[Any]:
         """The different values of an attribute."""
         if name not in self._distinct:
@@ -59,7 +63,7 @@ class Tree(Struct, frozen=True, dict=True):
 
     def grid(self, index: int) -> Pair:
         """Columns and rows of the grid of an element."""
-        cells = self.column("cells")[index]
+        cells = self.value("cells", index)
         if cells is UNSET:
             return DEFAULT_CELLS, DEFAULT_CELLS
         return cells if isinstance(cells, tuple) else (cells, cells)
@@ -70,10 +74,6 @@ class Tree(Struct, frozen=True, dict=True):
         x, y = -1 if x is UNSET else x, -1 if y is UNSET else y
         span = self.column("span")[index] if self.distinct("span") != {UNSET} else UNSET
         return (x, y, 1, 1) if span is UNSET else (x, y, *span)
-
-    def forget(self) -> None:
-        """Look at the columns anew, for they have changed."""
-        self._distinct.clear()
 
     def having(self, name: str, wanted: Container[Any]) -> Iterator[tuple[int, Any]]:
         """Index and value of the elements whose attribute is one of these."""

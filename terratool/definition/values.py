@@ -10,8 +10,15 @@ import msgspec
 
 from terratool.definition.findings import escape
 
+_LONG = 100_000
+"""Bytes of a text that is read sooner than the kernels are loaded."""
+
 Repeated = tuple[str, int]
 """A key that stood in its object before: its pointer, and the how-many-th it is."""
+
+_CONTAINERS = frozenset([dict, list])
+
+_decoder = msgspec.json.Decoder(float_hook=float)  # numbers beyond floats are infinite
 
 
 def read_values(data: bytes) -> Any:
@@ -26,35 +33,11 @@ def read_values(data: bytes) -> Any:
     if not data.isascii():
         data.decode("utf-8")
     try:
-        return msgspec.json.decode(data)
-    except msgspec.ValidationError:  # a number beyond floats
-        pass
-    except (msgspec.DecodeError, RecursionError):
-        skimming.explain(data.decode("utf-8"))
-    try:
-        msgspec.json.decode(data, type=msgspec.Raw)  # the syntax behind that number
-        return json.loads(data)
-    except msgspec.DecodeError:
-        skimming.explain(data.decode("utf-8"))
-    except (ValueError, RecursionError):  # whole numbers longer than Python reads, deep nesting
-        pass
-    return jsontext.parse(data.decode("utf-8")).value
-
-
-def lost_no_key(data: bytes, value: Any) -> bool:
-    """Whether every key of the text is in what was decoded from it.
-
-    Of a key that stands twice one is lost, and what was kept, written again, has fewer colons.
-    Colons inside of texts are in both alike, unless they are spelled as escapes.
-    """
-    if b"\\" in data and b"\\u00" in data:
-        return False
-    again = bytearray(len(data))
-    try:
-        msgspec.json.Encoder().encode_into(value, again)
-    except RecursionError:
-        return False
-    return data.count(b":") == again.count(b":")
+        return _decoder.decode(data)
+    except (msgspec.MsgspecError, RecursionError):  # or whole numbers longer than Python reads
+        text = data.decode("utf-8")
+        skimming.explain(text)
+    return jsontext.parse(text).value
 
 
 def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
@@ -66,18 +49,26 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
     """
     from terratool.definition import jsontext
 
+    if len(data) > _LONG:
+        from terratool.kernels import definition as kernels
+
+        if not kernels.may_repeat_keys(data):  # type: ignore[arg-type]  # bytes are an array, too
+            return [], 0
     count = 0
     found: dict[int, tuple[Any, list[Repeated]]] = {}
 
-    def look(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    def look(pairs: list[tuple[str, Any]]) -> dict[str, Any] | None:
         nonlocal count
         members = dict(pairs)
-        if len(members) < len(pairs):
-            if count < limit:
+        lost = len(pairs) - len(members)
+        if lost:
+            count += lost
+            if count - lost < limit:
                 # what it is of is kept alive, so that its id stays its own
                 found[id(members)] = members, list(_repeated(key for key, _ in pairs))
-            count += len(pairs) - len(members)
-        return members
+                return members
+        # one with nothing more in it leads nowhere
+        return None if _CONTAINERS.isdisjoint(map(type, members.values())) else members
 
     try:
         value = json.loads(data, object_pairs_hook=look)
@@ -109,11 +100,11 @@ def _pointed(value: Any, found: dict[int, tuple[Any, list[Repeated]]]) -> Iterat
             for key, occurrence in found.pop(id(container), (None, ()))[1]:
                 yield f"{_pointer(containers, place)}/{escape(key)}", occurrence
             for key, inner in container.items():
-                if type(inner) is list or type(inner) is dict:
+                if type(inner) in _CONTAINERS:
                     containers.append((place, key, inner))
-        else:
+        elif isinstance(container, list):
             for index, inner in enumerate(container):
-                if type(inner) is list or type(inner) is dict:
+                if type(inner) in _CONTAINERS:
                     containers.append((place, index, inner))
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.definition.keys import LARGEST
-from terratool.definition.model import DEFAULT_MULTIPASS, Definition, Track
+from terratool.definition.model import DEFAULT_MULTIPASS, LARGEST, Definition, Track
 from terratool.field.types import SEGMENT, Tracks
 from terratool.kernels import field as kernels
 

@@ -35,5 +35,5 @@ variant = _variant()
 """Which of them is loaded: "baseline" or "v3"."""
 
 _compiled = import_module(f"terratool.kernels.{variant}._kernels")
-PARTS = ("field", "importing", "mesh", "raster", "traversability")
+PARTS = ("definition", "field", "importing", "mesh", "raster", "traversability")
 globals().update({part: getattr(_compiled, part) for part in PARTS})

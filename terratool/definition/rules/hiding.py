@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 from msgspec import UNSET
 
@@ -62,6 +63,8 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
     """
     tree = subject.tree
     filling = _Filling(subject)
+    if not filling.tiled and not tree.shared:
+        return
     passed_on = _passed_on(tree)
     for index in sorted(filling.tiled):
         if tree.column("surface")[index] is not UNSET and index not in passed_on:
@@ -123,11 +126,6 @@ class _Filling:
             if primitive.combine != "radial"
             and not subject.left_out(f"/elemTypes/{escape(name)}", "combine")
         }
-        self._plain = (
-            tree.distinct("type") <= self._square
-            and all(turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg"))
-            and not subject.unfit
-        )
         self.tiled: set[int] = set()
         spans = tree.distinct("span") != {UNSET}
         for index, begin, end in reversed(tree.families):  # children before parents
@@ -136,6 +134,15 @@ class _Filling:
                 range(begin, end), columns, rows
             ):
                 self.tiled.add(index)
+
+    @cached_property
+    def _plain(self) -> bool:
+        """Whether all elements fill their cells."""
+        return (
+            not self._subject.unfit
+            and self._tree.distinct("type") <= self._square
+            and all(turn is UNSET or turn % 180 == 0 for turn in self._tree.column("turn_deg"))
+        )
 
     def fills(self, index: int) -> bool:
         """Whether the footprint of an element is surely all of its cell."""

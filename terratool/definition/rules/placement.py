@@ -83,7 +83,7 @@ def _surely_inside(tree: Tree) -> bool:
     """Whether every cell is in the smallest of all grids, and nothing spans more than one."""
     if not tree.families or tree.distinct("span") != {UNSET}:
         return not tree.families
-    grids = {tree.column("cells")[parent] for parent, _, _ in tree.families}
+    grids = {tree.value("cells", parent) for parent, _, _ in tree.families}
     sides = [DEFAULT_CELLS if n is UNSET else min(n) if isinstance(n, tuple) else n for n in grids]
     cells = (tree.distinct("cell_x") | tree.distinct("cell_y")) - {UNSET}
     return not cells or max(cells) < min(sides)

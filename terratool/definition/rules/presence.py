@@ -84,13 +84,14 @@ def root_placed(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove cellX, cellY and span from the root.
     """
+    if len(subject.tree) == 0:
+        return
     for key, name in (("cellX", "cell_x"), ("cellY", "cell_y"), ("span", "span")):
-        for value in subject.tree.column(name)[:1]:
-            if value is not UNSET:
-                yield Remark(
-                    f"/{key}",
-                    f'the root has a "{key}", though its cell is the whole terrain.',
-                    f'Remove "{key}".',
-                    on_key=True,
-                    element=0,
-                )
+        if subject.tree.value(name, 0) is not UNSET:
+            yield Remark(
+                f"/{key}",
+                f'the root has a "{key}", though its cell is the whole terrain.',
+                f'Remove "{key}".',
+                on_key=True,
+                element=0,
+            )

@@ -29,13 +29,15 @@ def zero_scale(subject: Subject) -> Iterator[Remark]:
     To mend: give the height that is meant. Where only the surface or vOffset is meant to count,
     silence TT210 by x-ignore.
     """
-    for index, _ in subject.tree.having("v_scale", (0,)):
-        yield Remark(
-            "/vScale",
-            '"vScale" is 0, so the primitive has no effect.',
-            'Give a height, or say with "x-ignore": ["TT210"] that only the rest is meant.',
-            element=index,
-        )
+    scales = subject.tree.column("v_scale")
+    for index, scale in enumerate(scales) if 0.0 in scales else ():
+        if scale == 0.0:
+            yield Remark(
+                "/vScale",
+                '"vScale" is 0, so the primitive has no effect.',
+                'Give a height, or say with "x-ignore": ["TT210"] that only the rest is meant.',
+                element=index,
+            )
 
 
 @rule("TT211", "tall-step", "warning")

@@ -16,7 +16,6 @@ from terratool.definition.reader import (
 from terratool.definition.recognising import kind_of
 from terratool.definition.rules import VehicleSubject, all_rules
 from terratool.definition.source import Source
-from terratool.definition.values import lost_no_key
 from terratool.definition.vehicles.structure import build_vehicle
 
 
@@ -34,8 +33,7 @@ def check_vehicle(source: Source, options: Options | None = None) -> Checked:
     value, misspelt = plain_values(source.data)
     if misspelt is not None:
         return unreadable(source, misspelt)
-    if not lost_no_key(source.data, value):
-        take_repeated(source.data, found)
+    take_repeated(source.data, found)
     vehicle, built = build_vehicle(value, found)
     rules = all_rules()
     if vehicle is not None:

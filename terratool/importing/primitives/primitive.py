@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from terratool.definition.keys import LARGEST, SMALLEST
+from terratool.definition.model import LARGEST, SMALLEST
 from terratool.errors import RequestError
 from terratool.importing.primitives import shaping, turning
 from terratool.importing.primitives.entries import Entry, entries_of, level

@@ -1,0 +1,16 @@
+// What Python sees of kernels/definition.
+#include "../definition/keys.hpp"
+
+#include "bind.hpp"
+#include "modules.hpp"
+
+namespace terratool::python {
+
+void bind_definition(nb::module_ m) {
+    def<&definition::may_repeat_keys>(
+        m, "may_repeat_keys",
+        "Whether a key stands twice in an object of a JSON text, or has an escape.", {"text[_]"}
+    );
+}
+
+}  // namespace terratool::python
