@@ -5,8 +5,7 @@ BIN := $(VENV)/bin
 EXTRAS ?= test
 TESTS ?= tests
 PIP := -m pip install -qq --disable-pip-version-check
-# Without isolation, what was built before is not built again.
-CONFIG := -Ceditable.rebuild=false
+CONFIG ?=
 TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))$(1), sep="\n")'
 KERNEL_TESTS := tests/test_kernels.py tests/test_field.py tests/test_painting.py tests/test_tracks.py \
   tests/test_losses.py tests/test_mesh_building.py tests/test_mesh_solid.py tests/test_mesh_tracks.py \
@@ -15,12 +14,13 @@ KERNEL_TESTS := tests/test_kernels.py tests/test_field.py tests/test_painting.py
 KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/python/*.cpp)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test baseline lint bench docs stubs fuzz fuzz-expressions wheel outside sanitize debug clean
+.PHONY: help install demo test baseline lint bench docs stubs fuzz fuzz-expressions wheel outside sanitize debug coverage clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-# The stamp names the extras, so that asking for more installs more.
+# The stamp names the extras, so that asking for more installs more. Without isolation, what was
+# built before is not built again; nor is it by each import, of which tests have many at a time.
 $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "terratool needs Python 3.11 or newer; say which with make PYTHON=python3.12 …"; exit 1; }
@@ -29,7 +29,7 @@ $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo "Installing terratool and what it needs into $(VENV), and building its kernels: a minute or two …"
 	@$(call TABLE,["build-system"]["requires"]) | $(BIN)/python $(PIP) --requirement /dev/stdin
-	@$(BIN)/python $(PIP) --no-build-isolation $(CONFIG) --editable '.[$*]'
+	@$(BIN)/python $(PIP) --no-build-isolation -Ceditable.rebuild=false $(CONFIG) --editable '.[$*]'
 	@touch $@
 
 install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool
@@ -107,11 +107,18 @@ sanitize:  ## Run the tests of the kernels with ASan, UBSan and checks of every 
 	LD_PRELOAD='$(RUNTIMES)' ASAN_OPTIONS=detect_leaks=0 TERRATOOL_CPU=baseline \
 	  .venv-sanitize/bin/python -m pytest -q -n auto --dist loadfile $(KERNEL_TESTS)
 
-debug:  ## Build the kernels for gdb, into .venv-debug; with COVERAGE=ON for gcov, too
+debug:  ## Build the kernels for gdb, into .venv-debug
 	@$(MAKE) --no-print-directory VENV=.venv-debug \
-	  CONFIG='-Cbuild-dir=build/debug -Ccmake.build-type=Debug -Ccmake.define.COVERAGE=$(or $(COVERAGE),OFF)' \
-	  .venv-debug/.installed-test
+	  CONFIG='-Cbuild-dir=build/debug -Ccmake.build-type=Debug' .venv-debug/.installed-test
 	@echo "gdb --args .venv-debug/bin/python -m terratool …"
 
+coverage:  ## Run the tests of the kernels and say which of their lines none reaches
+	@$(MAKE) --no-print-directory VENV=.venv-coverage \
+	  CONFIG='-Cbuild-dir=build/coverage -Ccmake.build-type=Debug -Ccmake.define.COVERAGE=ON' \
+	  .venv-coverage/.installed-test
+	@.venv-coverage/bin/python $(PIP) gcovr
+	TERRATOOL_CPU=baseline .venv-coverage/bin/python -m pytest -q -n auto --dist loadfile $(KERNEL_TESTS)
+	.venv-coverage/bin/gcovr --filter kernels/ --exclude kernels/python build/coverage
+
 clean:  ## Remove everything that the other targets make
-	rm -rf $(VENV) .venv-sanitize .venv-debug out dist build .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-sanitize .venv-debug .venv-coverage out dist build .pytest_cache .hypothesis .mypy_cache .ruff_cache

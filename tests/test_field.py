@@ -369,6 +369,24 @@ class TestExtremes:
         assert t.height(x, 4649776.5) == pytest.approx(exact, abs=1e-9)
 
 
+def test_a_grid_finer_than_doubles_right_below_the_root() -> None:
+    """Its cells are narrower than eight spacings of doubles, so the place in the root decides."""
+    block = child(15000, 6000, vScale=5, span=[20000, 30000])
+    t = terrain({"type": "flat", "cells": 60000, "children": [block]}, 1e-5, origin=[1e5, 2e5])
+    west, south, _, _ = t.bounds
+    for u, v, want in (
+        (0.4, 0.4, 5),
+        (0.2, 0.4, 0),
+        (0.4, 0.05, 0),
+        (0.55, 0.55, 5),
+        (0.9, 0.9, 0),
+    ):
+        x, y = np.full(700, west + u * 1e-5), np.full(700, south + v * 1e-5)
+        assert set(t.height(x, y).tolist()) == {want}
+        assert set(t.sample(x, y).element.tolist()) == {int(want > 0)}
+        assert t.height(x[0], y[0]) == want
+
+
 def test_points_are_given_as_numpy_broadcasts_them() -> None:
     t = terrain({"type": "ramp"})
     x, y = np.array([[10.0], [20.0]]), np.array([3.0, 4.0, 5.0])

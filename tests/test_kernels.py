@@ -234,6 +234,8 @@ def test_what_is_no_field_is_refused() -> None:
     [
         ("elements", "kind", 9, "an element"),
         ("elements", "grid", 9, "an element"),
+        ("elements", "grid", 1, "the grid of an element"),
+        ("grids", "bins_x", 0, "a row of bins"),
         ("grids", "table", 99, "a grid"),
         ("kinds", "x_first", 99, "a curve"),
     ],
@@ -247,6 +249,39 @@ def test_a_field_that_leads_nowhere_is_refused(
     changed[member][-1] = value
     with pytest.raises(TypeError, match=f"{what} leads nowhere"):
         kernels.field.Field(arrays._replace(**{name: changed}))
+
+
+def test_objects_that_hold_nothing_are_refused() -> None:
+    """Made by __new__ alone."""
+    x = np.zeros(1)
+    for kind in (kernels.field.Field, kernels.mesh.Plan):
+        empty = kind.__new__(kind)
+        with pytest.raises(TypeError, match=r"field must be a Field, but is"):
+            kernels.field.heights(empty, x, x, x.copy())
+
+
+def test_planes_that_a_painter_has_not_are_refused() -> None:
+    x, plane = np.array([1.0, 2.0]), np.zeros((2, 2))
+    painter = kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), False, None)
+    planes = SimpleNamespace(heights=plane, surfaces=None, slope_x=None, slope_y=None, labels=None)
+    kernels.field.paint(painter, x, x, 1.0, 0, 0, planes)
+    for name, wrong in (("slope_y", plane), ("labels", np.zeros((2, 2), np.uint32))):
+        more = SimpleNamespace(**{**vars(planes), name: wrong})
+        with pytest.raises(TypeError, match=r"Painter\(\): a (slope|label) leads nowhere"):
+            kernels.field.paint(painter, x, x, 1.0, 0, 0, more)
+
+
+def test_pairs_of_pixels_that_are_not_there_are_refused() -> None:
+    finder = known("WallFinder")
+    x, y = np.array([0.5, 1.5]), np.array([0.5, 1.5, 2.5])
+    for pair in (-1, 2 * 1, 2 * 5, 2 * 4 + 1, 99):
+        with pytest.raises(IndexError, match="leads nowhere"):
+            kernels.field.first_wall(finder, np.array([pair]), np.zeros(1), x, y, 1.0, 0.1)
+    with pytest.raises(IndexError, match="leads nowhere"):
+        kernels.field.first_wall(finder, np.array([0]), np.zeros(1), x[:0], y, 1.0, 0.1)
+    labels = np.zeros((2, 3), np.uint32)
+    with pytest.raises(IndexError, match="fewer labels"):
+        kernels.field.find_candidates(labels, np.zeros((2, 3)), 3, 3)
 
 
 def test_dtypes_that_are_not_the_structs_are_refused() -> None:
@@ -327,7 +362,7 @@ def test_the_variant_can_be_chosen_and_no_other() -> None:
         if wanted == "baseline":
             assert done.stdout.split() == ["baseline"]
         else:
-            assert "TERRATOOL_CPU is 'fastest', which is not for this" in done.stderr
+            assert "TERRATOOL_CPU is 'fastest', which this processor" in done.stderr
 
 
 # What the compiler made of it

@@ -224,6 +224,22 @@ def test_void_discs(seed: int) -> None:
     check_faces(meshed(terrain, 2e-2))
 
 
+def test_a_block_in_a_grid_finer_than_doubles() -> None:
+    """The place in its parent's cell says which of its elements are where."""
+    block = {"type": "box", "cellX": 15000, "cellY": 6000, "span": [20000, 30000], "vScale": 5}
+    tree = {"type": "flat", "cells": 60000, "children": [block]}
+    types = {"flat": {"x": [0]}, "box": {"x": [1]}}
+    t = terrain_of({"size": 1e-5, "origin": [1e5, 2e5], "elemTypes": types, "elemTree": tree})
+    mesh = build(t, 0.1).mesh
+    top = mesh.vertices[mesh.vertices[:, 2] > 2.5]
+    assert set(mesh.vertices[:, 2]) == {0, 5}
+    sides = (top[:, :2].min(0) - mesh.vertices[:, :2].min(0), np.ptp(top[:, :2], axis=0))
+    assert np.array(sides) / 1e-5 == pytest.approx(
+        np.array([[1 / 4, 1 / 10], [1 / 3, 1 / 2]]),
+        abs=1e-5,  # a few spacings of doubles
+    )
+
+
 def test_walls_that_cross() -> None:
     """Where the higher side of an edge changes, both sides have one vertex."""
     definition = one({"x": [1]})

@@ -228,7 +228,8 @@ public:
     // Whether the root of a field can be evaluated so.
     static bool is_possible(const Field& field) {
         const Element& root = field.elements[0];
-        return root.grid && !root.pose && field.kinds[root.kind].combine != RADIAL;
+        return root.grid && !root.pose && field.kinds[root.kind].combine != RADIAL
+            && !field.grids[1].local;  // where the place in the world says nothing
     }
 
     PointBatch(const Field& field, In x, In y, Scratch& scratch)
@@ -238,8 +239,11 @@ public:
           ground_(field.grids[0]) {
         positions(x, x_axis(ground_), cell_x_, u_);
         positions(y, y_axis(ground_), cell_y_, v_);
-        for (std::size_t n = 0; n < x.size(); ++n)  // outside and at its edges, u is made to fail
-            u_[n] = (cell_x_[n] != 0.0) | (cell_y_[n] != 0.0) ? 1.0 : u_[n];
+        for (std::size_t n = 0; n < x.size(); ++n) {  // outside and at its edges, u is made to fail
+            bool inside = (cell_x_[n] == 0.0) & (cell_y_[n] == 0.0);  // not where they are NaN
+            u_[n] = inside ? u_[n] : 1.0;
+            v_[n] = inside ? v_[n] : 1.0;
+        }
         const Element& root = field.elements[0];
         const Kind& kind = field.kinds[root.kind];
         const Pose& pose = field.poses[0];

@@ -5,6 +5,8 @@
 // finds nothing, by labels.
 #pragma once
 
+#include <stdexcept>
+
 #include "painting.hpp"
 
 namespace terratool {
@@ -25,6 +27,7 @@ inline std::tuple<std::vector<i64>, std::vector<double>> find_candidates(
     std::vector<i64> pairs;
     std::vector<double> rises;
     i64 rows = labels.rows(), columns = labels.columns();
+    if (height > rows || width > columns) throw std::out_of_range("There are fewer labels.");
     auto look = [&]<class T>(Matrix<const T> z) {
         auto along = [&](i64 row, i64 other, i64 shift, i64 count, i64 down) {
             Span<const u32> one = labels[row], two = labels[other].subspan(shift);
@@ -201,8 +204,12 @@ private:
     }
 
     static Line line_of(i64 pair, In x, In y) {
-        i64 pixel = pair >> 1, r = pixel / count_of(x), c = pixel % count_of(x);
-        if (pair & 1) return {false, y[r + 1], y[r], x[c]};
+        bool down = pair & 1;
+        i64 wide = count_of(x), r = wide ? (pair >> 1) / wide : 0,
+            c = wide ? (pair >> 1) % wide : 0;
+        if (pair < 0 || c + !down >= wide || r + down >= count_of(y))
+            throw std::out_of_range("A pair of pixels leads nowhere.");
+        if (down) return {false, y[r + 1], y[r], x[c]};
         return {true, x[c], x[c + 1], y[r]};
     }
 

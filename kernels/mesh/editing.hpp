@@ -88,6 +88,7 @@ public:
 
     // Points, corners, neighbours, regions and heights; they are no longer here then.
     std::tuple<Rows<i64, 2>, Rows<i32, 3>, Rows<i32, 3>, std::vector<i32>, Rows<double, 3>> take() {
+        queue_.clear();
         return {
             std::move(points_), std::move(triangles_), std::move(neighbours_),
             std::move(of_),     std::move(heights_),

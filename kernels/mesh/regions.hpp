@@ -79,6 +79,8 @@ struct CoveringAll {
     bool plane = true;     // all are affine
 };
 
+constexpr u32 GROUND = ~u32(0);  // in the place of an element: what the root is in
+
 // Which elements cover a place on the lattice: visit(cover). `pending` is scratch.
 template <class Visit>
 CoveringAll covering_elements(
@@ -87,19 +89,25 @@ CoveringAll covering_elements(
     const Field& field = *plan.field;
     CoveringAll all;
     double world_x = plan.origin[0] + x * plan.pitch, world_y = plan.origin[1] + y * plan.pitch;
-    pending.assign(1, 0);
+    pending.assign(1, GROUND);
     while (!pending.empty()) {
-        const Grid& grid = field.grids[pending.back()];
+        u32 owner = pending.back();
+        const Grid& grid = field.grids[owner == GROUND ? 0 : field.elements[owner].grid];
         pending.pop_back();
-        i64 i = i64(max(((world_x - grid.x) - grid.x_rest) * grid.per_x, 0.0));
-        i64 j = i64(max(((world_y - grid.y) - grid.y_rest) * grid.per_y, 0.0));
-        i = min(i, i64(grid.nx) - 1), j = min(j, i64(grid.ny) - 1);
+        double s = ((world_x - grid.x) - grid.x_rest) * grid.per_x;
+        double t = ((world_y - grid.y) - grid.y_rest) * grid.per_y;
+        if (grid.local && owner != GROUND) {  // finer than doubles: from the cell of its element
+            UV own = place_in_cell(plan.frames[owner], x, y);
+            s = own.u * grid.nx, t = own.v * grid.ny;
+        }
+        i64 i = min(i64(max(s, 0.0)), i64(grid.nx) - 1);
+        i64 j = min(i64(max(t, 0.0)), i64(grid.ny) - 1);
         i64 slot = grid.table + (j >> grid.shift_y) * i64(grid.bins_x) + (i >> grid.shift_x);
         for (u32 k = field.offsets[slot]; k < field.offsets[slot + 1]; ++k) {
             u32 index = grid.listed ? field.entries[k] : k;
             const Frame& frame = plan.frames[index];
             u32 below = field.elements[index].grid;
-            if (below && is_in_cell(frame, x, y)) pending.push_back(below);
+            if (below && is_in_cell(frame, x, y)) pending.push_back(index);
             if (!frame.drawn) continue;
             Covering found = cover_at(plan, index, x, y);
             if (!found.holds) continue;

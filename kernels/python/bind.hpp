@@ -181,9 +181,12 @@ template <class E> void check_enumeration(nb::handle given) {
 class Buffer {
 public:
     Buffer() = default;
-    Buffer(Buffer&& other) noexcept : view_(other.view_) { other.view_.obj = nullptr; }
+    Buffer(Buffer&& other) noexcept : view_(other.view_), lengths_(other.lengths_) {
+        other.view_.obj = nullptr;
+    }
     Buffer& operator=(Buffer&& other) noexcept {
         std::swap(view_, other.view_);
+        std::swap(lengths_, other.lengths_);
         return *this;
     }
     ~Buffer() {
@@ -199,6 +202,7 @@ public:
             view_.obj = nullptr;
             return false;
         }
+        for (int axis = 0; axis < min(view_.ndim, 3); ++axis) lengths_[axis] = view_.shape[axis];
         return view_.ndim == rank && Dtype<Element>::is(view_) && PyBuffer_IsContiguous(&view_, 'C')
             && (std::is_const_v<T> || !view_.readonly);
     }
@@ -207,17 +211,18 @@ public:
         std::string_view rest = where.shape();
         for (int axis = 0; axis < view_.ndim && !rest.empty(); ++axis) {
             auto comma = rest.find(',');
-            if (!where.sizes.agree(rest.substr(0, comma), view_.shape[axis])) return false;
+            if (!where.sizes.agree(rest.substr(0, comma), lengths_[axis])) return false;
             rest = comma == rest.npos ? "" : rest.substr(comma + 1);
         }
         return true;
     }
     bool is_taken() const { return view_.obj != nullptr; }
     template <class T> T* data() const { return static_cast<T*>(view_.buf); }
-    i64 length(int axis) const { return view_.shape[axis]; }
+    i64 length(int axis) const { return lengths_[axis]; }
 
 private:
     Py_buffer view_{};
+    std::array<i64, 3> lengths_{};  // what the view says may be within itself, and stay behind
 };
 
 // Views by their number of dimensions.
@@ -247,15 +252,30 @@ concept View = requires { ViewOf<V>::rank; };
 template <class T>
 concept Bundle = requires(T& bundle) { visit_arguments(bundle, [](const char*, auto&) {}); };
 
-// How a Python value becomes an argument of a kernel, and what its type is called in a signature.
-template <class T> struct Argument {  // a class that Python knows
-    T* value;
-    COLD static std::string type() { return text_of(nb::type<T>().attr("__name__")); }
-    NOINLINE Argument(nb::handle given, const Where& where) {
-        if (!nb::isinstance<T>(given)) where.refuse("a " + type(), given);
-        value = nb::inst_ptr<T>(given);
+// Refuses, for the object of this name, what leads beyond an array: kernels follow indices.
+struct IndexCheck {
+    const char* object;
+    void operator()(bool good, const char* what) const {
+        if (!good)
+            throw nb::type_error((std::string(object) + "(): " + what + " leads nowhere").c_str());
     }
-    T& get() { return *value; }
+};
+
+// An object of a class that Python knows.
+template <class T> struct KnownArgument {
+    T* kept;
+    COLD static std::string type() { return text_of(nb::type<T>().attr("__name__")); }
+    NOINLINE KnownArgument(nb::handle given, const Where& where) {
+        // one that __new__ alone has made holds nothing
+        if (!nb::isinstance<T>(given) || !nb::inst_ready(given)) where.refuse("a " + type(), given);
+        kept = nb::inst_ptr<T>(given);
+    }
+};
+
+// How a Python value becomes an argument of a kernel, and what its type is called in a signature.
+template <class T> struct Argument : KnownArgument<T> {
+    using KnownArgument<T>::KnownArgument;
+    T& get() { return *this->kept; }
 };
 
 // What tests are told of an argument: what an array must be, or the type of anything else.

@@ -18,6 +18,7 @@ void segment_holds(Span<const Segment> segment, In x, In y, Span<bool> out) {
 }  // namespace
 
 void KeptField::check() {
+    constexpr IndexCheck check_index{"Field"};
     const Field& f = field();
     check_index(!f.elements.empty() && !f.grids.empty(), "elements or grids");
     check_index(f.pending > 0, "pending");
@@ -30,6 +31,13 @@ void KeptField::check() {
                     || (c.bin + c.last < f.curves.bins.size() && c.knot < f.curves.knots.size()),
                 "a knotted curve"
             );
+            if (!c.knotted) continue;
+            for (i64 bin : f.curves.bins.subspan(c.bin, c.last + 1))
+                check_index(
+                    0 <= bin && c.knot + bin + 1 < count_of(f.curves.knots)
+                        && (c.first + bin + 1) * 4 <= count_of(f.curves.pieces),
+                    "a bin of a knotted curve"
+                );
         }
     }
     for (const Element& e : f.elements)
@@ -41,11 +49,20 @@ void KeptField::check() {
     for (const Grid& g : f.grids) {
         i64 bins_y = ((i64(g.ny) - 1) >> g.shift_y) + 1, bins = i64(g.bins_x) * bins_y;
         check_index(g.table >= 0 && g.table + bins < count_of(f.offsets), "a grid");
+        check_index(i64(g.bins_x) > (i64(g.nx) - 1) >> g.shift_x, "a row of bins");
         std::size_t most = g.listed ? f.entries.size() : f.elements.size();
         for (u32 offset : f.offsets.subspan(g.table, bins + 1))
             check_index(offset <= most, "a bin");
+        u32 begin = f.offsets[g.table], end = f.offsets[g.table + bins], own = &g - &f.grids[0];
+        check_index(begin <= end, "a table");
+        for (u32 k = begin; k < end; ++k) {  // grids come after those that they are in
+            u32 below = f.elements[g.listed ? f.entries[k] : k].grid;
+            check_index(!below || below > own, "the grid of an element");
+        }
     }
     const Tracks& t = f.tracks;
+    i64 cells = t.shape[0] * t.shape[1];
+    check_index(t.passes.empty() || cells == count_of(t.masks), "the index of tracks");
     for (const Segment& s : t.segments) check_index(s.track < t.passes.size(), "a segment");
     for (u32 entry : t.entries) check_index(entry < t.segments.size(), "a track's entry");
     for (u32 offset : t.offsets) check_index(offset <= t.entries.size(), "a track's cell");
@@ -56,7 +73,6 @@ void KeptField::check() {
 
 void bind_field(nb::module_ m) {
     m.attr("EDGE") = EDGE;
-    m.attr("BATCH") = BATCH;
     m.def(
         "check_records",
         [](nb::handle element, nb::handle grid, nb::handle pose, nb::handle kind,

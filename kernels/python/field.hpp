@@ -6,11 +6,6 @@
 
 namespace terratool::python {
 
-// Refuse an index that leads nowhere: whoever holds a field may follow all of them.
-inline void check_index(bool good, const char* what) {
-    if (!good) throw nb::type_error((std::string("Field(): ") + what + " leads nowhere").c_str());
-}
-
 class KeptField {
 public:
     explicit KeptField(nb::handle arrays) : arrays_(arrays, Where{"Field", "arrays", sizes_}) {
@@ -25,12 +20,8 @@ private:
     void check();
 };
 
-template <> struct Argument<Field> {
-    KeptField* kept;
-    static std::string type() { return "Field"; }
-    Argument(nb::handle given, const Where& where) {
-        if (!nb::isinstance<KeptField>(given)) where.refuse("a Field", given);
-        kept = nb::inst_ptr<KeptField>(given);
+template <> struct Argument<Field> : KnownArgument<KeptField> {
+    Argument(nb::handle given, const Where& where) : KnownArgument(given, where) {
         if (!where.sizes.agree("E", count_of(get().elements)))  // E stands for its elements
             where.refuse("a Field of as many elements", given);
     }

@@ -15,11 +15,6 @@ namespace {
 
 using namespace mesh;
 
-// Refuse an index that leads nowhere: whoever holds a plan may follow all of them.
-void check_index(bool good, const char* what) {
-    if (!good) throw nb::type_error((std::string("Plan(): ") + what + " leads nowhere").c_str());
-}
-
 // A plan as Python knows it: its arrays, checked once.
 class KeptPlan {
 public:
@@ -33,6 +28,8 @@ public:
 private:
     Sizes sizes_;
     Bundled<Plan> arrays_;
+
+    static constexpr IndexCheck check_index{"Plan"};
 
     void check() {
         const Plan& p = plan();
@@ -93,23 +90,13 @@ public:
 
 }  // namespace
 
-template <> struct Argument<Plan> {
-    KeptPlan* kept;
-    static std::string type() { return "Plan"; }
-    Argument(nb::handle given, const Where& where) {
-        if (!nb::isinstance<KeptPlan>(given)) where.refuse("a Plan", given);
-        kept = nb::inst_ptr<KeptPlan>(given);
-    }
+template <> struct Argument<Plan> : KnownArgument<KeptPlan> {
+    using KnownArgument::KnownArgument;
     const Plan& get() { return kept->plan(); }
 };
 
-template <> struct Argument<Refinement> {
-    KeptRefinement* kept;
-    static std::string type() { return "Refinement"; }
-    Argument(nb::handle given, const Where& where) {
-        if (!nb::isinstance<KeptRefinement>(given)) where.refuse("a Refinement", given);
-        kept = nb::inst_ptr<KeptRefinement>(given);
-    }
+template <> struct Argument<Refinement> : KnownArgument<KeptRefinement> {
+    using KnownArgument::KnownArgument;
     Refinement& get() { return kept->refinement; }
 };
 

@@ -16,34 +16,43 @@ class Painter {
 public:
     Painter(nb::handle field, nb::handle voids, bool slopes, nb::handle nonzero_edges)
         : kept_(nb::borrow(field)), field_(Argument<Field>(field, where("field")).get()),
-          voids_(voids, where("voids")), nonzero_(nonzero_edges, where("?nonzero_edges")) {
-        bool labels = !nonzero_edges.is_none();
+          slopes_(slopes), labels_(!nonzero_edges.is_none()), voids_(voids, where("voids")),
+          nonzero_(nonzero_edges, where("?nonzero_edges")) {
         check_index(voids_.get().size() > most_surface(), "a surface in voids");
-        check_index(!labels || nonzero_.get().size() == field_.kinds.size(), "nonzero_edges");
+        check_index(!labels_ || nonzero_.get().size() == field_.kinds.size(), "nonzero_edges");
         // few surfaces take less of the cache
         if (voids_.get().size() <= 256)
-            small_ = std::make_unique<Canvas<u8>>(field_, slopes, labels, nonzero_.get());
-        else large_ = std::make_unique<Canvas<u32>>(field_, slopes, labels, nonzero_.get());
+            small_ = std::make_unique<Canvas<u8>>(field_, slopes, labels_, nonzero_.get());
+        else large_ = std::make_unique<Canvas<u32>>(field_, slopes, labels_, nonzero_.get());
     }
 
     i64 nbytes() const { return small_ ? small_->nbytes() : large_->nbytes(); }
 
     void paint(In x, In y, double resolution, i64 row, i64 column, const Planes& planes) {
+        check_index(
+            slopes_ || (is_missing(planes.slope_x) && is_missing(planes.slope_y)), "a slope"
+        );
+        check_index(labels_ || planes.labels.rows() == 0, "a label");
         Window window{x, y, resolution, row, column};
         if (small_) paint_window(field_, *small_, voids_.get(), window, planes);
         else paint_window(field_, *large_, voids_.get(), window, planes);
     }
 
 private:
+    static constexpr IndexCheck check_index{"Painter"};
     Sizes sizes_;
     nb::object kept_;
     const Field& field_;
+    bool slopes_, labels_;
     Argument<Span<const bool>> voids_;
     Argument<Span<const u8>> nonzero_;
     std::unique_ptr<Canvas<u8>> small_;
     std::unique_ptr<Canvas<u32>> large_;
 
     Where where(const char* name) { return {"Painter", name, sizes_}; }
+    static bool is_missing(const Floats& plane) {
+        return std::visit([](auto one) { return one.rows() == 0; }, plane);
+    }
     std::size_t most_surface() const {
         i64 most = 0;
         for (const Kind& kind : field_.kinds) most = max(most, i64(kind.surface) + 1);
@@ -81,6 +90,7 @@ public:
     }
 
 private:
+    static constexpr IndexCheck check_index{"WallFinder"};
     Sizes sizes_;
     nb::object kept_;
     Argument<Span<const u8>> nonzero_;
@@ -93,13 +103,8 @@ public:
 
 }  // namespace
 
-template <> struct Argument<WallFinder> {
-    KeptFinder* kept;
-    static std::string type() { return "WallFinder"; }
-    Argument(nb::handle given, const Where& where) {
-        if (!nb::isinstance<KeptFinder>(given)) where.refuse("a WallFinder", given);
-        kept = nb::inst_ptr<KeptFinder>(given);
-    }
+template <> struct Argument<WallFinder> : KnownArgument<KeptFinder> {
+    using KnownArgument::KnownArgument;
     WallFinder& get() { return kept->finder; }
 };
 

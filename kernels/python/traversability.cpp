@@ -48,23 +48,19 @@ double tipping_on(const Layout& layout, double along, double across) {
 }
 
 std::optional<Stand> find_stand(const VehicleOnSoils& on, i64 soil, double along, double across) {
+    (void)on.soils.at(soil);  // refuses what is none
     return on.find(soil, along, across);
 }
 
 Stand stand_on(const VehicleOnSoils& on, i64 soil, double along, double across) {
-    auto wheels = footings_of(on.vehicle.layout, on.soils[soil]);
+    auto wheels = footings_of(on.vehicle.layout, on.soils.at(soil));
     return stand(on.vehicle, along, across, wheels);
 }
 
 }  // namespace
 
-template <> struct Argument<VehicleOnSoils> {
-    KeptVehicle* kept;
-    static std::string type() { return "VehicleOnSoils"; }
-    Argument(nb::handle given, const Where& where) {
-        if (!nb::isinstance<KeptVehicle>(given)) where.refuse("a VehicleOnSoils", given);
-        kept = nb::inst_ptr<KeptVehicle>(given);
-    }
+template <> struct Argument<VehicleOnSoils> : KnownArgument<KeptVehicle> {
+    using KnownArgument::KnownArgument;
     VehicleOnSoils& get() { return kept->on; }
 };
 

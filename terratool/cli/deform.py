@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, called
 from terratool.cli.wheeling import vehicle_from, vehicle_options
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def command(
     refuse_missing_folder(Path(output))
     vehicle = vehicle_from(options)
     path = read_waypoints(path_file)
-    with Status(f"reading {Path(file).name}") as status:
+    with Status(f"reading {called(file)}") as status:
         definition = load_definition(file)
         status.say("driving")
         deformed = deform(

@@ -9,7 +9,7 @@ from itertools import chain
 import click
 
 from terratool.cli.reporting import Report, Summary, as_text
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, called
 from terratool.definition.findings import printable
 from terratool.definition.reader import Options, check
 from terratool.definition.source import PLAIN, Source, read_source, sources
@@ -35,37 +35,40 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     """
     changed = broken = count = 0
     failed: list[ReadError | WriteError] = []
-    for name in chain.from_iterable(_names(given, failed) for given in files):
-        count += 1
-        try:
-            with Status(f"reading {printable(name)}"):
-                source = read_source(name)
-        except ReadError as error:
-            failed.append(_said(error))
-            continue
-        if not _is_json(source):
-            broken += 1
-            continue
-        with Status(f"laying out {printable(name)}"):
-            text = canonical(source.data.decode("utf-8"))
-        differs = text.encode() != source.data
-        if name == "-" and not only_check:
-            click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
-        elif differs:
-            what = "would be laid out anew" if only_check else "laid out anew"
+    with Status("reading") as status:
+        for name in chain.from_iterable(_names(given, failed) for given in files):
+            count += 1
+            status.say(f"laying out {called(name)}")
             try:
-                if source.packed:
-                    raise WriteError(
-                        f"{name}: is compressed, and only plain files are laid out.",
-                        "Unpack it with gunzip first.",
-                    )
-                if not only_check:
-                    _write(name, text)
-            except WriteError as error:
+                source = read_source(name)
+            except ReadError as error:
+                status.clear()
                 failed.append(_said(error))
                 continue
-            click.echo(f"{printable(source.name)}: {what}")
-        changed += differs
+            status.clear()
+            if not _is_json(source):
+                broken += 1
+                continue
+            text = canonical(source.data.decode("utf-8"))
+            differs = text.encode() != source.data
+            status.clear()
+            if name == "-" and not only_check:
+                click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
+            elif differs:
+                what = "would be laid out anew" if only_check else "laid out anew"
+                try:
+                    if source.packed:
+                        raise WriteError(
+                            f"{name}: is compressed, and only plain files are laid out.",
+                            "Unpack it with gunzip first.",
+                        )
+                    if not only_check:
+                        _write(name, text)
+                except WriteError as error:
+                    failed.append(_said(error))
+                    continue
+                click.echo(f"{printable(source.name)}: {what}")
+            changed += differs
     if "-" not in files or only_check:
         files_read = f"{count} file{'s' * (count != 1)} read"
         click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.sourcing import options_of, source_options
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
     from terratool.importing.primitives.inserting import Target
@@ -111,7 +111,7 @@ def command(
         _refuse_output(output, overwrite)
     if output is not None:
         _refuse_source(source, output)
-    with Status(f"reading {source}") as status:
+    with Status(f"reading {called(source)}") as status:
         patch, wanted = _read(source, options, wanted)
         status.say("fitting")
         imported = import_primitive(patch, name, wanted)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.sourcing import options_of, source_options
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
     from terratool.importing.terrains.terrain import Report
@@ -107,7 +107,7 @@ def command(
         title=Path(source).name,
     )
     with contextlib.ExitStack() as stack:
-        with Status(f"reading {source}"):
+        with Status(f"reading {called(source)}"):
             heights = stack.enter_context(open_source(source, options_of(values)))
         pixels = heights.lattice.rows * heights.lattice.columns
         with Status("reading and writing", 2 * pixels) as progress:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -20,5 +19,5 @@ def load(file: str) -> Terrain:
     """
     from terratool.field import terrain
 
-    with Status(f"reading {Path(file).name}"):
+    with Status(f"reading {called(file)}"):
         return terrain.load(file)

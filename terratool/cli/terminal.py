@@ -6,12 +6,16 @@ says nothing.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import threading
 import time
+from pathlib import Path
 from types import TracebackType
 from typing import TextIO
+
+from terratool.definition.findings import printable
 
 AFTER = 1.0
 """s after which a terminal shows how far it is …"""
@@ -21,23 +25,26 @@ EVERY = 10.0
 """s between lines where standard error is no terminal."""
 
 
+def called(file: str) -> str:
+    """What a file is called where there is little room."""
+    return "standard input" if file == "-" else Path(file).name
+
+
 class Status:
     """Says what is being done while it lasts, from a thread of its own.
 
     Args:
         what: what is being done.
         total: how much there is to do, if that is known; calls then say how much more is done.
-        unit: of that.
         then: what is done when all of it is done.
     """
 
-    def __init__(
-        self, what: str, total: int | None = None, unit: str = "px", then: str = "finishing"
-    ) -> None:
-        self._what, self._total, self._unit, self._then = what, total, unit, then
+    def __init__(self, what: str, total: int | None = None, then: str = "finishing") -> None:
+        self._what, self._total, self._then = printable(what), total, then
         self._done = 0
         self._stream: TextIO | None = sys.stderr  # None where it was closed
         self._width = 0
+        self._writing = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._tell, daemon=True)
 
@@ -47,7 +54,13 @@ class Status:
 
     def say(self, what: str) -> None:
         """Something else is being done now."""
-        self._what = what
+        self._what = printable(what)
+
+    def clear(self) -> None:
+        """Take the line off the terminal, as something else is to be said."""
+        with contextlib.suppress(OSError, ValueError), self._writing:
+            self._write("\r" + " " * self._width + "\r" if self._width else "")
+            self._width = 0
 
     def __enter__(self) -> Status:
         self._begin = time.monotonic()
@@ -61,19 +74,18 @@ class Status:
     ) -> None:  # fmt: skip
         self._ended.set()
         if self._stream is not None:
-            self._thread.join()
+            self._thread.join(timeout=1.0)  # longer where nobody takes what is written
 
     def _tell(self) -> None:
         assert self._stream is not None
-        terminal = self._stream.isatty()
-        wait = AFTER if terminal else EVERY
-        try:
+        with contextlib.suppress(OSError, ValueError):  # nobody reads it any more
+            terminal = self._stream.isatty()
+            wait = AFTER if terminal else EVERY
             while not self._ended.wait(wait):
-                self._show() if terminal else self._add_line()
+                with self._writing:
+                    self._show() if terminal else self._add_line()
                 wait = TICK if terminal else EVERY
-            self._write("\r" + " " * self._width + "\r" if self._width else "")
-        except (OSError, ValueError):  # nobody reads it any more
-            pass
+            self.clear()
 
     def _show(self) -> None:
         """Write over the line on the terminal."""
@@ -91,7 +103,7 @@ class Status:
         from tqdm import tqdm
 
         meter: str = tqdm.format_meter(
-            self._done, self._total, elapsed, ncols=columns, prefix=self._what, unit=self._unit,
+            self._done, self._total, elapsed, ncols=columns, prefix=self._what, unit="px",
             unit_scale=True,
         )  # fmt: skip
         return meter
@@ -104,7 +116,6 @@ class Status:
         self._write(f"terratool: {far}, {time.monotonic() - self._begin:.0f} s\n")
 
     def _write(self, text: str) -> None:
-        assert self._stream is not None
-        if text:
+        if text and self._stream is not None:
             self._stream.write(text)
             self._stream.flush()

@@ -10,7 +10,7 @@ from itertools import chain
 import click
 
 from terratool.cli.reporting import REPORTERS, Report, Summary, Unreadable
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, called
 from terratool.definition.findings import Finding, printable
 from terratool.definition.reader import Checked, Options
 from terratool.definition.rules import all_rules
@@ -100,19 +100,20 @@ def command(
     unreadable: list[Unreadable] = []
     count = valid = errors = warnings = 0
     limit = min(max_findings or _ALL, _ALL)
-    for name in _names(files, unreadable):
-        options = Options(True, max_step, max(0, limit - len(findings)), select, ignore)
-        try:
-            with Status(f"checking {printable(name)}"):
+    with Status("checking") as status:
+        for name in _names(files, unreadable):
+            status.say(f"checking {called(name)}")
+            options = Options(True, max_step, max(0, limit - len(findings)), select, ignore)
+            try:
                 checked = check_any(read_source(name), options)
-        except ReadError as error:
-            unreadable.append(Unreadable(name, error.message, error.hint))
-            continue
-        count += 1
-        wrong, doubtful = _count(checked, options)
-        errors, warnings = errors + wrong, warnings + doubtful
-        valid += not wrong and not (strict and doubtful)
-        findings += checked.findings[: options.limit]  # one that is no JSON has one anyhow
+            except ReadError as error:
+                unreadable.append(Unreadable(name, error.message, error.hint))
+                continue
+            count += 1
+            wrong, doubtful = _count(checked, options)
+            errors, warnings = errors + wrong, warnings + doubtful
+            valid += not wrong and not (strict and doubtful)
+            findings += checked.findings[: options.limit]  # one that is no JSON has one anyhow
     summary = Summary(
         files=count + len(unreadable),
         valid=valid,

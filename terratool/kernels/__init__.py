@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from importlib import import_module
+from importlib.util import find_spec
 
 from terratool.errors import RequestError, TerratoolError
 
@@ -22,10 +23,11 @@ except ModuleNotFoundError as error:
 
 def _variant() -> str:
     wanted = os.environ.get("TERRATOOL_CPU", "")
-    known = ("baseline", "v3") if is_v3() else ("baseline",)
+    has_v3 = is_v3() and find_spec("terratool.kernels.v3") is not None
+    known = ("baseline", "v3") if has_v3 else ("baseline",)
     if wanted and wanted not in known:
         raise RequestError(
-            f"TERRATOOL_CPU is {wanted!r}, which is not for this processor.",
+            f"TERRATOOL_CPU is {wanted!r}, which this processor, or this build, has not.",
             f"Set it to {' or '.join(known)}, or not at all.",
         )
     return wanted or known[-1]

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 EDGE: float = 1e-09
 
-BATCH: int = 512
-
 def check_records(
     element: np.dtype[Any],
     grid: np.dtype[Any],
