@@ -244,14 +244,14 @@ def arrays(definition: dict[str, Any]) -> dict[str, Any]:
         sample.element, sample.surface, sample.normal,
     )  # fmt: skip
     for n, share in enumerate((113, 37.7)):
-        grid = grid_over(terrain, max(terrain.size) / share)
+        grid = grid_over(terrain, min(max(terrain.size) / share, 0.9 * min(terrain.size)))
         for dtype in (np.float32, np.float64):
             painter = Painter(terrain, grid, dtype, slopes=True, labels=True)
             planes = painter.paint(grid.whole)
             kind = f"{n}-{np.dtype(dtype)}"
             found[f"{kind}-heights"], found[f"{kind}-surfaces"] = planes.heights, planes.surfaces
             found[f"{kind}-slope_x"], found[f"{kind}-slope_y"] = planes.slope_x, planes.slope_y
-            found[f"{kind}-patches"] = planes.labels
+            found[f"{kind}-labels"] = planes.labels
             losses = Losses(terrain, grid, dtype)
             found[f"{kind}-losses"] = np.array(repr(losses.of(grid.whole, planes)))
     relief = float(np.nanmax(found["height"], initial=0) - np.nanmin(found["height"], initial=0))
