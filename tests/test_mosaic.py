@@ -414,13 +414,14 @@ class TestWrong:
         monkeypatch.setattr(tiles, "fill", fail)
         with pytest.raises(WriteError, match="tile-1-1"):
             mosaic(folder, threads=1)
-        assert sorted(contents(folder)) == [
-            "tile-0-0.tif", "tile-0-1.tif", "tile-0-2.tif", "tile-1-0.tif",
-        ]  # fmt: skip
-        assert finished(folder) == 4 and len(list(folder.iterdir())) == 5
+        there = sorted(contents(folder))
+        before = ["tile-0-0.tif", "tile-0-1.tif", "tile-0-2.tif", "tile-1-0.tif"]
+        # the thread may have made the next one before anybody knew of the failure
+        assert there in (before, [*before, "tile-1-2.tif"])
+        assert finished(folder) == len(there) and len(list(folder.iterdir())) == len(there) + 1
         monkeypatch.undo()
         report = mosaic(folder)
-        assert report.tiles and report.tiles.kept == 4
+        assert report.tiles and report.tiles.kept == len(there)
 
     @pytest.mark.parametrize("short", [1, 5000, 150_000])
     def test_a_disk_that_fills_up(
