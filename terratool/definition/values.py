@@ -47,8 +47,6 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
         data: a JSON text in UTF-8 without errors of syntax.
         limit: how many are wanted.
     """
-    from terratool.definition import jsontext
-
     if len(data) > _LONG:
         from terratool.kernels import definition as kernels
 
@@ -73,6 +71,8 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
     try:
         value = json.loads(data, object_pairs_hook=look)
     except (ValueError, RecursionError):
+        from terratool.definition import jsontext
+
         keys = [pointer for pointer, _ in jsontext.parse(data.decode("utf-8")).duplicates]
         first = dict.fromkeys(keys)
         return list(_repeated([*first, *keys]))[:limit], len(keys)
