@@ -28,16 +28,16 @@ def read_values(data: bytes) -> Any:
         jsontext.MisspeltError: at the first character that RFC 8259 does not allow.
         UnicodeDecodeError: the bytes are no UTF-8.
     """
-    from terratool.definition import jsontext, skimming
-
     if not data.isascii():
         data.decode("utf-8")
     try:
         return _decoder.decode(data)
     except (msgspec.MsgspecError, RecursionError):  # or whole numbers longer than Python reads
+        from terratool.definition import jsontext, skimming
+
         text = data.decode("utf-8")
         skimming.explain(text)
-    return jsontext.parse(text).value
+        return jsontext.parse(text).value
 
 
 def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
@@ -47,8 +47,6 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
         data: a JSON text in UTF-8 without errors of syntax.
         limit: how many are wanted.
     """
-    from terratool.definition import jsontext
-
     if len(data) > _LONG:
         from terratool.kernels import definition as kernels
 
@@ -73,6 +71,8 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
     try:
         value = json.loads(data, object_pairs_hook=look)
     except (ValueError, RecursionError):
+        from terratool.definition import jsontext
+
         keys = [pointer for pointer, _ in jsontext.parse(data.decode("utf-8")).duplicates]
         first = dict.fromkeys(keys)
         return list(_repeated([*first, *keys]))[:limit], len(keys)
