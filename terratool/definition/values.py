@@ -28,16 +28,16 @@ def read_values(data: bytes) -> Any:
         jsontext.MisspeltError: at the first character that RFC 8259 does not allow.
         UnicodeDecodeError: the bytes are no UTF-8.
     """
-    from terratool.definition import jsontext, skimming
-
     if not data.isascii():
         data.decode("utf-8")
     try:
         return _decoder.decode(data)
     except (msgspec.MsgspecError, RecursionError):  # or whole numbers longer than Python reads
+        from terratool.definition import jsontext, skimming
+
         text = data.decode("utf-8")
         skimming.explain(text)
-    return jsontext.parse(text).value
+        return jsontext.parse(text).value
 
 
 def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
