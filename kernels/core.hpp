@@ -122,6 +122,15 @@ INLINE double quick_floor(double a) {
 #endif
 }
 
+// A number that is as good as drawn from the key: the steps of SplitMix64 (Steele, Lea, Flood, Fast
+// splittable pseudorandom number generators, OOPSLA 2014).
+INLINE u64 hash64(u64 key) {
+    key *= 0x9E3779B97F4A7C15;
+    key = (key ^ (key >> 30)) * 0xBF58476D1CE4E5B9;
+    key = (key ^ (key >> 27)) * 0x94D049BB133111EB;
+    return key ^ (key >> 31);
+}
+
 template <class T> INLINE T square(T a) { return a * a; }
 template <class T> INLINE T clamp(T a, T low, T high) { return min(max(a, low), high); }
 

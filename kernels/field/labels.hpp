@@ -14,13 +14,8 @@ namespace terratool {
 // What tells numbers apart that are drawn for different things.
 constexpr u64 ALONG = u64(1) << 62, ACROSS = u64(1) << 63, LEFT_TO_DESCENT = u64(3) << 62;
 
-// A number of 32 bits, not 0, that is as good as drawn from the key.
-INLINE u32 hash32(u64 key) {
-    key *= 0x9E3779B97F4A7C15;
-    key = (key ^ (key >> 30)) * 0xBF58476D1CE4E5B9;
-    key = (key ^ (key >> 27)) * 0x94D049BB133111EB;
-    return u32(key ^ (key >> 31)) | 1;
-}
+// The same in 32 bits, and never 0.
+INLINE u32 hash32(u64 key) { return u32(hash64(key)) | 1; }
 
 // What an element adds to all of its pixels: 0 where none of its edges can be a wall.
 INLINE u32 mark_of(

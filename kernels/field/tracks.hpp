@@ -54,23 +54,41 @@ struct Rut {
     i64 worn;  // the track that decides the surface, -1 for none
 };
 
+// The rut that tracks make together, which are added in any order, each once. The deepest after its
+// first pass, of equal ones the first, says how much deeper the passes of all make it; of those
+// with a surface the last decides it.
+struct RutOfAll {
+    const Tracks& tracks;
+    double first = 0.0, passes = 0.0;
+    i64 deepest = -1, worn = -1;
+
+    // False in the void, where there is no rut; `ground` is the index of the ground's surface.
+    INLINE bool add(i64 track, i64 ground) {
+        double depth = tracks.depths(tracks.law[track], ground + 1);
+        if (isnan(depth)) return false;
+        passes += tracks.passes[track];
+        if (deepest < 0 || depth > first || (depth == first && track < deepest))
+            first = depth, deepest = track;
+        if (tracks.surface[track] >= 0) worn = max(worn, track);
+        return true;
+    }
+    INLINE Rut rut() const {
+        return {deepest < 0 ? 0.0 : deepened(first, passes, tracks.power[deepest]), worn};
+    }
+};
+
 // As rut_at, in a cell of the index.
 inline Rut rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground) {
-    i64 last = -1, deepest = -1, worn = -1;
-    double first = 0.0, passes = 0.0;
+    i64 last = -1;
+    RutOfAll all{tracks};
     for (u32 k = tracks.offsets[cell]; k < tracks.offsets[cell + 1]; ++k) {
         const Segment& segment = tracks.segments[tracks.entries[k]];
         i64 track = segment.track;
         if (track == last || !holds(segment, x, y)) continue;
         last = track;
-        double depth = tracks.depths(tracks.law[track], ground + 1);
-        if (isnan(depth)) return {0.0, -1};
-        passes += tracks.passes[track];
-        if (deepest < 0 || depth > first) first = depth, deepest = track;
-        if (tracks.surface[track] >= 0) worn = track;
+        if (!all.add(track, ground)) return {0.0, -1};
     }
-    if (deepest < 0) return {0.0, worn};
-    return {deepened(first, passes, tracks.power[deepest]), worn};
+    return all.rut();
 }
 
 // Depth of the rut at a point, and the track that decides the surface there.

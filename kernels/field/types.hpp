@@ -94,7 +94,6 @@ template <class Visit> void visit_arguments(Curves& c, Visit visit) {
 
 struct Tracks {
     Span<const Segment> segments;
-    Span<const u32> first;
     In passes, power;
     Span<const i32> surface;
     Span<const u32> law;
@@ -106,7 +105,7 @@ struct Tracks {
 };
 
 template <class Visit> void visit_arguments(Tracks& t, Visit visit) {
-    visit("segments", t.segments), visit("first", t.first);
+    visit("segments", t.segments);
     visit("passes[t]", t.passes), visit("power[t]", t.power), visit("surface[t]", t.surface);
     visit("law[t]", t.law), visit("depths", t.depths);
     visit("frame[4]", t.frame), visit("shape[2]", t.shape);

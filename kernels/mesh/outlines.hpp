@@ -80,18 +80,10 @@ public:
     // Depth of the rut that the tracks found make together, and which decides the surface.
     // As rut_at of the field; `ground` is the index of the ground's surface, -1 for none.
     Rut rut(i64 ground) const {
-        double first = -1.0, passes = 0.0;
-        i64 deepest = -1, worn = -1;
-        for (i64 track : found_) {
-            double depth = tracks_.depths(tracks_.law[track], ground + 1);
-            if (isnan(depth)) return {0.0, -1};  // the void
-            passes += tracks_.passes[track];
-            if (depth > first || (depth == first && track < deepest))
-                first = depth, deepest = track;
-            if (tracks_.surface[track] >= 0) worn = max(worn, track);
-        }
-        if (deepest < 0) return {0.0, worn};
-        return {deepened(first, passes, tracks_.power[deepest]), worn};
+        RutOfAll all{tracks_};
+        for (i64 track : found_)
+            if (!all.add(track, ground)) return {0.0, -1};
+        return all.rut();
     }
 
 private:

@@ -10,13 +10,8 @@ namespace terratool::mesh {
 
 constexpr u64 SEED = 0x9E3779B97F4A7C15, TRACK_SEED = 0xD1B54A32D192ED03;
 
-// A hash of 64 bits of a hash and one number more.
-INLINE u64 hash64(u64 key, u64 more) {
-    key = (key ^ more) * SEED;
-    key = (key ^ (key >> 30)) * 0xBF58476D1CE4E5B9;
-    key = (key ^ (key >> 27)) * 0x94D049BB133111EB;
-    return key ^ (key >> 31);
-}
+// The hash of a hash and one number more.
+INLINE u64 hash64(u64 key, u64 more) { return terratool::hash64(key ^ more); }
 
 struct Covering {
     bool holds;

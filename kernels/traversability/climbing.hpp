@@ -37,13 +37,9 @@ inline Reserve cross_reserve(
 ) {
     Gravity g = gravity(0.0, tan(angle));
     load_wheels(wheels, layout, weight, g);
-    double held = 0.0;
-    for (const Footing& f : wheels) {
-        Contact at = contact_under(f.load, f.soil.sinkage, wheel);
-        if (at.sinkage >= wheel.radius) return {-INF, Reason::SINKAGE};
-        held += grip(f.load, at, f.soil, wheel);
-    }
-    return {held + weight * g.left, Reason::SIDE_SLIP};
+    Sunk sunk = sink_wheels(wheels, wheel);
+    if (sunk.deepest >= wheel.radius) return {-INF, Reason::SINKAGE};
+    return {sunk.held + weight * g.left, Reason::SIDE_SLIP};
 }
 
 struct Slope {

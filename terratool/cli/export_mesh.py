@@ -300,9 +300,9 @@ def _tiled(
     if bounds is not None:
         check_bounds(bounds, terrain)
     chosen = "as asked"
-    if max_error is None:
-        max_error, chosen = default_error(relief_of(terrain, bounds))
     with Status("meshing") as status:
+        if max_error is None:
+            max_error, chosen = default_error(relief_of(terrain, bounds))
 
         def tell(done: int, tiles: int, faces: int) -> None:
             status.say(f"{done} of {tiles} tiles, {faces:,} faces")

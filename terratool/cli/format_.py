@@ -36,17 +36,15 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     changed = broken = count = 0
     failed: list[ReadError | WriteError] = []
     with Status("reading") as status:
-        for name in chain.from_iterable(_names(given, failed) for given in files):
+        for name in chain.from_iterable(_names(given, failed, status) for given in files):
             count += 1
             status.say(f"laying out {called(name)}")
             try:
                 source = read_source(name)
             except ReadError as error:
-                status.clear()
-                failed.append(_said(error))
+                failed.append(_said(error, status))
                 continue
-            status.clear()
-            if not _is_json(source):
+            if not _is_json(source, status):
                 broken += 1
                 continue
             text = canonical(source.data.decode("utf-8"))
@@ -65,7 +63,7 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
                     if not only_check:
                         _write(name, text)
                 except WriteError as error:
-                    failed.append(_said(error))
+                    failed.append(_said(error, status))
                     continue
                 click.echo(f"{printable(source.name)}: {what}")
             changed += differs
@@ -75,23 +73,25 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     ctx.exit(3 if failed else int(broken > 0 or (only_check and changed > 0)))
 
 
-def _names(given: str, failed: list[ReadError | WriteError]) -> Iterator[str]:
+def _names(given: str, failed: list[ReadError | WriteError], status: Status) -> Iterator[str]:
     try:
         yield from sources(given, PLAIN)
     except ReadError as error:
-        failed.append(_said(error))
+        failed.append(_said(error, status))
 
 
-def _said(error: ReadError | WriteError) -> ReadError | WriteError:
+def _said(error: ReadError | WriteError, status: Status) -> ReadError | WriteError:
+    status.clear()
     click.echo(f"terratool: {printable(error.message)}\n  {error.hint}", err=True)
     return error
 
 
-def _is_json(source: Source) -> bool:
+def _is_json(source: Source, status: Status) -> bool:
     checked = check(source, Options(warnings=False))
     if checked.readable:
         return True
     summary = Summary(files=1, invalid=1, errors=1)
+    status.clear()
     click.echo(as_text(Report(checked.findings, (), summary)), err=True)
     return False
 
