@@ -217,7 +217,7 @@ def arrays(definition: dict[str, Any]) -> dict[str, Any]:
     from terratool.field.terrain import Terrain
     from terratool.mesh.building import build
     from terratool.raster.grid import grid_over
-    from terratool.raster.losses import Losses
+    from terratool.raster.losses import LossFinder
     from terratool.raster.painting import Painter
 
     found: dict[str, Any] = {"definition": np.frombuffer(json.dumps(definition).encode(), np.uint8)}
@@ -252,7 +252,7 @@ def arrays(definition: dict[str, Any]) -> dict[str, Any]:
             found[f"{kind}-heights"], found[f"{kind}-surfaces"] = planes.heights, planes.surfaces
             found[f"{kind}-slope_x"], found[f"{kind}-slope_y"] = planes.slope_x, planes.slope_y
             found[f"{kind}-labels"] = planes.labels
-            losses = Losses(terrain, grid, dtype)
+            losses = LossFinder(terrain, grid, dtype)
             found[f"{kind}-losses"] = np.array(repr(losses.of(grid.whole, planes)))
     relief = float(np.nanmax(found["height"], initial=0) - np.nanmin(found["height"], initial=0))
     for solid in (False, True):

@@ -24,9 +24,9 @@ from pydelatin import Delatin
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
-from terratool.importing.samples import Lattice, Samples
+from terratool.importing.samples import PixelLattice, SampledHeights
 from terratool.importing.sources import open_source
-from terratool.importing.terrains.terrain import Options, import_terrain
+from terratool.importing.terrains.terrain import ImportOptions, import_terrain
 
 Floats = NDArray[np.float64]
 
@@ -95,8 +95,10 @@ def tin(heights: Floats, error: float) -> int:
 
 def ours(heights: Floats, error: float, path: Path) -> tuple[int, str, float]:
     """Bytes, the method, and the error that was measured."""
-    lattice = Lattice(0.0, 0.0, 1.0, 1.0, heights.shape[1], heights.shape[0])
-    report = import_terrain(Samples(lattice, heights), path, Options(error), overwrite=True)
+    lattice = PixelLattice(0.0, 0.0, 1.0, 1.0, heights.shape[1], heights.shape[0])
+    report = import_terrain(
+        SampledHeights(lattice, heights), path, ImportOptions(error), overwrite=True
+    )
     return report.size, report.method.sentence, report.bound
 
 
@@ -149,7 +151,9 @@ def memory(folder: Path) -> None:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     begin = time.perf_counter()
     with open_source(str(path)) as source:
-        report = import_terrain(source, folder / "large.json.gz", Options(5.0), overwrite=True)
+        report = import_terrain(
+            source, folder / "large.json.gz", ImportOptions(5.0), overwrite=True
+        )
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     seconds = time.perf_counter() - begin
     print(

@@ -17,7 +17,7 @@ from terratool.definition.reader import check
 from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Window, grid_over
-from terratool.raster.losses import Losses, Part
+from terratool.raster.losses import LossCounts, LossFinder
 from terratool.raster.painting import Painter
 
 
@@ -80,10 +80,10 @@ def compare_losses(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
     grid = grid_over(terrain, 100 / pixels)
     windows = list(grid.windows(512, 8192))
     painter, labelled = Painter(terrain, grid), Painter(terrain, grid, labels=True)
-    found = Losses(terrain, grid)
+    found = LossFinder(terrain, grid)
     margins = [found.margins(window) for window in windows]
     planes = [labelled.paint(window) for window in margins]
-    whole = sum(map(found.of, windows, planes), Part())
+    whole = sum(map(found.of, windows, planes), LossCounts())
     seconds = medians(
         {
             "paint": lambda: [painter.paint(window) for window in windows],

@@ -13,7 +13,7 @@ import numpy as np
 from measure import line, medians
 
 from terratool.importing.vrml.reading import read_vrml
-from terratool.importing.vrml.text import Text
+from terratool.importing.vrml.text import VrmlText
 
 POINTS = 400_000
 
@@ -21,7 +21,7 @@ POINTS = 400_000
 def numbers(name: str, words: str) -> None:
     """Compare the reading of one run of numbers."""
     plain = words.replace(",", " ")
-    text = Text("text.wrl", words.encode())
+    text = VrmlText("text.wrl", words.encode())
 
     def ours() -> np.ndarray:
         text.at = 0

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from terratool.field.terrain import Terrain
-from terratool.mesh.types import Built, Mesh
+from terratool.mesh.types import BuiltMesh, Mesh
 
 STRAIGHT: dict[str, Any] = {
     "floor": {"x": [0]},
@@ -224,7 +224,7 @@ def covered(mesh: Mesh) -> float:
     return float(flat_areas(mesh)[~mesh.walls].sum() / 2)
 
 
-def check_solid(built: Built, base: float) -> None:
+def check_solid(built: BuiltMesh, base: float) -> None:
     """Closed, right side out, ground, walls, skirt and base in this order, no T-junctions."""
     mesh = built.mesh
     count = len(mesh.vertices)
@@ -260,7 +260,7 @@ def check_solid(built: Built, base: float) -> None:
     assert shape.volume == pytest.approx(prisms.sum(), rel=1e-9)
 
 
-def volume(built: Built) -> float:
+def volume(built: BuiltMesh) -> float:
     """What the faces enclose: negative if they are inside out."""
     a, b, c = (built.mesh.vertices[built.mesh.faces[:, k]] for k in range(3))
     return float((a * np.cross(b, c)).sum() / 6)

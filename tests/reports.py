@@ -12,14 +12,14 @@ from terratool.traversability.results import (
     Barrier,
     Extreme,
     Figures,
-    Place,
-    Profile,
+    Location,
+    MapSummary,
     Reach,
     Reason,
-    Report,
     Route,
-    Summary,
+    RouteProfile,
     Survey,
+    TraversabilityReport,
     Verdict,
 )
 from terratool.traversability.types import Axle, Overhang, Vehicle, Wheel
@@ -46,8 +46,8 @@ GRID = Grid(100.0, 200.0, 0.5, 30, 80)
 """Oblong, away from 0."""
 
 
-def place(x: float = 110.5, y: float = 210.25, surface: str = "sand", **more: Any) -> Place:
-    return Place(x, y, more.get("height", 1.25), surface, more.get("element", "/elemTree"))
+def place(x: float = 110.5, y: float = 210.25, surface: str = "sand", **more: Any) -> Location:
+    return Location(x, y, more.get("height", 1.25), surface, more.get("element", "/elemTree"))
 
 
 SAND = Figures(
@@ -86,7 +86,7 @@ def survey(grid: Grid = GRID, headings: int = 8) -> Survey:
     )  # fmt: skip
 
 
-def profile(n: int = 200, found: bool = True) -> Profile:
+def profile(n: int = 200, found: bool = True) -> RouteProfile:
     """From (105, 202) to (130, 212), over a hill; no-go towards the end unless there is a way."""
     t = np.linspace(0.0, 1.0, n)
     verdict = np.where(t < 0.6, 1, 2).astype(np.uint8)
@@ -94,7 +94,7 @@ def profile(n: int = 200, found: bool = True) -> Profile:
         verdict[t > 0.9] = 3
     slip = np.full(n, 0.1)
     slip[: n // 3] = np.nan
-    return Profile(
+    return RouteProfile(
         105.0 + 25.0 * t, 202.0 + 10.0 * t, np.full(n, 68.0), 26.9 * t, np.sin(3.0 * t),
         0.004 + 0.004 * (t > 0.5), 0.2 * np.cos(3.0 * t), 0.0 * t, slip, 0.3 + 0.4 * t, verdict,
         np.where(verdict == 1, 0, 6).astype(np.uint8), ("sand",) * n,
@@ -121,7 +121,7 @@ WAYPOINTS = Route(
     profile(found=False), NO_WAY.barriers[:1],
 )  # fmt: skip
 
-SUMMARY = Summary(
+SUMMARY = MapSummary(
     GRID, 8,
     {Verdict.GO: 600, Verdict.CAUTION: 600, Verdict.NO_GO: 600, Verdict.UNKNOWN: 530},
     {Verdict.GO: 0, Verdict.CAUTION: 1200, Verdict.NO_GO: 600, Verdict.UNKNOWN: 530},
@@ -133,7 +133,7 @@ SUMMARY = Summary(
 ASSUMPTIONS = ("Static, a rigid smooth wheel.", "No bulldozing, no grousers.")
 
 
-def report(**changes: Any) -> Report:
+def report(**changes: Any) -> TraversabilityReport:
     """A report with all there can be, unless something else is said."""
     values: dict[str, Any] = {
         "terrain": "site & yard.json",
@@ -150,16 +150,16 @@ def report(**changes: Any) -> Report:
         "assumptions": ASSUMPTIONS,
         "notes": ("The map has 80 × 30 pixels of 0.5 (as asked).",),
     }
-    return Report(**{**values, **changes})
+    return TraversabilityReport(**{**values, **changes})
 
 
 def best_cells() -> np.ndarray:
     return survey().verdict[0] < 3
 
 
-EMPTY = Summary(GRID, 8, {}, {}, {}, {})
+EMPTY = MapSummary(GRID, 8, {}, {}, {}, {})
 
-KINDS: dict[str, Report] = {
+KINDS: dict[str, TraversabilityReport] = {
     "all": report(),
     "way": report(routes=(WAY,), verdict=Verdict.CAUTION),
     "no-way": report(routes=(NO_WAY,)),

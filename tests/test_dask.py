@@ -22,13 +22,13 @@ import rasterio
 
 from terratool.errors import RequestError, WriteError
 from terratool.raster import distributed as ours
-from terratool.raster.export import Report, export_dem
+from terratool.raster.export import RasterReport, export_dem
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import files_of, layers_named
 from terratool.raster.mosaic import export_mosaic
 from terratool.raster.painting import Painter
-from terratool.raster.tiles import Plan, Tiler
+from terratool.raster.tiles import MosaicPlan, TileMaker
 from tests.commands import COMMAND, ENVIRONMENT
 from tests.conftest import terrain_of
 from tests.mosaics import ALL, SITE, contents, finished, wait_until
@@ -40,7 +40,7 @@ def grid_at(resolution: float) -> Grid:
     return grid_over(terrain_of(SITE), resolution)
 
 
-def mosaic(folder: Path, grid: Grid, **options: Any) -> Report:
+def mosaic(folder: Path, grid: Grid, **options: Any) -> RasterReport:
     return export_mosaic(terrain_of(SITE), grid, folder, **{"tile_size": 512, **options})
 
 
@@ -82,7 +82,7 @@ def test_a_worker_is_killed_in_the_middle_of_a_tile(tmp_path: Path, others: int)
     with ours.local_cluster(1 + others) as cluster, ThreadPoolExecutor(1) as pool:
         address = cluster.scheduler_address
         victim = next(iter(cluster.workers.values())).pid
-        run: Future[Report] = pool.submit(mosaic, folder, grid, layers=layers, dask=address)
+        run: Future[RasterReport] = pool.submit(mosaic, folder, grid, layers=layers, dask=address)
 
         def halfway() -> bool:
             # each worker writes one file at a time: if there is one for each, one is the victim's
@@ -152,11 +152,11 @@ def test_a_signal(tmp_path: Path, saved: Callable[..., Path], number: signal.Sig
 class TestSent:
     """What travels to the workers."""
 
-    def tiler(self, folder: Path) -> Tiler:
+    def tiler(self, folder: Path) -> TileMaker:
         terrain = terrain_of(SITE)
         files = files_of(layers_named(ALL), terrain, np.dtype("float32"))
-        plan = Plan(grid_at(0.01), files, Compression(), 512, True, folder)
-        return Tiler(terrain, plan, folder)
+        plan = MosaicPlan(grid_at(0.01), files, Compression(), 512, True, folder)
+        return TileMaker(terrain, plan, folder)
 
     def test_arrays_that_arrive_read_only_are_as_good(self, tmp_path: Path) -> None:
         """Dask hands over arrays as they were received."""
@@ -281,7 +281,7 @@ class TestWrong:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """As Dask allows so many; here the first is the last."""
-        monkeypatch.setattr(Tiler, "__reduce__", lambda tiler: (_Deadly, ()))
+        monkeypatch.setattr(TileMaker, "__reduce__", lambda tiler: (_Deadly, ()))
         with (
             ours.local_cluster(1, allowed_failures=0) as cluster,
             pytest.raises(
@@ -306,7 +306,7 @@ def test_jobs_are_taken_when_there_is_room(tmp_path: Path) -> None:
     most = 0
     terrain, grid = terrain_of(SITE), grid_at(0.005)
     files = files_of(layers_named(["height"]), terrain, np.dtype("float32"))
-    plan = Plan(grid, files, Compression(), 512, False, tmp_path)
+    plan = MosaicPlan(grid, files, Compression(), 512, False, tmp_path)
     lock = threading.Lock()
 
     def jobs() -> Iterator[Any]:
@@ -317,7 +317,7 @@ def test_jobs_are_taken_when_there_is_room(tmp_path: Path) -> None:
 
     done = 0
     with ours.connected("local", 1) as client, contextlib.closing(
-        ours.made_by_dask(client, Tiler(terrain, plan, tmp_path), jobs(), "local")
+        ours.made_by_dask(client, TileMaker(terrain, plan, tmp_path), jobs(), "local")
     ) as made:  # fmt: skip
         for _ in made:
             most = max(most, len(taken) - done)

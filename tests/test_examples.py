@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from terratool.definition.reader import Checked, Options
+from terratool.definition.reader import Checked, CheckOptions
 from terratool.definition.rules import all_rules
 from terratool.definition.source import read_source
 from terratool.definition.vehicles.reader import check_any
@@ -21,16 +21,16 @@ INVALID = sorted((HERE.parent / "samples" / "invalid").glob("*.json"))
 NO_SAMPLE = {"TT112"}  # it wants a file of more than 10 MB
 
 
-def expected(path: Path) -> tuple[Options, list[tuple[str, str, str]]]:
+def expected(path: Path) -> tuple[CheckOptions, list[tuple[str, str, str]]]:
     """Place, code and pointer, from lines such as ``3:14 TT105 /elemTree/cells``.
 
     A first line ``--max-step 0.15`` gives that option.
     """
-    options, found = Options(), []
+    options, found = CheckOptions(), []
     for line in path.with_suffix(".expected").read_text("utf-8").splitlines():
         place, code, *pointer = line.split(" ", 2)
         if place == "--max-step":
-            options = Options(max_step=float(code))
+            options = CheckOptions(max_step=float(code))
         else:
             found.append((place, code, pointer[0] if pointer else ""))
     return options, found

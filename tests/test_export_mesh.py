@@ -25,7 +25,7 @@ from terratool.mesh.building import build
 from terratool.mesh.elevation import export_elevation_grid
 from terratool.mesh.export import export_mesh
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.types import Built, Mesh
+from terratool.mesh.types import BuiltMesh, Mesh
 from tests.commands import ROOT
 from tests.conftest import terrain_of
 from tests.meshes import CURVED, ROUND, STRAIGHT, errors, random_definition
@@ -410,10 +410,10 @@ def test_the_best_of_several_bargains(wanted: float) -> None:
         pebbles = least < 0.05
         faces = range(round(10 + 10 / error + 400 * pebbles))
         mesh: Any = SimpleNamespace(faces=faces)
-        return Built(mesh, 0, error=error, aside=0, small=0, faint=0 if pebbles else 40,
+        return BuiltMesh(mesh, 0, error=error, aside=0, small=0, faint=0 if pebbles else 40,
                      faintest=0 if pebbles else 0.05)  # fmt: skip
 
-    def fitted(most: int) -> budget.Fit:
+    def fitted(most: int) -> budget.BudgetedMesh:
         tries.clear()
         fit = budget.within_budget(attempt, wanted, 5.0, 5.0, most)
         assert fit.faces <= most and len(tries) <= 3 * budget.BUILDS
@@ -597,9 +597,9 @@ def test_what_a_grid_loses(tmp_path: Path) -> None:
 def test_either_way_of_halving_squares_counts() -> None:
     """A saddle is off in the middle of its squares, to one side or the other."""
     from terratool.mesh.elevation import _off
-    from terratool.mesh.types import Heights
+    from terratool.mesh.types import HeightGrid
 
-    grid = Heights(
+    grid = HeightGrid(
         np.array([[0, 1], [0, 0]], np.float32), np.zeros((2, 2), np.int32), (1.0, 1.0),
         np.zeros(3), (), np.zeros((0, 3), np.uint8),
     )  # fmt: skip

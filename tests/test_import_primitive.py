@@ -19,11 +19,16 @@ from numpy.typing import NDArray
 from terratool.definition.vocabulary import NAMED
 from terratool.errors import RequestError
 from terratool.importing.primitives import fitting, rank, shaping
-from terratool.importing.primitives.entries import Entry
-from terratool.importing.primitives.placed import measure
-from terratool.importing.primitives.primitive import Imported, Wanted, import_primitive, sentences
+from terratool.importing.primitives.entries import PrimitiveEntry
+from terratool.importing.primitives.placed import fit_error
+from terratool.importing.primitives.primitive import (
+    ImportedPrimitive,
+    PrimitiveRequest,
+    import_primitive,
+    sentences,
+)
 from terratool.importing.primitives.terms import Patch, nodes
-from terratool.importing.samples import Lattice, Samples
+from terratool.importing.samples import PixelLattice, SampledHeights
 from tests.conftest import terrain_of
 
 Floats = NDArray[np.float64]
@@ -31,9 +36,9 @@ COLUMNS, ROWS = 57, 38
 U, V = (np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(ROWS) + 0.5) / ROWS
 
 
-def samples_of(z: Floats, dx: float = 0.5, dy: float = 2.0) -> Samples:
+def samples_of(z: Floats, dx: float = 0.5, dy: float = 2.0) -> SampledHeights:
     rows, columns = z.shape
-    return Samples(Lattice(431200.0, 5768400.0, dx, dy, columns, rows), z)
+    return SampledHeights(PixelLattice(431200.0, 5768400.0, dx, dy, columns, rows), z)
 
 
 def curve(values: Any, t: Floats) -> Floats:
@@ -44,7 +49,7 @@ def product(x: Any, y: Any, u: Floats = U, v: Floats = V) -> Floats:
     return np.outer(curve(y, v), curve(x, u))
 
 
-def heights(imported: Imported, samples: Samples) -> Floats:
+def heights(imported: ImportedPrimitive, samples: SampledHeights) -> Floats:
     """What a terrain with the elements in a cell of the patch's size says at the pixel centres."""
     lattice = samples.lattice
     terrain = terrain_of({
@@ -115,7 +120,7 @@ def test_a_plane_with_a_twist_is_a_product(b: float, c: float, d: float) -> None
 
 def test_a_plane_without_a_twist_is_a_sum() -> None:
     z = 2 + 0.3 * U[None, :] - 0.7 * V[:, None]
-    imported = import_primitive(samples_of(z), "slope", Wanted(combine="auto"))
+    imported = import_primitive(samples_of(z), "slope", PrimitiveRequest(combine="auto"))
     assert imported.primitives()["slope"]["combine"] == "sum"
     np.testing.assert_allclose(heights(imported, samples_of(z)), z, atol=1e-6)
 
@@ -125,7 +130,7 @@ def test_a_plane_without_a_twist_is_a_sum() -> None:
 def test_a_sum_comes_back(x: list[float], y: list[float]) -> None:
     z = 3.5 * (curve(x, U)[None, :] + 2 * curve(y, V)[:, None]) - 11
     samples = samples_of(z)
-    imported = import_primitive(samples, "waves", Wanted(combine="sum"))
+    imported = import_primitive(samples, "waves", PrimitiveRequest(combine="sum"))
     np.testing.assert_allclose(heights(imported, samples), z, atol=3e-6 * np.ptp(z))
 
 
@@ -156,7 +161,7 @@ def test_noise_stays_noise() -> None:
 def test_the_error_is_that_of_the_compiled_terrain_and_where_it_is() -> None:
     z = 10 * roughness(60, 3)[:41, :]
     samples = samples_of(z)
-    imported = import_primitive(samples, "rough", Wanted(samples=5))
+    imported = import_primitive(samples, "rough", PrimitiveRequest(samples=5))
     off = np.abs(heights(imported, samples) - z)
     row, column = np.unravel_index(off.argmax(), off.shape)
     misfit = imported.misfit
@@ -183,7 +188,7 @@ def test_a_turn_is_found(turn: float, noise: float) -> None:
     z = turned(turn, 220, 220, 1.5, 1.5)
     z = z + noise * np.ptp(z) * np.random.default_rng(3).normal(size=z.shape)
     samples = samples_of(z, 1.5, 1.5)
-    imported = import_primitive(samples, "hill", Wanted(samples=17, turn=True))
+    imported = import_primitive(samples, "hill", PrimitiveRequest(samples=17, turn=True))
     (element,) = imported.elements()
     assert element["turnDeg"] == pytest.approx(turn, abs=0.1)
     assert imported.unturned is not None and imported.unturned > 1.5 * imported.misfit.largest
@@ -195,7 +200,7 @@ def test_a_turn_is_found(turn: float, noise: float) -> None:
 def test_a_turn_of_an_oblong_patch_fits_where_it_stands() -> None:
     z = turned(30.0, 80, 90, 1.0, 1.5)
     samples = samples_of(z, 1.0, 1.5)
-    imported = import_primitive(samples, "hill", Wanted(samples=17, turn=True))
+    imported = import_primitive(samples, "hill", PrimitiveRequest(samples=17, turn=True))
     off = np.abs(heights(imported, samples) - z)
     covered = heights(imported, samples) != 0
     assert imported.misfit.largest == pytest.approx(off[covered].max(), rel=1e-9)
@@ -204,7 +209,7 @@ def test_a_turn_of_an_oblong_patch_fits_where_it_stands() -> None:
 
 def test_what_needs_no_turn_gets_none() -> None:
     z = 4 * product([0, 0.2, 1, 0.3, 0.1], [0.1, 0.5, 1, 0.8])
-    imported = import_primitive(samples_of(z), "hill", Wanted(turn=True))
+    imported = import_primitive(samples_of(z), "hill", PrimitiveRequest(turn=True))
     assert "turnDeg" not in imported.elements()[0]
     assert any("No turn" in line for line in sentences(imported))
 
@@ -217,7 +222,7 @@ def test_least_squares_are_the_best_of_their_rank(terms: int) -> None:
     for fit in rank.fits(grid, nodes(24), nodes(17), terms):
         problem = fitting.problem_of(rank.points_of(Patch(samples_of(z)), 64), nodes(24), nodes(17))
         rest = np.linalg.svd(z - fit.offset, compute_uv=False)[terms:]
-        squares = float((fitting.misfits(problem, fit) ** 2).sum())
+        squares = float((fitting.residuals(problem, fit) ** 2).sum())
         assert squares == pytest.approx(float((rest**2).sum()), rel=1e-9)
 
 
@@ -244,7 +249,9 @@ def test_more_terms_fit_better_and_never_better_than_they_can() -> None:
     z = 10 * roughness(40, 6)[:31, :]
     largest = []
     for terms in (1, 2, 4):
-        imported = import_primitive(samples_of(z), "rough", Wanted(terms=terms, samples=31))
+        imported = import_primitive(
+            samples_of(z), "rough", PrimitiveRequest(terms=terms, samples=31)
+        )
         assert len(imported.names) == terms
         rest = np.linalg.svd(z, compute_uv=False)[terms + 1 :]  # the offset is a term, too
         assert imported.misfit.rms >= math.sqrt(float((rest**2).sum()) / z.size)
@@ -267,18 +274,18 @@ def test_the_largest_error_is_about_the_smallest_there_is(seed: int) -> None:
         [0] * 6 + [1], np.block([[matrix, -ones], [-matrix, -ones]]), np.concatenate([z[0], -z[0]]),
         bounds=bounds,
     ).fun  # fmt: skip
-    _, largest = shaping.shape(Patch(samples_of(z)), shaping.Curves(), (6, 1))
+    _, largest = shaping.shape(Patch(samples_of(z)), shaping.CurveForm(), (6, 1))
     assert best * (1 - 1e-9) <= largest <= 1.01 * best
 
 
 def test_large_patches_are_fitted_to_all_of_their_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     """As well as if all pixels had been fitted from the beginning."""
     rough = Patch(samples_of(roughness(300, 12, 1.2)[:260, :]))
-    _, largest = shaping.shape(rough, shaping.Curves(), (5, 4))
+    _, largest = shaping.shape(rough, shaping.CurveForm(), (5, 4))
     monkeypatch.setattr(shaping, "_JOINS", 1)
-    _, few = shaping.shape(rough, shaping.Curves(), (5, 4))
+    _, few = shaping.shape(rough, shaping.CurveForm(), (5, 4))
     monkeypatch.setattr(shaping, "_FINE", 300)
-    _, least = shaping.shape(rough, shaping.Curves(), (5, 4))
+    _, least = shaping.shape(rough, shaping.CurveForm(), (5, 4))
     assert largest <= 1.03 * least
     assert few > 1.05 * least  # a case that tells the two apart
 
@@ -288,8 +295,8 @@ def test_the_worst_pixel_is_found_among_many_rows() -> None:
         [0, 1, 0.5], [1, 0.2, 0.6], (np.arange(1200) + 0.5) / 1200, (np.arange(1500) + 0.5) / 1500
     )
     z[1231, 457] += 2.0
-    entry = Entry([0, 1, 0.5], [1, 0.2, 0.6], 4.0)
-    misfit = measure(Patch(samples_of(z)), (entry,))
+    entry = PrimitiveEntry([0, 1, 0.5], [1, 0.2, 0.6], 4.0)
+    misfit = fit_error(Patch(samples_of(z)), (entry,))
     assert (misfit.x, misfit.y) == (431200 + 457.5 * 0.5, 5768400 + 1231.5 * 2)
     assert misfit.largest == pytest.approx(2.0)
     assert misfit.rms == pytest.approx(2.0 / math.sqrt(z.size))
@@ -307,12 +314,12 @@ def test_a_turned_grid_has_the_heights_of_the_places_it_names() -> None:
 def test_the_fewest_values_are_taken_that_serve() -> None:
     z = 4 * product([0, 0.2, 1, 0.3, 0.7], [0.5, 1, 0.1])
     patch = Patch(samples_of(z))
-    assert shaping.fewest(patch, shaping.Curves()) == (5, 3)
+    assert shaping.fewest(patch, shaping.CurveForm()) == (5, 3)
     rough = Patch(samples_of(roughness(64, 8)[:50, :]))
-    counts = shaping.fewest(rough, shaping.Curves())
+    counts = shaping.fewest(rough, shaping.CurveForm())
     assert max(counts) < 25
-    many = min(shaping.shape(rough, shaping.Curves(), (n, n))[1] for n in (17, 33))
-    assert shaping.shape(rough, shaping.Curves(), counts)[1] <= 1.15 * many
+    many = min(shaping.shape(rough, shaping.CurveForm(), (n, n))[1] for n in (17, 33))
+    assert shaping.shape(rough, shaping.CurveForm(), counts)[1] <= 1.15 * many
 
 
 def test_a_ridge_has_one_curve_from_0_to_1() -> None:
@@ -329,7 +336,7 @@ def test_walls_become_vertical_steps() -> None:
     z = 5 * np.outer(curve([1, 0.5, 0.8], V), x)
     samples = samples_of(z)
     wall = 431200 + 0.4321 * COLUMNS * 0.5
-    imported = import_primitive(samples, "kerb", Wanted(x_steps=(wall,)))
+    imported = import_primitive(samples, "kerb", PrimitiveRequest(x_steps=(wall,)))
     np.testing.assert_allclose(heights(imported, samples), z, atol=3e-5)
     knots = imported.primitives()["kerb"]["x"]
     assert [t for t, _ in knots].count(pytest.approx(0.4321, abs=1e-6)) == 2
@@ -359,7 +366,9 @@ def test_each_named_curve_is_recognised(name: str) -> None:
     assert set(CURVES) == set(NAMED)
     other = "tent" if name != "tent" else "dome"
     z = 3 - 2.5 * np.outer(CURVES[other](V), CURVES[name](U))
-    imported = import_primitive(samples_of(z), "it", Wanted(recognise=True, tolerance=1e-4))
+    imported = import_primitive(
+        samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=1e-4)
+    )
     x = {} if name == "flat" else {"x": name}
     assert imported.primitives() == {"it": {**x, "y": other}}
     assert imported.elements() == [{"type": "it", "vScale": -2.5, "vOffset": 3}]
@@ -382,7 +391,7 @@ def test_each_named_curve_is_recognised(name: str) -> None:
 def test_mirrored_and_trimmed_curves_are_recognised(x: Any, y: Any) -> None:
     z = 1 + 2 * np.outer(y(V), x(U))
     samples = samples_of(z)
-    imported = import_primitive(samples, "it", Wanted(recognise=True, tolerance=2e-3))
+    imported = import_primitive(samples, "it", PrimitiveRequest(recognise=True, tolerance=2e-3))
     found = imported.primitives()["it"]
     assert isinstance(found["x"], str) and isinstance(found["y"], str)
     np.testing.assert_allclose(heights(imported, samples), z, atol=2e-3)
@@ -390,7 +399,9 @@ def test_mirrored_and_trimmed_curves_are_recognised(x: Any, y: Any) -> None:
 
 def test_one_curve_may_be_recognised_alone() -> None:
     z = 1 + 2 * np.outer(curve([0, 0.9, 0.1, 0.8, 0.3], V), CURVES["cos"](U))
-    imported = import_primitive(samples_of(z), "it", Wanted(recognise=True, tolerance=1e-3))
+    imported = import_primitive(
+        samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=1e-3)
+    )
     found = imported.primitives()["it"]
     assert found["x"] == "cos" and len(found["y"]) >= 5
 
@@ -398,9 +409,9 @@ def test_one_curve_may_be_recognised_alone() -> None:
 def test_nothing_is_recognised_beyond_the_tolerance() -> None:
     ripple = 0.02 * np.sin(40 * U)[None, :] * np.cos(31 * V)[:, None]
     z = 2 * np.outer(CURVES["tent"](V), CURVES["cosbell"](U)) + ripple
-    strict = import_primitive(samples_of(z), "it", Wanted(recognise=True, tolerance=0.01))
+    strict = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=0.01))
     assert not any(isinstance(c, str) for c in strict.primitives()["it"].values())
-    loose = import_primitive(samples_of(z), "it", Wanted(recognise=True, tolerance=0.03))
+    loose = import_primitive(samples_of(z), "it", PrimitiveRequest(recognise=True, tolerance=0.03))
     assert loose.primitives() == {"it": {"x": "cosbell", "y": "tent"}}
 
 
@@ -420,22 +431,22 @@ def test_level_patches_rows_and_columns() -> None:
 @pytest.mark.parametrize(
     ("z", "wanted", "words"),
     [
-        (np.full((3, 4), np.nan), Wanted(), "None of the 4 × 3"),
-        (np.array([[3.0]]), Wanted(), "only one"),
-        (np.array([[3.0, np.nan]]), Wanted(), "only one"),
-        (np.eye(4), Wanted(terms=0), "0 terms"),
-        (np.eye(4), Wanted(terms=17), "17 terms"),
-        (np.eye(4), Wanted(samples=0), "0 values"),
-        (np.eye(4), Wanted(terms=9, samples=57), "9 terms of curves with 57 values"),
-        (np.eye(4), Wanted(tolerance=-1.0), "-1"),
-        (np.eye(4), Wanted(tolerance=math.nan), "nan"),
-        (np.eye(4), Wanted(terms=2, recognise=True), "--recognise"),
-        (np.eye(4), Wanted(terms=2, combine="sum"), "--combine"),
-        (np.eye(4), Wanted(recognise=True, combine="auto"), "products"),
-        (np.eye(4), Wanted(turn=True, x_steps=(1.0,)), "--turn"),
+        (np.full((3, 4), np.nan), PrimitiveRequest(), "None of the 4 × 3"),
+        (np.array([[3.0]]), PrimitiveRequest(), "only one"),
+        (np.array([[3.0, np.nan]]), PrimitiveRequest(), "only one"),
+        (np.eye(4), PrimitiveRequest(terms=0), "0 terms"),
+        (np.eye(4), PrimitiveRequest(terms=17), "17 terms"),
+        (np.eye(4), PrimitiveRequest(samples=0), "0 values"),
+        (np.eye(4), PrimitiveRequest(terms=9, samples=57), "9 terms of curves with 57 values"),
+        (np.eye(4), PrimitiveRequest(tolerance=-1.0), "-1"),
+        (np.eye(4), PrimitiveRequest(tolerance=math.nan), "nan"),
+        (np.eye(4), PrimitiveRequest(terms=2, recognise=True), "--recognise"),
+        (np.eye(4), PrimitiveRequest(terms=2, combine="sum"), "--combine"),
+        (np.eye(4), PrimitiveRequest(recognise=True, combine="auto"), "products"),
+        (np.eye(4), PrimitiveRequest(turn=True, x_steps=(1.0,)), "--turn"),
     ],
 )
-def test_what_makes_no_sense_is_refused(z: Floats, wanted: Wanted, words: str) -> None:
+def test_what_makes_no_sense_is_refused(z: Floats, wanted: PrimitiveRequest, words: str) -> None:
     with pytest.raises(RequestError, match=words) as caught:
         import_primitive(samples_of(z.astype(np.float64)), "it", wanted)
     assert caught.value.hint.endswith(".")
@@ -453,7 +464,7 @@ def test_a_name_is_a_text() -> None:
             import_primitive(samples_of(np.eye(4)), name)
 
 
-def scattered(seed: int, known: int) -> Samples:
+def scattered(seed: int, known: int) -> SampledHeights:
     """Few pixels of a large patch, none of which stands in its columns and rows of 64 or 128."""
     z = np.full((700, 900), np.nan)
     for most in (64, 128):
@@ -482,7 +493,7 @@ def test_few_heights_in_a_large_patch_are_met(known: int) -> None:
 def test_heights_that_every_turn_leaves_bare_are_not_turned(corner: slice) -> None:
     z = np.full((40, 60), np.nan)
     z[corner, corner] = [[1, 2], [2, 5]]
-    imported = import_primitive(samples_of(z, dy=0.5), "corner", Wanted(turn=True))
+    imported = import_primitive(samples_of(z, dy=0.5), "corner", PrimitiveRequest(turn=True))
     assert imported.elements()[0].get("turnDeg", 0) == 0
     assert imported.misfit.pixels == 4 and imported.misfit.bare == 0
 
@@ -492,7 +503,7 @@ def test_a_term_more_is_told_only_if_it_helps() -> None:
     u, v = U[None, :], V[:, None]
     z = np.exp(-30 * (u - 0.3) ** 2 - 20 * (v - 0.4) ** 2)
     for samples in (1, 2, 3):
-        imported = import_primitive(samples_of(z), "hill", Wanted(samples=samples))
+        imported = import_primitive(samples_of(z), "hill", PrimitiveRequest(samples=samples))
         text = " ".join(sentences(imported))
         assert "import-terrain" in text
         helps = imported.more is not None and imported.more < 0.9 * imported.misfit.largest
@@ -503,7 +514,9 @@ def test_a_wall_may_stand_beside_a_curve_with_a_name() -> None:
     low = np.where(U < 0.4321, 0.15 + 0.8 * U, 1.4 - U)
     z = 5 * np.outer(CURVES["cosbell"](V), low)
     wall = 431200 + 0.4321 * COLUMNS * 0.5
-    imported = import_primitive(samples_of(z), "kerb", Wanted(recognise=True, x_steps=(wall,)))
+    imported = import_primitive(
+        samples_of(z), "kerb", PrimitiveRequest(recognise=True, x_steps=(wall,))
+    )
     entry = imported.primitives()["kerb"]
     assert entry["y"] == "cosbell"
     assert [t for t, _ in entry["x"]].count(pytest.approx(0.4321, abs=1e-6)) == 2
@@ -521,17 +534,17 @@ def test_many_terms_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(rank, "fits", noted)
     z = np.random.default_rng(4).random((40, 40))
-    shaping.fewest(Patch(samples_of(z[:18, :18])), shaping.Curves(2))
+    shaping.fewest(Patch(samples_of(z[:18, :18])), shaping.CurveForm(2))
     assert max(tried) == 2 * 17
     tried.clear()
     monkeypatch.setattr(fitting, "_STEPS", 0)
-    shaping.fewest(Patch(samples_of(z)), shaping.Curves(16))
+    shaping.fewest(Patch(samples_of(z)), shaping.CurveForm(16))
     assert max(tried) <= 16 * 20
 
 
 def test_terms_that_nothing_needs_are_left_out() -> None:
     z = 4 * product([0, 1, 0.5], [1, 0.2, 0.6])
-    imported = import_primitive(samples_of(z), "hill", Wanted(terms=3))
+    imported = import_primitive(samples_of(z), "hill", PrimitiveRequest(terms=3))
     assert len(imported.names) < 3  # with an offset of its own it takes one, or two
     np.testing.assert_allclose(heights(imported, samples_of(z)), z, atol=1e-5)
 
@@ -539,7 +552,7 @@ def test_terms_that_nothing_needs_are_left_out() -> None:
 def test_the_same_patch_gives_the_same_text() -> None:
     z = roughness(50, 9)[:33, :]
     first, second = (
-        json.dumps(import_primitive(samples_of(z), "it", Wanted(terms=2)).to_json())
+        json.dumps(import_primitive(samples_of(z), "it", PrimitiveRequest(terms=2)).to_json())
         for _ in range(2)
     )
     assert first == second

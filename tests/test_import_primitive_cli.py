@@ -16,7 +16,13 @@ from rasterio.transform import Affine
 from terratool.definition.writer import canonical
 from terratool.errors import RequestError, TerratoolError
 from terratool.field.terrain import load
-from terratool.importing.primitives.inserting import Place, parse_place, target_of, text_with, write
+from terratool.importing.primitives.inserting import (
+    CellPath,
+    parse_cell_path,
+    target_of,
+    text_with,
+    write,
+)
 from tests.commands import run
 
 COLUMNS, ROWS, SIDE = 40, 26, 0.5
@@ -199,7 +205,7 @@ def test_the_source_is_not_written_over(into: bool, tmp_path: Path, site: Path) 
         assert path.read_bytes() == before
 
 
-def added(path: Path, place: Place | None = None, output: Path | None = None) -> None:
+def added(path: Path, place: CellPath | None = None, output: Path | None = None) -> None:
     """Add an entry, and an element where a place is given."""
     target = target_of(str(path), ("new",), place, None if output is None else str(output), False)
     elements = [{"type": "new", "cellX": place.cell[0], "cellY": place.cell[1]}] if place else []
@@ -228,14 +234,14 @@ def test_marks_gzip_and_permissions_are_kept(tmp_path: Path, marked: bool, packe
 def test_another_output_leaves_the_definition_alone(site: Path) -> None:
     before = site.read_bytes()
     out = site.with_name("out.json.gz")
-    added(site, Place((3, 4), "/elemTree/children/0"), out)
+    added(site, CellPath((3, 4), "/elemTree/children/0"), out)
     assert site.read_bytes() == before
     after = json.loads(gzip.decompress(out.read_bytes()))
     (child,) = after["elemTree"]["children"][0]["children"]
     assert child == {"type": "new", "cellX": 3, "cellY": 4}
     first = out.read_bytes()
     out.unlink()
-    added(site, Place((3, 4), "/elemTree/children/0"), out)
+    added(site, CellPath((3, 4), "/elemTree/children/0"), out)
     assert out.read_bytes() == first
     with pytest.raises(TerratoolError, match="exists already"):
         added(site, None, out)
@@ -244,23 +250,25 @@ def test_another_output_leaves_the_definition_alone(site: Path) -> None:
 @pytest.mark.parametrize(
     "place",
     [
-        Place((3, 0)), Place((0, 2)), Place((4, 0), "/elemTree/children/0"),
-        Place((0, 0), "/elemTree/children/1"), Place((0, 0), "/elemTypes/ground"),
-        Place((0, 0), "/elemTree/children/00"), Place((0, 0), ""), Place((0, 0), "/"),
+        CellPath((3, 0)), CellPath((0, 2)), CellPath((4, 0), "/elemTree/children/0"),
+        CellPath((0, 0), "/elemTree/children/1"), CellPath((0, 0), "/elemTypes/ground"),
+        CellPath((0, 0), "/elemTree/children/00"), CellPath((0, 0), ""), CellPath((0, 0), "/"),
     ],
 )  # fmt: skip
-def test_places_that_are_not_there_are_refused(site: Path, place: Place) -> None:
+def test_places_that_are_not_there_are_refused(site: Path, place: CellPath) -> None:
     with pytest.raises(RequestError) as caught:
         added(site, place)
     assert caught.value.hint.endswith(".")
 
 
 def test_places_are_read() -> None:
-    assert parse_place("3,4") == Place((3, 4))
-    assert parse_place(" 0 , 12 , /elemTree/children/0") == Place((0, 12), "/elemTree/children/0")
+    assert parse_cell_path("3,4") == CellPath((3, 4))
+    assert parse_cell_path(" 0 , 12 , /elemTree/children/0") == CellPath(
+        (0, 12), "/elemTree/children/0"
+    )
     for text in ("", "3", "3,", "3,-1", "3;4", "a,b", "1.0,2", ",,"):
         with pytest.raises(RequestError, match="is no place"):
-            parse_place(text)
+            parse_cell_path(text)
 
 
 def test_a_definition_with_errors_is_left_alone(tmp_path: Path) -> None:
@@ -278,8 +286,8 @@ def test_the_cell_is_that_of_the_field(site: Path, span: list[int]) -> None:
     definition = json.loads(site.read_text(encoding="utf-8"))
     definition["elemTree"]["children"][0]["span"] = span
     site.write_text(json.dumps(definition), encoding="utf-8")
-    added(site, Place((3, 4), "/elemTree/children/0"))
-    target = target_of(str(site), (), Place((3, 4), "/elemTree/children/0"), None, False)
+    added(site, CellPath((3, 4), "/elemTree/children/0"))
+    target = target_of(str(site), (), CellPath((3, 4), "/elemTree/children/0"), None, False)
     west, south, width, height = target.cell() or (0, 0, 0, 0)
     cells = load(site).cells()[:, -1]
     np.testing.assert_allclose([west, south, west + width, south + height], cells)

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from terratool.definition.reader import Options as CheckOptions
+from terratool.definition.reader import CheckOptions as CheckOptions
 from terratool.definition.reader import check
 from terratool.definition.source import read_source
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
-from terratool.importing.samples import Lattice, Samples
+from terratool.importing.samples import PixelLattice, SampledHeights
 from terratool.importing.terrains import terrain as importing
 from terratool.importing.terrains import writing
 from terratool.importing.terrains.checking import Checker
@@ -26,20 +26,20 @@ from terratool.importing.terrains.filling import filled
 from terratool.importing.terrains.measuring import BoundError
 from terratool.importing.terrains.methods import METHODS, named
 from terratool.importing.terrains.rounding import step_for
-from terratool.importing.terrains.terrain import Options, import_terrain
+from terratool.importing.terrains.terrain import ImportOptions, import_terrain
 from tests.conftest import terrain_of
 
 NAMES = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 
 
-def samples(heights: NDArray[np.float64], **place: object) -> Samples:
+def samples(heights: NDArray[np.float64], **place: object) -> SampledHeights:
     """Heights at an odd place, in oblong pixels."""
     rows, columns = heights.shape
     given_ = {"west": 12.5, "south": -7.25, "dx": 0.75, "dy": 1.5, **place}
-    return Samples(Lattice(columns=columns, rows=rows, **given_), heights)  # type: ignore[arg-type]
+    return SampledHeights(PixelLattice(columns=columns, rows=rows, **given_), heights)  # type: ignore[arg-type]
 
 
-def bilinear(source: Samples, x: NDArray[np.float64], y: NDArray[np.float64]):
+def bilinear(source: SampledHeights, x: NDArray[np.float64], y: NDArray[np.float64]):
     """The DEM at points: bilinear, the nearest centre's height in the outer half pixel."""
     at = source.lattice
     u = np.clip((x - at.west) / at.dx - 0.5, 0, at.columns - 1)
@@ -54,7 +54,7 @@ def bilinear(source: Samples, x: NDArray[np.float64], y: NDArray[np.float64]):
     return south * (1 - t) + north * t
 
 
-def anywhere(source: Samples, seed: int = 0, count: int = 20_000):
+def anywhere(source: SampledHeights, seed: int = 0, count: int = 20_000):
     """Points all over a DEM, many of them on and beside the lines between pixels."""
     at = source.lattice
     rng = np.random.default_rng(seed)
@@ -68,10 +68,10 @@ def anywhere(source: Samples, seed: int = 0, count: int = 20_000):
     return x, y
 
 
-def imported(source: Samples, path: Path, **options: object) -> Terrain:
+def imported(source: SampledHeights, path: Path, **options: object) -> Terrain:
     """What comes of an import, read again."""
     options = {"max_error": 0.05, "structures": False, **options}
-    import_terrain(source, path, Options(**options), overwrite=True)  # type: ignore[arg-type]
+    import_terrain(source, path, ImportOptions(**options), overwrite=True)  # type: ignore[arg-type]
     return load(path)
 
 
@@ -199,14 +199,14 @@ def test_the_smallest_method_is_taken(tmp_path):
     sizes = {}
     for heights, wanted in ((bumps, "sparse hats"), (ribs, "rows"), (ribs.T, "columns")):
         report = import_terrain(
-            samples(heights), tmp_path / "t.json.gz", Options(0.01, structures=False), True
+            samples(heights), tmp_path / "t.json.gz", ImportOptions(0.01, structures=False), True
         )
         assert wanted in report.method.sentence
         for method in METHODS:
             other = import_terrain(
                 samples(heights),
                 tmp_path / "u.json.gz",
-                Options(0.01, structures=False, methods=(method,)),
+                ImportOptions(0.01, structures=False, methods=(method,)),
                 True,
             )
             sizes[method] = other.size
@@ -238,7 +238,7 @@ def test_compressed_files_hold_the_same_text_each_time(tmp_path):
 def test_the_report_says_the_largest_error_and_where(tmp_path):
     heights = rough(50, 40, seed=7)
     source = samples(heights)
-    report = import_terrain(source, tmp_path / "t.json", Options(0.2, structures=False))
+    report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.2, structures=False))
     terrain = load(tmp_path / "t.json")
     at = source.lattice
     x = at.west + (np.arange(at.columns) + 0.5) * at.dx
@@ -265,19 +265,21 @@ def test_the_report_says_the_largest_error_and_where(tmp_path):
 )
 def test_what_cannot_be_imported_is_refused_and_nothing_written(tmp_path, heights, error, kind):
     with pytest.raises(kind):
-        import_terrain(samples(heights), tmp_path / "t.json", Options(error))
+        import_terrain(samples(heights), tmp_path / "t.json", ImportOptions(error))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_existing_file_is_kept(tmp_path):
     (tmp_path / "t.json").write_text("mine")
     with pytest.raises(WriteError, match="overwrite"):
-        import_terrain(samples(np.ones((2, 2))), tmp_path / "t.json", Options(0.1))
+        import_terrain(samples(np.ones((2, 2))), tmp_path / "t.json", ImportOptions(0.1))
     assert (tmp_path / "t.json").read_text() == "mine"
 
 
 def test_level_ground_is_one_element(tmp_path):
-    report = import_terrain(samples(np.full((30, 20), 12.5)), tmp_path / "t.json", Options(0.1))
+    report = import_terrain(
+        samples(np.full((30, 20), 12.5)), tmp_path / "t.json", ImportOptions(0.1)
+    )
     text = json.loads((tmp_path / "t.json").read_text())
     assert report.misfit.largest <= 0.1
     assert text["elemTree"]["children"] == []
@@ -309,7 +311,7 @@ def test_a_step_leaves_room_for_single_precision(error, highest):
 def test_pixels_that_coordinates_do_not_tell_apart_are_refused(tmp_path):
     source = samples(np.ones((3, 4)), south=6e6, dx=1e-6, dy=1e-6)
     with pytest.raises(ReadError, match="told apart"):
-        import_terrain(source, tmp_path / "t.json", Options(0.1))
+        import_terrain(source, tmp_path / "t.json", ImportOptions(0.1))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -319,7 +321,7 @@ def test_without_room_for_temporary_files(tmp_path, monkeypatch):
     heights = rough(20, 30, seed=1)
     heights[3, 4] = heights[9, 9] = np.nan
     with pytest.raises(WriteError, match="temporary"):
-        import_terrain(samples(heights), tmp_path / "t.json", Options(0.1))
+        import_terrain(samples(heights), tmp_path / "t.json", ImportOptions(0.1))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -355,7 +357,7 @@ def built(seed: int, count: int = 30) -> tuple[dict, Terrain]:
     return definition, terrain_of(definition)
 
 
-def sampled(terrain: Terrain, pixel: float = 0.5) -> Samples:
+def sampled(terrain: Terrain, pixel: float = 0.5) -> SampledHeights:
     """A terrain at pixel centres, in single precision as a GeoTIFF has it."""
     west, south, east, north = terrain.bounds
     x, y = np.arange(west + pixel / 2, east, pixel), np.arange(south + pixel / 2, north, pixel)
@@ -368,7 +370,7 @@ def test_structures_are_within_the_bound_everywhere(tmp_path, seed):
     """Flanks instead of walls: also between the pixels, and in the outer half ones."""
     _, terrain = built(seed)
     source = sampled(terrain)
-    report = import_terrain(source, tmp_path / "t.json", Options(0.05))
+    report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.05))
     assert sum(report.structures.values()) > 20
     x, y = anywhere(source, seed, 100_000)
     apart = np.abs(load(tmp_path / "t.json").height(x, y) - bilinear(source, x, y))
@@ -396,7 +398,7 @@ def test_structures_at_the_border_are_level_in_the_outer_half_pixels(tmp_path, k
         rows, columns, height = BORDERS[kind]
         heights[rows, columns] += height
     source = samples(heights)
-    report = import_terrain(source, tmp_path / "t.json", Options(error))
+    report = import_terrain(source, tmp_path / "t.json", ImportOptions(error))
     assert report.structures
     x, y = anywhere(source, 3, 50_000)
     apart = np.abs(load(tmp_path / "t.json").height(x, y) - bilinear(source, x, y))
@@ -420,7 +422,7 @@ def test_boxes_ramps_and_hills_come_back_by_name_and_number(tmp_path):
     for seed in range(4):
         definition, terrain = built(seed)
         source = sampled(terrain)
-        import_terrain(source, tmp_path / "t.json", Options(0.02, walls=True), overwrite=True)
+        import_terrain(source, tmp_path / "t.json", ImportOptions(0.02, walls=True), overwrite=True)
         text = json.loads((tmp_path / "t.json").read_text())
         found = {}
         for element in text["elemTree"]["children"]:
@@ -443,7 +445,9 @@ def test_structures_make_the_file_smaller(tmp_path):
     _, terrain = built(5)
     source = sampled(terrain)
     sizes = [
-        import_terrain(source, tmp_path / "t.json.gz", Options(0.02, structures=on), True).size
+        import_terrain(
+            source, tmp_path / "t.json.gz", ImportOptions(0.02, structures=on), True
+        ).size
         for on in (True, False)
     ]
     assert sizes[0] < 0.5 * sizes[1]
@@ -461,7 +465,7 @@ def test_structures_that_turn_out_badly_are_given_up(tmp_path, monkeypatch):
         rims(self, texts, levels, step)
 
     monkeypatch.setattr(Checker, "rims", alarmed)
-    report = import_terrain(source, tmp_path / "t.json", Options(0.05))
+    report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.05))
     assert report.structures == {}
     assert report.bound <= 0.05
     assert [path.name for path in tmp_path.iterdir()] == ["t.json"]
@@ -473,7 +477,7 @@ def test_an_alarm_leaves_nothing_behind(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Checker, "rims", alarmed)
     with pytest.raises(WriteError, match="report"):
-        import_terrain(samples(rough(20, 30, 1)), tmp_path / "t.json", Options(0.05))
+        import_terrain(samples(rough(20, 30, 1)), tmp_path / "t.json", ImportOptions(0.05))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -506,7 +510,7 @@ def test_rows_leave_room_for_what_hills_add_between_the_pixels(tmp_path):
     )  # fmt: skip
     source = sampled(terrain)
     source.values[:18, -60:] += np.random.default_rng(3).uniform(0, 1, (18, 60))
-    report = import_terrain(source, tmp_path / "t.json", Options(0.02))
+    report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.02))
     assert report.structures == {"cosbell-hill": 2}
     assert report.misfit.largest < report.bound <= 0.02
     x, y = anywhere(source, 1, 50_000)

@@ -14,7 +14,7 @@ from rasterio.transform import Affine
 from terratool.field.terrain import load
 from terratool.importing.sources import open_source
 from terratool.importing.terrains import covering, terrain
-from terratool.importing.terrains.terrain import Options, import_terrain
+from terratool.importing.terrains.terrain import ImportOptions, import_terrain
 from tests.commands import ROOT, SAMPLE, run
 
 
@@ -206,10 +206,10 @@ def test_infinite_pixels_are_counted_once(tmp_path, monkeypatch):
         file.write(heights, 1)
     monkeypatch.setattr(terrain, "MOST_IN_MEMORY", 10)
     with open_source(str(path)) as source:
-        notes = import_terrain(source, tmp_path / "a.json", Options(0.1)).notes
+        notes = import_terrain(source, tmp_path / "a.json", ImportOptions(0.1)).notes
     assert notes == ("2 pixels are infinite: taken as nodata.",)
     with open_source(str(path)) as source:
-        options = Options(0.1, fill=True)
+        options = ImportOptions(0.1, fill=True)
         notes = import_terrain(source, tmp_path / "b.json", options).notes
     assert "from beside" in notes[1]
     assert not np.isnan(
@@ -230,7 +230,7 @@ def test_classes_much_finer_than_the_dem_are_read_in_parts(dem, tmp_path, monkey
         monkeypatch.setattr(covering, "_MOST_READ", most)
         out = tmp_path / f"{most}.json"
         with open_source(str(dem)) as source:
-            import_terrain(source, out, Options(0.1, surfaces=str(path)))
+            import_terrain(source, out, ImportOptions(0.1, surfaces=str(path)))
         texts.append(out.read_text())
     assert texts[0] == texts[1]
     terrain = load(out)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.definition.jsontext import MAX_DEPTH, parse
-from terratool.definition.misspelt import MisspeltError
+from terratool.definition.misspelt import JsonSyntaxError
 from tests.layouts import Cursor, Layout, gaps, texts, values
 
 
@@ -21,7 +21,7 @@ def same(value: Any) -> str:
 
 
 def refusal(text: str) -> tuple[int, int, str]:
-    with pytest.raises(MisspeltError) as caught:
+    with pytest.raises(JsonSyntaxError) as caught:
         parse(text)
     error = caught.value
     assert error.message.endswith(".")
@@ -127,14 +127,14 @@ def trusted(text: str) -> str | None:
 def verdict(text: str) -> str | None:
     try:
         return json.dumps(parse(text).value, sort_keys=True)
-    except MisspeltError as error:
+    except JsonSyntaxError as error:
         assert 0 <= error.offset <= len(text)
         return None
 
 
 @given(st.lists(st.sampled_from(PIECES), max_size=12).map("".join))
 def test_agrees_with_python_on_any_text(text: str) -> None:
-    """Any string of JSON's pieces ends in the right value or a `MisspeltError`."""
+    """Any string of JSON's pieces ends in the right value or a `JsonSyntaxError`."""
     assert verdict(text) == trusted(text)
 
 

@@ -24,7 +24,7 @@ from terratool.field.extents import nonzero_edges
 from terratool.mesh.planar import Triangulation
 from terratool.mesh.planning import plan_of
 from terratool.mesh.types import COVER, Regions
-from terratool.traversability.maps.numbers import numbers_of, soil_table
+from terratool.traversability.maps.numbers import soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.surveys import ROVER
 
@@ -61,7 +61,7 @@ def known(kind: str) -> Any:
         return kernels.field.WallFinder(TERRAIN.field, edges)
     if kind == "VehicleOnSoils":
         soils = soil_table(TERRAIN, ROVER)
-        return kernels.traversability.VehicleOnSoils(numbers_of(ROVER), *soils)
+        return kernels.traversability.VehicleOnSoils(vehicle_params(ROVER), *soils)
     plan, _ = plan_of(TERRAIN, 0.1)
     if kind == "Plan":
         return plan.kept
@@ -312,7 +312,7 @@ def digest() -> str:
     from terratool.field.terrain import load
     from terratool.mesh.building import build
     from terratool.raster.grid import grid_over
-    from terratool.raster.losses import Losses
+    from terratool.raster.losses import LossFinder
     from terratool.raster.painting import Painter
 
     found = hashlib.sha256(b"")
@@ -326,7 +326,7 @@ def digest() -> str:
         planes = Painter(terrain, grid, np.float64, slopes=True, labels=True).paint(grid.whole)
         arrays = [terrain.height(x, y), sample.height, sample.element, sample.normal]
         arrays += [planes.heights, planes.surfaces, planes.slope_x, planes.slope_y, planes.labels]
-        found.update(repr(Losses(terrain, grid).of(grid.whole, planes)).encode())
+        found.update(repr(LossFinder(terrain, grid).of(grid.whole, planes)).encode())
         if path.stem in ("paper-example", "stairs-and-kerbs", "wheel-tracks"):
             mesh = build(terrain, 0.05).mesh
             arrays += [mesh.vertices, mesh.faces]

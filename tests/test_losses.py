@@ -19,9 +19,15 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster import losses
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.raster.losses import Losses, Part
+from terratool.raster.losses import LossCounts, LossFinder
 from terratool.raster.painting import Painter
-from terratool.raster.statement import Misfit, Narrow, Narrows, Statement, Wall
+from terratool.raster.statement import (
+    InterpolationError,
+    RasterLoss,
+    SubpixelFeature,
+    SubpixelFeatures,
+    Wall,
+)
 from tests.brute import walls
 from tests.conftest import terrain_of
 from tests.strategies import definitions
@@ -55,17 +61,17 @@ def at(x: int, y: int, w: int = 1, h: int = 1, **more: Any) -> dict[str, Any]:
 
 def part_of(
     terrain: Terrain, grid: Grid, size: tuple[int, int] = (512, 512), dtype: Any = np.float32
-) -> Part:
+) -> LossCounts:
     """What is lost in all windows of a size."""
-    found = Losses(terrain, grid, dtype)
+    found = LossFinder(terrain, grid, dtype)
     painter = Painter(terrain, grid, dtype, surfaces=False, labels=True)
     parts = [found.of(w, painter.paint(found.margins(w))) for w in grid.windows(*size)]
-    return sum(parts, Part())
+    return sum(parts, LossCounts())
 
 
-def statement_of(terrain: Terrain, resolution: float, dtype: Any = np.float32) -> Statement:
+def statement_of(terrain: Terrain, resolution: float, dtype: Any = np.float32) -> RasterLoss:
     grid = grid_over(terrain, resolution)
-    found = Losses(terrain, grid, dtype)
+    found = LossFinder(terrain, grid, dtype)
     return found.statement(part_of(terrain, grid, dtype=dtype), 0)
 
 
@@ -250,14 +256,16 @@ class TestWindows:
 
     def test_add_up_in_any_order(self) -> None:
         """To the same, bit for bit; so threads change nothing."""
-        found = Losses(self.terrain, self.grid)
+        found = LossFinder(self.terrain, self.grid)
         painter = Painter(self.terrain, self.grid, labels=True)
         parts = [found.of(w, painter.paint(found.margins(w))) for w in self.grid.windows(50, 30)]
         rng = np.random.default_rng(0)
-        sums = {sum((parts[k] for k in rng.permutation(len(parts))), Part()) for _ in range(20)}
+        sums = {
+            sum((parts[k] for k in rng.permutation(len(parts))), LossCounts()) for _ in range(20)
+        }
         assert len(sums) == 1
 
-        def part(window: Window) -> Part:
+        def part(window: Window) -> LossCounts:
             return found.of(window, painter.paint(found.margins(window)))
 
         with ThreadPoolExecutor(4) as pool:
@@ -266,7 +274,7 @@ class TestWindows:
 
     def test_planes_that_do_not_fit_are_refused(self) -> None:
         """Of the window without its margins, or without labels."""
-        found = Losses(self.terrain, self.grid)
+        found = LossFinder(self.terrain, self.grid)
         window = Window(0, 0, 10, 10)
         assert found.margins(window) == Window(0, 0, 11, 11)
         assert found.margins(Window(190, 190, 10, 10)) == Window(190, 190, 10, 10)
@@ -295,7 +303,7 @@ class TestWindows:
         assert part.pairs == pytest.approx(exact.pairs, rel=0.05)
         assert part.steepest == exact.steepest
         assert part.highest <= exact.highest
-        assert Losses(terrain, grid).statement(part, 0).estimated
+        assert LossFinder(terrain, grid).statement(part, 0).estimated
 
     def test_spread_is_even_and_in_step_with_nothing(self) -> None:
         """Ascending, none twice, about as many of each residue."""
@@ -325,14 +333,15 @@ class TestNarrow:
         stated = statement_of(terrain, 0.5)
         assert stated.narrow.count == 30
         assert stated.narrow.first == tuple(
-            Narrow(f"/elemTree/children/3/children/{k}", pytest.approx(0.01)) for k in range(20)
+            SubpixelFeature(f"/elemTree/children/3/children/{k}", pytest.approx(0.01))
+            for k in range(20)
         )
         assert statement_of(terrain, 0.01).narrow.count == 0  # just as wide as a pixel
         assert statement_of(terrain, 0.5001).narrow.count == 33
         assert statement_of(terrain, 1.0).narrow.count == 33
         assert statement_of(terrain, 1.25).narrow.count == 36
         grid = grid_over(terrain, 1.25, (0, 0, 5, 5))
-        found = Losses(terrain, grid).statement(Part(), 0)
+        found = LossFinder(terrain, grid).statement(LossCounts(), 0)
         assert [one.element for one in found.narrow.first] == [
             "/elemTree/children/0", "/elemTree/children/1",
             *(f"/elemTree/children/2/children/{k}" for k in range(3)),
@@ -346,7 +355,7 @@ class TestNarrow:
         }  # fmt: skip
         terrain = terrain_of(definition)
         for resolution, count in ((1.0, 0), (1.0000001, 1), (1.5, 1), (0.9, 0)):
-            stated = Losses(terrain, grid_over(terrain, resolution)).statement(Part(), 0)
+            stated = LossFinder(terrain, grid_over(terrain, resolution)).statement(LossCounts(), 0)
             assert stated.narrow.count == count
 
     @pytest.mark.parametrize(
@@ -376,9 +385,9 @@ class TestNarrow:
             {"size": [10, 20], "elemTypes": {**TYPES, "p": primitive},
              "elemTree": {"type": "nothing", "children": [child, {**child, "vScale": 0}]}}
         )  # fmt: skip
-        details = Losses(terrain, grid_over(terrain, 0.999)).statement(Part(), 0).details
+        details = LossFinder(terrain, grid_over(terrain, 0.999)).statement(LossCounts(), 0).details
         if width is None or width >= 0.999:
-            assert details == Narrows(0, ())
+            assert details == SubpixelFeatures(0, ())
         else:
             assert details.count == 1
             (one,) = details.first
@@ -386,9 +395,12 @@ class TestNarrow:
             assert one.width == pytest.approx(width)
             for resolution, count in ((width * 1.001, 1), (width * 0.999, 0)):
                 grid = grid_over(terrain, resolution)
-                assert Losses(terrain, grid).statement(Part(), 0).details.count == count
+                assert LossFinder(terrain, grid).statement(LossCounts(), 0).details.count == count
         # an element that is narrow itself is not counted twice
-        assert Losses(terrain, grid_over(terrain, 1.01)).statement(Part(), 0).details.count == 0
+        assert (
+            LossFinder(terrain, grid_over(terrain, 1.01)).statement(LossCounts(), 0).details.count
+            == 0
+        )
 
 
 class TestMisfit:
@@ -446,13 +458,13 @@ class TestMisfit:
 class TestStatement:
     """As text and as JSON."""
 
-    nothing = Statement(
-        0.1, 0.0, 0, False, None, None, Narrows(0, ()), Narrows(0, ()), 0, None
+    nothing = RasterLoss(
+        0.1, 0.0, 0, False, None, None, SubpixelFeatures(0, ()), SubpixelFeatures(0, ()), 0, None
     )  # fmt: skip
-    everything = Statement(
+    everything = RasterLoss(
         0.2, 12.345, 70, False, Wall(2.1, 1.0, 2.0), Wall(2.12, 3.0, 4.0),
-        Narrows(1, (Narrow("/elemTree", 0.1),)), Narrows(1234, ()), 5,
-        Misfit(10, 0.5, 0.1, 1.0, 2.0, None),
+        SubpixelFeatures(1, (SubpixelFeature("/elemTree", 0.1),)), SubpixelFeatures(1234, ()), 5,
+        InterpolationError(10, 0.5, 0.1, 1.0, 2.0, None),
     )  # fmt: skip
 
     def test_in_a_sentence(self) -> None:
@@ -507,7 +519,7 @@ def test_of_many_elements_some_are_named() -> None:
         {"size": 600, "elemTypes": TYPES,
          "elemTree": {"type": "nothing", "cells": 600, "children": children}}
     )  # fmt: skip
-    found = Losses(terrain, grid_over(terrain, 2.0))
-    stated = found.statement(Part(), 0)
+    found = LossFinder(terrain, grid_over(terrain, 2.0))
+    stated = found.statement(LossCounts(), 0)
     assert stated.narrow.count == 300_000
     assert len(stated.narrow.first) == 20

@@ -422,8 +422,8 @@ def test_without_usd_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_edges_that_float32_cannot_tell_from_a_point_are_left_out() -> None:
     """A closed mesh stays closed, and nothing else changes."""
-    from terratool.mesh.distinct import distinct
-    from terratool.mesh.types import Built
+    from terratool.mesh.distinct import collapse_degenerate
+    from terratool.mesh.types import BuiltMesh
 
     # a pyramid over a square, its tip an edge that is too short
     vertices = [(0, 0, 0), (9, 0, 0), (9, 5, 0), (0, 5, 0), (3, 2, 4), (3 + 1e-9, 2, 4)]
@@ -435,14 +435,14 @@ def test_edges_that_float32_cannot_tell_from_a_point_are_left_out() -> None:
         surfaces=np.arange(8, dtype=np.int32) % 2,
         walls=np.zeros(8, bool),
     )
-    built = distinct(Built(mesh, 6, 0.0, 0.0, 0, 0, 0.0))
+    built = collapse_degenerate(BuiltMesh(mesh, 6, 0.0, 0.0, 0, 0, 0.0))
     assert built.mesh.faces.tolist() == [
         [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]
     ]  # fmt: skip
     assert built.mesh.surfaces.tolist() == [0, 0, 1, 1, 0, 1]
     assert built.shell == 4 and len(built.mesh.vertices) == 5
     apart = replace(built.mesh, vertices=built.mesh.vertices[[0, 1, 2, 3, 0]])
-    same = Built(apart, 6, 0.0, 0.0, 0, 0, 0.0)
-    assert len(distinct(same).mesh.faces) == 4  # edges 0-4 and 3-0-4 have no length
-    same = Built(built.mesh, 4, 0.0, 0.0, 0, 0, 0.0)
-    assert distinct(same) is same
+    same = BuiltMesh(apart, 6, 0.0, 0.0, 0, 0, 0.0)
+    assert len(collapse_degenerate(same).mesh.faces) == 4  # edges 0-4 and 3-0-4 have no length
+    same = BuiltMesh(built.mesh, 4, 0.0, 0.0, 0, 0, 0.0)
+    assert collapse_degenerate(same) is same

@@ -11,11 +11,11 @@ import pytest
 
 from terratool.errors import RequestError
 from terratool.kernels import mesh as kernels
-from terratool.mesh.building import arrange, build
+from terratool.mesh.building import build, coarse_mesh
 from terratool.mesh.planning import plan_of
 from terratool.mesh.rims import NO_SEAMS
 from terratool.mesh.solid import base_below
-from terratool.mesh.types import COVER, Built, Regions
+from terratool.mesh.types import COVER, BuiltMesh, Regions
 from terratool.mesh.walling import assemble
 from tests.conftest import terrain_of
 from tests.meshes import (
@@ -52,13 +52,13 @@ def hole(x: int, y: int, **more: Any) -> dict[str, Any]:
     return at(x, y, surface="hole", **more)
 
 
-def solid_of(definition: dict[str, Any], max_error: float = 1e-3, **options: Any) -> Built:
+def solid_of(definition: dict[str, Any], max_error: float = 1e-3, **options: Any) -> BuiltMesh:
     built = build(terrain_of(definition), max_error, **{"base": BASE, **options})
     check_solid(built, built.mesh.vertices[:, 2].min())
     return built
 
 
-def vertices_at(built: Built, x: float, y: float, z: float) -> int:
+def vertices_at(built: BuiltMesh, x: float, y: float, z: float) -> int:
     return int((np.abs(built.mesh.vertices - (x, y, z)).max(axis=1) < 1e-7).sum())
 
 
@@ -112,7 +112,7 @@ class TestExact:
             assert (len(built.mesh.faces), len(built.mesh.vertices), built.shell) == (0, 0, 0)
 
 
-def trimesh_bodies(built: Built) -> list[Any]:
+def trimesh_bodies(built: BuiltMesh) -> list[Any]:
     import trimesh
 
     mesh = trimesh.Trimesh(built.mesh.vertices, built.mesh.faces, process=False)
@@ -244,7 +244,7 @@ def test_any_heights_make_a_solid(seed: int) -> None:
     terrain = terrain_of(oblong(seed, random_definition(seed, 30, STRAIGHT)))
     plan, left = plan_of(terrain, 1e-3)
     drawn = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
-    plane = arrange(plan, drawn, NO_SEAMS).plane
+    plane = coarse_mesh(plan, drawn, NO_SEAMS).plane
     count = len(plane.triangles)
     none = np.zeros(count + 1, np.int64), np.empty(0, COVER)
     voids = rng.random(count) < 0.2
@@ -253,7 +253,7 @@ def test_any_heights_make_a_solid(seed: int) -> None:
     heights = rng.integers(0, 2 + seed % 4, plane.triangles.shape).astype(float)
     one_each = np.arange(count, dtype=np.int32)
     mesh, shell, _ = assemble(terrain, plan, plane, parts, one_each, heights, -1.0)
-    check_solid(Built(mesh, shell, 0.0, *left), -1.0)
+    check_solid(BuiltMesh(mesh, shell, 0.0, *left), -1.0)
     assert covered(mesh) == pytest.approx(0, abs=1e-6)
 
 

@@ -16,8 +16,8 @@ from terratool.mesh import rims, seams, tiling
 from terratool.mesh.building import build
 from terratool.mesh.planar import Triangulation
 from terratool.mesh.planning import plan_of
-from terratool.mesh.tiling import Layout, build_tile, build_tiles, lay_out
-from terratool.mesh.types import COVER, Mesh, Regions, Rim
+from terratool.mesh.tiling import TileLayout, build_tile, build_tiles, lay_out
+from terratool.mesh.types import COVER, Mesh, Regions, TileBoundary
 from tests.conftest import terrain_of
 from tests.meshes import (
     CURVED,
@@ -33,7 +33,7 @@ from tests.meshes import (
 )
 
 
-def tiles_of(terrain: Terrain, layout: Layout) -> dict[tuple[int, int], Mesh]:
+def tiles_of(terrain: Terrain, layout: TileLayout) -> dict[tuple[int, int], Mesh]:
     return {(row, column): tile.mesh for row, column, tile in build_tiles(terrain, layout)}
 
 
@@ -61,7 +61,7 @@ def on_seam(mesh: Mesh, axis: int, at: float) -> set[tuple[bytes, bytes]]:
     return {(min(a, b), max(a, b)) for a, b in ((p.tobytes(), q.tobytes()) for p, q in pairs)}
 
 
-def check_seams(layout: Layout, tiles: dict[tuple[int, int], Mesh]) -> int:
+def check_seams(layout: TileLayout, tiles: dict[tuple[int, int], Mesh]) -> int:
     """Both tiles at a seam have the same open edges there; returns their number."""
     rows, columns = layout.shape
     pitch = layout.plan.pitch
@@ -81,7 +81,7 @@ def check_seams(layout: Layout, tiles: dict[tuple[int, int], Mesh]) -> int:
     return count
 
 
-def wild(seed: int) -> tuple[Terrain, float, float, Layout]:
+def wild(seed: int) -> tuple[Terrain, float, float, TileLayout]:
     """A terrain, the error of its mesh, how far its walls stand aside, and how it is cut."""
     rng = np.random.default_rng(seed)
     primitives, error, aside = (
@@ -264,18 +264,18 @@ def test_corners_take_the_heights_of_the_seam() -> None:
     triangles = np.array([[0, 1, 2], [2, 1, 4], [2, 4, 3]], np.int32)
     neighbours = np.array([[-1, 1, -1], [0, -1, 2], [1, -1, -1]], np.int32)
     plane = Triangulation(points, triangles, neighbours)
-    rim = Rim(
+    rim = TileBoundary(
         np.array([0, -1, -1, -1]),
         np.array([[0, 9, 0, 20], [0, 0, 0, 9]]),
         np.array([[5.0, 6.0], [1.0, 2.0]]),
     )
-    triangle, corner = rims.beside(plane, rim)
+    triangle, corner = rims.boundary_triangles(plane, rim)
     assert triangle.tolist() == [2, 0] and corner.tolist() == [2, 2]
     heights = np.array([[1.1, 0, 2.1], [4.9, 0, 0], [5.1, 0, 6.1]])
-    rims.pin(plane, rim, triangle, corner, np.zeros(3, bool), heights)
+    rims.pin_heights(plane, rim, triangle, corner, np.zeros(3, bool), heights)
     assert heights.tolist() == [[1, 0, 2], [5, 0, 0], [5, 0, 6]]
     with pytest.raises(RuntimeError, match="edges of its seams"):
-        rims.beside(plane, rim._replace(edges=np.roll(rim.edges, 1, axis=1)))
+        rims.boundary_triangles(plane, rim._replace(edges=np.roll(rim.edges, 1, axis=1)))
 
 
 def test_edges_on_a_seam_are_not_split_and_its_vertices_not_moved() -> None:

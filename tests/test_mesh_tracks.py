@@ -17,10 +17,10 @@ from terratool.field.terrain import Terrain
 from terratool.mesh.building import build
 from terratool.mesh.export import export_mesh
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.measuring import walls_of
+from terratool.mesh.measuring import wall_summary
 from terratool.mesh.mosaic import export_tiles
 from terratool.mesh.tiling import lay_out
-from terratool.mesh.types import Built, Mesh
+from terratool.mesh.types import BuiltMesh, Mesh
 from tests import strategies
 from tests.conftest import terrain_of
 from tests.meshes import (
@@ -95,7 +95,7 @@ def beside_ruts(definition: Json, aside: float) -> Callable[..., np.ndarray]:
     return near
 
 
-def check(definition: Json, error: float, points: int = 4000) -> Built:
+def check(definition: Json, error: float, points: int = 4000) -> BuiltMesh:
     """A mesh of it, sound, closed, and as high as the terrain away from the sides of ruts."""
     terrain = terrain_of(definition)
     built = build(terrain, error)
@@ -131,7 +131,7 @@ def test_a_straight_rut_by_hand() -> None:
     assert corners == pytest.approx(round(corners)) and round(corners) % 4 == 0
     around = 10 + 2 * corners * 0.2 * math.sin(math.pi / corners)
     inside = 5 * 0.4 + corners / 2 * 0.04 * math.sin(2 * math.pi / corners)
-    found = walls_of(mesh)
+    found = wall_summary(mesh)
     assert found.length == pytest.approx(around, rel=1e-7)
     assert found.area == pytest.approx(0.25 * around, rel=1e-7)
     assert found.highest and found.highest.size == pytest.approx(0.25)

@@ -15,7 +15,7 @@ import rasterio
 
 from terratool.errors import WriteError
 from terratool.raster import export, tiles
-from terratool.raster.export import Report, export_dem
+from terratool.raster.export import RasterReport, export_dem
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.journal import NAME, journal_of
@@ -32,7 +32,7 @@ def grid() -> Grid:
     return grid_over(terrain_of(SITE), 0.01)
 
 
-def mosaic(folder: Path, *arguments: Any, **options: Any) -> Report:
+def mosaic(folder: Path, *arguments: Any, **options: Any) -> RasterReport:
     terrain = terrain_of(SITE)
     grid = grid_over(terrain, 0.01)
     return export_mosaic(terrain, grid, folder, *arguments, **{"tile_size": 512, **options})

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from terratool.definition import jsontext, skimming
 from terratool.definition.findings import escape
-from terratool.definition.misspelt import MisspeltError
-from terratool.definition.places import Spot, locate
+from terratool.definition.misspelt import JsonSyntaxError
+from terratool.definition.places import Address, locate
 from terratool.definition.values import read_values, repeated_keys
 from terratool.kernels import definition as kernels
 from tests.layouts import Cursor, scalars, texts
@@ -130,7 +130,7 @@ def written(value: Any, data: st.DataObject) -> Writer:
     return writer
 
 
-def located(text: str, spots: list[Spot], *, repeated: bool) -> list[tuple[int, int]]:
+def located(text: str, spots: list[Address], *, repeated: bool) -> list[tuple[int, int]]:
     return [(place.line, place.column) for place in locate(text.encode(), spots, repeated)]
 
 
@@ -138,8 +138,8 @@ def located(text: str, spots: list[Spot], *, repeated: bool) -> list[tuple[int, 
 def test_every_value_and_key_is_located(value: Any, data: st.DataObject) -> None:
     """Each value and key is found at its line and column, whatever the spacing and spelling."""
     writer = written(value, data)
-    spots = {Spot(pointer): place for pointer, place in writer.places.items()}
-    spots |= {Spot(pointer, on_key=True): at for pointer, (at,) in writer.keys.items()}
+    spots = {Address(pointer): place for pointer, place in writer.places.items()}
+    spots |= {Address(pointer, on_key=True): at for pointer, (at,) in writer.keys.items()}
     for repeated in (False, True):  # looking at all members or at the first finds the same
         found = located(writer.text, list(spots), repeated=repeated)
         assert dict(zip(spots, found, strict=True)) == spots
@@ -149,11 +149,11 @@ def test_every_value_and_key_is_located(value: Any, data: st.DataObject) -> None
 def test_of_repeated_keys_the_last_counts(value: Any, data: st.DataObject) -> None:
     """Values are those of the last of equal keys, and each further key is found by its number."""
     writer = written(value, data)
-    spots = {Spot(pointer): place for pointer, place in writer.places.items()}
+    spots = {Address(pointer): place for pointer, place in writer.places.items()}
     for pointer, stand in writer.keys.items():
-        spots[Spot(pointer, on_key=True)] = stand[-1]
+        spots[Address(pointer, on_key=True)] = stand[-1]
         for occurrence, at in enumerate(stand[1:], 2):
-            spots[Spot(pointer, on_key=True, occurrence=occurrence)] = at
+            spots[Address(pointer, on_key=True, occurrence=occurrence)] = at
     found = located(writer.text, list(spots), repeated=True)
     assert dict(zip(spots, found, strict=True)) == spots
 
@@ -163,7 +163,7 @@ def test_what_is_absent_is_located_at_what_is_around_it(value: Any, data: st.Dat
     """A pointer that leads nowhere stands where the innermost value on its way stands."""
     writer = written(value, data)
     around = data.draw(st.sampled_from(sorted(writer.places)))
-    spot = Spot(around + "/absent/1/" + data.draw(texts).replace("/", ""))
+    spot = Address(around + "/absent/1/" + data.draw(texts).replace("/", ""))
     assert located(writer.text, [spot], repeated=True) == [writer.places[around]]
 
 
@@ -178,7 +178,7 @@ def test_what_is_absent_is_located_at_what_is_around_it(value: Any, data: st.Dat
 def test_brackets_in_long_texts_are_none(value: str) -> None:
     """A bracket in a text that is longer than those looked at at once ends no value."""
     text = f'{{"x-own":   {value},"size":0}}'
-    spots = [Spot("/size", on_key=True), Spot("/size")]
+    spots = [Address("/size", on_key=True), Address("/size")]
     column = len(text) - len('"size":0}') + 1
     assert located(text, spots, repeated=False) == [(1, column), (1, column + 7)]
 
@@ -192,8 +192,8 @@ def test_deep_values_are_located(depth: int, repeated: bool) -> None:
     inner = "/a" + "/a/0" * (depth - 1) + "/a"
     lines = text.split("\r\n")
     begin = 6 * depth + 1
-    spots = [Spot(inner + "/0"), Spot(inner + "/1"), Spot(inner + "/1/b")]
-    spots += [Spot(inner + "/1/b", True, 2), Spot("/a", True)]
+    spots = [Address(inner + "/0"), Address(inner + "/1"), Address(inner + "/1/b")]
+    spots += [Address(inner + "/1/b", True, 2), Address("/a", True)]
     expected = [(2, begin), (2, begin + 3), (3, 1), (2, begin + 12), (1, lines[0].index('"a"') + 1)]
     if not repeated:  # the first one is the one that is found at once
         spots, expected = spots[:2] + spots[3:], expected[:2] + expected[3:]
@@ -319,7 +319,7 @@ def broken(value: Any, data: st.DataObject) -> str:
 def refusal(parse: Any, text: str) -> tuple[Any, ...] | None:
     try:
         parse(text)
-    except MisspeltError as error:
+    except JsonSyntaxError as error:
         return error.code, error.offset, error.message, error.hint, error.inside
     return None
 
@@ -360,7 +360,7 @@ def strictly(text: str) -> str | None:
     """What the careful reader makes of a text, spelled anew; None if it refuses."""
     try:
         return json.dumps(jsontext.parse(text).value)
-    except MisspeltError:
+    except JsonSyntaxError:
         return None
 
 
@@ -372,7 +372,7 @@ def test_values_are_those_of_the_careful_reader(
     text = f"[{number},{broken(value, data)}]"
     try:
         read = json.dumps(read_values(text.encode()))
-    except MisspeltError:
+    except JsonSyntaxError:
         read = None
     assert read == strictly(text)
 
@@ -388,6 +388,6 @@ def test_values_behind_numbers_of_any_size(number: str, item: str) -> None:
     for text in (f"[{number},{item}]", f'{{"a":{number},"b":[{item}]}}'):
         try:
             read = json.dumps(read_values(text.encode()))
-        except MisspeltError:
+        except JsonSyntaxError:
             read = None
         assert read == strictly(text)

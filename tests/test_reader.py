@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from terratool.definition import reader
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Element
-from terratool.definition.reader import Checked, Options, load_definition
+from terratool.definition.reader import Checked, CheckOptions, load_definition
 from terratool.definition.source import Source, read_source
 from terratool.errors import DefinitionError, ReadError
 from tests.strategies import Json, definitions
@@ -30,7 +30,7 @@ GOOD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
 def check(text: str | bytes) -> Checked:
     """Errors only."""
     data = text.encode() if isinstance(text, str) else text
-    return reader.check(Source("t.json", data), Options(warnings=False))
+    return reader.check(Source("t.json", data), CheckOptions(warnings=False))
 
 
 def explain(text: str | bytes) -> Checked:
@@ -151,7 +151,7 @@ def test_both_ways_have_one_opinion(definition: Json, data: st.DataObject) -> No
         owner, key = data.draw(st.sampled_from(spots(definition)))
         owner[key] = data.draw(wrong_values | st.just(owner[key]))
     text = json.dumps(definition, separators=(",", ":"))
-    options = Options(max_step=data.draw(st.sampled_from([None, 0.0, 1.5])))
+    options = CheckOptions(max_step=data.draw(st.sampled_from([None, 0.0, 1.5])))
     with mock.patch.object(reader, "_quickly", return_value=None):
         explained = reader.check(Source("t.json", text.encode()), options)
     assert reader.check(Source("t.json", text.encode()), options) == explained
@@ -169,12 +169,12 @@ def test_no_more_findings_than_are_wanted(definition: Json, data: st.DataObject)
         if isinstance(owner, dict):
             owner["x-ignore"] = [key, "TT2"]
     source = Source("t.json", json.dumps(definition).encode())
-    everything = reader.check(source, Options(max_step=0.0))
+    everything = reader.check(source, CheckOptions(max_step=0.0))
     assert everything.counts.total() == len(everything.findings)
     places = [(f.line, f.column) for f in everything.findings]
     assert places == sorted(places)
     limit = data.draw(st.integers(0, len(places) + 1))
-    some = reader.check(source, Options(max_step=0.0, limit=limit))
+    some = reader.check(source, CheckOptions(max_step=0.0, limit=limit))
     assert len(some.findings) == min(limit, len(places))
     assert (some.counts, some.definition) == (everything.counts, everything.definition)
     rest = iter(everything.findings)
@@ -196,7 +196,7 @@ def crowd(wrong: list[bool]) -> str:
 def test_the_first_findings_are_those_that_are_placed(wrong: list[bool], limit: int) -> None:
     """Of elements side by side the first ones are named, whatever their codes; all are counted."""
     source = Source("t.json", crowd(wrong).encode())
-    everything, some = reader.check(source), reader.check(source, Options(limit=limit))
+    everything, some = reader.check(source), reader.check(source, CheckOptions(limit=limit))
     expected = [
         (line, code)
         for line, bad in enumerate(wrong, 2)
@@ -214,7 +214,7 @@ def test_thousands_of_findings_are_counted(limit: int) -> None:
     wrong = [place % 3 == 0 for place in range(5000)]
     text = crowd(wrong).replace('"type":"b","cellX":1,', '"type":"b","cellX":1,"cellX":1,')
     source = Source("t.json", text.encode())
-    checked = reader.check(source, Options(limit=limit))
+    checked = reader.check(source, CheckOptions(limit=limit))
     # those in column 1 whose number is no multiple of 3 stand in cell 1 as they are written
     twice = sum(place % 100 == 1 and not bad for place, bad in enumerate(wrong))
     assert checked.counts == {"TT102": twice, "TT106": sum(wrong), "TT210": 5000}

@@ -18,9 +18,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from terratool import __version__
-from terratool.cli.reporting import Report, Summary, Unreadable, as_github, as_json, as_text
+from terratool.cli.reporting import (
+    Unreadable,
+    ValidationReport,
+    ValidationSummary,
+    as_github,
+    as_json,
+    as_text,
+)
 from terratool.definition.findings import Finding
-from terratool.definition.places import places
+from terratool.definition.places import positions_of
 from terratool.definition.reader import check
 from terratool.definition.rules import all_rules
 from terratool.definition.source import Source
@@ -45,22 +52,22 @@ OBLONG = """{
 """
 
 
-def report_on(*texts: str | bytes) -> Report:
+def report_on(*texts: str | bytes) -> ValidationReport:
     """A report on files called 0.json, 1.json and so on."""
     findings: list[Finding] = []
     for index, text in enumerate(texts):
         data = text.encode() if isinstance(text, str) else text
         findings += check(Source(f"{index}.json", data)).findings
     errors = sum(finding.severity == "error" for finding in findings)
-    summary = Summary(files=len(texts), errors=errors, warnings=len(findings) - errors)
-    return Report(tuple(findings), (), summary)
+    summary = ValidationSummary(files=len(texts), errors=errors, warnings=len(findings) - errors)
+    return ValidationReport(tuple(findings), (), summary)
 
 
 def unstyled(text: str) -> str:
     return re.sub("\x1b\\[[0-9;]*m", "", text)
 
 
-def plain(report: Report) -> str:
+def plain(report: ValidationReport) -> str:
     return unstyled(as_text(report))
 
 
@@ -158,7 +165,7 @@ def test_excerpts_show_the_fault_and_what_is_around(lines: list[str], data: st.D
     assume(all(text[at - 1 : at + 1] != "\r\n" for at in offsets))
     # a line that ends in CR and an empty one that ends in LF are one line
     by_line = re.split(r"\r\n|\r|\n", text)
-    found = places(text.encode(), [len(text[:at].encode()) for at in offsets])
+    found = positions_of(text.encode(), [len(text[:at].encode()) for at in offsets])
     for at, place in zip(offsets, found, strict=True):
         assert (place.line, place.column) == Cursor().after(text[:at])
         line, index = by_line[place.line - 1], place.column - 1
@@ -207,25 +214,25 @@ def test_findings_are_sorted_by_position() -> None:
 @pytest.mark.parametrize(
     ("summary", "words"),
     [
-        (Summary(), "no files checked, no errors, no warnings."),
-        (Summary(1, 1), "1 file checked, no errors, no warnings."),
-        (Summary(2, 1, 1, 0, 1, 1), "2 files checked, 1 invalid, 1 error, 1 warning."),
+        (ValidationSummary(), "no files checked, no errors, no warnings."),
+        (ValidationSummary(1, 1), "1 file checked, no errors, no warnings."),
+        (ValidationSummary(2, 1, 1, 0, 1, 1), "2 files checked, 1 invalid, 1 error, 1 warning."),
         (
-            Summary(3, 0, 1, 2, 2, 2),
+            ValidationSummary(3, 0, 1, 2, 2, 2),
             "3 files checked, 1 invalid, 2 unreadable, 2 errors, 2 warnings.",
         ),
         (
-            Summary(1234, 1234, 0, 0, 0, 1_000_001, 1_000_000),
+            ValidationSummary(1234, 1234, 0, 0, 0, 1_000_001, 1_000_000),
             "1,234 files checked, no errors, 1,000,001 warnings; 1,000,000 of them not listed "
             "(see --max-findings).",
         ),
     ],
     ids=str,
 )
-def test_the_summary_is_a_sentence(summary: Summary, words: str) -> None:
+def test_the_summary_is_a_sentence(summary: ValidationSummary, words: str) -> None:
     """One thing is singular, none is "no", and what is not listed is said to be so."""
-    assert as_text(Report((), (), summary)).split("\n")[-1] == words
-    assert as_github(Report((), (), summary)).split("\n")[-1] == words
+    assert as_text(ValidationReport((), (), summary)).split("\n")[-1] == words
+    assert as_github(ValidationReport((), (), summary)).split("\n")[-1] == words
 
 
 def test_a_name_stays_on_its_line(tmp_path: Path) -> None:
@@ -325,8 +332,8 @@ def test_bounds_are_world_coordinates(size: str, origin: str, bounds: list[float
 
 def test_json_of_unreadable_files_and_the_counts() -> None:
     """Files that could not be read are listed with the reason; the counts have their names."""
-    summary = Summary(7, 1, 2, 4, 5, 6, 3)
-    report = Report((), (Unreadable("a\n.json", "why é.", "what."),), summary)
+    summary = ValidationSummary(7, 1, 2, 4, 5, 6, 3)
+    report = ValidationReport((), (Unreadable("a\n.json", "why é.", "what."),), summary)
     assert json.loads(as_json(report)) == {
         "format_version": 1,
         "findings": [],
@@ -463,7 +470,7 @@ def test_annotations_say_where_and_what(name: str) -> None:
     finding = Finding(name, "TT106", "error", "/size", 3, 14, "50 %: bad,\r\nso.", "Do %0A.")
     warning = Finding(name, "TT210", "warning", "", 1, 2, "m.", "h.")
     missing = Unreadable(name, "gone, %.", "look.")
-    text = as_github(Report((finding, warning), (missing,), Summary(files=1)))
+    text = as_github(ValidationReport((finding, warning), (missing,), ValidationSummary(files=1)))
     place = {"file": name, "line": "3", "col": "14", "title": "TT106"}
     assert annotations(text) == [
         ("error", place, "50 %: bad,\r\nso.\nDo %0A."),

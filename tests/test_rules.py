@@ -9,7 +9,7 @@ from textwrap import dedent
 import pytest
 
 from terratool.definition.findings import Finding
-from terratool.definition.reader import Checked, Options, check
+from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import all_rules
 from terratool.definition.source import Source, read_source
 from terratool.definition.vehicles.reader import check_any
@@ -104,9 +104,9 @@ def examples(code: str) -> list[tuple[str, str, str]]:
 
 def tried(how: str, text: str) -> Checked:
     """A text under the circumstances that a manual page names."""
-    options, data = Options(), text.encode("latin-1" if how == "in Latin-1" else "utf-8")
+    options, data = CheckOptions(), text.encode("latin-1" if how == "in Latin-1" else "utf-8")
     if match := re.fullmatch(r"with --max-step ([0-9.]+)", how):
-        options = Options(max_step=float(match[1]))
+        options = CheckOptions(max_step=float(match[1]))
     elif match := re.fullmatch(r"([0-9,]+) times", how):
         data = data.strip() * int(match[1].replace(",", ""))
     elif match := re.fullmatch(r"with ([0-9]+) MB of space behind", how):
@@ -221,4 +221,4 @@ def test_names_are_shown_on_one_line() -> None:
 
 def check_text(text: str) -> tuple[Finding, ...]:
     """Errors only."""
-    return check(Source("t.json", text.encode()), Options(warnings=False)).findings
+    return check(Source("t.json", text.encode()), CheckOptions(warnings=False)).findings

@@ -17,7 +17,7 @@ import terratool
 from terratool.definition.model import Surface
 from terratool.definition.presets import PRESETS, property_of
 from terratool.errors import RequestError
-from terratool.raster.layers import LAYERS, Soils
+from terratool.raster.layers import LAYERS, SurfaceValues
 from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.terramechanics.demand import demand
 from terratool.traversability.terramechanics.soils import (
@@ -27,7 +27,11 @@ from terratool.traversability.terramechanics.soils import (
     soil_of,
     soils,
 )
-from terratool.traversability.terramechanics.surfaces import ASSUMPTIONS, all_figures, figures
+from terratool.traversability.terramechanics.surfaces import (
+    ASSUMPTIONS,
+    all_figures,
+    surface_figures,
+)
 from terratool.traversability.types import Axle, Margins, Soil, Vehicle, Wheel
 from tests.conftest import terrain_of
 from tests.test_terramechanics import E1, E2, ROVER, WHEEL, printed
@@ -89,7 +93,7 @@ def test_bekkers_sinkage_bears_the_load(
 
 def test_snow_of_the_table_bogs_the_wheel_down() -> None:
     """131 mm, and a drawbar pull below 0."""
-    found = figures("snow", Surface(preset="snow-us"), Vehicle.single(WHEEL, 100))
+    found = surface_figures("snow", Surface(preset="snow-us"), Vehicle.single(WHEEL, 100))
     assert found.sinkage is not None and found.drawbar is not None
     assert printed(found.sinkage, "0.131")
     assert found.drawbar < 0
@@ -121,7 +125,9 @@ def test_what_a_surface_says_counts_before_its_preset() -> None:
 
 def test_layers_of_a_dem_know_presets() -> None:
     """Cohesion and friction are there; sinkage, which depends on the wheel, is not."""
-    ground = Soils(terrain(s={"preset": "lunar-nominal"}, t={"preset": "snow-us", "cohesion": 4}))
+    ground = SurfaceValues(
+        terrain(s={"preset": "lunar-nominal"}, t={"preset": "snow-us", "cohesion": 4})
+    )
     values = {
         name: ground.values(LAYERS[name], np.dtype(np.float64)).tolist()[1:]
         for name in ("cohesion", "friction")
@@ -165,7 +171,7 @@ def test_soils_beyond_all_bounds_are_refused(key: str) -> None:
 def test_figures_of_a_soft_surface() -> None:
     """One wheel on the reference soil: each figure is that of its formula, worked out elsewhere."""
     surface = Surface(cohesion=1, fric_angle=30, sinkage=0.1)
-    found = figures("sand", surface, Vehicle.single(WHEEL, 100))
+    found = surface_figures("sand", surface, Vehicle.single(WHEEL, 100))
     expected = {
         "sinkage": "0.01", "contact_area": "0.006244998", "pressure": "16012.82",
         "normal_stress": "29107.23", "shear_stress": "17805.07", "thrust": "55.71340",
@@ -184,7 +190,7 @@ def test_figures_of_a_soft_surface() -> None:
 
 def test_figures_of_a_rigid_surface() -> None:
     """No contact, no resistance, and slopes up to the friction angle."""
-    found = figures("rock", Surface(cohesion=0, fric_angle=35, sinkage=0), ROVER)
+    found = surface_figures("rock", Surface(cohesion=0, fric_angle=35, sinkage=0), ROVER)
     nothing = (found.contact_length, found.contact_area, found.pressure, found.normal_stress)
     assert nothing == (None,) * 4
     assert (found.sinkage, found.resistance, found.torque) == (0, 0, 0)
@@ -196,11 +202,11 @@ def test_figures_of_a_rigid_surface() -> None:
 
 def test_figures_of_surfaces_that_cannot_be_known() -> None:
     """What lacks is named; where there is no ground nothing drives."""
-    bare = figures("mud", Surface(cohesion=1, preset="mud"), ROVER)
+    bare = surface_figures("mud", Surface(cohesion=1, preset="mud"), ROVER)
     assert bare.missing == ("fricAngle", "sinkage")
     assert (bare.verdict, bare.reason) == (Verdict.UNKNOWN, Reason.SOIL_UNKNOWN)
     assert bare.load is bare.climb is None
-    hole = figures("hole", Surface(void=True, preset="dry-sand"), ROVER)
+    hole = surface_figures("hole", Surface(void=True, preset="dry-sand"), ROVER)
     assert (hole.verdict, hole.reason) == (Verdict.NO_GO, Reason.NO_GROUND)
 
 
@@ -211,7 +217,7 @@ def test_margins_are_taken_off() -> None:
         ROVER.wheel, ROVER.axles, ROVER.mass, track=0.8, cog_height=0.4, clearance=0.15,
         margins=Margins(clearance=0.05, step=0.02, tip=math.radians(10), slope=math.radians(3)),
     )  # fmt: skip
-    found = figures("rock", rock, careful)
+    found = surface_figures("rock", rock, careful)
     assert found.climb == pytest.approx(math.radians(37))
     assert found.cross_slope == pytest.approx(math.radians(35))  # 45° to tip, less 10°
     assert found.cross_limit == Reason.TIP_OVER
@@ -240,20 +246,20 @@ def test_verdicts_on_the_level(
         WHEEL, ROVER.axles, ROVER.mass, track=0.8, cog_height=0.4, clearance=clearance
     )
     cohesion = 40 if reason == Reason.SINKAGE else 0
-    found = figures("s", Surface(cohesion=cohesion, fric_angle=30, sinkage=rate), vehicle)
+    found = surface_figures("s", Surface(cohesion=cohesion, fric_angle=30, sinkage=rate), vehicle)
     assert (found.verdict, found.reason) == (verdict, reason)
 
 
 def test_a_weak_motor_and_a_slippery_soil_are_named() -> None:
     """Torque and slip bind where they are nearest to their limits."""
     surface = Surface(cohesion=1, fric_angle=30, sinkage=0.1)
-    weak = figures("s", surface, Vehicle.single(Wheel(0.2, 0.1, 3.2), 100))
+    weak = surface_figures("s", surface, Vehicle.single(Wheel(0.2, 0.1, 3.2), 100))
     assert (weak.verdict, weak.reason) == (Verdict.CAUTION, Reason.TORQUE)
-    none = figures("s", surface, Vehicle.single(Wheel(0.2, 0.1, 3.1), 100))
+    none = surface_figures("s", surface, Vehicle.single(Wheel(0.2, 0.1, 3.1), 100))
     assert (none.verdict, none.reason) == (Verdict.NO_GO, Reason.TORQUE)
     assert (none.climb, none.climb_limit) == (None, Reason.TORQUE)
     slick = Surface(cohesion=1, fric_angle=30, sinkage=0.1, shear_modulus=0.025)
-    found = figures("s", slick, Vehicle.single(WHEEL, 100))
+    found = surface_figures("s", slick, Vehicle.single(WHEEL, 100))
     assert printed(found.slip, "0.2170711")
     assert (found.verdict, found.reason) == (Verdict.CAUTION, Reason.SLIP)
 
@@ -265,7 +271,7 @@ def test_a_weak_motor_and_a_slippery_soil_are_named() -> None:
 def test_slip_has_three_classes(modulus: float, slip: float, verdict: Verdict) -> None:
     """0.168 is below 0.2, and 0.217 is not; it is too much for a wheel that may slip by 0.2."""
     surface = Surface(cohesion=1, fric_angle=30, sinkage=0.1, shear_modulus=modulus)
-    found = figures("s", surface, Vehicle.single(Wheel(0.2, 0.1, max_slip=slip), 100))
+    found = surface_figures("s", surface, Vehicle.single(Wheel(0.2, 0.1, max_slip=slip), 100))
     assert (found.verdict, found.reason) == (verdict, Reason.SLIP)
 
 
@@ -273,7 +279,9 @@ def test_the_climb_is_that_at_the_slip_allowed() -> None:
     """The wheel's largest, or where caution ends."""
     surface = Surface(cohesion=1, fric_angle=30, sinkage=0.1, shear_modulus=0.025)
     for largest, expected in ((0.3, "2.425650"), (1.0, "")):
-        found = figures("s", surface, Vehicle.single(Wheel(0.2, 0.1, max_slip=largest), 100))
+        found = surface_figures(
+            "s", surface, Vehicle.single(Wheel(0.2, 0.1, max_slip=largest), 100)
+        )
         assert found.climb is not None
         if expected:
             assert printed(math.degrees(found.climb), expected)
@@ -290,7 +298,7 @@ def test_it_tips_over_backwards_not_sideways_when_it_climbs() -> None:
         WHEEL, (Axle(0.6), Axle(-0.5)), 40.0, track=0.3, cog_height=0.6,
         margins=Margins(tip=math.radians(5)),
     )  # fmt: skip
-    found = figures("rock", Surface(cohesion=0, fric_angle=60, sinkage=0), vehicle)
+    found = surface_figures("rock", Surface(cohesion=0, fric_angle=60, sinkage=0), vehicle)
     assert found.climb == pytest.approx(math.atan(0.5 / 0.6) - math.radians(5))
     assert found.cross_slope == pytest.approx(math.atan(0.15 / 0.6) - math.radians(5))
     assert found.climb_limit == found.cross_limit == Reason.TIP_OVER
@@ -299,7 +307,7 @@ def test_it_tips_over_backwards_not_sideways_when_it_climbs() -> None:
 def test_towed_wheels_that_bear_more_are_told_of() -> None:
     """The figures are those of a driven wheel; the verdict knows the others, too."""
     vehicle = Vehicle(WHEEL, (Axle(0.2, driven=False), Axle(-0.6)), 40.0, track=0.8, clearance=0.2)
-    found = figures("s", Surface(cohesion=1, fric_angle=30, sinkage=0.1), vehicle)
+    found = surface_figures("s", Surface(cohesion=1, fric_angle=30, sinkage=0.1), vehicle)
     assert found.load == pytest.approx(vehicle.weight * 0.125)
     assert any("not driven bear more, 147.1 N" in sentence for sentence in found.warnings)
 

@@ -444,7 +444,7 @@ def test_refusals(load: Any, soil: Soil, tyre: Wheel, words: str) -> None:
 def test_a_vehicle_without_wheels_is_refused() -> None:
     """Nobody could say what bears it."""
     with pytest.raises(RequestError, match="no wheels"):
-        loads.layout(Vehicle(WHEEL, (), 40.0))
+        loads.wheel_layout(Vehicle(WHEEL, (), 40.0))
 
 
 def test_remarks() -> None:
@@ -466,7 +466,7 @@ def test_remarks() -> None:
 
 def driven(vehicle: Vehicle, soil: Soil, pull: float, pitch: float = 0.0) -> tuple[float, ...]:
     """`kernels.drive` for a vehicle that heads up a slope."""
-    plan, tyre = loads.layout(vehicle), vehicle.wheel
+    plan, tyre = loads.wheel_layout(vehicle), vehicle.wheel
     weights = loads.wheel_loads(vehicle, pitch)
     need = kernels.drive(plan, weights, one_soil(soil), pull, tyre, tyre.max_torque)
     return need["utilisation"], need["torque"], need["slip"], need["torques"]
@@ -486,7 +486,7 @@ AXLES = st.sampled_from([
 def test_loads_are_in_equilibrium(axles: tuple[Axle, ...], pitch: float, roll: float) -> None:
     """Forces and moments of wheels and weight are 0, unless a wheel would be pulled up."""
     vehicle = Vehicle(WHEEL, axles, 60.0, track=0.9, cog_height=0.3)
-    plan = loads.layout(vehicle)
+    plan = loads.wheel_layout(vehicle)
     found = loads.wheel_loads(vehicle, pitch, roll)
     # gravity as a plane z = x tan(pitch) + y tan(roll) has it
     normal = np.array([-math.tan(pitch), -math.tan(roll), 1.0])
@@ -542,7 +542,7 @@ def test_it_tips_where_its_weight_leaves_the_supports(pitch: float, roll: float)
     slope = math.tan(pitch), math.tan(roll)
     gravity = kernels.gravity(*slope)
     x, y = (0.4 * gravity[side] / gravity["down"] for side in ("forward", "left"))
-    share = kernels.tipping(loads.layout(vehicle), *slope)
+    share = kernels.tipping(loads.wheel_layout(vehicle), *slope)
     inside = -0.7 < x < 0.3 and abs(y) < 0.3
     assert (share < 1) == inside
 

@@ -21,9 +21,9 @@ from terratool.field.summary import summarise
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.raster.losses import Losses
+from terratool.raster.losses import LossFinder
 from terratool.raster.mosaic import fingerprint
-from terratool.raster.narrow import narrow_of
+from terratool.raster.narrow import subpixel_features
 from terratool.raster.painting import Painter
 from tests.conftest import terrain_of
 from tests.oracle import Oracle, Track
@@ -297,7 +297,7 @@ def test_walls_of_ruts_are_lost() -> None:
     track = {"path": [[6, 3], [13, 7]], "width": 1.5, "depth": 0.3}
     terrain = terrain_of(yard(track))
     grid = grid_over(terrain, 0.1)
-    losses = Losses(terrain, grid)
+    losses = LossFinder(terrain, grid)
     planes = Painter(terrain, grid, labels=True).paint(grid.whole)
     statement = losses.statement(losses.of(grid.whole, planes), 0)
     edge = 5 + 5  # that of the firm ground
@@ -313,7 +313,7 @@ def test_narrow_tracks_are_named() -> None:
     slim = {"path": [[6, 8], [16, 8]], "width": 0.1, "depth": 0.3}
     away = {"path": [[6, 80], [16, 80]], "width": 0.1, "depth": 0.3}
     terrain = terrain_of(yard(wide, away, slim))
-    narrow, _ = narrow_of(terrain, grid_over(terrain, 0.25))
+    narrow, _ = subpixel_features(terrain, grid_over(terrain, 0.25))
     assert [(one.element, one.width) for one in narrow.first] == [("/tracks/2", 0.1)]
 
 

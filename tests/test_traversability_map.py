@@ -16,8 +16,8 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.traversability.maps.footprints import directions
-from terratool.traversability.maps.numbers import numbers_of, soil_table
-from terratool.traversability.maps.surveying import Measures, Surveyor, survey
+from terratool.traversability.maps.numbers import soil_table, vehicle_params
+from terratool.traversability.maps.surveying import Surveyor, WindowMeasures, survey
 from terratool.traversability.results import Reason, Survey, Verdict
 from terratool.traversability.terramechanics import obstacles
 from terratool.traversability.terramechanics.loads import wheel_loads
@@ -587,7 +587,7 @@ class TestTables:
     def test_near(self, soil: dict[str, Any], vehicle: Vehicle) -> None:
         """Within 0.08 everywhere, 0.03 nearly everywhere; no limit is crossed."""
         table = soil_table(slope("east", 0, soil), vehicle)
-        on_soils = kernels.VehicleOnSoils(numbers_of(vehicle), *table)
+        on_soils = kernels.VehicleOnSoils(vehicle_params(vehicle), *table)
         shares, slips, direct = [], [], 0
         for along, across in np.random.default_rng(1).uniform(-0.5, 0.5, (1500, 2)):
             found = kernels.find_stand(on_soils, 1, along, across)
@@ -645,7 +645,7 @@ class TestWindows:
             assert part.heights.tobytes() == whole.heights[rows, columns].tobytes()
 
 
-def one_plane(terrain: Terrain, resolution: float) -> Measures:
+def one_plane(terrain: Terrain, resolution: float) -> WindowMeasures:
     return Surveyor(terrain, ROVER, grid_over(terrain, resolution)).measure(Window(60, 60, 3, 4))
 
 

@@ -32,7 +32,14 @@ from terratool.traversability.reporting.document import as_dict, as_json
 from terratool.traversability.reporting.markdown import as_markdown
 from terratool.traversability.reporting.page import as_page
 from terratool.traversability.reporting.table import as_lines
-from terratool.traversability.results import COLORS, Profile, Reason, Report, Summary, Verdict
+from terratool.traversability.results import (
+    COLORS,
+    MapSummary,
+    Reason,
+    RouteProfile,
+    TraversabilityReport,
+    Verdict,
+)
 from terratool.traversability.types import Vehicle, Wheel
 from tests import reports
 
@@ -44,7 +51,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 every_kind = pytest.mark.parametrize("kind", reports.KINDS)
 
 
-def page_of(report: Report) -> ElementTree.Element:
+def page_of(report: TraversabilityReport) -> ElementTree.Element:
     """The page, read by a parser that forgives nothing."""
     return ElementTree.fromstring(as_page(report).removeprefix("<!DOCTYPE html>\n"))
 
@@ -371,7 +378,7 @@ class TestChart:
     @pytest.mark.parametrize("n", [0, 1, 2])
     def test_few_samples(self, n: int) -> None:
         base = reports.profile(2)
-        few = Profile(**{name: getattr(base, name)[:n] for name in Profile.__slots__})
+        few = RouteProfile(**{name: getattr(base, name)[:n] for name in RouteProfile.__slots__})
         assert bool(chart.chart(few, 600)) == (n == 2)
 
     def test_ground_that_is_not_there_leaves_a_gap(self) -> None:
@@ -503,7 +510,7 @@ class TestConclusion:
     )
     def test_of_a_map(self, counts: dict[Verdict, int], verdict: Verdict, part: str) -> None:
         reasons = {Reason.STEP: counts.get(Verdict.NO_GO, 0)}
-        summary = Summary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
+        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
         assert verdict_of(summary, ()) == verdict
         assert part in sentence_of(summary, ())
 
@@ -521,13 +528,13 @@ class TestConclusion:
     ) -> None:
         """Every terrain has a rim where a vehicle would stand over it: level ground is go."""
         reasons = {Reason.EDGE: counts.get(Verdict.NO_GO, 0)}
-        summary = Summary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
+        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
         assert verdict_of(summary, ()) == verdict
         assert part in sentence_of(summary, ())
 
     def test_the_worst_route_decides(self) -> None:
         """Not the map, and not the first."""
-        summary = Summary(Grid(0, 0, 1, 1, 10), 8, {Verdict.GO: 5}, {}, {}, {})
+        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, {Verdict.GO: 5}, {}, {}, {})
         routes = (reports.WAY, reports.NO_WAY)
         assert verdict_of(summary, routes) == Verdict.NO_GO
         assert "/elemTree/children/3 (surface 'rock')" in sentence_of(summary, routes)

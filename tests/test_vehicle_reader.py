@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 import terratool
 from terratool.cli.reporting import REPORTERS
-from terratool.definition.reader import Checked, Options
-from terratool.definition.recognising import kind_of
+from terratool.definition.reader import Checked, CheckOptions
+from terratool.definition.recognising import document_kind
 from terratool.definition.source import Source
 from terratool.definition.vehicles.keys import VEHICLE_KEYS
 from terratool.definition.vehicles.model import (
@@ -103,7 +103,7 @@ def agree(value: Any) -> None:
 @given(vehicles())
 def test_accepts_what_the_schema_accepts(value: Json) -> None:
     """A vehicle in order is one to both."""
-    assert check_vehicle(source(value), Options(warnings=False)).findings == ()
+    assert check_vehicle(source(value), CheckOptions(warnings=False)).findings == ()
     VALIDATOR.validate(value)
 
 
@@ -262,15 +262,15 @@ def test_findings_are_selected_and_limited() -> None:
     """By code and by number; the others are counted."""
     value = {**SMALLEST, "mass": 0, "track": -1, "speed": 1e5, "depth": 2}
     assert codes(value) == ["TT106", "TT106", "TT508", "TT103"]
-    assert codes(value, Options(warnings=False)) == ["TT106", "TT106", "TT103"]
-    assert codes(value, Options(select=("TT5",))) == ["TT508"]
-    assert codes(value, Options(ignore=("TT1",))) == ["TT508"]
-    checked = check_vehicle(source(value), Options(limit=1))
+    assert codes(value, CheckOptions(warnings=False)) == ["TT106", "TT106", "TT103"]
+    assert codes(value, CheckOptions(select=("TT5",))) == ["TT508"]
+    assert codes(value, CheckOptions(ignore=("TT1",))) == ["TT508"]
+    checked = check_vehicle(source(value), CheckOptions(limit=1))
     assert len(checked.findings) == 1
     assert checked.counts.total() == 4
 
 
-def codes(value: Any, options: Options | None = None) -> list[str]:
+def codes(value: Any, options: CheckOptions | None = None) -> list[str]:
     return [finding.code for finding in check_vehicle(source(value), options).findings]
 
 
@@ -412,13 +412,13 @@ def test_rules_say_nothing_of_what_only_follows() -> None:
 @given(definitions())
 def test_a_terrain_is_recognised(definition: Json) -> None:
     """By its keys."""
-    assert kind_of(json.dumps(definition).encode()) == "terrain"
+    assert document_kind(json.dumps(definition).encode()) == "terrain"
 
 
 @given(vehicles())
 def test_a_vehicle_is_recognised(value: Json) -> None:
     """By its keys."""
-    assert kind_of(json.dumps(value).encode()) == "vehicle"
+    assert document_kind(json.dumps(value).encode()) == "vehicle"
 
 
 @pytest.mark.parametrize(
@@ -437,7 +437,7 @@ def test_a_vehicle_is_recognised(value: Json) -> None:
 )  # fmt: skip
 def test_schema_and_keys_tell_what_a_text_is(text: str, kind: str | None) -> None:
     """The schema first, then the keys; where neither does, it is read as a terrain."""
-    assert kind_of(text.encode()) == kind
+    assert document_kind(text.encode()) == kind
 
 
 def test_what_is_neither_is_read_as_a_terrain() -> None:

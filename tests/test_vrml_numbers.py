@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError
-from terratool.importing.vrml.text import Text
+from terratool.importing.vrml.text import VrmlText
 
 
 def run(words: str) -> list[float]:
     """The numbers at the beginning of a text."""
-    return Text("t.wrl", words.encode()).run().tolist()
+    return VrmlText("t.wrl", words.encode()).run().tolist()
 
 
 def same(found: list[float], wanted: list[float]) -> bool:
@@ -113,7 +113,7 @@ def test_hexadecimal(number: int, begin: str, sign: str, small: bool) -> None:
 
 def test_many_more_than_fit_at_once() -> None:
     numbers = np.arange(100_000) / 8
-    text = Text("t.wrl", " ".join(map(str, numbers.tolist())).encode() + b" ] x")
+    text = VrmlText("t.wrl", " ".join(map(str, numbers.tolist())).encode() + b" ] x")
     assert (text.run() == numbers).all()
     assert text.data[text.at :] == b"] x"
     assert text.numbers == 100_000
@@ -136,7 +136,7 @@ def test_what_is_no_number(word: str) -> None:
 
 
 def test_place_of_a_number() -> None:
-    text = Text("t.wrl", b"[1,2 # 5 6\n 3.5,-4]")
+    text = VrmlText("t.wrl", b"[1,2 # 5 6\n 3.5,-4]")
     assert [text.data[text.place_of(0, n) :][:3] for n in range(4)] == [
         b"1,2",
         b"2 #",

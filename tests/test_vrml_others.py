@@ -11,7 +11,7 @@ import pytest
 import terratool
 from terratool.importing.vrml.reading import read_vrml, stated_up
 from terratool.mesh.formats.vrml import write_elevation_grid
-from terratool.mesh.types import Heights
+from terratool.mesh.types import HeightGrid
 from terratool.mesh.writing import write_mesh
 from tests.commands import ROOT, SAMPLE, run
 from tests.viewers import by_trimesh, oblong, output, program
@@ -201,7 +201,7 @@ def test_meshes_come_back(tmp_path: Path) -> None:
 def test_grids_of_heights_come_back(tmp_path: Path) -> None:
     """Rows from the north, heights along z; the quarter turn has 9 digits."""
     heights = np.array([[1.5, 2, 4, 0.25], [0, 7, 3, 8], [1, 9, 2, -3]], np.float32)
-    grid = Heights(
+    grid = HeightGrid(
         heights=heights,
         surfaces=np.zeros((3, 4), np.int32),
         spacing=(0.5, 2.0),

@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.definition.findings import Finding
-from terratool.definition.reader import Options, check
+from terratool.definition.reader import CheckOptions, check
 from terratool.definition.source import Source
 from tests.conftest import terrain_of, text_of
 from tests.oracle import COMBINES, cos_sin, curve_value
@@ -33,7 +33,7 @@ EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "80"))
 
 def found_in(definition: Json, code: str, max_step: float | None = None) -> list[Finding]:
     """The findings of one code in a definition that has no errors."""
-    checked = check(Source("t.json", text_of(definition).encode()), Options(max_step=max_step))
+    checked = check(Source("t.json", text_of(definition).encode()), CheckOptions(max_step=max_step))
     assert checked.definition is not None, checked.findings
     return [finding for finding in checked.findings if finding.code == code]
 

@@ -13,7 +13,7 @@ from terratool.cli.loading import load
 from terratool.cli.terminal import Status
 
 if TYPE_CHECKING:
-    from terratool.raster.export import Report, Tiles, Written
+    from terratool.raster.export import MosaicLayout, RasterReport, WrittenFile
 
 # as terratool.raster.layers and .geotiff have them, which are not imported for --help;
 # a test holds them equal
@@ -181,7 +181,7 @@ def _refuse_odd(
         )
 
 
-def as_dict(report: Report, why: str) -> dict[str, Any]:
+def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
     """A report ready for JSON; `why` says who chose the resolution."""
     grid = report.grid
     return {
@@ -201,7 +201,7 @@ def as_dict(report: Report, why: str) -> dict[str, Any]:
     }
 
 
-def _tiles_as_dict(tiles: Tiles) -> dict[str, Any]:
+def _tiles_as_dict(tiles: MosaicLayout) -> dict[str, Any]:
     return {
         "folder": str(tiles.folder),
         "size": tiles.size,
@@ -212,7 +212,7 @@ def _tiles_as_dict(tiles: Tiles) -> dict[str, Any]:
     }
 
 
-def _file_as_dict(written: Written) -> dict[str, Any]:
+def _file_as_dict(written: WrittenFile) -> dict[str, Any]:
     bands = []
     for index, (name, unit) in enumerate(
         zip(written.bands.names, written.bands.units, strict=True)
@@ -239,7 +239,7 @@ def _file_as_dict(written: Written) -> dict[str, Any]:
     }
 
 
-def as_text(report: Report, why: str) -> Iterator[str]:
+def as_text(report: RasterReport, why: str) -> Iterator[str]:
     """A report in lines for people; `why` says who chose the resolution."""
     grid = report.grid
     yield (
@@ -271,7 +271,7 @@ def as_text(report: Report, why: str) -> Iterator[str]:
         yield report.losses.sentence()
 
 
-def _band(written: Written, index: int, name: str) -> str:
+def _band(written: WrittenFile, index: int, name: str) -> str:
     if not written.statistics:
         return name
     part = written.statistics[index]

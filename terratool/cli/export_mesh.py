@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from terratool.field.terrain import Terrain
-    from terratool.mesh.elevation import GridReport
-    from terratool.mesh.export import Report
-    from terratool.mesh.mosaic import Report as Tiles
+    from terratool.mesh.elevation import ElevationGridReport
+    from terratool.mesh.export import MeshReport
+    from terratool.mesh.mosaic import MeshTilesReport as Tiles
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -168,7 +168,7 @@ def _export(
     _refuse_odd(elevation_grid, resolution, others)
     # before a large definition is read
     check_numbers(max_error, max_faces, solid, base)
-    report: GridReport | Report | Tiles
+    report: ElevationGridReport | MeshReport | Tiles
     if tile_faces is not None:
         _refuse_untiled(tile_faces, max_faces, solid)
         folder, suffix = _folder_of(output)
@@ -203,7 +203,9 @@ def _export(
     _say(report, lines, as_json)
 
 
-def _say(report: GridReport | Report | Tiles, lines: Iterator[str], as_json: bool) -> None:
+def _say(
+    report: ElevationGridReport | MeshReport | Tiles, lines: Iterator[str], as_json: bool
+) -> None:
     """Print a report."""
     if as_json:
         click.echo(json.dumps(report.to_json(), indent=2, ensure_ascii=False))
@@ -263,10 +265,10 @@ def _folder_of(output: str) -> tuple[Path, str]:
     """The folder for tiles, and the suffix of their files."""
     from pathlib import Path
 
-    from terratool.mesh.formats.table import format_of
+    from terratool.mesh.formats.table import mesh_format
 
     path = Path(output)
-    format_of(path)
+    mesh_format(path)
     return path.with_suffix(""), path.suffix.lower()
 
 
@@ -335,7 +337,7 @@ def _refuse_definition(file: str, output: str, companions: tuple[str, ...]) -> N
             raise WriteError(f"{path}: is the definition itself.", "Choose another name.")
 
 
-def as_text(report: Report) -> Iterator[str]:
+def as_text(report: MeshReport) -> Iterator[str]:
     """A report in lines for people."""
     from terratool.mesh.statement import counted, length
 
@@ -362,7 +364,7 @@ def tiles_as_text(report: Tiles) -> Iterator[str]:
     yield from report.statement.sentences()
 
 
-def grid_as_text(report: GridReport) -> Iterator[str]:
+def grid_as_text(report: ElevationGridReport) -> Iterator[str]:
     """A report of a grid of heights in lines for people."""
     yield (
         f"{report.columns} × {report.rows} nodes of {report.spacing[0]:.6g} × "
@@ -372,9 +374,9 @@ def grid_as_text(report: GridReport) -> Iterator[str]:
     yield from report.statement.sentences()
 
 
-def _files(report: Report) -> str:
+def _files(report: MeshReport) -> str:
     return ", ".join(map(str, report.files))
 
 
-def _place(report: Report | GridReport | Tiles) -> str:
+def _place(report: MeshReport | ElevationGridReport | Tiles) -> str:
     return " ".join(f"{number:.12g}" for number in report.origin)

@@ -8,10 +8,10 @@ from itertools import chain
 
 import click
 
-from terratool.cli.reporting import Report, Summary, as_text
+from terratool.cli.reporting import ValidationReport, ValidationSummary, as_text
 from terratool.cli.terminal import Status, called
 from terratool.definition.findings import printable
-from terratool.definition.reader import Options, check
+from terratool.definition.reader import CheckOptions, check
 from terratool.definition.source import PLAIN, Source, read_source, sources
 from terratool.definition.writer import canonical
 from terratool.errors import ReadError, WriteError
@@ -87,12 +87,12 @@ def _said(error: ReadError | WriteError, status: Status) -> ReadError | WriteErr
 
 
 def _is_json(source: Source, status: Status) -> bool:
-    checked = check(source, Options(warnings=False))
+    checked = check(source, CheckOptions(warnings=False))
     if checked.readable:
         return True
-    summary = Summary(files=1, invalid=1, errors=1)
+    summary = ValidationSummary(files=1, invalid=1, errors=1)
     status.clear()
-    click.echo(as_text(Report(checked.findings, (), summary)), err=True)
+    click.echo(as_text(ValidationReport(checked.findings, (), summary)), err=True)
     return False
 
 

@@ -11,9 +11,9 @@ from terratool.cli.sourcing import options_of, source_options
 from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
-    from terratool.importing.primitives.inserting import Target
-    from terratool.importing.primitives.primitive import Imported, Wanted
-    from terratool.importing.samples import Samples
+    from terratool.importing.primitives.inserting import TargetDefinition
+    from terratool.importing.primitives.primitive import ImportedPrimitive, PrimitiveRequest
+    from terratool.importing.samples import SampledHeights
 
 _MOST_STEPS = 64
 """A mesh with more walls all across is one of bars, which no curve of this kind is for."""
@@ -91,13 +91,13 @@ def command(
     from terratool.errors import MissedError, RequestError
     from terratool.importing.primitives import inserting
     from terratool.importing.primitives.primitive import (
-        Wanted,
+        PrimitiveRequest,
         import_primitive,
         names_of,
         sentences,
     )
 
-    wanted = Wanted(samples, turn, terms, recognise, tolerance, combine)
+    wanted = PrimitiveRequest(samples, turn, terms, recognise, tolerance, combine)
     names = names_of(name, wanted)
     if place is not None and into is None:
         raise RequestError("--place is about a definition.", "Name it with --into.")
@@ -105,7 +105,7 @@ def command(
         raise RequestError("--span is about a place.", "Say where with --place.")
     target = None
     if into is not None:
-        where = None if place is None else inserting.parse_place(place, span)
+        where = None if place is None else inserting.parse_cell_path(place, span)
         target = inserting.target_of(into, names, where, output, overwrite)
     elif output is not None:
         _refuse_output(output, overwrite)
@@ -127,7 +127,9 @@ def command(
     _deliver(imported, target, output, overwrite, as_json)
 
 
-def _read(source: str, options: dict[str, Any], wanted: Wanted) -> tuple[Samples, Wanted]:
+def _read(
+    source: str, options: dict[str, Any], wanted: PrimitiveRequest
+) -> tuple[SampledHeights, PrimitiveRequest]:
     """The patch, and what is wanted with the walls of a mesh as steps."""
     from dataclasses import replace
 
@@ -169,7 +171,11 @@ def _refuse_source(source: str, output: str) -> None:
 
 
 def _deliver(
-    imported: Imported, target: Target | None, output: str | None, overwrite: bool, as_json: bool
+    imported: ImportedPrimitive,
+    target: TargetDefinition | None,
+    output: str | None,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Write the primitive where it is to go, and say how well it fits."""
     from terratool.definition.editing import object_of

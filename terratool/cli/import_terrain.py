@@ -13,7 +13,7 @@ from terratool.cli.sourcing import options_of, source_options
 from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
-    from terratool.importing.terrains.terrain import Report
+    from terratool.importing.terrains.terrain import ImportReport
 
 # as terratool.importing.terrains.methods names them, which is not imported for --help
 _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
@@ -85,7 +85,7 @@ def command(
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
     from terratool.importing.terrains.methods import named
-    from terratool.importing.terrains.terrain import Options, import_terrain
+    from terratool.importing.terrains.terrain import ImportOptions, import_terrain
     from terratool.output import is_same_file
 
     if not output.endswith((".json", ".json.gz")):
@@ -97,7 +97,7 @@ def command(
             raise RequestError(
                 f"{output}: is the same file as {name}.", "Give the definition another name."
             )
-    options = Options(
+    options = ImportOptions(
         max_error=max_error,
         methods=tuple(method for name in methods for method in named(name)),
         fill=fill,
@@ -121,7 +121,7 @@ def command(
         click.echo(line)
 
 
-def as_dict(report: Report, output: str) -> dict[str, Any]:
+def as_dict(report: ImportReport, output: str) -> dict[str, Any]:
     """A report ready for JSON."""
     lattice, misfit = report.lattice, report.misfit
     return {
@@ -153,7 +153,7 @@ def as_dict(report: Report, output: str) -> dict[str, Any]:
     }
 
 
-def as_text(report: Report, output: str) -> Iterator[str]:
+def as_text(report: ImportReport, output: str) -> Iterator[str]:
     """A report in lines for people."""
     lattice, misfit, unit = report.lattice, report.misfit, report.lattice.unit
     pixels = lattice.rows * lattice.columns

@@ -23,7 +23,7 @@ class Unreadable(Struct, frozen=True):
     hint: str
 
 
-class Summary(Struct, frozen=True):
+class ValidationSummary(Struct, frozen=True):
     """How many files and findings there were.
 
     Attributes:
@@ -39,15 +39,15 @@ class Summary(Struct, frozen=True):
     hidden: int = 0
 
 
-class Report(Struct, frozen=True):
+class ValidationReport(Struct, frozen=True):
     """What was found in all files."""
 
     findings: tuple[Finding, ...]
     unreadable: tuple[Unreadable, ...]
-    summary: Summary
+    summary: ValidationSummary
 
 
-def as_text(report: Report) -> str:
+def as_text(report: ValidationReport) -> str:
     """For people: each finding with its line and a caret, a summary last."""
     lines = []
     for finding in report.findings:
@@ -71,7 +71,7 @@ def _shown(line: int, excerpt: Excerpt, color: str) -> Iterable[str]:
     yield f"  {' ' * len(number)} {bar} {' ' * before}{click.style('^', fg=color, bold=True)}"
 
 
-def _summed_up(summary: Summary) -> str:
+def _summed_up(summary: ValidationSummary) -> str:
     parts = [f"{_count(summary.files, 'file')} checked"]
     if summary.invalid:
         parts.append(f"{summary.invalid:,} invalid")
@@ -88,7 +88,7 @@ def _count(number: int, noun: str) -> str:
     return f"{number or 'no':{',' if number else ''}} {noun}{'' if number == 1 else 's'}"
 
 
-def as_json(report: Report) -> str:
+def as_json(report: ValidationReport) -> str:
     """For scripts: versioned, with everything that is known of a finding."""
     import json
 
@@ -105,7 +105,7 @@ def as_json(report: Report) -> str:
     )
 
 
-def as_github(report: Report) -> str:
+def as_github(report: ValidationReport) -> str:
     """Workflow commands, which GitHub shows as annotations in the text of the file."""
     lines = []
     for f in report.findings:
@@ -125,7 +125,7 @@ def _property(text: str) -> str:
     return _data(text).replace(":", "%3A").replace(",", "%2C")
 
 
-def as_sarif(report: Report) -> str:
+def as_sarif(report: ValidationReport) -> str:
     """SARIF 2.1.0, which code scanning services take."""
     import json
 
@@ -135,7 +135,7 @@ def as_sarif(report: Report) -> str:
     return json.dumps(sarif.log(report.findings, notes), indent=2, ensure_ascii=False)
 
 
-REPORTERS: dict[str, Callable[[Report], str]] = {
+REPORTERS: dict[str, Callable[[ValidationReport], str]] = {
     "text": as_text,
     "json": as_json,
     "sarif": as_sarif,

@@ -9,10 +9,10 @@ from itertools import chain
 
 import click
 
-from terratool.cli.reporting import REPORTERS, Report, Summary, Unreadable
+from terratool.cli.reporting import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called
 from terratool.definition.findings import Finding, printable
-from terratool.definition.reader import Checked, Options
+from terratool.definition.reader import Checked, CheckOptions
 from terratool.definition.rules import all_rules
 from terratool.definition.source import read_source, sources
 from terratool.definition.vehicles.reader import check_any
@@ -94,7 +94,7 @@ def command(
     nothing whose name begins with a dot. Exits 0 if all are valid, 1 if one is not, 3 if one cannot
     be read. A text that is not JSON is an error whatever is selected.
     """
-    if not any(map(Options(select=select, ignore=ignore).shows, all_rules())):
+    if not any(map(CheckOptions(select=select, ignore=ignore).shows, all_rules())):
         raise click.UsageError("--select and --ignore leave no rule. Drop one of them.")
     findings: list[Finding] = []
     unreadable: list[Unreadable] = []
@@ -103,7 +103,7 @@ def command(
     with Status("checking") as status:
         for name in _names(files, unreadable):
             status.say(f"checking {called(name)}")
-            options = Options(True, max_step, max(0, limit - len(findings)), select, ignore)
+            options = CheckOptions(True, max_step, max(0, limit - len(findings)), select, ignore)
             try:
                 checked = check_any(read_source(name), options)
             except ReadError as error:
@@ -114,7 +114,7 @@ def command(
             errors, warnings = errors + wrong, warnings + doubtful
             valid += not wrong and not (strict and doubtful)
             findings += checked.findings[: options.limit]  # one that is no JSON has one anyhow
-    summary = Summary(
+    summary = ValidationSummary(
         files=count + len(unreadable),
         valid=valid,
         invalid=count - valid,
@@ -127,7 +127,9 @@ def command(
         for file in unreadable:
             click.echo(f"terratool: {printable(file.message)}\n  {file.hint}", err=True)
     color = False if os.environ.get("NO_COLOR") else None
-    click.echo(REPORTERS[form](Report(tuple(findings), tuple(unreadable), summary)), color=color)
+    click.echo(
+        REPORTERS[form](ValidationReport(tuple(findings), tuple(unreadable), summary)), color=color
+    )
     ctx.exit(3 if unreadable else int(summary.invalid > 0))
 
 
@@ -139,7 +141,7 @@ def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str
             unreadable.append(Unreadable(name, error.message, error.hint))
 
 
-def _count(checked: Checked, options: Options) -> tuple[int, int]:
+def _count(checked: Checked, options: CheckOptions) -> tuple[int, int]:
     """Errors and warnings among what is wanted; what ended the reading always is."""
     rules = all_rules()
     by_severity = {"error": 0, "warning": 0}

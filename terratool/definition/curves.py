@@ -14,25 +14,25 @@ from terratool.definition.findings import Remark, shown
 from terratool.definition.model import CurveValue, Pair, Primitive
 
 
-class Samples(Struct, frozen=True):
+class SampledCurve(Struct, frozen=True):
     """Values at evenly spaced t from 0 to 1, linear in between; one value is a constant."""
 
     values: tuple[float, ...]
 
 
-class Knots(Struct, frozen=True):
+class KnotCurve(Struct, frozen=True):
     """(t, z) knots, linear in between; two at one t are a vertical step."""
 
     points: tuple[Pair, ...]
 
 
-class Formula(Struct, frozen=True):
+class FormulaCurve(Struct, frozen=True):
     """A named curve or an expression."""
 
     expression: Expression
 
 
-Curve = Samples | Knots | Formula
+Curve = SampledCurve | KnotCurve | FormulaCurve
 
 
 class Shape(Struct, frozen=True):
@@ -61,12 +61,12 @@ def read_curve(value: CurveValue, key: str) -> Curve:
     if isinstance(value, str):
         return _formula(value, key)
     if isinstance(value[0], float):  # a rule sees to it that all are alike
-        return Samples(value)  # type: ignore[arg-type]
+        return SampledCurve(value)  # type: ignore[arg-type]
     return _knots(value, key)
 
 
 @lru_cache(maxsize=256)
-def _formula(text: str, key: str) -> Formula:
+def _formula(text: str, key: str) -> FormulaCurve:
     try:
         parsed = expression.parse(text)
     except ExpressionError as error:
@@ -75,13 +75,13 @@ def _formula(text: str, key: str) -> Formula:
         expression.check(parsed)
     except ExpressionError as error:
         raise CurveError("TT302", f"/{key}", f"{error.message}.", error.hint) from error
-    return Formula(parsed)
+    return FormulaCurve(parsed)
 
 
-def _knots(value: tuple[float | Pair, ...], key: str) -> Knots:
+def _knots(value: tuple[float | Pair, ...], key: str) -> KnotCurve:
     for problem in _knot_problems(value, key):
         raise problem
-    return Knots(value)  # type: ignore[arg-type]
+    return KnotCurve(value)  # type: ignore[arg-type]
 
 
 def _knot_problems(value: tuple[float | Pair, ...], key: str) -> Iterator[CurveError]:
@@ -188,5 +188,5 @@ def shape_of(primitive: Primitive) -> Shape:
 
 def _resolve(own: CurveValue | UnsetType, other: CurveValue | UnsetType, key: str) -> Curve:
     if own is UNSET:
-        return Samples((1.0,))
+        return SampledCurve((1.0,))
     return read_curve(own if own else other, key)  # type: ignore[arg-type]

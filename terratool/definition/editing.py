@@ -10,7 +10,7 @@ import json
 import re
 from typing import Any, NamedTuple
 
-from terratool.definition.places import Spot, offsets
+from terratool.definition.places import Address, offsets
 from terratool.definition.writer import canonical
 
 _gap = re.compile(rb"[ \t\n\r]*").match
@@ -94,7 +94,7 @@ def set_member(data: bytes, pointer: str, key: str, value: Any) -> Edit:
         key: of the member.
         value: plain values: a primitive, the children of an element, or tracks.
     """
-    inside = _container(data, offsets(data, [Spot(pointer)])[0], key)
+    inside = _container(data, offsets(data, [Address(pointer)])[0], key)
     style = _style(data, inside)
     if inside.member is None:
         spelled = json.dumps(key, ensure_ascii=False)
@@ -118,7 +118,7 @@ def append_child(data: bytes, pointer: str, element: dict[str, Any], has_childre
     if not has_children:
         return set_member(data, pointer, "children", [element])
     where = pointer + "/children"
-    inside = _container(data, offsets(data, [Spot(where)])[0], None)
+    inside = _container(data, offsets(data, [Address(where)])[0], None)
     style = _style(data, inside)
     return _added(inside, style, _text(style, where, "", element))
 

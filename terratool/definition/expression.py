@@ -291,7 +291,7 @@ def _arity(name: str, operand: float | int | None) -> int:
 _TS = [i / (CHECK_POINTS - 1) for i in range(CHECK_POINTS)]
 
 
-def samples(expression: Expression) -> list[float]:
+def checked_values(expression: Expression) -> list[float]:
     """The values at 4,097 evenly spaced t."""
     values = evaluate(expression, _TS, LIST_FUNCTIONS)
     return values if isinstance(values, list) else [values] * CHECK_POINTS
@@ -319,7 +319,7 @@ def check(expression: Expression) -> None:
     Raises:
         ExpressionError: naming the first t at which they are not.
     """
-    values = samples(expression)
+    values = checked_values(expression)
     if all(map(MAX_VALUE.__gt__, map(abs, values))):  # not of what is no number
         return
     for t, value in zip(_TS, values, strict=True):

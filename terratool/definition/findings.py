@@ -33,7 +33,7 @@ class Remark(Struct, frozen=True, gc=False):
     occurrence: int = 1
 
 
-class Collected(Struct):
+class RemarkLog(Struct):
     """Remarks by code: the first `limit` of each, and how many there were.
 
     What a million elements have wrong is counted, not kept.

@@ -6,20 +6,20 @@ from collections.abc import Iterator
 from typing import Any
 
 from terratool.definition.built import Built, Owner
-from terratool.definition.findings import Collected, Remark, escape, shown
+from terratool.definition.findings import Remark, RemarkLog, escape, shown
 from terratool.definition.keys import KEYS, Key
 from terratool.definition.model import LARGEST, Element
-from terratool.definition.slots import ALL_KEYS, JSON_TYPES, SLOTS, fits
-from terratool.definition.wording import kind_of, unknown_key
+from terratool.definition.slots import ALL_KEYS, JSON_TYPES, SLOTS, fits_double
+from terratool.definition.wording import type_in_words, unknown_key
 
 
-class Fitter:
+class Decoder:
     """Fits values into a model; what builds a terrain or a vehicle is one.
 
     What does not fit is told to `found`, and noted as left out in what is built.
     """
 
-    def __init__(self, found: Collected) -> None:
+    def __init__(self, found: RemarkLog) -> None:
         self._found = found
         self._built = Built()
         self._failed = False
@@ -72,8 +72,8 @@ class Fitter:
         if wanted.kind == "depth":
             return self._depth(wanted, key, item, owner)
         if wanted.kind == "any":
-            if isinstance(item, float) and (item.is_integer() or not fits(item)):
-                item = int(item) if fits(item) else 10**400  # as in JSON Schema
+            if isinstance(item, float) and (item.is_integer() or not fits_double(item)):
+                item = int(item) if fits_double(item) else 10**400  # as in JSON Schema
             if isinstance(item, bool) or not isinstance(item, str | int | dict):
                 self._wrong_type(owner, rest, subject, wanted.words, item)
             for place in _nonfinite(item):
@@ -93,7 +93,11 @@ class Fitter:
     ) -> Any:
         if wanted.kind == "whole" and isinstance(item, float) and item.is_integer():
             item = int(item)  # as in JSON Schema
-        if wanted.kind in ("whole", "number") and type(item) in (int, float) and not fits(item):
+        if (
+            wanted.kind in ("whole", "number")
+            and type(item) in (int, float)
+            and not fits_double(item)
+        ):
             return self._not_finite(owner, rest)
         if wanted.choices and isinstance(item, str):
             if item not in wanted.choices:
@@ -170,7 +174,7 @@ class Fitter:
             self._leave_out(owner, "")
         if not self._found.wants("TT105"):
             return
-        message = f"{subject} is {kind_of(item)}, which does not fit."
+        message = f"{subject} is {type_in_words(item)}, which does not fit."
         self._found.keep("TT105", remark_on(owner, rest, message, f"Write {words}."))
 
     def _not_finite(self, owner: Owner, rest: str) -> None:
@@ -207,5 +211,5 @@ def _nonfinite(item: Any) -> Iterator[str]:
             pending.extend((value, f"{here}/{i}") for i, value in enumerate(part))
         elif isinstance(part, dict):
             pending.extend((value, f"{here}/{escape(key)}") for key, value in part.items())
-        elif isinstance(part, float | int) and not fits(part):
+        elif isinstance(part, float | int) and not fits_double(part):
             yield here

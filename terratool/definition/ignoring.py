@@ -11,7 +11,7 @@ from terratool.definition.rules import Rule
 from terratool.definition.tree import Tree
 
 
-class Ignores:
+class IgnoreLists:
     """The `x-ignore` lists of a definition, and which of their entries were of use."""
 
     def __init__(self, lists: list[tuple[Owner, Any]]) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from terratool.definition import misspelt
 from terratool.definition.findings import escape, shown, unescape
-from terratool.definition.misspelt import A_KEY, A_VALUE, MisspeltError
+from terratool.definition.misspelt import A_KEY, A_VALUE, JsonSyntaxError
 from terratool.definition.source import line_starts
 
 MAX_DEPTH = 10_000
@@ -82,7 +82,7 @@ def parse(text: str) -> JsonText:
     """
     start = _space(text, 0).end()  # type: ignore[union-attr]
     if start == len(text):
-        raise MisspeltError(
+        raise JsonSyntaxError(
             "TT101", start, "the file is empty.", "Write a terrain or a vehicle, a JSON object."
         )
     places: dict[int, Any] = {}
@@ -105,7 +105,7 @@ def parse(text: str) -> JsonText:
             value = {} if char == "{" else []
             offset += 1
             if len(stack) >= MAX_DEPTH:
-                raise MisspeltError(
+                raise JsonSyntaxError(
                     "TT108",
                     begin,
                     f"the text nests deeper than {MAX_DEPTH:,} levels.",
@@ -158,7 +158,7 @@ def parse(text: str) -> JsonText:
         comma = offset
         offset = _space(text, offset + 1).end()  # type: ignore[union-attr]
         if text.startswith(closing, offset):
-            raise MisspeltError(
+            raise JsonSyntaxError(
                 "TT101",
                 comma,
                 f'there is a comma before the closing "{closing}".',
@@ -199,7 +199,7 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
     if spelling in _LITERALS:
         return _LITERALS[spelling], offset + len(spelling)
     if _nonfinite(spelling):
-        raise MisspeltError(
+        raise JsonSyntaxError(
             "TT107",
             offset,
             f"{spelling} is no number in JSON.",
@@ -224,7 +224,7 @@ def _string(text: str, offset: int) -> tuple[str, int]:
             part, end = _escaped(text, end)
             parts.append(part)
         elif char == "":
-            raise MisspeltError(
+            raise JsonSyntaxError(
                 "TT101", offset, "the text in quotes does not end.", 'Close it with ".'
             )
         else:
@@ -249,7 +249,7 @@ def _escaped(text: str, offset: int) -> tuple[str, int]:
             unit = 0x10000 + ((unit - 0xD800) << 10) + (int(low.group(), 16) - 0xDC00)
             end += 6
     if 0xD800 <= unit < 0xE000:
-        raise MisspeltError(
+        raise JsonSyntaxError(
             "TT101",
             offset,
             f'"{text[offset : offset + 6]}" is half of a surrogate pair.',

@@ -32,7 +32,7 @@ _WORDS = {
 }  # fmt: skip
 
 
-class MisspeltError(Exception):
+class JsonSyntaxError(Exception):
     """The text is no JSON.
 
     Attributes:
@@ -54,12 +54,12 @@ class MisspeltError(Exception):
         self.inside = inside
 
 
-def bad_number(text: str, offset: int) -> MisspeltError:
+def bad_number(text: str, offset: int) -> JsonSyntaxError:
     """Something at an offset that begins like a number and is none."""
     spelling = token(text, offset).group()  # type: ignore[union-attr]
     meant = _number_meant(spelling)
     hint = f"Write {meant}." if meant else "Write it like 12, -0.5 or 1e-3."
-    return MisspeltError("TT101", offset, f"{shown(spelling)} is no JSON number.", hint)
+    return JsonSyntaxError("TT101", offset, f"{shown(spelling)} is no JSON number.", hint)
 
 
 def _number_meant(spelling: str) -> str:
@@ -76,7 +76,7 @@ def _number_meant(spelling: str) -> str:
     return sign + digits if digits[:1] != "-" and _number(digits) else ""
 
 
-def bad_character(text: str, offset: int) -> MisspeltError:
+def bad_character(text: str, offset: int) -> JsonSyntaxError:
     """A control character at an offset, inside of a text in quotes."""
     char = text[offset]
     if char in "\r\n":
@@ -87,10 +87,10 @@ def bad_character(text: str, offset: int) -> MisspeltError:
     else:
         message = f"{_name(char)} stands bare inside a text."
         hint = f"Remove it, or write it as \\u{ord(char):04x}."
-    return MisspeltError("TT101", offset, message, hint)
+    return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def bad_escape(text: str, offset: int) -> MisspeltError:
+def bad_escape(text: str, offset: int) -> JsonSyntaxError:
     """A backslash at an offset, with something behind it that makes no escape."""
     char = text[offset + 1 : offset + 2]
     hint = "Write \\\\ for a backslash."
@@ -99,10 +99,10 @@ def bad_escape(text: str, offset: int) -> MisspeltError:
         hint = "Write four hexadecimal digits after \\u, or \\\\ for a backslash."
     spelling = shown("\\" + char) if char.isprintable() else f'"\\" before {_name(char)}'
     message = f"{spelling} is no escape that JSON knows."
-    return MisspeltError("TT101", offset, message, hint)
+    return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def expected_comma(text: str, offset: int) -> MisspeltError:
+def expected_comma(text: str, offset: int) -> JsonSyntaxError:
     """Something at an offset, behind an item, that is neither a comma nor the closing bracket."""
     char = text[offset : offset + 1]
     if char and (char in "\"'{[-" or char.isalnum()):
@@ -111,7 +111,7 @@ def expected_comma(text: str, offset: int) -> MisspeltError:
         hint = "Write a comma here."
         if behind == offset and text[offset - 1] == '"':
             hint = 'Write a comma here; a quote within a text is written \\".'
-        return MisspeltError("TT101", behind, "there is no comma between two items.", hint)
+        return JsonSyntaxError("TT101", behind, "there is no comma between two items.", hint)
     in_list = text[innermost(text, offset)] == "["
     hint = ""
     if char == ":" and in_list:
@@ -121,7 +121,7 @@ def expected_comma(text: str, offset: int) -> MisspeltError:
     return unexpected(text, offset, '"," or "]"' if in_list else '"," or "}"', hint)
 
 
-def left_over(text: str, offset: int) -> MisspeltError:
+def left_over(text: str, offset: int) -> JsonSyntaxError:
     """Something at an offset behind the end of the outermost value."""
     found = _found(text, offset).group()  # type: ignore[union-attr]
     hint = "Remove it; one file holds one JSON object."
@@ -130,10 +130,10 @@ def left_over(text: str, offset: int) -> MisspeltError:
     elif found in ",]}":
         hint = "Remove it, or a bracket before it that closes too early."
     message = f"{_name(found)} stands after the end of the definition."
-    return MisspeltError("TT101", offset, message, hint)
+    return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> MisspeltError:
+def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSyntaxError:
     """Something at an offset, or the end of the file, where another thing must stand."""
     begin = innermost(text, offset)
     if begin < 0:
@@ -143,11 +143,11 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> MisspeltE
         if offset == len(text):
             message = f"the file ends inside {what}."
             hint = f'Complete it and close it with "{closing}"; the file may have been cut off.'
-            return MisspeltError("TT101", offset, message, hint, inside=True)
+            return JsonSyntaxError("TT101", offset, message, hint, inside=True)
         if text[offset] in "]}" and text[offset] != closing:
             message = f'"{text[offset]}" stands inside {what}.'
             hint = f'Complete it and close it with "{closing}" first.'
-            return MisspeltError("TT101", offset, message, hint, inside=True)
+            return JsonSyntaxError("TT101", offset, message, hint, inside=True)
     found = _found(text, offset).group()  # type: ignore[union-attr]
     if found in _COMMENTS:
         hint = _NO_COMMENTS
@@ -157,7 +157,7 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> MisspeltE
         hint = "Remove it; only spaces, tabs and line ends may stand between values."
     hint = hint or _meant(text, offset, wanted) or f"Write {wanted}."
     message = f"{_name(found)} stands where {wanted} is expected."
-    return MisspeltError("TT101", offset, message, hint)
+    return JsonSyntaxError("TT101", offset, message, hint)
 
 
 def innermost(text: str, offset: int) -> int:

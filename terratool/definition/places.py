@@ -29,7 +29,7 @@ _scalar = re.compile(rb"[^,\]} \t\n\r]+").match
 _bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]"]').finditer
 
 
-class Spot(NamedTuple):
+class Address(NamedTuple):
     """A value, or its key, to be found: see `findings.Remark`."""
 
     pointer: str
@@ -37,7 +37,7 @@ class Spot(NamedTuple):
     occurrence: int = 1
 
 
-class Place(NamedTuple):
+class Position(NamedTuple):
     """Line and column, both from 1, and the text around."""
 
     line: int
@@ -45,7 +45,7 @@ class Place(NamedTuple):
     excerpt: Excerpt
 
 
-def locate(data: bytes, spots: Sequence[Spot], repeated: bool = False) -> list[Place]:
+def locate(data: bytes, spots: Sequence[Address], repeated: bool = False) -> list[Position]:
     """Where values stand in a JSON text in UTF-8; that of what is absent is its parent's.
 
     Args:
@@ -53,10 +53,10 @@ def locate(data: bytes, spots: Sequence[Spot], repeated: bool = False) -> list[P
         spots: what is looked for.
         repeated: keys may stand twice in an object; the last one counts.
     """
-    return places(data, offsets(data, spots, repeated))
+    return positions_of(data, offsets(data, spots, repeated))
 
 
-def offsets(data: bytes, spots: Sequence[Spot], repeated: bool = False) -> list[int]:
+def offsets(data: bytes, spots: Sequence[Address], repeated: bool = False) -> list[int]:
     """The same as offsets in bytes."""
     try:
         root = _Value(data, _gap(data, 0).end(), Raw(data))  # type: ignore[union-attr]
@@ -66,7 +66,7 @@ def offsets(data: bytes, spots: Sequence[Spot], repeated: bool = False) -> list[
         return [len(text.text[: text.offset(*spot)].encode()) for spot in spots]
 
 
-def places(data: bytes, at: Sequence[int]) -> list[Place]:
+def positions_of(data: bytes, at: Sequence[int]) -> list[Position]:
     """Line, column and surroundings of offsets in bytes; CRLF, LF and CR end a line."""
     found = {}
     line, column, before = 1, 1, 0
@@ -77,7 +77,7 @@ def places(data: bytes, at: Sequence[int]) -> list[Place]:
             line, column = line + feeds + returns - pairs, 1
         column += _characters(data[begin or before : offset])
         before = offset
-        found[offset] = Place(line, column, _excerpt(data, offset))
+        found[offset] = Position(line, column, _excerpt(data, offset))
     return [found[offset] for offset in at]
 
 
@@ -188,7 +188,7 @@ class _Value:
         return None
 
 
-def _offset(root: _Value, spot: Spot, repeated: bool) -> int:
+def _offset(root: _Value, spot: Address, repeated: bool) -> int:
     value, offset = root, root.start
     tokens = spot.pointer.split("/")[1:]
     for depth, token in enumerate(tokens, 1):

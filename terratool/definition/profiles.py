@@ -9,7 +9,7 @@ from itertools import pairwise
 from msgspec import Struct
 
 from terratool.definition import expression
-from terratool.definition.curves import Curve, Formula, Samples, shape_of
+from terratool.definition.curves import Curve, FormulaCurve, SampledCurve, shape_of
 from terratool.definition.model import Pair, Primitive
 
 Range = tuple[float, float]
@@ -18,7 +18,7 @@ Range = tuple[float, float]
 _CLOSE = 1e-9
 
 
-class Profile(Struct, frozen=True):
+class CurveSummary(Struct, frozen=True):
     """A curve in short; of a formula, from its values at 4,097 evenly spaced t.
 
     A step at t = 0 or t = 1 leaves one side no room: that on the left of t = 0 is nowhere, and the
@@ -41,21 +41,21 @@ class Profile(Struct, frozen=True):
     mirrored: bool = False
 
 
-def profile_of(curve: Curve) -> Profile:
+def summarise_curve(curve: Curve) -> CurveSummary:
     """The profile of a curve."""
-    if isinstance(curve, Samples):
+    if isinstance(curve, SampledCurve):
         return _of_values(curve.values)
-    if isinstance(curve, Formula):
-        return _of_values(expression.samples(curve.expression))
+    if isinstance(curve, FormulaCurve):
+        return _of_values(expression.checked_values(curve.expression))
     return _of_knots(curve.points)
 
 
-def _of_values(values: Sequence[float]) -> Profile:
+def _of_values(values: Sequence[float]) -> CurveSummary:
     count = len(values)
     middle = (values[(count - 1) // 2] + values[count // 2]) / 2
     slack = _slack(values)
     whole = _range(values)
-    return Profile(
+    return CurveSummary(
         whole=whole,
         inner=whole,
         right=_range([middle, *values[count // 2 :]]),
@@ -64,7 +64,7 @@ def _of_values(values: Sequence[float]) -> Profile:
     )
 
 
-def _of_knots(points: Sequence[Pair]) -> Profile:
+def _of_knots(points: Sequence[Pair]) -> CurveSummary:
     times = [t for t, _ in points]
     # of more than two knots at one t the first and the last count, at t = 0 the last alone
     counting = [
@@ -74,7 +74,7 @@ def _of_knots(points: Sequence[Pair]) -> Profile:
     ][bisect_right(times, 0.0) > 1 :]
     inner = counting[:-1] if counting[-2][0] == 1.0 else counting
     heights = [z for _, z in inner]
-    return Profile(
+    return CurveSummary(
         whole=_range([z for _, z in counting]),
         inner=_range(heights),
         right=_range([_beside(counting, 0.5)[1], *(z for t, z in counting if t > 0.5)]),
@@ -120,29 +120,29 @@ def _time(point: Pair) -> float:
     return point[0]
 
 
-class Outline(Struct, frozen=True):
+class ShapeSummary(Struct, frozen=True):
     """The profiles of a shape; `y` is None where x is turned (radial)."""
 
-    x: Profile
-    y: Profile | None
+    x: CurveSummary
+    y: CurveSummary | None
     combine: str
 
 
-def outline_of(primitive: Primitive) -> Outline:
+def summarise_shape(primitive: Primitive) -> ShapeSummary:
     """The profiles of a primitive whose curves have no problems."""
     shape = shape_of(primitive)
-    y = None if shape.y is None else profile_of(shape.y)
-    return Outline(profile_of(shape.x), y, shape.combine)
+    y = None if shape.y is None else summarise_curve(shape.y)
+    return ShapeSummary(summarise_curve(shape.x), y, shape.combine)
 
 
-def value_range(outline: Outline) -> Range:
+def value_range(outline: ShapeSummary) -> Range:
     """Least and largest value of a shape."""
     if outline.y is None:
         return outline.x.right
     return _combined(outline.combine, outline.x.whole, outline.y.whole)
 
 
-def edge_range(outline: Outline) -> Range:
+def edge_range(outline: ShapeSummary) -> Range:
     """Least and largest value along the edges of the footprint."""
     x, y = outline.x, outline.y
     if y is None:
@@ -152,7 +152,7 @@ def edge_range(outline: Outline) -> Range:
     return min(low for low, _ in edges), max(high for _, high in edges)
 
 
-def tallest_step(outline: Outline) -> float:
+def tallest_step(outline: ShapeSummary) -> float:
     """The largest vertical step within a shape, for a factor of 1."""
     x, y = outline.x, outline.y
     if y is None:

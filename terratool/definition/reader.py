@@ -14,8 +14,8 @@ import msgspec
 from msgspec import Struct, field
 
 from terratool.definition.built import Built, complete
-from terratool.definition.findings import Collected, Finding, Remark, shown, unescape
-from terratool.definition.ignoring import Ignores
+from terratool.definition.findings import Finding, Remark, RemarkLog, shown, unescape
+from terratool.definition.ignoring import IgnoreLists
 from terratool.definition.keys import COMBINES, KEYS, Key
 from terratool.definition.model import (
     Definition,
@@ -25,7 +25,7 @@ from terratool.definition.model import (
     Track,
     names_of,
 )
-from terratool.definition.recognising import kind_of
+from terratool.definition.recognising import document_kind
 from terratool.definition.rules import Subject, all_rules
 from terratool.definition.source import Source, read_source
 from terratool.definition.tree import Tree, flatten
@@ -34,11 +34,11 @@ from terratool.definition.vehicles.model import VehicleText
 from terratool.errors import DefinitionError
 
 if TYPE_CHECKING:
-    from terratool.definition.misspelt import MisspeltError
-    from terratool.definition.places import Place
+    from terratool.definition.misspelt import JsonSyntaxError
+    from terratool.definition.places import Position
 
 
-class Options(Struct, frozen=True):
+class CheckOptions(Struct, frozen=True):
     """How closely to look.
 
     Attributes:
@@ -88,9 +88,9 @@ def load_definition(path: str | Path) -> Definition:
         DefinitionError: it has errors; they are in `findings`, the first 1,000 of them.
     """
     source = read_source(path)
-    checked = check(source, Options(warnings=False))
+    checked = check(source, CheckOptions(warnings=False))
     if checked.definition is None:
-        if kind_of(source.data) == "vehicle":
+        if document_kind(source.data) == "vehicle":
             raise DefinitionError(
                 f"{source.name}: is a vehicle, where a terrain is wanted.",
                 "Name a terrain here, and the vehicle with --vehicle.",
@@ -111,15 +111,15 @@ def refusal(checked: Checked) -> DefinitionError:
     )
 
 
-def check(source: Source, options: Options | None = None) -> Checked:
+def check(source: Source, options: CheckOptions | None = None) -> Checked:
     """Read a text and let every rule look at it. Never raises for what the text contains."""
     with _no_collector():
-        return _check(source, options or Options())
+        return _check(source, options or CheckOptions())
 
 
-def _check(source: Source, options: Options) -> Checked:
+def _check(source: Source, options: CheckOptions) -> Checked:
     data = source.data
-    found = Collected(options.limit)
+    found = RemarkLog(options.limit)
     built = _quickly(data)
     if built is None:
         from terratool.definition.structure import build
@@ -135,7 +135,7 @@ def _check(source: Source, options: Options) -> Checked:
             built.definition, built.tree, built.unfit, source.size, source.packed,
             options.max_step,
         )  # fmt: skip
-        _apply_rules(subject, found, Ignores(built.ignores), options)
+        _apply_rules(subject, found, IgnoreLists(built.ignores), options)
     definition = None
     rules = all_rules()
     if all(rules[code].severity != "error" for code in found.counts):
@@ -155,13 +155,13 @@ def _no_collector() -> Iterator[None]:
             gc.enable()
 
 
-def plain_values(data: bytes) -> tuple[Any, MisspeltError | None]:
+def plain_values(data: bytes) -> tuple[Any, JsonSyntaxError | None]:
     """The values of a JSON text, or what is wrong with it."""
-    from terratool.definition.misspelt import MisspeltError
+    from terratool.definition.misspelt import JsonSyntaxError
 
     try:
         return read_values(data), None
-    except MisspeltError as error:
+    except JsonSyntaxError as error:
         return None, error
     except UnicodeDecodeError as error:
         return None, _bad_encoding(data, error)
@@ -219,7 +219,9 @@ def _all_hold(ranged: tuple[set[Any], Key]) -> bool:
     return not numbers or (key.holds(min(numbers)) and key.holds(max(numbers)))
 
 
-def _apply_rules(subject: Subject, found: Collected, ignores: Ignores, options: Options) -> None:
+def _apply_rules(
+    subject: Subject, found: RemarkLog, ignores: IgnoreLists, options: CheckOptions
+) -> None:
     for rule in all_rules().values():
         if rule.check is not None and (options.warnings or rule.severity == "error"):
             remarks = rule.check(subject)
@@ -231,12 +233,14 @@ def _apply_rules(subject: Subject, found: Collected, ignores: Ignores, options: 
         found.take("TT113", ignores.unused(all_rules(), idle))
 
 
-def placed(source: Source, found: Collected, built: Built, options: Options) -> tuple[Finding, ...]:
+def placed(
+    source: Source, found: RemarkLog, built: Built, options: CheckOptions
+) -> tuple[Finding, ...]:
     """The findings that are wanted, by where they stand in the text."""
     found.kept = [kept for kept in found.kept if options.shows(kept[0])]
     if not found.kept:
         return ()
-    from terratool.definition.places import Spot, locate
+    from terratool.definition.places import Address, locate
 
     tree = built.tree
     pointers = [
@@ -244,7 +248,7 @@ def placed(source: Source, found: Collected, built: Built, options: Options) -> 
         for _, remark in found.kept
     ]
     spots = [
-        Spot(pointer, remark.on_key, remark.occurrence)
+        Address(pointer, remark.on_key, remark.occurrence)
         for pointer, (_, remark) in zip(pointers, found.kept, strict=True)
     ]
     in_order = sorted(
@@ -263,7 +267,7 @@ def placed(source: Source, found: Collected, built: Built, options: Options) -> 
 
 
 def _finding(
-    source: Source, code: str, pointer: str, remark: Remark, place: Place, bounds: Any = None
+    source: Source, code: str, pointer: str, remark: Remark, place: Position, bounds: Any = None
 ) -> Finding:
     return Finding(
         source.name, code, all_rules()[code].severity, pointer, place.line, place.column,
@@ -271,7 +275,7 @@ def _finding(
     )  # fmt: skip
 
 
-def take_repeated(data: bytes, found: Collected) -> None:
+def take_repeated(data: bytes, found: RemarkLog) -> None:
     """Look for keys that stand twice."""
     repeated, count = repeated_keys(data, found.limit)
     found.take("TT102", map(_duplicate, repeated), count)
@@ -285,16 +289,16 @@ def _duplicate(repeated: Repeated) -> Remark:
     return Remark(pointer, message, hint, on_key=True, occurrence=occurrence)
 
 
-def unreadable(source: Source, error: MisspeltError) -> Checked:
+def unreadable(source: Source, error: JsonSyntaxError) -> Checked:
     """What is said of a text that is no JSON: this one thing."""
     from terratool.definition.misspelt import innermost
-    from terratool.definition.places import places
+    from terratool.definition.places import positions_of
 
     offsets = [error.offset]
     if error.inside:
         offsets.append(innermost(source.data.decode("utf-8"), error.offset))
     at = [_in_bytes(source.data, offset) for offset in offsets]
-    place, *opening = places(source.data, at)
+    place, *opening = positions_of(source.data, at)
     message = error.message
     for line, column, _ in opening:
         message = f"{message[:-1]} that begins in line {line}, column {column}."
@@ -309,8 +313,8 @@ def _in_bytes(data: bytes, offset: int) -> int:
     return len(data.decode("utf-8", "replace")[:offset].encode())
 
 
-def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> MisspeltError:
-    from terratool.definition.misspelt import NO_TEXT, MisspeltError
+def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
+    from terratool.definition.misspelt import NO_TEXT, JsonSyntaxError
 
     before = data[: error.start].decode("utf-8")
     message = f"the byte 0x{data[error.start]:02X} is not valid UTF-8."
@@ -319,4 +323,4 @@ def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> MisspeltError:
         message = "the file begins as UTF-16 where UTF-8 is expected."
     elif b"\0" in data:
         hint = NO_TEXT
-    return MisspeltError("TT109", len(before), message, hint)
+    return JsonSyntaxError("TT109", len(before), message, hint)

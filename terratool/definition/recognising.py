@@ -22,7 +22,7 @@ _terrain = KEYS[Definition].keys() - VEHICLE_KEYS[VehicleText].keys()
 _vehicle = VEHICLE_KEYS[VehicleText].keys() - KEYS[Definition].keys()
 
 
-def kind_of(data: bytes) -> Kind | None:
+def document_kind(data: bytes) -> Kind | None:
     """What a text is by its `$schema`, else by most of its keys; None if neither tells.
 
     Args:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 
 from terratool.definition.jsontext import parse
-from terratool.definition.misspelt import MisspeltError
+from terratool.definition.misspelt import JsonSyntaxError
 
 _SPACE = r"[ \t\n\r]*+"
 _HEX = "[0-9a-fA-F]"
@@ -52,7 +52,7 @@ def explain(text: str) -> None:
         before += '"":0,' if stack[-1] == "{" else "0,"
     try:
         parse(before + text[offset:])
-    except MisspeltError as error:
+    except JsonSyntaxError as error:
         error.offset += offset - len(before)
         raise
 

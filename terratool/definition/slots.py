@@ -21,7 +21,7 @@ NEVER = frozenset([str, bool, dict, type(None)])
 """Types that an element's key takes as they are, or not at all."""
 
 
-class Slot(NamedTuple):
+class QuickCheck(NamedTuple):
     """What a value is compared with first; what passes is good, the others are looked at closely.
 
     Attributes:
@@ -39,23 +39,23 @@ class Slot(NamedTuple):
     number: bool
 
 
-def _slot(name: str, key: Key) -> Slot:
+def _slot(name: str, key: Key) -> QuickCheck:
     low = math.nextafter(key.low, math.inf) if key.open_low else key.low
     high = math.nextafter(key.high, -math.inf) if key.open_high else key.high
     plain = key.alone and not key.choices
     types = JSON_TYPES.get(key.kind, _NO_TYPES) if plain else _NO_TYPES
-    return Slot(name, types, max(low, -BIGGEST), min(high, BIGGEST), key.kind == "number")
+    return QuickCheck(name, types, max(low, -BIGGEST), min(high, BIGGEST), key.kind == "number")
 
 
 ALL_KEYS = {**KEYS, **VEHICLE_KEYS}
 """Of terrains and of vehicles."""
 
-SLOTS: dict[type, dict[str, Slot]] = {
+SLOTS: dict[type, dict[str, QuickCheck]] = {
     kind: {key: _slot(name, keys[key]) for name, key in names_of(kind)}
     for kind, keys in ALL_KEYS.items()
 }
 
 
-def fits(number: float) -> bool:
+def fits_double(number: float) -> bool:
     """Whether a double holds a number."""
     return -BIGGEST <= number <= BIGGEST

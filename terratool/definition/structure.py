@@ -12,21 +12,21 @@ from typing import Any
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.built import Built, Owner
-from terratool.definition.findings import Collected, escape, shown
-from terratool.definition.fitting import Fitter, remark_on
+from terratool.definition.findings import RemarkLog, escape, shown
+from terratool.definition.fitting import Decoder, remark_on
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
-from terratool.definition.slots import BIGGEST, NEVER, SLOTS, Slot
+from terratool.definition.slots import BIGGEST, NEVER, SLOTS, QuickCheck
 from terratool.definition.tree import Tree
 from terratool.definition.wording import JSON_NAMES, unknown_key
 
 
-def build(value: Any, found: Collected) -> Built:
+def build(value: Any, found: RemarkLog) -> Built:
     """Build the model of a parsed JSON value, without recursion over the elements."""
     return _Builder(found).build(value)
 
 
-class _Builder(Fitter):
+class _Builder(Decoder):
     def build(self, value: Any) -> Built:
         if not isinstance(value, dict):
             self._add(
@@ -139,7 +139,7 @@ class _Builder(Fitter):
         self._wrong_type(index, "", "an element", "an object", value)
         return {}  # keeps its place, so that the others keep their pointers
 
-    def _mend(self, key: str, slot: Slot, column: list[Any]) -> None:
+    def _mend(self, key: str, slot: QuickCheck, column: list[Any]) -> None:
         """Convert what has to be, and leave out what does not fit."""
         types = set(map(type, column)) - {UnsetType}
         if types <= slot.types:

@@ -31,7 +31,7 @@ JSON_NAMES = {
 }  # fmt: skip
 
 
-def kind_of(item: Any) -> str:
+def type_in_words(item: Any) -> str:
     """What a value of a JSON text is, in words."""
     if isinstance(item, str):
         return f"the text {shown(item)}"

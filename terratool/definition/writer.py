@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
-from terratool.definition.recognising import kind_of
+from terratool.definition.recognising import document_kind
 from terratool.definition.slots import ALL_KEYS
 from terratool.definition.vehicles.model import (
     AxleText,
@@ -78,7 +78,7 @@ class _Node:
 
 def canonical(text: str) -> str:
     """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
-    kind = "vehicle" if kind_of(text.encode()) == "vehicle" else "terrain"
+    kind = "vehicle" if document_kind(text.encode()) == "vehicle" else "terrain"
     lines: list[str] = []
     # what is still to be written, last first: a line, or a value with what is around it
     pending: list[str | tuple[_Node, str, str, str]] = [(_read(text, kind), "", "", "")]

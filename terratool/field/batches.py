@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.types import Arrays
+from terratool.field.types import FieldArrays
 from terratool.kernels import field as kernels
 
 CHUNK = 1 << 21
@@ -17,7 +17,7 @@ _SMALL_BATCH = 1 << 13
 
 
 def batch_heights(
-    arrays: Arrays, field: kernels.Field, x: NDArray[np.float64], y: NDArray[np.float64]
+    arrays: FieldArrays, field: kernels.Field, x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Heights at points: `x`, `y` and the answer are (n,) float64."""
     out = np.empty(len(x))

@@ -12,9 +12,18 @@ from numpy.typing import NDArray
 from terratool.definition.curves import Curve, shape_of
 from terratool.definition.model import Definition, Element
 from terratool.definition.tree import Tree, flatten
-from terratool.field.curves import Pieces, bins_of, pieces_of
+from terratool.field.curves import CurvePieces, bins_of, pieces_of
 from terratool.field.tracks import compile_tracks
-from terratool.field.types import COMBINE, ELEMENT, GRID, KIND, POSE, STEPPED, Arrays, Curves
+from terratool.field.types import (
+    COMBINE,
+    ELEMENT,
+    GRID,
+    KIND,
+    POSE,
+    STEPPED,
+    CurveArrays,
+    FieldArrays,
+)
 from terratool.kernels import field as kernels
 
 Ints = NDArray[np.int64]
@@ -37,7 +46,7 @@ class Compiled(NamedTuple):
         primitives: (kinds,) index of each kind's primitive.
     """
 
-    arrays: Arrays
+    arrays: FieldArrays
     document: NDArray[np.uint32]
     parents: NDArray[np.int32]
     smallest_cell: float
@@ -89,7 +98,7 @@ def compile_definition(definition: Definition) -> Compiled:
     _mark_leaves(grids, home, elements, kinds)
     west, south = definition.corner
     bounds = np.array([west, south, west + extent[0], south + extent[1]])
-    arrays = Arrays(
+    arrays = FieldArrays(
         elements=elements,
         grids=grids,
         offsets=offsets,
@@ -281,7 +290,7 @@ def _inherit(surface: Ints, parents: Ints) -> Ints:
 
 def _kinds(
     definition: Definition, types: Ints, surface: Ints
-) -> tuple[Ints, NDArray[Any], Ints, Curves]:
+) -> tuple[Ints, NDArray[Any], Ints, CurveArrays]:
     pairs, index = np.unique(np.column_stack([types, surface]), axis=0, return_inverse=True)
     primitives = list(definition.primitives.values())
     void = [surface.void is True for surface in definition.surfaces.values()] + [False]
@@ -319,7 +328,7 @@ class _CurveStore:
             kind[f"{axis}_{name}"] = place[name]
         kind[f"knotted_{axis}"] = place["knotted"]
 
-    def _add(self, curve: Pieces) -> dict[str, Any]:
+    def _add(self, curve: CurvePieces) -> dict[str, Any]:
         first, knot, bin_ = self._counts
         count = len(curve.coefficients)
         slope = float(curve.coefficients[-1] @ (0.0, 1.0, 2.0, 3.0))
@@ -337,8 +346,8 @@ class _CurveStore:
             "knotted": 0 if curve.even else STEPPED if curve.stepped else 1,
         }  # fmt: skip
 
-    def curves(self) -> Curves:
+    def curves(self) -> CurveArrays:
         """All pieces, knots and bins."""
-        return Curves(
+        return CurveArrays(
             np.concatenate(self._pieces), np.concatenate(self._knots), np.concatenate(self._bins)
         )

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.curves import Curve, Knots, Samples
+from terratool.definition.curves import Curve, KnotCurve, SampledCurve
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
 
 TOLERANCE = 1e-8
@@ -38,7 +38,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
+class CurvePieces:
     """A curve in pieces.
 
     Attributes:
@@ -58,26 +58,26 @@ class Pieces:
     stepped: bool = False
 
 
-def pieces_of(curve: Curve) -> Pieces:
+def pieces_of(curve: Curve) -> CurvePieces:
     """Cut a curve into pieces."""
-    if isinstance(curve, Samples):
+    if isinstance(curve, SampledCurve):
         return _samples(np.array(curve.values, np.float64))
-    if isinstance(curve, Knots):
+    if isinstance(curve, KnotCurve):
         return _knots(np.array(curve.points, np.float64))
     return _formula(curve.expression)
 
 
-def _samples(values: Floats) -> Pieces:
+def _samples(values: Floats) -> CurvePieces:
     if len(values) == 1:
         values = np.repeat(values, 2)
     count = len(values) - 1
     coefficients = np.zeros((count, 4))
     coefficients[:, 0] = values[:-1]
     coefficients[:, 1] = np.diff(values)
-    return Pieces(np.arange(count) / count, coefficients, values[-1], True)
+    return CurvePieces(np.arange(count) / count, coefficients, values[-1], True)
 
 
-def _knots(points: Floats) -> Pieces:
+def _knots(points: Floats) -> CurvePieces:
     t, z = points[:, 0], points[:, 1]
     length = np.diff(t)
     keep = length > 0
@@ -93,7 +93,7 @@ def _knots(points: Floats) -> Pieces:
     coefficients = np.zeros((len(starts), 4))
     coefficients[:, 0] = firsts
     coefficients[:, 1] = slopes
-    return Pieces(starts, coefficients, z[-1], False, stepped=not keep.all())
+    return CurvePieces(starts, coefficients, z[-1], False, stepped=not keep.all())
 
 
 def values_of(expression: Expression, t: Floats) -> Floats:
@@ -104,7 +104,7 @@ def values_of(expression: Expression, t: Floats) -> Floats:
     return np.broadcast_to(bounded, t.shape)
 
 
-def _formula(expression: Expression) -> Pieces:
+def _formula(expression: Expression) -> CurvePieces:
     t = np.linspace(0.0, 1.0, CHECK_POINTS)
     values = values_of(expression, t)
     # below one part in 1e12 of the largest value lies the rounding of the values themselves
@@ -115,10 +115,10 @@ def _formula(expression: Expression) -> Pieces:
         if _error(coefficients, values) <= tolerance and (
             _error_between(expression, starts, coefficients) <= tolerance
         ):
-            return Pieces(starts, coefficients, values[-1], True)
+            return CurvePieces(starts, coefficients, values[-1], True)
     starts, lengths, coefficients = _halve(expression, tolerance)
     coefficients = coefficients / lengths[:, None] ** np.arange(4)
-    return Pieces(starts, coefficients, values[-1], False)
+    return CurvePieces(starts, coefficients, values[-1], False)
 
 
 _THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])

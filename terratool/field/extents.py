@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.types import COMBINE, Arrays
+from terratool.field.types import COMBINE, FieldArrays
 
 _LEVEL = 1e-12
 """What a curve is worth at an end, in parts of its largest value, and still counts as 0."""
@@ -15,7 +15,7 @@ _LEVEL = 1e-12
 Floats = NDArray[np.float64]
 
 
-def curve_pieces(arrays: Arrays, kind: Any, axis: str) -> tuple[Floats, Floats]:
+def curve_pieces(arrays: FieldArrays, kind: Any, axis: str) -> tuple[Floats, Floats]:
     """Where the pieces of a curve begin, (n,), and their coefficients over [0, 1], (n, 4).
 
     A step at t = 1 has a piece of no length behind it.
@@ -40,7 +40,7 @@ def curve_hulls(pieces: Floats) -> Floats:
     return np.stack([c0, c0 + c1 / 3, c0 + (2 * c1 + c2) / 3, c0 + c1 + c2 + c3])
 
 
-def largest_heights(arrays: Arrays) -> Floats:
+def largest_heights(arrays: FieldArrays) -> Floats:
     """No less than what each element adds to a height, without sign; (n,)."""
     sizes = np.empty(len(arrays.kinds))
     for k, kind in enumerate(arrays.kinds):
@@ -57,7 +57,7 @@ def largest_heights(arrays: Arrays) -> Floats:
     return largest
 
 
-def nonzero_edges(arrays: Arrays) -> NDArray[np.uint8]:
+def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
     """For each kind, whether it is other than 0 somewhere on the edge of its whole footprint."""
     out = np.ones(len(arrays.kinds), np.uint8)
     for k, kind in enumerate(arrays.kinds):
@@ -76,7 +76,7 @@ def nonzero_edges(arrays: Arrays) -> NDArray[np.uint8]:
     return out
 
 
-def _ends(arrays: Arrays, kind: Any, axis: str) -> tuple[float, float, float, float]:
+def _ends(arrays: FieldArrays, kind: Any, axis: str) -> tuple[float, float, float, float]:
     """Size of a curve at its start and its end, and bounds of its values; 0 if almost so."""
     starts, pieces = curve_pieces(arrays, kind, axis)
     hulls = curve_hulls(pieces)
@@ -88,7 +88,7 @@ def _ends(arrays: Arrays, kind: Any, axis: str) -> tuple[float, float, float, fl
     return start, end, least, most
 
 
-def finest_details(arrays: Arrays, wide: Floats, tall: Floats) -> Floats:
+def finest_details(arrays: FieldArrays, wide: Floats, tall: Floats) -> Floats:
     """Length of the shortest straight stretch in the shape of each element, (n,); inf for none.
 
     Stretches lie between the bends and steps of vectors and knots; formulas have none.
@@ -104,7 +104,7 @@ def finest_details(arrays: Arrays, wide: Floats, tall: Floats) -> Floats:
     return np.where(shaped, details, np.inf)
 
 
-def _stretches(arrays: Arrays) -> NDArray[np.float64]:
+def _stretches(arrays: FieldArrays) -> NDArray[np.float64]:
     """The shortest straight stretch of the curves x and y of each kind, (kinds, 2), in t."""
     out = np.full((len(arrays.kinds), 2), np.inf)
     for k, kind in enumerate(arrays.kinds):
@@ -115,7 +115,7 @@ def _stretches(arrays: Arrays) -> NDArray[np.float64]:
     return out
 
 
-def _shortest(arrays: Arrays, kind: Any, axis: str, radial: bool) -> float:
+def _shortest(arrays: FieldArrays, kind: Any, axis: str, radial: bool) -> float:
     starts, pieces = curve_pieces(arrays, kind, axis)
     if pieces[:, 2:].any():  # curved: a formula
         return np.inf

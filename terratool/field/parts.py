@@ -52,7 +52,7 @@ def refuse_empty(bounds: Bounds) -> None:
         )
 
 
-def part_within(terrain: Terrain, bounds: Bounds | None) -> Bounds:
+def clip_bounds(terrain: Terrain, bounds: Bounds | None) -> Bounds:
     """The part of a terrain that lies within the bounds; all of it if None."""
     west, south, east, north = terrain.bounds
     if bounds is None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.parts import Bounds, part_within
+from terratool.field.parts import Bounds, clip_bounds
 from terratool.field.terrain import Terrain
 from terratool.field.tracks import track_lengths
 
@@ -54,7 +54,7 @@ def height_range(
         terrain: the terrain.
         bounds: the part of it to look at, which must hold something; all of it if None.
     """
-    part = part_within(terrain, bounds)
+    part = clip_bounds(terrain, bounds)
     low, high, count = np.inf, -np.inf, 0
     for x, y in (
         _grid_points(part),

@@ -15,12 +15,12 @@ from terratool.definition.model import Definition
 from terratool.definition.reader import load_definition
 from terratool.field.batches import batch_heights
 from terratool.field.compiling import Compiled, compile_definition
-from terratool.field.types import Arrays
+from terratool.field.types import FieldArrays
 from terratool.kernels import field as kernels
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class PointSamples:
     """What lies at points, each array in the shape of the points.
 
     Attributes:
@@ -59,7 +59,7 @@ class Terrain:
         """The surfaces by name."""
 
     @property
-    def arrays(self) -> Arrays:
+    def arrays(self) -> FieldArrays:
         """The flat arrays."""
         return self._compiled.arrays
 
@@ -123,7 +123,7 @@ class Terrain:
         """Upward unit normals at points, (…, 3) float64; of the east and north side on an edge."""
         return self.sample(x, y).normal
 
-    def sample(self, x: ArrayLike, y: ArrayLike) -> Samples:
+    def sample(self, x: ArrayLike, y: ArrayLike) -> PointSamples:
         """Height, element, surface and normal at points in one pass."""
         x, y, shape = _points(x, y)
         height = np.empty(len(x))
@@ -133,7 +133,7 @@ class Terrain:
         surface = self.surface_of(element)
         normal = np.column_stack([0.0 - gradient, np.where(np.isnan(height), np.nan, 1.0)])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        return Samples(
+        return PointSamples(
             height.reshape(shape),
             element.reshape(shape),
             surface.reshape(shape),

@@ -10,13 +10,13 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.model import DEFAULT_MULTIPASS, LARGEST, Definition, Track
-from terratool.field.types import SEGMENT, Tracks
+from terratool.field.types import SEGMENT, TrackArrays
 from terratool.kernels import field as kernels
 
 Floats = NDArray[np.float64]
 
 
-def compile_tracks(definition: Definition, bounds: Floats) -> Tracks:
+def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
     """Compile the tracks of a valid definition.
 
     Args:
@@ -28,7 +28,7 @@ def compile_tracks(definition: Definition, bounds: Floats) -> Tracks:
     segments, first = _segments(tracks)
     law, depths = _laws(definition)
     frame, shape, masks, offsets, entries = _index(segments, bounds)
-    return Tracks(
+    return TrackArrays(
         segments=segments,
         first=first,
         passes=np.array([_or(track.passes, 1) for track in tracks], np.float64),
@@ -46,7 +46,7 @@ def compile_tracks(definition: Definition, bounds: Floats) -> Tracks:
     )
 
 
-def track_lengths(tracks: Tracks) -> Floats:
+def track_lengths(tracks: TrackArrays) -> Floats:
     """Length of the polyline of each track, (tracks,) float64."""
     lengths = np.zeros(len(tracks.passes))
     np.add.at(

@@ -115,7 +115,7 @@ SEGMENT = np.dtype(
 kernels.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT)
 
 
-class Curves(NamedTuple):
+class CurveArrays(NamedTuple):
     """The pieces of all curves.
 
     Attributes:
@@ -130,7 +130,7 @@ class Curves(NamedTuple):
     bins: NDArray[np.uint32]
 
 
-class Tracks(NamedTuple):
+class TrackArrays(NamedTuple):
     """The tracks, and an index of their segments by cells of an even grid.
 
     The index covers what of the terrain the tracks may reach. Each of its cells has a mask of 8 × 8
@@ -166,7 +166,7 @@ class Tracks(NamedTuple):
     entries: NDArray[np.uint32]
 
 
-class Arrays(NamedTuple):
+class FieldArrays(NamedTuple):
     """A compiled field: nothing but arrays.
 
     Attributes:
@@ -190,11 +190,11 @@ class Arrays(NamedTuple):
     entries: NDArray[np.uint32]
     poses: NDArray[Any]
     kinds: NDArray[Any]
-    curves: Curves
+    curves: CurveArrays
     bounds: NDArray[np.float64]
     pending: int
     voids: bool
-    tracks: Tracks
+    tracks: TrackArrays
 
     @property
     def nbytes(self) -> int:

@@ -21,7 +21,7 @@ from rasterio.windows import Window
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.parts import Bounds
-from terratool.importing.samples import Lattice, extremes
+from terratool.importing.samples import PixelLattice, extremes
 
 HIGHEST = 1e9
 """A definition's heights stay below this in size."""
@@ -52,7 +52,7 @@ class RasterHeights:
     band: int
     window: Window
     flips: tuple[bool, bool]
-    lattice: Lattice
+    lattice: PixelLattice
     nodata: float | None
     scale: tuple[float, float]
     about: list[str]
@@ -287,7 +287,7 @@ def _heights(
                 f"{' '.join(f'{side:.12g}' for side in bounds)}.",
                 f"It lies in {west:.12g} {south:.12g} {east:.12g} {north:.12g}.",
             )
-    lattice = Lattice(
+    lattice = PixelLattice(
         west + columns[0] * dx,
         north - rows[1] * dy,
         dx,

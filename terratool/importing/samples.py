@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
+class PixelLattice:
     """Pixels of equal size, counted from the south-west, and where they lie.
 
     Attributes:
@@ -42,7 +42,7 @@ class Lattice:
         )
 
 
-class Heights(Protocol):
+class HeightSource(Protocol):
     """A source of heights that is read by rows, so that it need not fit into memory.
 
     Attributes:
@@ -51,7 +51,7 @@ class Heights(Protocol):
     """
 
     @property
-    def lattice(self) -> Lattice: ...  # noqa: D102
+    def lattice(self) -> PixelLattice: ...  # noqa: D102
 
     @property
     def notes(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -79,14 +79,14 @@ def extremes(heights: NDArray[np.float64]) -> tuple[float, float, int, int]:
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
-    """Heights in memory; it is a `Heights`.
+class SampledHeights:
+    """Heights in memory; it is a `HeightSource`.
 
     Attributes:
         values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
     """
 
-    lattice: Lattice
+    lattice: PixelLattice
     values: NDArray[np.float64]
     notes: tuple[str, ...] = ()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.parts import Bounds, refuse_empty
-from terratool.importing.samples import Heights
+from terratool.importing.samples import HeightSource
 
 MESHES = (
     ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz",
@@ -53,7 +53,7 @@ def is_mesh(name: str) -> bool:
 
 
 @contextlib.contextmanager
-def open_source(name: str, options: SourceOptions = SourceOptions()) -> Iterator[Heights]:
+def open_source(name: str, options: SourceOptions = SourceOptions()) -> Iterator[HeightSource]:
     """Open a raster or a mesh as heights at the centres of pixels.
 
     Raises:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import NamedTuple
 
 from terratool.errors import RequestError
-from terratool.mesh.types import Built
+from terratool.mesh.types import BuiltMesh
 
 BUILDS = 8
 """So many meshes are built between an error that is too large and one that is too small."""
@@ -27,14 +27,14 @@ _FAINT = 0.5, 5.0
 """Elements that change heights by no more than so many errors may be left out: the first of these
 is better for smooth ground, the second for blocks, whose number of faces no error changes."""
 
-Attempt = Callable[[float, float], Built]
+Attempt = Callable[[float, float], BuiltMesh]
 """Builds a mesh with a largest error, leaving out elements that change heights by no more than …"""
 
 
-class Fit(NamedTuple):
+class BudgetedMesh(NamedTuple):
     """A mesh, the error that it was to have, and what left-out elements were to change at most."""
 
-    built: Built
+    built: BuiltMesh
     error: float
     least: float
 
@@ -54,7 +54,9 @@ class Fit(NamedTuple):
         return not (self.built.faint or self.built.ruts.shallow)
 
 
-def within_budget(attempt: Attempt, wanted: float, relief: float, largest: float, most: int) -> Fit:
+def within_budget(
+    attempt: Attempt, wanted: float, relief: float, largest: float, most: int
+) -> BudgetedMesh:
     """The mesh with the smallest error that has at most so many faces, as far as a few tries tell.
 
     First all elements stay, and only the error grows, to all of the relief if need be. Walls stay
@@ -89,14 +91,14 @@ def within_budget(attempt: Attempt, wanted: float, relief: float, largest: float
     return min((fit for fit in fits if fit.faces <= most), key=lambda fit: fit.miss)
 
 
-def _without(attempt: Attempt, share: float, error: float) -> Fit:
+def _without(attempt: Attempt, share: float, error: float) -> BudgetedMesh:
     """A mesh without the elements that change heights by no more than so many errors."""
-    return Fit(attempt(error, share * error), error, share * error)
+    return BudgetedMesh(attempt(error, share * error), error, share * error)
 
 
 def _search(
-    attempt: Callable[[float], Fit], wanted: float, start: float, top: float, most: int
-) -> Fit:
+    attempt: Callable[[float], BudgetedMesh], wanted: float, start: float, top: float, most: int
+) -> BudgetedMesh:
     """The fit with the smallest error that was found, or the one at the top if none fits.
 
     Args:
@@ -140,7 +142,7 @@ def _search(
 
 
 def _narrowed(
-    fit: Fit, below: tuple[float, int] | None, high: Fit, most: int
-) -> tuple[tuple[float, int] | None, Fit]:
+    fit: BudgetedMesh, below: tuple[float, int] | None, high: BudgetedMesh, most: int
+) -> tuple[tuple[float, int] | None, BudgetedMesh]:
     """The error with too many faces and the best fit, after one more try."""
     return (below, fit) if fit.faces <= most else ((fit.error, fit.faces), high)

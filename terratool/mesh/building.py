@@ -12,8 +12,8 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh import covering, rims, walling
 from terratool.mesh.planar import Triangulation, triangulate
-from terratool.mesh.planning import Left, plan_of
-from terratool.mesh.types import Built, Plan, Regions, Rim
+from terratool.mesh.planning import PlanOmissions, plan_of
+from terratool.mesh.types import BuiltMesh, MeshPlan, Regions, TileBoundary
 
 _PLANS = 3
 """Where discs overlap too much, their polygons are planned again, so often."""
@@ -25,7 +25,7 @@ _BATCH = 200_000
 """So many triangles are looked at before others get their turn, such as who interrupts."""
 
 
-class Arranged(NamedTuple):
+class CoarseMesh(NamedTuple):
     """Triangles before they are refined.
 
     Attributes:
@@ -47,7 +47,7 @@ def build(
     bounds: tuple[float, float, float, float] | None = None,
     least: float = 0.0,
     base: float | Literal["below"] | None = None,
-) -> Built:
+) -> BuiltMesh:
     """Mesh a terrain, with walls where its height jumps.
 
     With a base the mesh is closed, a solid: a skirt leads from where the ground ends, at the rim
@@ -70,22 +70,22 @@ def build(
     for _ in range(_PLANS):
         plan, left = plan_of(terrain, max_error, bounds, least, finer)
         drawn = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
-        arranged = arrange(plan, drawn, rims.NO_SEAMS)
+        arranged = coarse_mesh(plan, drawn, rims.NO_SEAMS)
         most = float(arranged.parts.asides.max(initial=0.0))
         if most <= _ASIDE * max_error:
             break
         finer *= 0.5 * _ASIDE * max_error / most  # many discs overlap
-    return finish(terrain, plan, left, arranged, rims.NO_SEAMS, base)
+    return assemble_mesh(terrain, plan, left, arranged, rims.NO_SEAMS, base)
 
 
 def build_part(
     terrain: Terrain,
-    plan: Plan,
-    left: Left,
+    plan: MeshPlan,
+    left: PlanOmissions,
     drawn: NDArray[np.int64],
-    rim: Rim,
+    rim: TileBoundary,
     bounds: NDArray[np.int64],
-) -> Built:
+) -> BuiltMesh:
     """Mesh a part of what a plan is for.
 
     Args:
@@ -96,27 +96,30 @@ def build_part(
         rim: what its sides have in common with other meshes.
         bounds: (4,) west, south, east, north of the part on the lattice.
     """
-    return finish(terrain, plan, left, arrange(plan, drawn, rim, bounds), rim)
+    return assemble_mesh(terrain, plan, left, coarse_mesh(plan, drawn, rim, bounds), rim)
 
 
-def finish(
+def assemble_mesh(
     terrain: Terrain,
-    plan: Plan,
-    left: Left,
-    arranged: Arranged,
-    rim: Rim,
+    plan: MeshPlan,
+    left: PlanOmissions,
+    arranged: CoarseMesh,
+    rim: TileBoundary,
     base: float | Literal["below"] | None = None,
-) -> Built:
+) -> BuiltMesh:
     """Refine what is arranged, and put the mesh together; arguments as above."""
     plane, parts, of, heights = arranged
-    plane, of, heights, error = approach(plan, parts, plane, of, heights, rim.sides)
+    plane, of, heights, error = refine(plan, parts, plane, of, heights, rim.sides)
     mesh, shell, moved = walling.assemble(terrain, plan, plane, parts, of, heights, base)
-    return Built(mesh, shell, error + moved, *left)
+    return BuiltMesh(mesh, shell, error + moved, *left)
 
 
-def arrange(
-    plan: Plan, drawn: NDArray[np.int64], rim: Rim, bounds: NDArray[np.int64] | None = None
-) -> Arranged:
+def coarse_mesh(
+    plan: MeshPlan,
+    drawn: NDArray[np.int64],
+    rim: TileBoundary,
+    bounds: NDArray[np.int64] | None = None,
+) -> CoarseMesh:
     """Triangles whose edges follow segments, the regions, and the region of each triangle.
 
     Beside a seam it is the region that holds along the seam, as in the tile beyond. Bounds on the
@@ -130,19 +133,19 @@ def arrange(
     first = 2 * np.arange(len(rim.edges), dtype=np.int32)
     along = np.column_stack([first, first, first + 1])  # their middles lie on the seams
     own = keys_of(ends, along)
-    beside, corner = rims.beside(plane, rim)
+    beside, corner = rims.boundary_triangles(plane, rim)
     keys[beside] = own
     points = np.concatenate([ends, plane.points])
     triangles = np.concatenate([along, plane.triangles + np.int32(len(ends))])
     parts, of = covering.regions_of(plan, points, triangles, np.concatenate([own, keys]))
     of = of[len(along) :]
     heights = kernels.corner_heights(plan.kept, parts, plane.points, plane.triangles, of)
-    rims.pin(plane, rim, beside, corner, parts.voids[of], heights)
-    return Arranged(plane, parts, of, heights)
+    rims.pin_heights(plane, rim, beside, corner, parts.voids[of], heights)
+    return CoarseMesh(plane, parts, of, heights)
 
 
-def approach(
-    plan: Plan,
+def refine(
+    plan: MeshPlan,
     parts: Regions,
     plane: Triangulation,
     of: NDArray[np.int32],

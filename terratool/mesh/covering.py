@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.kernels import mesh as kernels
-from terratool.mesh.types import COVER, Plan, Regions
+from terratool.mesh.types import COVER, MeshPlan, Regions
 
 
 def regions_of(
-    plan: Plan,
+    plan: MeshPlan,
     points: NDArray[np.int64],
     triangles: NDArray[np.int32],
     keys: NDArray[np.int64],

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.mesh.formats.parts import points_of
-from terratool.mesh.types import Built, Mesh
+from terratool.mesh.types import BuiltMesh, Mesh
 
 
-def distinct(built: Built) -> Built:
+def collapse_degenerate(built: BuiltMesh) -> BuiltMesh:
     """The same with one vertex, not two, for the ends of each edge that has no length in a file.
 
     Faces along such an edge are left out, so that a closed mesh stays closed. Vertices that lie at

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.parts import Bounds, check_bounds, part_within
+from terratool.field.parts import Bounds, check_bounds, clip_bounds
 from terratool.field.terrain import Terrain
 from terratool.mesh.building import build
 from terratool.mesh.formats.vrml import write_elevation_grid
-from terratool.mesh.measuring import spread, walls_of
-from terratool.mesh.statement import GridStatement, Peak, Walls
-from terratool.mesh.types import Heights
+from terratool.mesh.measuring import spread, wall_summary
+from terratool.mesh.statement import GridLoss, Peak, WallSummary
+from terratool.mesh.types import HeightGrid
 from terratool.mesh.writing import check_request
 from terratool.output import whole_file
 
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class GridReport:
+class ElevationGridReport:
     """What was written as a grid of heights. Lengths are in units of the terrain.
 
     Attributes:
@@ -52,7 +52,7 @@ class GridReport:
     rows: int
     spacing: tuple[float, float]
     chosen: str
-    statement: GridStatement
+    statement: GridLoss
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
@@ -77,7 +77,7 @@ def export_elevation_grid(
     bounds: Bounds | None = None,
     *,
     overwrite: bool = False,
-) -> GridReport:
+) -> ElevationGridReport:
     """Write the heights of a terrain, or of a part of it, as the ElevationGrid of a VRML97 file.
 
     Its nodes are evenly spaced from edge to edge, both included. Walls become ramps from one node
@@ -104,7 +104,7 @@ def export_elevation_grid(
     check_request(path, overwrite)
     if bounds is not None:
         check_bounds(bounds, terrain)
-    part = part_within(terrain, bounds)
+    part = clip_bounds(terrain, bounds)
     chosen = "as asked"
     if resolution is None:
         resolution, chosen = _default_resolution(terrain, part)
@@ -124,7 +124,7 @@ def export_elevation_grid(
         raise RequestError(f"{path.name}: some heights are beyond float32.")
     # walls are found whatever the error of a mesh
     coarse = build(terrain, max(float(np.ptp(heights)), 1.0), bounds).mesh
-    grid = Heights(
+    grid = HeightGrid(
         heights=stored,
         spacing=((part[2] - part[0]) / (len(x) - 1), (part[3] - part[1]) / (len(y) - 1)),
         surfaces=sample.surface,
@@ -132,10 +132,10 @@ def export_elevation_grid(
         names=coarse.names,
         colors=coarse.colors,
     )
-    statement = _statement(grid, walls_of(coarse), *points, ground)
+    statement = _statement(grid, wall_summary(coarse), *points, ground)
     with whole_file(path, overwrite) as file:
         write_elevation_grid(grid, file, terrain.descr)
-    return GridReport(
+    return ElevationGridReport(
         file=path,
         bounds=part,
         origin=(part[0], part[1], 0.0),
@@ -179,13 +179,15 @@ def _nodes(part: Bounds, resolution: float) -> tuple[Floats, Floats]:
     )
 
 
-def _statement(grid: Heights, walls: Walls, x: Floats, y: Floats, ground: Floats) -> GridStatement:
+def _statement(
+    grid: HeightGrid, walls: WallSummary, x: Floats, y: Floats, ground: Floats
+) -> GridLoss:
     """What a grid loses, compared with the ground at some points."""
     off = _off(grid, x, y, ground)
     worst = int(off.argmax())
     largest = float(off[worst])
     scaled = off / largest if largest else off
-    return GridStatement(
+    return GridLoss(
         spacing=max(grid.spacing),
         walls=walls,
         points=len(off),
@@ -194,7 +196,7 @@ def _statement(grid: Heights, walls: Walls, x: Floats, y: Floats, ground: Floats
     )
 
 
-def _off(grid: Heights, x: Floats, y: Floats, ground: Floats) -> Floats:
+def _off(grid: HeightGrid, x: Floats, y: Floats, ground: Floats) -> Floats:
     """How far a grid is from the ground at points, whichever way its squares are halved."""
     heights = grid.heights[::-1].astype(np.float64)
     rows, columns = heights.shape

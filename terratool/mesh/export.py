@@ -13,16 +13,16 @@ import numpy as np
 
 from terratool.errors import RequestError
 from terratool.field.extents import largest_heights
-from terratool.field.parts import Bounds, check_bounds, part_within
+from terratool.field.parts import Bounds, check_bounds, clip_bounds
 from terratool.field.summary import height_range
 from terratool.field.terrain import Terrain
-from terratool.mesh.budget import Fit, within_budget
+from terratool.mesh.budget import BudgetedMesh, within_budget
 from terratool.mesh.building import build
-from terratool.mesh.distinct import distinct
-from terratool.mesh.measuring import left_out, walls_of
+from terratool.mesh.distinct import collapse_degenerate
+from terratool.mesh.measuring import omitted_elements, wall_summary
 from terratool.mesh.outlines import largest_depths
-from terratool.mesh.statement import Statement, counted, length
-from terratool.mesh.types import Built
+from terratool.mesh.statement import MeshLoss, counted, length
+from terratool.mesh.types import BuiltMesh
 from terratool.mesh.writing import check_request, rounding_of, write_mesh
 
 SHARE = 1e-3
@@ -34,7 +34,7 @@ Progress = Callable[[str], object]
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class MeshReport:
     """What an export has written, and what it could not keep. Lengths are in units of the terrain.
 
     Attributes:
@@ -58,7 +58,7 @@ class Report:
     surfaces: dict[str, int]
     base: float | None
     chosen: str
-    statement: Statement
+    statement: MeshLoss
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
@@ -90,7 +90,7 @@ def export_mesh(
     world: bool = False,
     overwrite: bool = False,
     progress: Progress | None = None,
-) -> Report:
+) -> MeshReport:
     """Write a terrain, or a part of it, as a mesh with walls.
 
     Args:
@@ -121,13 +121,13 @@ def export_mesh(
     wanted, chosen = (max_error, "as asked") if max_error else default_error(relief)
     attempt = partial(_attempt, terrain, bounds, solid, base, progress)
     if max_faces is None:
-        fit = Fit(attempt(wanted, 0.0), wanted, 0.0)
+        fit = BudgetedMesh(attempt(wanted, 0.0), wanted, 0.0)
     else:
         sizes = largest_heights(terrain.arrays)[1:]
         if terrain.tracks:
             sizes = np.append(sizes, largest_depths(terrain.arrays.tracks))
         fit = within_budget(attempt, wanted, relief, float(sizes.max(initial=0.0)), max_faces)
-    fit = fit._replace(built=distinct(fit.built))
+    fit = fit._replace(built=collapse_degenerate(fit.built))
     mesh = fit.built.mesh
     if not len(mesh.faces):
         raise RequestError(
@@ -150,7 +150,7 @@ def _attempt(
     progress: Progress | None,
     error: float,
     least: float,
-) -> Built:
+) -> BuiltMesh:
     """Build a mesh, and say so."""
     if progress:
         progress(f"meshing within {length(error)}")
@@ -163,7 +163,7 @@ def _attempt(
 
 def _report(
     terrain: Terrain,
-    fit: Fit,
+    fit: BudgetedMesh,
     files: tuple[Path, ...],
     bounds: Bounds | None,
     solid: bool,
@@ -171,13 +171,13 @@ def _report(
     chosen: str,
     max_faces: int | None,
     world: bool,
-) -> Report:
+) -> MeshReport:
     built, mesh = fit.built, fit.built.mesh
     counts = np.bincount(mesh.surfaces[mesh.surfaces >= 0], minlength=len(mesh.names)).tolist()
     x, y, z = (0.0, 0.0, 0.0) if world else mesh.origin.tolist()
-    return Report(
+    return MeshReport(
         files=files,
-        bounds=part_within(terrain, bounds),
+        bounds=clip_bounds(terrain, bounds),
         origin=(x, y, z),
         faces=len(mesh.faces),
         walls=int(mesh.walls.sum()),
@@ -185,15 +185,15 @@ def _report(
         surfaces=dict(zip(mesh.names, counts, strict=True)),
         base=float(mesh.vertices[:, 2].min()) if solid else None,
         chosen=chosen,
-        statement=Statement(
+        statement=MeshLoss(
             wanted=wanted,
             allowed=fit.error,
             error=built.error,
             max_faces=max_faces,
             aside=built.aside,
             rounding=rounding_of(mesh),
-            walls=walls_of(mesh),
-            left=left_out(terrain, built, fit.error, bounds, fit.least),
+            walls=wall_summary(mesh),
+            left=omitted_elements(terrain, built, fit.error, bounds, fit.least),
             ruts=built.ruts if terrain.tracks else None,
         ),
     )

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from terratool.field.batches import batch_heights
 from terratool.field.extents import largest_heights
-from terratool.field.parts import Bounds, part_within
+from terratool.field.parts import Bounds, clip_bounds
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as fields
 from terratool.mesh.outlines import left_tracks, without
 from terratool.mesh.planning import plan_of
-from terratool.mesh.statement import Left, Peak, Walls
-from terratool.mesh.types import Built, Mesh
+from terratool.mesh.statement import OmittedElements, Peak, WallSummary
+from terratool.mesh.types import BuiltMesh, Mesh
 
 POINTS = 500_000
 """What is left out is measured at up to so many points in its cells, and at as many anywhere."""
@@ -23,20 +23,20 @@ _PLASTIC = 1.32471795724474602596
 Floats = NDArray[np.float64]
 
 
-def joined(one: Walls, other: Walls) -> Walls:
+def joined(one: WallSummary, other: WallSummary) -> WallSummary:
     """The walls of two meshes beside each other."""
     peaks = [walls.highest for walls in (one, other) if walls.highest]
     highest = max(peaks, key=lambda peak: peak.size, default=None)
-    return Walls(one.length + other.length, one.area + other.area, highest)
+    return WallSummary(one.length + other.length, one.area + other.area, highest)
 
 
-def walls_of(mesh: Mesh) -> Walls:
+def wall_summary(mesh: Mesh) -> WallSummary:
     """The walls between the ground on both sides of them; not the outer sides of a solid.
 
     A strip of wall stands over one edge of the ground; its faces share that edge seen from above.
     """
     if not mesh.walls.any():
-        return Walls()
+        return WallSummary()
     x, y, z = mesh.vertices.T
     _, place = np.unique(x + 1j * y, return_inverse=True)
     place = place.reshape(-1).astype(np.int64)
@@ -54,7 +54,7 @@ def walls_of(mesh: Mesh) -> Walls:
 
     kept = inner[edge]
     if not kept.any():
-        return Walls()
+        return WallSummary()
     # the faces of a strip reach from its lowest to its highest level at each end
     end = 2 * np.repeat(edge, 3) + (ends == high[:, None]).ravel()
     top, bottom = np.full(2 * len(edges), -np.inf), np.full(2 * len(edges), np.inf)
@@ -66,7 +66,7 @@ def walls_of(mesh: Mesh) -> Walls:
     best = int(heights.argmax())
     along = np.hypot(*(np.diff(axis[vertex.reshape(-1, 2)])[:, 0] for axis in (x, y)))
     a, b, c = (mesh.vertices[upright[kept, k]] for k in range(3))
-    return Walls(
+    return WallSummary(
         length=float(along[inner].sum()),
         area=float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2),
         highest=Peak(
@@ -85,9 +85,9 @@ def upward(mesh: Mesh) -> NDArray[np.bool_]:
     return up
 
 
-def left_out(
-    terrain: Terrain, built: Built, error: float, bounds: Bounds | None, least: float
-) -> Left:
+def omitted_elements(
+    terrain: Terrain, built: BuiltMesh, error: float, bounds: Bounds | None, least: float
+) -> OmittedElements:
     """What is left out of a mesh changes together, measured on the terrain without it.
 
     Half of the points lie in the cells of elements, at corners, edges, middles and in between, and
@@ -102,7 +102,7 @@ def left_out(
         least: elements that change heights by no more were to be left out.
     """
     if not built.small + built.faint + built.ruts.narrow + built.ruts.shallow:
-        return Left()
+        return OmittedElements()
     plan, _ = plan_of(terrain, error, bounds, least)
     out = np.flatnonzero(plan.frames["drawn"] == 0)
     arrays = terrain.arrays
@@ -112,14 +112,14 @@ def left_out(
     arrays = arrays._replace(elements=elements)
     if len(tracks):
         arrays = arrays._replace(tracks=without(arrays.tracks, tracks))
-    part = part_within(terrain, bounds)
+    part = clip_bounds(terrain, bounds)
     points = _in_cells(terrain, out, part), spread(part), _along(terrain, tracks, part)
     x, y = (np.concatenate(axis) for axis in zip(*points, strict=True))
     whole = terrain.height(x, y)
     change = np.abs(whole - batch_heights(arrays, fields.Field(arrays), x, y))
     change[np.isnan(change)] = 0.0
     worst = int(change.argmax())
-    return Left(
+    return OmittedElements(
         small=built.small,
         faint=built.faint,
         faintest=built.faintest,

@@ -11,10 +11,10 @@ from typing import Any
 
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.mesh.distinct import distinct
-from terratool.mesh.formats.table import FORMATS, format_of
-from terratool.mesh.measuring import joined, walls_of
-from terratool.mesh.statement import Left, Statement, Walls
+from terratool.mesh.distinct import collapse_degenerate
+from terratool.mesh.formats.table import FORMATS, mesh_format
+from terratool.mesh.measuring import joined, wall_summary
+from terratool.mesh.statement import MeshLoss, OmittedElements, WallSummary
 from terratool.mesh.tiling import TILE_FACES, build_tile, lay_out
 from terratool.mesh.writing import rounding_of, write_mesh
 from terratool.output import refuse_existing, stop_on_signals, whole_file
@@ -28,7 +28,7 @@ _SUFFIXES = {*FORMATS, *(end for form in FORMATS.values() for end in form.compan
 
 
 @dataclass(frozen=True, slots=True)
-class Tile:
+class MeshTile:
     """A tile that was written.
 
     Attributes:
@@ -48,7 +48,7 @@ class Tile:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class MeshTilesReport:
     """What was written.
 
     Attributes:
@@ -64,11 +64,11 @@ class Report:
     index: Path
     rows: int
     columns: int
-    tiles: tuple[Tile, ...]
+    tiles: tuple[MeshTile, ...]
     bounds: tuple[float, ...]
     origin: tuple[float, ...]
     chosen: str
-    statement: Statement
+    statement: MeshLoss
 
     @property
     def faces(self) -> int:
@@ -112,7 +112,7 @@ def export_tiles(
     chosen: str = "as asked",
     world: bool = False,
     progress: Callable[[int, int, int], object] | None = None,
-) -> Report:
+) -> MeshTilesReport:
     """Write the mesh of a terrain as tiles that fit each other to the last bit, and an index.
 
     Vertices on a seam are the same in both tiles, and so are the edges between them. One tile at a
@@ -140,7 +140,7 @@ def export_tiles(
         WriteError: something is there already, or cannot be written.
     """
     folder = Path(folder).absolute()
-    form = format_of(Path(f"mesh{suffix}"))
+    form = mesh_format(Path(f"mesh{suffix}"))
     if world and form.write_world is None:
         raise RequestError(
             f"{suffix}: numbers of this format are too short for coordinates of the world.",
@@ -149,24 +149,24 @@ def export_tiles(
     _refuse(folder, overwrite)
     layout = lay_out(terrain, max_error, bounds, tile_faces=tile_faces, rows=rows, columns=columns)
     rows, columns = layout.shape
-    tiles: list[Tile] = []
+    tiles: list[MeshTile] = []
     with stop_on_signals():
         _prepare(folder)
-        faces, error, rounding, standing = 0, 0.0, 0.0, Walls()
+        faces, error, rounding, standing = 0, 0.0, 0.0, WallSummary()
         for row in range(rows):
             for column in range(columns):
-                built = distinct(build_tile(terrain, layout, row, column))
+                built = collapse_degenerate(build_tile(terrain, layout, row, column))
                 mesh, error = built.mesh, max(error, built.error)
                 name = f"mesh_{row:02}_{column:02}{suffix}"
                 written: tuple[Path, ...] = ()
                 if len(mesh.faces):
                     rounding = max(rounding, rounding_of(mesh))
-                    standing = joined(standing, walls_of(mesh))
+                    standing = joined(standing, wall_summary(mesh))
                     written = write_mesh(mesh, folder / name, overwrite, descr, world)
                 limits = tuple(layout.bounds(row, column).tolist())
                 names = tuple(path.name for path in written)
                 walls = int(mesh.walls.sum())
-                tiles.append(Tile(row, column, names, limits, len(mesh.faces), walls))
+                tiles.append(MeshTile(row, column, names, limits, len(mesh.faces), walls))
                 faces += len(mesh.faces)
                 if progress is not None:
                     progress(len(tiles), rows * columns, faces)
@@ -174,7 +174,7 @@ def export_tiles(
             raise RequestError(f"{folder}: there is no ground to be written.")
         whole = (*tiles[-columns].bounds[:2], *tiles[columns - 1].bounds[2:])
         origin = (0.0, 0.0, 0.0) if world else (*layout.plan.origin.tolist(), 0.0)
-        statement = Statement(
+        statement = MeshLoss(
             wanted=max_error,
             allowed=max_error,
             error=error,
@@ -182,10 +182,10 @@ def export_tiles(
             aside=layout.left.aside,
             rounding=rounding,
             walls=standing,
-            left=Left(small=layout.left.small),
+            left=OmittedElements(small=layout.left.small),
             ruts=layout.left.ruts if terrain.tracks else None,
         )
-        report = Report(
+        report = MeshTilesReport(
             folder / INDEX, rows, columns, tuple(tiles), whole, origin, chosen, statement
         )
         with whole_file(report.index, overwrite) as part:
@@ -233,7 +233,7 @@ def _is_tile(path: Path) -> bool:
     return named and path.is_file() and not path.is_symlink()
 
 
-def _index_of(report: Report) -> str:
+def _index_of(report: MeshTilesReport) -> str:
     """The index as JSON, a line for each tile."""
     head = {
         "version": VERSION,

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.types import Tracks
+from terratool.field.types import TrackArrays
 from terratool.kernels import mesh as kernels
-from terratool.mesh.statement import Ruts
-from terratool.mesh.types import Outlines, Plan
+from terratool.mesh.statement import RutLoss
+from terratool.mesh.types import MeshPlan, RutOutlines
 
 _WIDEST = 0.15
 """An outline may be off by so much of half the width of its track, however large the error."""
@@ -32,7 +32,7 @@ _ROWS = 4.0
 
 Floats = NDArray[np.float64]
 
-NO_OUTLINES = Outlines(
+NO_OUTLINES = RutOutlines(
     np.empty((0, 4), np.int64),
     np.empty(0, np.uint32),
     np.zeros(2),
@@ -42,7 +42,7 @@ NO_OUTLINES = Outlines(
 """Those of a terrain without tracks."""
 
 
-def outlines_of(plan: Plan, least: float, narrowest: float) -> tuple[Outlines, Ruts]:
+def outlines_of(plan: MeshPlan, least: float, narrowest: float) -> tuple[RutOutlines, RutLoss]:
     """The outlines of the tracks of a plan, and what of them is lost.
 
     Args:
@@ -52,7 +52,7 @@ def outlines_of(plan: Plan, least: float, narrowest: float) -> tuple[Outlines, R
     """
     tracks = plan.arrays.tracks
     if not len(tracks.passes):
-        return NO_OUTLINES, Ruts()
+        return NO_OUTLINES, RutLoss()
     boxes = _boxes(plan)
     west, south, east, north = plan.bounds
     near = (boxes[0] < east) & (boxes[2] > west) & (boxes[1] < north) & (boxes[3] > south)
@@ -63,7 +63,7 @@ def outlines_of(plan: Plan, least: float, narrowest: float) -> tuple[Outlines, R
     shallow = near & ~narrow & (deepest <= least) if least > 0.0 else np.zeros_like(near)
     chosen = np.flatnonzero(near & ~narrow & ~shallow)
     edges, owners, beside = _edges(plan, chosen)
-    return _indexed(edges, owners), Ruts(
+    return _indexed(edges, owners), RutLoss(
         beside=beside * plan.pitch,
         narrow=int(narrow.sum()),
         shallow=int(shallow.sum()),
@@ -71,13 +71,13 @@ def outlines_of(plan: Plan, least: float, narrowest: float) -> tuple[Outlines, R
     )
 
 
-def left_tracks(plan: Plan) -> NDArray[np.int64]:
+def left_tracks(plan: MeshPlan) -> NDArray[np.int64]:
     """Indices of the tracks of which nothing is drawn: left out, or far from what is meshed."""
     every = np.arange(len(plan.arrays.tracks.passes))
     return np.setdiff1d(every, plan.outlines.owners)
 
 
-def without(tracks: Tracks, out: NDArray[np.int64]) -> Tracks:
+def without(tracks: TrackArrays, out: NDArray[np.int64]) -> TrackArrays:
     """The tracks, some of which leave no rut."""
     level = np.where(np.isnan(tracks.depths[:1]), np.nan, 0.0)
     law, passes = tracks.law.copy(), tracks.passes.copy()
@@ -85,18 +85,18 @@ def without(tracks: Tracks, out: NDArray[np.int64]) -> Tracks:
     return tracks._replace(law=law, passes=passes, depths=np.concatenate([tracks.depths, level]))
 
 
-def largest_depths(tracks: Tracks) -> Floats:
+def largest_depths(tracks: TrackArrays) -> Floats:
     """Depth of the deepest rut that each track makes by itself, (tracks,)."""
     depths = np.where(np.isnan(tracks.depths), 0.0, tracks.depths).max(axis=1)[tracks.law]
     return np.asarray(depths * tracks.passes**tracks.power)
 
 
-def _reaches(tracks: Tracks) -> Floats:
+def _reaches(tracks: TrackArrays) -> Floats:
     """Half the width of each track."""
     return np.asarray(tracks.segments["reach"][tracks.first[:-1]], np.float64)
 
 
-def _boxes(plan: Plan) -> list[Floats]:
+def _boxes(plan: MeshPlan) -> list[Floats]:
     """West, south, east and north of each track, on the lattice."""
     segments, begins = plan.arrays.tracks.segments, plan.arrays.tracks.first[:-1].astype(np.int64)
     reach = _reaches(plan.arrays.tracks)
@@ -108,7 +108,7 @@ def _boxes(plan: Plan) -> list[Floats]:
 
 
 def _edges(
-    plan: Plan, chosen: NDArray[np.int64]
+    plan: MeshPlan, chosen: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32], float]:
     """Edges of the outlines of tracks, whose each is, and how far they are off; on the lattice."""
     import shapely
@@ -137,7 +137,7 @@ def _edges(
     return np.concatenate(edges), np.concatenate(owners), beside
 
 
-def _path(plan: Plan, track: int) -> Any:
+def _path(plan: MeshPlan, track: int) -> Any:
     """The path of a track as a line on the lattice."""
     import shapely
 
@@ -147,7 +147,7 @@ def _path(plan: Plan, track: int) -> Any:
     return shapely.linestrings((np.column_stack([x, y]) - plan.origin) / plan.pitch)
 
 
-def _pieces(plan: Plan, path: Any, reach: float) -> Any:
+def _pieces(plan: MeshPlan, path: Any, reach: float) -> Any:
     """The straight pieces of a path that come near to what is meshed, each a line of its own."""
     import shapely
 
@@ -180,7 +180,7 @@ def _sides(area: Any) -> NDArray[np.int64]:
     return np.asarray(edges[(edges[:, :2] != edges[:, 2:]).any(axis=1)])
 
 
-def _indexed(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> Outlines:
+def _indexed(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> RutOutlines:
     """Edges with an index of the rows that they pass."""
     if not len(edges):
         return NO_OUTLINES
@@ -189,4 +189,4 @@ def _indexed(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> Outlines:
     passed = float(np.abs(edges[:, 3] - edges[:, 1]).sum())
     rows = int(min(len(edges), _ROWS * len(edges) * tall / max(passed, 1.0))) + 1
     frame = np.array([low, rows / tall])
-    return Outlines(edges, owners, frame, *kernels.index_rows(edges, frame, rows))
+    return RutOutlines(edges, owners, frame, *kernels.index_rows(edges, frame, rows))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.kernels import mesh as kernels
-from terratool.mesh.types import Rim
+from terratool.mesh.types import TileBoundary
 
 Ints = NDArray[np.int64]
 _ROUNDS = 8
@@ -43,7 +43,7 @@ def triangulate(
     segments: Ints,
     limits: Ints,
     keys_of: Callable[[Ints, NDArray[np.int32]], Ints],
-    rim: Rim,
+    rim: TileBoundary,
 ) -> tuple[Triangulation, Ints]:
     """Cut a rectangle along segments.
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from terratool.field.extents import curve_hulls, curve_pieces, largest_heights
 from terratool.field.terrain import Terrain
-from terratool.field.types import COMBINE, Arrays
+from terratool.field.types import COMBINE, FieldArrays
 from terratool.mesh.outlines import NO_OUTLINES, outlines_of
-from terratool.mesh.statement import Ruts
-from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, REACH, Plan
+from terratool.mesh.statement import RutLoss
+from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, REACH, MeshPlan
 
 LATTICE = 30
 """Vertices lie on a lattice of 2^30 points a side: products of two such numbers fit in 64 bits, so
@@ -40,7 +40,7 @@ _BAND, _WIDEST = 0.5, 0.1
 """A disc that ends steeply is right but for so much sideways: in errors, and at most in radii."""
 
 
-class Left(NamedTuple):
+class PlanOmissions(NamedTuple):
     """What a plan leaves out, and how far it sets walls aside.
 
     Attributes:
@@ -55,7 +55,7 @@ class Left(NamedTuple):
     small: int
     faint: int
     faintest: float
-    ruts: Ruts = Ruts()
+    ruts: RutLoss = RutLoss()
 
 
 def plan_of(
@@ -64,7 +64,7 @@ def plan_of(
     bounds: tuple[float, float, float, float] | None = None,
     least: float = 0.0,
     finer: float = 1.0,
-) -> tuple[Plan, Left]:
+) -> tuple[MeshPlan, PlanOmissions]:
     """Lay out the lattice over a terrain, or a part of it.
 
     Args:
@@ -86,7 +86,7 @@ def plan_of(
     longest = float((part[2:] - origin).max())
     pitch = 2.0 ** (math.ceil(math.log2(longest)) - LATTICE)
     axes, lines, groups, reaches, turns = _axes(arrays)
-    plan = Plan(
+    plan = MeshPlan(
         field=terrain.field,
         arrays=arrays,
         frames=_frames(terrain, origin, pitch),
@@ -117,7 +117,7 @@ def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDAr
     return frames
 
 
-def _choose(plan: Plan, least: float, finer: float) -> Left:
+def _choose(plan: MeshPlan, least: float, finer: float) -> PlanOmissions:
     """Which elements are drawn, and by how many corners those that are discs."""
     frames, arrays = plan.frames, plan.arrays
     wide, tall = frames["east"] - frames["west"], frames["north"] - frames["south"]
@@ -160,7 +160,7 @@ def _choose(plan: Plan, least: float, finer: float) -> Left:
     frames["aside"][round_] = np.where(steep, slope * inside, change)
     band = np.maximum(inside, np.minimum(_BAND * plan.error / radius, _WIDEST))
     frames["rim"][round_] = np.where(steep, 1.0 - 0.5 * band, 2.0)
-    return Left(
+    return PlanOmissions(
         aside=float((np.where(steep, band, inside) * radius).max(initial=0.0)),
         small=int(small.sum()),
         faint=int(faint.sum()),
@@ -168,7 +168,7 @@ def _choose(plan: Plan, least: float, finer: float) -> Left:
     )
 
 
-def _axes(arrays: Arrays) -> tuple[NDArray[Any], ...]:
+def _axes(arrays: FieldArrays) -> tuple[NDArray[Any], ...]:
     """AXIS of all kinds, and LINE, GROUP, REACH and turns of their curves."""
     axes = np.zeros((len(arrays.kinds), 2), AXIS)
     tables: list[tuple[NDArray[Any], ...]] = []
@@ -214,7 +214,7 @@ def _ringed(values: NDArray[np.float64], steepest: float) -> bool:
 
 
 def _used(
-    arrays: Arrays, kind: Any, axis: str, radial: bool, end: float = 1.0
+    arrays: FieldArrays, kind: Any, axis: str, radial: bool, end: float = 1.0
 ) -> NDArray[np.int64]:
     """Which pieces of a curve are used before `end`: of a radial one only the right half counts."""
     starts, _ = curve_pieces(arrays, kind, axis)
@@ -263,7 +263,7 @@ def _reaches(
 
 
 def _axis(
-    arrays: Arrays, kind: Any, axis: str, radial: bool
+    arrays: FieldArrays, kind: Any, axis: str, radial: bool
 ) -> tuple[Any, NDArray[Any], NDArray[Any]]:
     """The AXIS of a curve, its lines and its groups; of a radial one only the right half counts."""
     starts, pieces = curve_pieces(arrays, kind, axis)

@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.mesh.planar import Triangulation
-from terratool.mesh.types import Rim
+from terratool.mesh.types import TileBoundary
 
-NO_SEAMS = Rim(np.full(4, -1), np.empty((0, 4), np.int64), np.empty((0, 2)))
+NO_SEAMS = TileBoundary(np.full(4, -1), np.empty((0, 4), np.int64), np.empty((0, 2)))
 """The rim of a mesh that stands alone."""
 
 Ints = NDArray[np.int64]
 
 
-def beside(plane: Triangulation, rim: Rim) -> tuple[Ints, Ints]:
+def boundary_triangles(plane: Triangulation, rim: TileBoundary) -> tuple[Ints, Ints]:
     """The triangle beside each edge of a rim, (n,), and which of its corners begins the edge.
 
     Raises:
@@ -36,9 +36,9 @@ def beside(plane: Triangulation, rim: Rim) -> tuple[Ints, Ints]:
     return t[found], c[found]
 
 
-def pin(
+def pin_heights(
     plane: Triangulation,
-    rim: Rim,
+    rim: TileBoundary,
     triangle: Ints,
     corner: Ints,
     voids: NDArray[np.bool_],

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.kernels import mesh as kernels
 from terratool.mesh import covering
-from terratool.mesh.types import Plan, Rim
+from terratool.mesh.types import MeshPlan, TileBoundary
 from terratool.mesh.walling import tolerance_of
 
 Ints = NDArray[np.int64]
@@ -64,7 +64,7 @@ class _Line(NamedTuple):
     slants: Floats
 
 
-def lay_seams(plan: Plan, columns: int, rows: int) -> tuple[list[Seam], list[Seam]]:
+def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list[Seam]]:
     """The seams between columns of tiles, from west to east, and between rows, south to north.
 
     Raises:
@@ -86,7 +86,7 @@ def lay_seams(plan: Plan, columns: int, rows: int) -> tuple[list[Seam], list[Sea
     return vertical, horizontal
 
 
-def _find(plan: Plan, axis: int, number: int, count: int, others: Sequence[_Line]) -> _Line:
+def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_Line]) -> _Line:
     """A line for a seam, as near to where it should be as the first that may be one."""
     low, high = plan.bounds[axis], plan.bounds[axis + 2]
     side = (high - low) / count
@@ -112,7 +112,7 @@ def _find(plan: Plan, axis: int, number: int, count: int, others: Sequence[_Line
     )
 
 
-def _line(plan: Plan, axis: int, at: int, drawn: Ints, others: Sequence[_Line]) -> _Line | None:
+def _line(plan: MeshPlan, axis: int, at: int, drawn: Ints, others: Sequence[_Line]) -> _Line | None:
     """A line as a seam, or None if it may not be one.
 
     Args:
@@ -220,7 +220,7 @@ def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
     return line._replace(passes=passes[order], begins=begins[order], slants=slants[order])
 
 
-def _profile(plan: Plan, line: _Line) -> Seam:
+def _profile(plan: MeshPlan, line: _Line) -> Seam:
     """Heights along a seam, with as many vertices as they need."""
     axis, at, passes, begins, slants = line
     points = np.empty((len(passes), 2), np.int64)
@@ -239,10 +239,10 @@ def _profile(plan: Plan, line: _Line) -> Seam:
     return Seam(axis, at, passes, begins, np.concatenate([passes[:1], ends]), heights)
 
 
-def rim_of(
+def boundary_of(
     bounds: Sequence[int], west: Seam | None, south: Seam | None, east: Seam | None,
     north: Seam | None,
-) -> Rim:  # fmt: skip
+) -> TileBoundary:  # fmt: skip
     """The rim of a tile with these limits and the seams on its sides, None where it has none."""
     sides = np.full(4, -1)
     edges, heights = [np.empty((0, 4), np.int64)], [np.empty((0, 2))]
@@ -259,10 +259,10 @@ def rim_of(
         own[:, 1 - seam.axis], own[:, 3 - seam.axis] = places[:-1], places[1:]
         edges.append(own)
         heights.append(seam.heights[begin:end])
-    return Rim(sides, np.concatenate(edges), np.concatenate(heights))
+    return TileBoundary(sides, np.concatenate(edges), np.concatenate(heights))
 
 
-def cut(drawn: Ints, bounds: Sequence[int], seams: Sequence[Seam | None]) -> Ints:
+def cut_segments(drawn: Ints, bounds: Sequence[int], seams: Sequence[Seam | None]) -> Ints:
     """What of segments lies within a tile, (n, 4); they end in the vertices of its seams.
 
     Args:

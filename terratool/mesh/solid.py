@@ -34,7 +34,7 @@ def check_base(base: float, lowest: float, tolerance: float) -> None:
         )
 
 
-def rim_of(neighbours: Ints, ground: NDArray[np.bool_]) -> Ints:
+def outer_edges(neighbours: Ints, ground: NDArray[np.bool_]) -> Ints:
     """Edges that the ground ends at, at the hull or at the void.
 
     Args:

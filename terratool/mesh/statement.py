@@ -22,7 +22,7 @@ class Peak:
 
 
 @dataclass(frozen=True, slots=True)
-class Walls:
+class WallSummary:
     """The walls of a mesh. Lengths are in units of the terrain.
 
     Attributes:
@@ -37,7 +37,7 @@ class Walls:
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class OmittedElements:
     """Elements that a mesh leaves out, and what they are worth.
 
     Attributes:
@@ -56,7 +56,7 @@ class Left:
 
 
 @dataclass(frozen=True, slots=True)
-class Ruts:
+class RutLoss:
     """What a mesh loses of the ruts of a terrain. Lengths are in its units.
 
     Attributes:
@@ -73,7 +73,7 @@ class Ruts:
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
+class MeshLoss:
     """What a mesh shows, and what it loses. Lengths are in units of the terrain.
 
     Attributes:
@@ -95,9 +95,9 @@ class Statement:
     max_faces: int | None
     aside: float
     rounding: float
-    walls: Walls
-    left: Left
-    ruts: Ruts | None = None
+    walls: WallSummary
+    left: OmittedElements
+    ruts: RutLoss | None = None
 
     @property
     def miss(self) -> float:
@@ -172,7 +172,7 @@ class Statement:
 
 
 @dataclass(frozen=True, slots=True)
-class GridStatement:
+class GridLoss:
     """What a grid of heights loses. Lengths are in units of the terrain.
 
     Attributes:
@@ -184,7 +184,7 @@ class GridStatement:
     """
 
     spacing: float
-    walls: Walls
+    walls: WallSummary
     points: int
     miss: Peak
     rms: float
@@ -214,7 +214,7 @@ class GridStatement:
         yield f"Lost: {'; '.join(parts) or 'nothing'}."
 
 
-def walls_as_json(walls: Walls) -> dict[str, Any]:
+def walls_as_json(walls: WallSummary) -> dict[str, Any]:
     """Walls as plain values."""
     highest = walls.highest
     return {
@@ -224,7 +224,7 @@ def walls_as_json(walls: Walls) -> dict[str, Any]:
     }
 
 
-def walls_in_words(walls: Walls) -> str:
+def walls_in_words(walls: WallSummary) -> str:
     """Walls in a phrase."""
     if not walls.highest:
         return "none"

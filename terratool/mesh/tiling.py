@@ -14,9 +14,9 @@ from terratool.field.terrain import Terrain
 from terratool.field.types import COMBINE
 from terratool.kernels import mesh as kernels
 from terratool.mesh.building import build_part
-from terratool.mesh.planning import Left, plan_of
-from terratool.mesh.seams import Seam, cut, lay_seams, rim_of
-from terratool.mesh.types import Built, Plan
+from terratool.mesh.planning import PlanOmissions, plan_of
+from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
+from terratool.mesh.types import BuiltMesh, MeshPlan
 
 TILE_FACES = 1_000_000
 """Faces of a tile, about, if not said."""
@@ -28,7 +28,7 @@ _PER_TWIST = 0.6
 (`faces_of`)."""
 
 
-class Layout(NamedTuple):
+class TileLayout(NamedTuple):
     """How a terrain is cut.
 
     Attributes:
@@ -38,8 +38,8 @@ class Layout(NamedTuple):
         rows: the seams between rows of tiles, from south to north.
     """
 
-    plan: Plan
-    left: Left
+    plan: MeshPlan
+    left: PlanOmissions
     columns: list[Seam]
     rows: list[Seam]
 
@@ -74,7 +74,7 @@ def lay_out(
     tile_faces: int = TILE_FACES,
     rows: int | None = None,
     columns: int | None = None,
-) -> Layout:
+) -> TileLayout:
     """Cut a terrain into tiles.
 
     Args:
@@ -99,10 +99,10 @@ def lay_out(
             columns = math.ceil(count / rows if rows else math.sqrt(count * wide / tall))
         columns = max(columns, 1)
         rows = max(math.ceil(count / columns), 1) if rows is None else rows
-    return Layout(plan, left, *lay_seams(plan, columns, rows))
+    return TileLayout(plan, left, *lay_seams(plan, columns, rows))
 
 
-def faces_of(plan: Plan) -> float:
+def faces_of(plan: MeshPlan) -> float:
     """How many faces the mesh of a plan has, about.
 
     A curve needs ∫ √(|f''| / 8E) dt chords, a triangle for each two of both directions; a product
@@ -126,7 +126,7 @@ def faces_of(plan: Plan) -> float:
     return float(_PER_SEGMENT * count + curved + ruts)
 
 
-def build_tile(terrain: Terrain, layout: Layout, row: int, column: int) -> Built:
+def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> BuiltMesh:
     """Mesh a tile: what it shares with others is the same in all of them to the last bit.
 
     Its vertices are relative to the origin of the whole; what it says is left out is that of the
@@ -142,12 +142,12 @@ def build_tile(terrain: Terrain, layout: Layout, row: int, column: int) -> Built
         & (frames["south"] <= north)
         & (frames["north"] >= south)
     )
-    drawn = cut(kernels.segments_of(whole.kept, np.flatnonzero(near)), limits, seams)
-    rim = rim_of(limits, *seams)
+    drawn = cut_segments(kernels.segments_of(whole.kept, np.flatnonzero(near)), limits, seams)
+    rim = boundary_of(limits, *seams)
     return build_part(terrain, whole, layout.left, drawn, rim, np.array(limits))
 
 
-def build_tiles(terrain: Terrain, layout: Layout) -> Iterator[tuple[int, int, Built]]:
+def build_tiles(terrain: Terrain, layout: TileLayout) -> Iterator[tuple[int, int, BuiltMesh]]:
     """Row, column and mesh of each tile, row by row from the north-west, one at a time."""
     rows, columns = layout.shape
     for row in range(rows):

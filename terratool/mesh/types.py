@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.types import Arrays
+from terratool.field.types import FieldArrays
 from terratool.kernels import field as fields
 from terratool.kernels import mesh as kernels
-from terratool.mesh.statement import Ruts
+from terratool.mesh.statement import RutLoss
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Mesh:
 
 
 @dataclass(frozen=True, slots=True)
-class Built:
+class BuiltMesh:
     """A mesh, and how well it shows its terrain.
 
     Attributes:
@@ -61,11 +61,11 @@ class Built:
     small: int
     faint: int
     faintest: float
-    ruts: Ruts = field(default_factory=Ruts)
+    ruts: RutLoss = field(default_factory=RutLoss)
 
 
 @dataclass(frozen=True, slots=True)
-class Heights:
+class HeightGrid:
     """Heights at evenly spaced nodes, rows from the north.
 
     Attributes:
@@ -146,7 +146,7 @@ COVER = np.dtype([("element", np.uint32), ("group_x", np.uint32), ("group_y", np
 kernels.check_records(FRAME, AXIS, LINE, REACH, GROUP, COVER)
 
 
-class Outlines(NamedTuple):
+class RutOutlines(NamedTuple):
     """The outlines of ruts on the lattice, and an index of the rows that their edges pass.
 
     Attributes:
@@ -165,7 +165,7 @@ class Outlines(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class MeshPlan:
     """What the kernels need to know of a field to mesh it.
 
     Attributes:
@@ -186,7 +186,7 @@ class Plan:
     """
 
     field: fields.Field
-    arrays: Arrays
+    arrays: FieldArrays
     frames: NDArray[Any]
     axes: NDArray[Any]
     lines: NDArray[Any]
@@ -197,7 +197,7 @@ class Plan:
     pitch: float
     bounds: NDArray[np.float64]
     error: float
-    outlines: Outlines
+    outlines: RutOutlines
 
     @cached_property
     def kept(self) -> kernels.Plan:
@@ -205,7 +205,7 @@ class Plan:
         return kernels.Plan(self)
 
 
-class Rim(NamedTuple):
+class TileBoundary(NamedTuple):
     """What the sides of a tile have in common with the tiles beyond.
 
     Attributes:

@@ -13,7 +13,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh import solid
 from terratool.mesh.planar import Triangulation
-from terratool.mesh.types import Mesh, Plan, Regions
+from terratool.mesh.types import Mesh, MeshPlan, Regions
 
 SAME = 1e-9
 """Heights that differ by less, in parts of the most that an element is worth, are rounding."""
@@ -23,19 +23,19 @@ GREY = 160, 160, 160
 """The colour of surfaces that have none."""
 
 
-def rounding_of(plan: Plan) -> float:
+def rounding_of(plan: MeshPlan) -> float:
     """How much two heights may differ by rounding, in units of the terrain."""
     return SAME * float(largest_heights(plan.arrays).max())
 
 
-def tolerance_of(plan: Plan) -> float:
+def tolerance_of(plan: MeshPlan) -> float:
     """How much two heights may differ and still be one, in units of the terrain."""
     return max(LOW * plan.error, rounding_of(plan))
 
 
 def assemble(
     terrain: Terrain,
-    plan: Plan,
+    plan: MeshPlan,
     plane: Triangulation,
     parts: Regions,
     of: NDArray[np.int32],
@@ -68,7 +68,7 @@ def assemble(
         if base == "below":
             base = solid.base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
         solid.check_base(base, lowest, rounding_of(plan))
-        rim = solid.rim_of(neighbours, ground)
+        rim = solid.outer_edges(neighbours, ground)
         edges = triangles[rim[:, :1], np.column_stack([rim[:, 1], (rim[:, 1] + 1) % 3])]
         rims[edges] = True
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from terratool.errors import RequestError
 from terratool.mesh.formats.parts import points_of
-from terratool.mesh.formats.table import FORMATS, Format, format_of
+from terratool.mesh.formats.table import FORMATS, MeshFormat, mesh_format
 from terratool.mesh.types import Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 
@@ -52,7 +52,7 @@ def write_mesh(
     return path, *(path.with_suffix(suffix) for suffix in form.companions)
 
 
-def check_request(path: str | Path, overwrite: bool = False, world: bool = False) -> Format:
+def check_request(path: str | Path, overwrite: bool = False, world: bool = False) -> MeshFormat:
     """Refuse what can be known to fail before there is a mesh; returns the format.
 
     Args:
@@ -66,7 +66,7 @@ def check_request(path: str | Path, overwrite: bool = False, world: bool = False
         WriteError: `path` exists and is not to be overwritten, or its folder does not exist.
     """
     path = Path(os.path.realpath(path))
-    form = format_of(path)
+    form = mesh_format(path)
     if world and form.write_world is None:
         able = ", ".join(suffix for suffix, one in FORMATS.items() if one.write_world)
         raise RequestError(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from terratool.errors import RequestError, TerratoolError, WriteError
-from terratool.raster.tiles import Done, Finished, Job, Tile, Tiler, remove_scratch
+from terratool.raster.tiles import Done, FinishedTile, Job, RasterTile, TileMaker, remove_scratch
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
@@ -57,7 +57,7 @@ def connected(address: str, processes: int) -> Iterator[Client]:
 
 
 def made_by_dask(
-    client: Client, tiler: Tiler, jobs: Iterable[Job], address: str
+    client: Client, tiler: TileMaker, jobs: Iterable[Job], address: str
 ) -> Generator[Done, None, None]:
     """Make tiles by Dask, in the order in which they are complete.
 
@@ -84,7 +84,7 @@ def made_by_dask(
 
 
 def _made(
-    client: Client, tiler: Tiler, jobs: Iterator[Job], address: str
+    client: Client, tiler: TileMaker, jobs: Iterator[Job], address: str
 ) -> Generator[Done, None, None]:
     from distributed import as_completed
 
@@ -137,24 +137,26 @@ def _made(
             client.cancel([future for _, future in waiting.values()])
 
 
-def _make(tiler: Tiler, tile: Tile, known: Finished | None) -> tuple[Finished, bool]:
+def _make(
+    tiler: TileMaker, tile: RasterTile, known: FinishedTile | None
+) -> tuple[FinishedTile, bool]:
     """Make a tile on a worker."""
     return tiler.make(tile, known, tiler.check)
 
 
-def _sent(client: Client, tiler: Tiler) -> Future:
+def _sent(client: Client, tiler: TileMaker) -> Future:
     """The tiler on all workers that are there; later ones get it from these."""
     client.wait_for_workers(1, timeout=_PATIENCE)
     return client.scatter(tiler, broadcast=True, hash=False)
 
 
-def _result(future: Future, tile: Tile) -> tuple[Finished, bool]:
+def _result(future: Future, tile: RasterTile) -> tuple[FinishedTile, bool]:
     """What a worker says of a tile, or its complaint in a sentence."""
     from distributed import KilledWorker
 
     where = f"tile {tile.row}, {tile.column}"
     try:
-        result: tuple[Finished, bool] = future.result()
+        result: tuple[FinishedTile, bool] = future.result()
     except TerratoolError:
         raise
     except KilledWorker as error:

@@ -16,21 +16,21 @@ from terratool.field.terrain import Terrain
 from terratool.output import free_bytes, refuse_existing, whole_file
 from terratool.raster.formats import (
     Coding,
-    Format,
+    RasterFormat,
     check_fit,
     coding_of,
-    format_of,
+    raster_format,
     wants_range,
 )
 from terratool.raster.geotiff import Compression, crs_of
 from terratool.raster.grid import Grid, Window
-from terratool.raster.layers import Bands, Soils, files_of, layers_named
-from terratool.raster.losses import Losses
-from terratool.raster.sinks import sink
-from terratool.raster.statement import Statement
-from terratool.raster.statistics import Statistics, together
-from terratool.raster.tally import Account, Tally, tally_of
-from terratool.raster.windows import Maker, ahead, heights_type, processors, windows_of
+from terratool.raster.layers import Bands, SurfaceValues, files_of, layers_named
+from terratool.raster.losses import LossFinder
+from terratool.raster.sinks import open_writer
+from terratool.raster.statement import RasterLoss
+from terratool.raster.statistics import BandStatistics, combined
+from terratool.raster.tally import RasterStatistics, StatisticsSum, window_statistics
+from terratool.raster.windows import WindowMaker, heights_type, prefetch, processors, windows_of
 
 COMPANIONS = ("*.aux.xml", "*.ovr", "*.msk")
 """What GDAL keeps beside a raster, and would believe of a newer one, too; * is its name."""
@@ -41,7 +41,7 @@ Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WrittenFile:
     """One file that was written.
 
     Attributes:
@@ -57,7 +57,7 @@ class Written:
 
     path: Path
     bands: Bands
-    statistics: tuple[Statistics, ...]
+    statistics: tuple[BandStatistics, ...]
     dtype: np.dtype[Any]
     nodata: float | None
     scale: float
@@ -67,7 +67,7 @@ class Written:
 
 
 @dataclass(frozen=True, slots=True)
-class Tiles:
+class MosaicLayout:
     """How a mosaic is cut.
 
     Attributes:
@@ -87,7 +87,7 @@ class Tiles:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class RasterReport:
     """What an export has written, and what it could not keep.
 
     Attributes:
@@ -101,12 +101,12 @@ class Report:
     """
 
     grid: Grid
-    files: tuple[Written, ...]
+    files: tuple[WrittenFile, ...]
     nodata: int
     surfaces: dict[str, int]
     lacking: dict[str, list[str]]
-    losses: Statement | None
-    tiles: Tiles | None = None
+    losses: RasterLoss | None
+    tiles: MosaicLayout | None = None
 
     @property
     def pixels(self) -> int:
@@ -127,7 +127,7 @@ def export_dem(
     losses: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> Report:
+) -> RasterReport:
     """Write layers of a terrain at the pixel centres of a grid.
 
     All layers of numbers are bands of one file; surfaces and colours get one of their own each. The
@@ -154,7 +154,7 @@ def export_dem(
     """
     path = Path(path)
     threads = checked_threads(threads)
-    form = format_of(path, cog)
+    form = raster_format(path, cog)
     if compression is not None and form.driver not in ("GTiff", "COG"):
         raise RequestError(
             f"{path.name}: only a .tif is compressed as one likes.",
@@ -170,19 +170,19 @@ def export_dem(
     crs_of(terrain)
     refuse_full_disk(path, grid, files, form)
 
-    lost = Losses(terrain, grid, heights_type(files)) if losses else None
+    lost = LossFinder(terrain, grid, heights_type(files)) if losses else None
     ranges = _ranges(terrain, grid, files, form, threads)
     codings = list(map(partial(coding_of, form), files, ranges))
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place
         parts = [stack.enter_context(whole_file(name, overwrite, companions)) for name in paths]
-        maker = Maker(terrain, grid, files, lost)
-        filled = fill(
+        maker = WindowMaker(terrain, grid, files, lost)
+        filled = fill_files(
             parts, form, terrain, grid, files, maker, compression, codings,
             threads=threads, progress=progress,
         )  # fmt: skip
     written = (
-        Written(
+        WrittenFile(
             name, bands, statistics,
             coding.dtype if coding else bands.dtype, coding.nodata if coding else bands.nodata,
             coding.scale if coding else 1.0, coding.offset if coding else 0.0, difference,
@@ -196,7 +196,7 @@ def export_dem(
 
 
 @dataclass(frozen=True, slots=True)
-class Filled:
+class FilledFiles:
     """What came of painting a window into files.
 
     Attributes:
@@ -204,24 +204,24 @@ class Filled:
         differences: how far the numbers of each file may be from those that were painted.
     """
 
-    tally: Tally
+    tally: RasterStatistics
     differences: tuple[float, ...]
 
 
-def fill(
+def fill_files(
     paths: Sequence[Path],
-    form: Format,
+    form: RasterFormat,
     terrain: Terrain,
     grid: Grid,
     files: Sequence[Bands],
-    maker: Maker,
+    maker: WindowMaker,
     compression: Compression,
     codings: Sequence[Coding | None] = (),
     *,
     window: Window | None = None,
     threads: int = 0,
     progress: Progress | None = None,
-) -> Filled:
+) -> FilledFiles:
     """Paint a window, or the whole, of a grid into files, which are complete afterwards.
 
     Args:
@@ -237,46 +237,46 @@ def fill(
         threads: that paint and compress; 0 for the calling one alone.
         progress: is told the number of pixels of each window that is done.
     """
-    account = Account(files)
+    account = StatisticsSum(files)
     with contextlib.ExitStack() as stack:
         sinks = [
             stack.enter_context(
-                sink(path, form, terrain, grid, bands, compression, coding, threads, window)
+                open_writer(path, form, terrain, grid, bands, compression, coding, threads, window)
             )
             for path, bands, coding in zip(
                 paths, files, codings or [None] * len(files), strict=True
             )
         ]
-        for made in ahead(maker.make, windows_of(window or grid.whole, files), threads):
+        for made in prefetch(maker.make, windows_of(window or grid.whole, files), threads):
             for into, pixels in zip(sinks, made.pixels, strict=True):
                 into.write(made.window, pixels)
-            account.add(tally_of(made))
+            account.add(window_statistics(made))
             maker.reuse(made)
             if progress:
                 progress(made.window.width * made.window.height)
         tally = account.total()
         for into, statistics in zip(sinks, tally.statistics, strict=True):
             into.finish(statistics, tally.counts)
-    return Filled(tally, tuple(into.difference for into in sinks))
+    return FilledFiles(tally, tuple(into.difference for into in sinks))
 
 
 def report_of(
     terrain: Terrain,
     grid: Grid,
-    written: tuple[Written, ...],
-    tally: Tally,
-    losses: Losses | None,
-    tiles: Tiles | None = None,
-) -> Report:
+    written: tuple[WrittenFile, ...],
+    tally: RasterStatistics,
+    losses: LossFinder | None,
+    tiles: MosaicLayout | None = None,
+) -> RasterReport:
     """What there is to say when all is written."""
-    soils = Soils(terrain)
+    soils = SurfaceValues(terrain)
     lacking = {
         layer.name: names
         for file in written
         for layer in file.bands.layers
         if (names := soils.lacking(layer))
     }
-    return Report(
+    return RasterReport(
         grid,
         written,
         tally.nodata,
@@ -323,23 +323,23 @@ def checked_dtype(dtype: str) -> np.dtype[Any]:
 
 
 def _ranges(
-    terrain: Terrain, grid: Grid, files: Sequence[Bands], form: Format, threads: int
-) -> list[Statistics | None]:
+    terrain: Terrain, grid: Grid, files: Sequence[Bands], form: RasterFormat, threads: int
+) -> list[BandStatistics | None]:
     """Ranges of the numbers of each file whose format wants them: all is painted once for that."""
     if not any(wants_range(form, bands) for bands in files):
         return [None] * len(files)
     wanting = [bands for bands in files if wants_range(form, bands)]
-    maker = Maker(terrain, grid, wanting)
-    account = Account(wanting)
-    for made in ahead(maker.make, windows_of(grid.whole, wanting), threads):
-        account.add(tally_of(made))
+    maker = WindowMaker(terrain, grid, wanting)
+    account = StatisticsSum(wanting)
+    for made in prefetch(maker.make, windows_of(grid.whole, wanting), threads):
+        account.add(window_statistics(made))
         maker.reuse(made)
-    ranges = iter(together(statistics) for statistics in account.total().statistics)
+    ranges = iter(combined(statistics) for statistics in account.total().statistics)
     return [next(ranges) if wants_range(form, bands) else None for bands in files]
 
 
 def refuse_full_disk(
-    path: Path, grid: Grid, files: Sequence[Bands], form: Format, there: int = 0
+    path: Path, grid: Grid, files: Sequence[Bands], form: RasterFormat, there: int = 0
 ) -> None:
     """Refuse what may not fit on the disk; so many pixels are there already.
 

@@ -16,7 +16,7 @@ from terratool.field.terrain import Terrain
 from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import Grid
 from terratool.raster.layers import Bands
-from terratool.raster.statistics import Statistics
+from terratool.raster.statistics import BandStatistics
 
 Pixels = NDArray[Any]
 
@@ -74,7 +74,7 @@ class Coding:
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class RasterFormat:
     """A file format.
 
     Attributes:
@@ -97,11 +97,11 @@ class Format:
 
 
 _FORMATS = {
-    ".tif": Format("GTiff"),
-    ".tiff": Format("GTiff"),
-    ".npy": Format("NPY"),
-    ".png": Format("PNG", {"zlevel": 6}, bits=16, nodata=0, one_band=True),
-    ".asc": Format(
+    ".tif": RasterFormat("GTiff"),
+    ".tiff": RasterFormat("GTiff"),
+    ".npy": RasterFormat("NPY"),
+    ".png": RasterFormat("PNG", {"zlevel": 6}, bits=16, nodata=0, one_band=True),
+    ".asc": RasterFormat(
         "AAIGrid",
         {"force_cellsize": True},
         nodata=_ESRI_NODATA,
@@ -109,12 +109,12 @@ _FORMATS = {
         text_bytes=(14, 24),
         companions=(".prj",),
     ),
-    ".xyz": Format("XYZ", nodata=_ESRI_NODATA, one_band=True, text_bytes=(60, 70)),
-    ".hgt": Format("SRTMHGT", bits=-16, nodata=_HGT_NODATA, one_band=True),
+    ".xyz": RasterFormat("XYZ", nodata=_ESRI_NODATA, one_band=True, text_bytes=(60, 70)),
+    ".hgt": RasterFormat("SRTMHGT", bits=-16, nodata=_HGT_NODATA, one_band=True),
 }
 
 
-def format_of(path: Path, cog: bool = False) -> Format:
+def raster_format(path: Path, cog: bool = False) -> RasterFormat:
     """The format that a file's name asks for.
 
     Raises:
@@ -127,7 +127,7 @@ def format_of(path: Path, cog: bool = False) -> Format:
                 f"{path.name}: a cloud-optimised GeoTIFF is a .tif.",
                 "Give such a name, or leave out --cog.",
             )
-        return Format("COG")
+        return RasterFormat("COG")
     if suffix in _FORMATS:
         return _FORMATS[suffix]
     known: dict[str, str] = raster_driver_extensions()
@@ -141,10 +141,10 @@ def format_of(path: Path, cog: bool = False) -> Format:
             if suffix == ".vrt"
             else f"Try {names}.",
         )
-    return Format(known[suffix[1:]])
+    return RasterFormat(known[suffix[1:]])
 
 
-def check_fit(form: Format, path: Path, bands: Bands, terrain: Terrain, grid: Grid) -> None:
+def check_fit(form: RasterFormat, path: Path, bands: Bands, terrain: Terrain, grid: Grid) -> None:
     """Refuse what a format cannot hold.
 
     Raises:
@@ -184,7 +184,7 @@ def _degree(terrain: Terrain, grid: Grid) -> str:
     )
 
 
-def coding_of(form: Format, bands: Bands, range_: Statistics | None) -> Coding | None:
+def coding_of(form: RasterFormat, bands: Bands, range_: BandStatistics | None) -> Coding | None:
     """How a format wants numbers to be coded; None for as they are.
 
     `range_` is that of the numbers, where `wants_range` says that it is needed.
@@ -203,6 +203,6 @@ def coding_of(form: Format, bands: Bands, range_: Statistics | None) -> Coding |
     return Coding(np.dtype(f"u{form.bits // 8}"), form.nodata, scale, low - scale, lost)
 
 
-def wants_range(form: Format, bands: Bands) -> bool:
+def wants_range(form: RasterFormat, bands: Bands) -> bool:
     """Whether the range of the numbers has to be known before they are written."""
     return form.bits > 0 and bands.kind == "number"

@@ -24,8 +24,8 @@ from terratool.errors import DefinitionError, RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands
-from terratool.raster.palette import MOST_COLORS, auxiliary, colormap, printable
-from terratool.raster.statistics import Statistics
+from terratool.raster.palette import MOST_COLORS, auxiliary, colormap, xml_text
+from terratool.raster.statistics import BandStatistics
 from terratool.raster.windows import TILE
 
 COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
@@ -117,7 +117,7 @@ def geotiff(
         file.units = bands.units
         about = {"TIFFTAG_SOFTWARE": f"terratool {__version__}"}
         if terrain.descr:
-            about["TIFFTAG_IMAGEDESCRIPTION"] = printable(terrain.descr)
+            about["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
         file.update_tags(**about)
         if bands.kind == "surface":
             if len(terrain.surfaces) < colors:
@@ -145,7 +145,7 @@ class GeoTiff:
         column, row = window.column - self.extent.column, window.row - self.extent.row
         self.file.write(pixels, window=RasterioWindow(column, row, window.width, window.height))
 
-    def finish(self, statistics: Sequence[Statistics]) -> None:
+    def finish(self, statistics: Sequence[BandStatistics]) -> None:
         """Write what is known of the bands when all windows are."""
         pixels = self.file.width * self.file.height
         for band, part in enumerate(statistics, 1):
@@ -153,7 +153,7 @@ class GeoTiff:
                 self.file.update_tags(band, **statistics_tags(part, pixels))
 
 
-def statistics_tags(statistics: Statistics, pixels: int) -> dict[str, str]:
+def statistics_tags(statistics: BandStatistics, pixels: int) -> dict[str, str]:
     """Statistics as GDAL keeps them with a band."""
     return {
         "STATISTICS_MINIMUM": repr(statistics.low),

@@ -20,12 +20,12 @@ import msgspec
 import numpy as np
 
 from terratool.errors import WriteError
-from terratool.raster.tally import Tally
+from terratool.raster.tally import RasterStatistics
 from terratool.raster.tiles import (
     OWNED,
     SCRATCH,
-    Finished,
-    Whole,
+    FileState,
+    FinishedTile,
     checksum,
     remove_scratch,
     scratch_in,
@@ -47,7 +47,7 @@ class Journal:
     def __init__(self, folder: Path, file: BinaryIO | None, request: dict[str, Any]) -> None:
         self._folder, self._file, self._request = folder, file, request
         self.header: dict[str, Any] | None = None
-        self.known: dict[tuple[int, int], Finished] = {}
+        self.known: dict[tuple[int, int], FinishedTile] = {}
         self.indexes: dict[str, str] = {}
         self._end = 0
         if file is not None:
@@ -107,7 +107,7 @@ class Journal:
             path.unlink()
         self.known, self.indexes = {}, {}
 
-    def add_tile(self, finished: Finished) -> None:
+    def add_tile(self, finished: FinishedTile) -> None:
         """Note that a tile is finished; it is on the disk when this returns."""
         tally = msgspec.msgpack.encode(finished.tally, enc_hook=_encoded)
         self._add(
@@ -208,10 +208,12 @@ def _entry_of(line: bytes) -> dict[str, Any]:
     return dict(json.loads(text))
 
 
-def _finished(entry: dict[str, Any]) -> Finished:
-    tally = msgspec.msgpack.decode(base64.b64decode(entry["tally"]), type=Tally, dec_hook=_decoded)
+def _finished(entry: dict[str, Any]) -> FinishedTile:
+    tally = msgspec.msgpack.decode(
+        base64.b64decode(entry["tally"]), type=RasterStatistics, dec_hook=_decoded
+    )
     row, column = entry["tile"]
-    return Finished(row, column, tuple(Whole(*file) for file in entry["files"]), tally)
+    return FinishedTile(row, column, tuple(FileState(*file) for file in entry["files"]), tally)
 
 
 def _encoded(value: Any) -> Any:

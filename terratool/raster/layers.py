@@ -145,7 +145,7 @@ def files_of(layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any]) ->
 
 
 @dataclass(frozen=True)
-class Soils:
+class SurfaceValues:
     """What the surfaces of a terrain are worth, by id: the index of the surface and one."""
 
     terrain: Terrain = field(repr=False)
@@ -186,7 +186,7 @@ class Soils:
 
 def layer_painter(bands: Bands, terrain: Terrain) -> Callable[[Planes, Pixels], None]:
     """A function from the planes of a window into the bands of a file, (bands, height, width)."""
-    soils = Soils(terrain)
+    soils = SurfaceValues(terrain)
     tables: dict[str, Pixels] = {
         layer.name: soils.colors if layer.kind == "color" else soils.values(layer, bands.dtype)
         for layer in bands.layers

@@ -13,10 +13,10 @@ from terratool.field.extents import largest_heights, nonzero_edges
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
-from terratool.raster.misfit import misfit_of
-from terratool.raster.narrow import narrow_of
+from terratool.raster.misfit import interpolation_error
+from terratool.raster.narrow import subpixel_features
 from terratool.raster.painting import Planes
-from terratool.raster.statement import Statement, Wall
+from terratool.raster.statement import RasterLoss, Wall
 
 _LEVEL = 1e-7
 """A jump is one from here on, in parts of what any one element is worth …"""
@@ -37,7 +37,7 @@ _UNIT = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class LossCounts:
     """What is lost in a part of a grid; parts add up, in any order, to that of the whole.
 
     Attributes:
@@ -56,8 +56,8 @@ class Part:
     steepest: tuple[float, int] = (0.0, 0)
     highest: tuple[float, int] = (0.0, 0)
 
-    def __add__(self, other: Part) -> Part:
-        return Part(
+    def __add__(self, other: LossCounts) -> LossCounts:
+        return LossCounts(
             self.candidates + other.candidates,
             self.tested + other.tested,
             self.pairs + other.pairs,
@@ -67,7 +67,7 @@ class Part:
         )
 
 
-class Losses:
+class LossFinder:
     """Looks for what a grid loses, window by window; may be used by several threads at a time.
 
     A window with more candidates than can be looked at has some of them tested, evenly spread, and
@@ -99,7 +99,7 @@ class Losses:
             min(window.width + 1, self._grid.width - window.column),
         )
 
-    def of(self, window: Window, planes: Planes) -> Part:
+    def of(self, window: Window, planes: Planes) -> LossCounts:
         """What is lost between the pixels of a window and their neighbours to the east and south.
 
         Args:
@@ -113,7 +113,7 @@ class Losses:
         pairs, rises = kernels.find_candidates(labels, heights, window.height, window.width)
         count = len(pairs)
         if not count:
-            return Part()
+            return LossCounts()
         pixels, all_pixels = window.height * window.width, self._grid.height * self._grid.width
         tests = max(_TESTS, all_pixels // _PIXELS_PER_TEST)
         chosen = _spread(count, max(_LEAST_TESTS, tests * pixels // all_pixels))
@@ -145,7 +145,7 @@ class Losses:
                 steepest = float(rises[steeper[at]]), name
                 highest = max(highest, (float(jump), name))
         self._idle.append(finder)
-        return Part(
+        return LossCounts(
             candidates=count,
             tested=len(chosen),
             pairs=round(share * int((jumps > 0).sum())),
@@ -154,7 +154,7 @@ class Losses:
             highest=highest,
         )
 
-    def statement(self, part: Part, nodata: int) -> Statement:
+    def statement(self, part: LossCounts, nodata: int) -> RasterLoss:
         """What the whole grid loses.
 
         Args:
@@ -162,8 +162,8 @@ class Losses:
             nodata: pixels without a height.
         """
         resolution = self._grid.resolution
-        narrow, details = narrow_of(self._terrain, self._grid)
-        return Statement(
+        narrow, details = subpixel_features(self._terrain, self._grid)
+        return RasterLoss(
             resolution=resolution,
             wall_length=part.length / _UNIT * resolution,
             wall_pairs=part.pairs,
@@ -173,7 +173,7 @@ class Losses:
             narrow=narrow,
             details=details,
             nodata=nodata,
-            misfit=misfit_of(self._terrain, self._grid, self._dtype),
+            misfit=interpolation_error(self._terrain, self._grid, self._dtype),
         )
 
     def _name(self, window: Window, pair: int) -> int:

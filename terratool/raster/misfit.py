@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
-from terratool.raster.statement import Misfit
+from terratool.raster.statement import InterpolationError
 
 POINTS = 100_000
 _PLASTIC = 1.32471795724474602596
@@ -18,7 +18,9 @@ _PLASTIC = 1.32471795724474602596
 Floats = NDArray[np.float64]
 
 
-def misfit_of(terrain: Terrain, grid: Grid, dtype: np.dtype[Any]) -> Misfit | None:
+def interpolation_error(
+    terrain: Terrain, grid: Grid, dtype: np.dtype[Any]
+) -> InterpolationError | None:
     """Compare at up to POINTS points; None where no four pixels with heights lie around one.
 
     Half of the points are evenly spread, half are the middles of elements. Pixels are worth what
@@ -45,7 +47,7 @@ def misfit_of(terrain: Terrain, grid: Grid, dtype: np.dtype[Any]) -> Misfit | No
     worst = known[off[known].argmax()]
     largest = float(off[worst])
     scaled = off[known] / largest if largest else off[known]
-    return Misfit(
+    return InterpolationError(
         points=len(known),
         largest=largest,
         rms=largest * float(np.sqrt(np.mean(scaled**2))),

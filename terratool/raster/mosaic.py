@@ -18,36 +18,36 @@ from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing, stop_on_signals, whole_file
 from terratool.raster.export import (
     COMPANIONS,
+    MosaicLayout,
     Progress,
-    Report,
-    Tiles,
-    Written,
+    RasterReport,
+    WrittenFile,
     checked_dtype,
     checked_threads,
     paths_of,
     refuse_full_disk,
     report_of,
 )
-from terratool.raster.formats import Format
+from terratool.raster.formats import RasterFormat
 from terratool.raster.geotiff import Compression, crs_of
 from terratool.raster.grid import Grid
 from terratool.raster.journal import Journal, journal_of
 from terratool.raster.layers import files_of, layers_named
-from terratool.raster.losses import Losses
-from terratool.raster.tally import Account, Tally, in_order
+from terratool.raster.losses import LossFinder
+from terratool.raster.tally import RasterStatistics, StatisticsSum, in_order
 from terratool.raster.tiles import (
     INDEX,
     OWNED,
     Done,
-    Finished,
+    FinishedTile,
     Job,
-    Plan,
-    Tiler,
+    MosaicPlan,
+    TileMaker,
     checksum,
     remove_scratch,
 )
 from terratool.raster.vrt import index_of
-from terratool.raster.windows import ahead, heights_type
+from terratool.raster.windows import heights_type, prefetch
 
 TILE_SIZE = 4096
 """Pixels on the side of a tile, if not said."""
@@ -68,7 +68,7 @@ def export_mosaic(
     threads: int | None = None,
     dask: str | None = None,
     progress: Progress | None = None,
-) -> Report:
+) -> RasterReport:
     """Write layers of a terrain as tiles, which are GeoTIFFs, and an index that opens as one.
 
     The pixels are those of `export_dem`. A run that was interrupted goes on where it stopped, when
@@ -108,7 +108,7 @@ def export_mosaic(
         )
     files = files_of(layers_named(layers), terrain, checked_dtype(dtype))
     compression = compression or Compression()
-    plan = Plan(grid, files, compression, tile_size, losses, folder)
+    plan = MosaicPlan(grid, files, compression, tile_size, losses, folder)
     indexes = paths_of(index, files)
     crs_of(terrain)
     threads = checked_threads(threads)
@@ -133,25 +133,25 @@ def export_mosaic(
         there = sum(
             tile.window.height * tile.window.width for _, tile, done in jobs if _seems(plan, done)
         )
-        refuse_full_disk(folder, grid, files, Format("GTiff"), there)
+        refuse_full_disk(folder, grid, files, RasterFormat("GTiff"), there)
         scratch = journal.begin(overwrite)
         stack.callback(remove_scratch, scratch)
-        tiler = Tiler(terrain, plan, scratch)
+        tiler = TileMaker(terrain, plan, scratch)
         tally, kept = _make(tiler, jobs, journal, threads, client, dask, progress)
         _write_indexes(indexes, plan, terrain, tally, journal, scratch)
-    tiles = Tiles(given, tile_size, plan.rows, plan.columns, kept, len(jobs) - kept)
+    tiles = MosaicLayout(given, tile_size, plan.rows, plan.columns, kept, len(jobs) - kept)
     written = tuple(
-        Written(
+        WrittenFile(
             name, bands, statistics, bands.dtype, bands.nodata, 1.0, 0.0,
             compression.max_z_error if bands.kind == "number" else 0.0, grid.width * grid.height,
         )
         for name, bands, statistics in zip(indexes, files, tally.statistics, strict=True)
     )  # fmt: skip
-    lost = Losses(terrain, grid, heights_type(files)) if losses else None
+    lost = LossFinder(terrain, grid, heights_type(files)) if losses else None
     return report_of(terrain, grid, written, tally, lost, tiles)
 
 
-def request_of(terrain: Terrain, plan: Plan) -> dict[str, Any]:
+def request_of(terrain: Terrain, plan: MosaicPlan) -> dict[str, Any]:
     """What decides each byte of a mosaic, in words and numbers for its journal."""
     grid = plan.grid
     return {
@@ -200,7 +200,7 @@ def _seen(path: Path, folder: Path) -> str:
     return os.path.relpath(path.resolve(), folder.resolve())
 
 
-def _seems(plan: Plan, known: Finished | None) -> bool:
+def _seems(plan: MosaicPlan, known: FinishedTile | None) -> bool:
     """Whether the files of a tile have their sizes, at least; they are read when it is its turn."""
     try:
         return known is not None and all(
@@ -211,19 +211,19 @@ def _seems(plan: Plan, known: Finished | None) -> bool:
 
 
 def _make(
-    tiler: Tiler,
+    tiler: TileMaker,
     jobs: list[Job],
     journal: Journal,
     threads: int,
     client: Any,
     dask: str | None,
     progress: Progress | None,
-) -> tuple[Tally, int]:
+) -> tuple[RasterStatistics, int]:
     """Make all tiles; what is known of all together, and how many were kept."""
-    account = Account(tiler.plan.files)
+    account = StatisticsSum(tiler.plan.files)
     kept = 0
 
-    def noted(done: Iterable[Done]) -> Iterator[tuple[int, Finished]]:
+    def noted(done: Iterable[Done]) -> Iterator[tuple[int, FinishedTile]]:
         nonlocal kept
         for number, finished, was_kept in done:
             if not was_kept:
@@ -250,7 +250,9 @@ class _StoppedError(Exception):
     """Ends a tile whose run has ended."""
 
 
-def made_by_threads(tiler: Tiler, jobs: Iterable[Job], threads: int) -> Generator[Done, None, None]:
+def made_by_threads(
+    tiler: TileMaker, jobs: Iterable[Job], threads: int
+) -> Generator[Done, None, None]:
     """Make tiles by threads, one by each at a time."""
     stopped = threading.Event()
 
@@ -262,14 +264,14 @@ def made_by_threads(tiler: Tiler, jobs: Iterable[Job], threads: int) -> Generato
         number, tile, known = job
         return number, *tiler.make(tile, known, check)
 
-    return ahead(make, jobs, threads, stopped.set)
+    return prefetch(make, jobs, threads, stopped.set)
 
 
 def _write_indexes(
     paths: Sequence[Path],
-    plan: Plan,
+    plan: MosaicPlan,
     terrain: Terrain,
-    tally: Tally,
+    tally: RasterStatistics,
     journal: Journal,
     scratch: Path,
 ) -> None:

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from terratool.field.extents import finest_details
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
-from terratool.raster.statement import Narrow, Narrows
+from terratool.raster.statement import SubpixelFeature, SubpixelFeatures
 
 FIRST = 20
 """So many are named."""
 
 
-def narrow_of(terrain: Terrain, grid: Grid) -> tuple[Narrows, Narrows]:
+def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, SubpixelFeatures]:
     """Elements and tracks within the grid that are narrower than a pixel; others with such details.
 
     An element is as wide as the shorter side of its block of cells. Details are those of
@@ -54,10 +54,12 @@ def _tracks(terrain: Terrain, grid: Grid) -> tuple[NDArray[np.bool_], NDArray[np
     return reached, 2.0 * reach[tracks.first[:-1]]
 
 
-def _named(terrain: Terrain, which: NDArray[np.bool_], widths: NDArray[np.float64]) -> Narrows:
+def _named(
+    terrain: Terrain, which: NDArray[np.bool_], widths: NDArray[np.float64]
+) -> SubpixelFeatures:
     indices = np.flatnonzero(which)
     first = tuple(
-        Narrow(str(terrain.pointer(index)), float(widths[index]))
+        SubpixelFeature(str(terrain.pointer(index)), float(widths[index]))
         for index in indices[:FIRST].tolist()
     )
-    return Narrows(len(indices), first)
+    return SubpixelFeatures(len(indices), first)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.raster.layers import LAYERS, Soils
+from terratool.raster.layers import LAYERS, SurfaceValues
 
 # GDAL's numbers for the types and uses of the columns of an attribute table
 _INTEGER, _REAL, _STRING = 0, 1, 2
@@ -23,14 +23,14 @@ MOST_COLORS = 65536
 _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def printable(text: str) -> str:
+def xml_text(text: str) -> str:
     """A text without the control characters that JSON may hold and XML may not."""
     return _CONTROL.sub("\ufffd", text)
 
 
 def colormap(terrain: Terrain) -> dict[int, tuple[int, int, int, int]]:
     """Colours by id; no surface is transparent."""
-    colors = Soils(terrain).colors.tolist()
+    colors = SurfaceValues(terrain).colors.tolist()
     return {id_: (*color, 255 if id_ else 0) for id_, color in enumerate(colors)}
 
 
@@ -44,11 +44,11 @@ def describe(
         terrain: whose surfaces are meant.
         counts: (surfaces + 1,) pixels of each id, if known.
     """
-    names = ["none", *map(printable, terrain.surfaces)]
+    names = ["none", *map(xml_text, terrain.surfaces)]
     categories = ElementTree.SubElement(band, "CategoryNames")
     for name in names:
         ElementTree.SubElement(categories, "Category").text = name
-    soils = Soils(terrain)
+    soils = SurfaceValues(terrain)
     columns: list[tuple[str, int, int, list[object]]] = [
         ("Value", _INTEGER, _MIN_MAX, list(range(len(names)))),
         ("Class", _STRING, _NAME, list(names)),

@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.raster.copying import copied
-from terratool.raster.formats import Coding, Format
+from terratool.raster.formats import Coding, RasterFormat
 from terratool.raster.geotiff import Compression, cog_options, geotiff, name_surfaces
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands
 from terratool.raster.palette import MOST_COLORS
-from terratool.raster.statistics import Statistics
+from terratool.raster.statistics import BandStatistics
 from terratool.raster.verifying import difference
 
 Pixels = NDArray[Any]
 
 
-class Sink(Protocol):
+class RasterWriter(Protocol):
     """Where the windows of one file go.
 
     Attributes:
@@ -38,14 +38,14 @@ class Sink(Protocol):
     def write(self, window: Window, pixels: Pixels) -> None:
         """Take the bands of a window, (bands, height, width)."""
 
-    def finish(self, statistics: Sequence[Statistics], counts: NDArray[np.int64], /) -> None:
+    def finish(self, statistics: Sequence[BandStatistics], counts: NDArray[np.int64], /) -> None:
         """Take what is known when all windows are written."""
 
 
 @contextlib.contextmanager
-def sink(
+def open_writer(
     path: Path,
-    form: Format,
+    form: RasterFormat,
     terrain: Terrain,
     grid: Grid,
     bands: Bands,
@@ -53,7 +53,7 @@ def sink(
     coding: Coding | None,
     threads: int,
     window: Window | None = None,
-) -> Iterator[Sink]:
+) -> Iterator[RasterWriter]:
     """A file of a format to be written; complete when the block has ended.
 
     A GeoTIFF may hold a `window` of the grid; the names of its surfaces do not stand beside it, but
@@ -116,7 +116,7 @@ class _Array:
         columns = slice(window.column, window.column + window.width)
         self._array.reshape((-1, *self._array.shape[-2:]))[:, rows, columns] = pixels
 
-    def finish(self, _statistics: Sequence[Statistics], _counts: NDArray[np.int64]) -> None:
+    def finish(self, _statistics: Sequence[BandStatistics], _counts: NDArray[np.int64]) -> None:
         self._array.flush()
 
 
@@ -135,7 +135,7 @@ class _Raster:
     def write(self, window: Window, pixels: Pixels) -> None:
         self._file.write(window, pixels if self._coding is None else self._coding.encode(pixels))
 
-    def finish(self, statistics: Sequence[Statistics], counts: NDArray[np.int64]) -> None:
+    def finish(self, statistics: Sequence[BandStatistics], counts: NDArray[np.int64]) -> None:
         if not self.difference:  # or they would be those of other numbers
             self._file.finish(statistics)
         if self._bands.kind == "surface" and self._named:

@@ -20,7 +20,7 @@ class Wall:
 
 
 @dataclass(frozen=True, slots=True)
-class Narrow:
+class SubpixelFeature:
     """An element, or a detail of its curves, that is narrower than a pixel."""
 
     element: str
@@ -28,15 +28,15 @@ class Narrow:
 
 
 @dataclass(frozen=True, slots=True)
-class Narrows:
+class SubpixelFeatures:
     """How many there are, and the first of them."""
 
     count: int
-    first: tuple[Narrow, ...]
+    first: tuple[SubpixelFeature, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Misfit:
+class InterpolationError:
     """How far bilinear interpolation between the pixels is from the terrain.
 
     Attributes:
@@ -56,7 +56,7 @@ class Misfit:
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
+class RasterLoss:
     """What a grid loses. Lengths are in units of the terrain.
 
     Attributes:
@@ -81,10 +81,10 @@ class Statement:
     estimated: bool
     steepest: Wall | None
     highest: Wall | None
-    narrow: Narrows
-    details: Narrows
+    narrow: SubpixelFeatures
+    details: SubpixelFeatures
     nodata: int
-    misfit: Misfit | None
+    misfit: InterpolationError | None
 
     @property
     def steepest_degrees(self) -> float:
@@ -95,7 +95,7 @@ class Statement:
     def as_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
 
-        def narrows(found: Narrows) -> dict[str, Any]:
+        def narrows(found: SubpixelFeatures) -> dict[str, Any]:
             return {"count": found.count, "first": [asdict(one) for one in found.first]}
 
         steepest, highest = self.steepest, self.highest

@@ -16,7 +16,7 @@ _COLUMNS = 512
 
 
 @dataclass(frozen=True, slots=True)
-class Statistics:
+class BandStatistics:
     """What the valid pixels of a band are like.
 
     Attributes:
@@ -37,13 +37,13 @@ class Statistics:
         """Standard deviation of the pixels themselves, as GDAL has it."""
         return math.sqrt(self.square / self.count) if self.count else math.nan
 
-    def with_(self, other: Statistics) -> Statistics:
+    def with_(self, other: BandStatistics) -> BandStatistics:
         """Of the pixels of both. Chan, Golub & LeVeque (1979), Stanford STAN-CS-79-773."""
         count = self.count + other.count
         if not other.count or not self.count:
             return self if self.count else other
         delta = other.mean - self.mean
-        return Statistics(
+        return BandStatistics(
             count,
             min(self.low, other.low),
             max(self.high, other.high),
@@ -52,7 +52,7 @@ class Statistics:
         )
 
 
-def statistics_of(pixels: NDArray[Any]) -> Statistics:
+def band_statistics(pixels: NDArray[Any]) -> BandStatistics:
     """Statistics of what is not NaN in `pixels`, (height, width) of floats."""
     shift = kernels.first_number(pixels)  # sums of squares lose less near 0
     sums = np.zeros((5, _COLUMNS))
@@ -60,9 +60,9 @@ def statistics_of(pixels: NDArray[Any]) -> Statistics:
     kernels.gather(pixels, shift, sums)
     count, total, square = (float(sums[row].sum()) for row in (0, 3, 4))
     if not count:
-        return Statistics()
+        return BandStatistics()
     mean = total / count
-    return Statistics(
+    return BandStatistics(
         int(count),
         float(sums[1].min()),
         float(sums[2].max()),
@@ -71,9 +71,9 @@ def statistics_of(pixels: NDArray[Any]) -> Statistics:
     )
 
 
-def together(parts: Iterable[Statistics]) -> Statistics:
+def combined(parts: Iterable[BandStatistics]) -> BandStatistics:
     """Statistics of all parts, merged in their order."""
-    total = Statistics()
+    total = BandStatistics()
     for part in parts:
         total = total.with_(part)
     return total

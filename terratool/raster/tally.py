@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.raster.layers import Bands
-from terratool.raster.losses import Part
-from terratool.raster.statistics import Statistics
-from terratool.raster.windows import Made
+from terratool.raster.losses import LossCounts
+from terratool.raster.statistics import BandStatistics
+from terratool.raster.windows import WindowContent
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class RasterStatistics:
     """What is known of some windows.
 
     Attributes:
@@ -28,13 +28,13 @@ class Tally:
         lost: what the pixels do not show; nothing where it was not asked for.
     """
 
-    statistics: tuple[tuple[Statistics, ...], ...]
+    statistics: tuple[tuple[BandStatistics, ...], ...]
     counts: NDArray[np.int64]
     nodata: int
-    lost: Part
+    lost: LossCounts
 
 
-def tally_of(made: Made) -> Tally:
+def window_statistics(made: WindowContent) -> RasterStatistics:
     """What is known of one window.
 
     Raises:
@@ -47,32 +47,32 @@ def tally_of(made: Made) -> Tally:
                 "Look at the vScale and vOffset of the elements and at the soils, or add "
                 "--dtype float64.",
             )
-    return Tally(made.statistics, made.counts, made.nodata, made.losses or Part())
+    return RasterStatistics(made.statistics, made.counts, made.nodata, made.losses or LossCounts())
 
 
-class Account:
+class StatisticsSum:
     """The sum of what was added to it; the order decides the last bits of means."""
 
     def __init__(self, files: Sequence[Bands]) -> None:
         self._statistics = [
-            [Statistics()] * bands.count if bands.kind == "number" else [] for bands in files
+            [BandStatistics()] * bands.count if bands.kind == "number" else [] for bands in files
         ]
         self._counts = np.zeros(0, np.int64)
         self._nodata = 0
-        self._lost = Part()
+        self._lost = LossCounts()
 
-    def add(self, tally: Tally) -> None:
+    def add(self, tally: RasterStatistics) -> None:
         """Add what is known of other windows."""
         for total, parts in zip(self._statistics, tally.statistics, strict=True):
-            total[:] = map(Statistics.with_, total, parts)
+            total[:] = map(BandStatistics.with_, total, parts)
         self._counts = tally.counts + self._counts if self._counts.size else tally.counts
         self._nodata += tally.nodata
         self._lost += tally.lost
 
-    def total(self) -> Tally:
+    def total(self) -> RasterStatistics:
         """What is known of all that was added."""
         statistics = tuple(map(tuple, self._statistics))
-        return Tally(statistics, self._counts, self._nodata, self._lost)
+        return RasterStatistics(statistics, self._counts, self._nodata, self._lost)
 
 
 def in_order(numbered: Iterator[tuple[int, Any]]) -> Iterator[Any]:

@@ -19,14 +19,14 @@ from terratool import __version__
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.output import PART, whole_file
-from terratool.raster.export import COMPANIONS, fill, paths_of
-from terratool.raster.formats import Format
+from terratool.raster.export import COMPANIONS, fill_files, paths_of
+from terratool.raster.formats import RasterFormat
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands
-from terratool.raster.losses import Losses
-from terratool.raster.tally import Tally
-from terratool.raster.windows import TILE, Maker, heights_type
+from terratool.raster.losses import LossFinder
+from terratool.raster.tally import RasterStatistics
+from terratool.raster.windows import TILE, WindowMaker, heights_type
 
 INDEX = "mosaic.vrt"
 """The index, if it is not given another name."""
@@ -43,7 +43,7 @@ SCRATCH = f"{PART}tiles-"
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class MosaicPlan:
     """All that decides the tiles of a terrain.
 
     Attributes:
@@ -81,12 +81,12 @@ class Plan:
         """Columns of tiles."""
         return math.ceil(self.grid.width / self.size)
 
-    def tiles(self) -> Iterator[Tile]:
+    def tiles(self) -> Iterator[RasterTile]:
         """The tiles, row by row from the north-west."""
         for window in self.grid.windows(self.size, self.size):
-            yield Tile(window.row // self.size, window.column // self.size, window)
+            yield RasterTile(window.row // self.size, window.column // self.size, window)
 
-    def paths(self, tile: Tile) -> list[Path]:
+    def paths(self, tile: RasterTile) -> list[Path]:
         """Where the files of a tile are."""
         digits = len(str(max(self.rows, self.columns) - 1))
         name = f"tile-{tile.row:0{digits}}-{tile.column:0{digits}}.tif"
@@ -94,7 +94,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Tile:
+class RasterTile:
     """A tile: its place among the others, from the north-west, and its pixels."""
 
     row: int
@@ -103,7 +103,7 @@ class Tile:
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
+class FileState:
     """What a file was like when it was complete.
 
     Attributes:
@@ -118,7 +118,7 @@ class Whole:
 
 
 @dataclass(frozen=True, slots=True)
-class Finished:
+class FinishedTile:
     """A tile whose files are complete.
 
     Attributes:
@@ -129,18 +129,18 @@ class Finished:
 
     row: int
     column: int
-    files: tuple[Whole, ...]
-    tally: Tally
+    files: tuple[FileState, ...]
+    tally: RasterStatistics
 
 
-Job = tuple[int, Tile, Finished | None]
+Job = tuple[int, RasterTile, FinishedTile | None]
 """A tile to be made: its number, itself, and what an earlier run says of it."""
 
-Done = tuple[int, Finished, bool]
+Done = tuple[int, FinishedTile, bool]
 """A tile that is complete: its number, what is known of it, and whether it was kept."""
 
 
-class Tiler:
+class TileMaker:
     """Makes tiles; the same for threads and for the workers of Dask, which are sent one.
 
     Args:
@@ -150,24 +150,26 @@ class Tiler:
             all that still write.
     """
 
-    def __init__(self, terrain: Terrain, plan: Plan, scratch: Path) -> None:
+    def __init__(self, terrain: Terrain, plan: MosaicPlan, scratch: Path) -> None:
         self.terrain, self.plan, self.scratch = terrain, plan, scratch
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Tiler, (self.terrain, self.plan, self.scratch)  # without what it works in
+        return TileMaker, (self.terrain, self.plan, self.scratch)  # without what it works in
 
     @cached_property
-    def _maker(self) -> Maker:
+    def _maker(self) -> WindowMaker:
         plan = self.plan
-        losses = Losses(self.terrain, plan.grid, heights_type(plan.files)) if plan.losses else None
-        return Maker(self.terrain, plan.grid, plan.files, losses)
+        losses = (
+            LossFinder(self.terrain, plan.grid, heights_type(plan.files)) if plan.losses else None
+        )
+        return WindowMaker(self.terrain, plan.grid, plan.files, losses)
 
     def make(
         self,
-        tile: Tile,
-        known: Finished | None = None,
+        tile: RasterTile,
+        known: FinishedTile | None = None,
         progress: Callable[[int], object] | None = None,
-    ) -> tuple[Finished, bool]:
+    ) -> tuple[FinishedTile, bool]:
         """Make a tile in the calling thread, unless its files are as they are known to be.
 
         Args:
@@ -190,7 +192,7 @@ class Tiler:
                 "Install the same version for all workers.",
             )
         paths = plan.paths(tile)
-        if known and all(map(is_whole, paths, known.files)):
+        if known and all(map(is_complete, paths, known.files)):
             return known, True
         self.check()
         with contextlib.ExitStack() as stack:
@@ -198,12 +200,12 @@ class Tiler:
                 stack.enter_context(whole_file(path, True, COMPANIONS, self.scratch))
                 for path in paths
             ]
-            filled = fill(
-                parts, Format("GTiff"), self.terrain, plan.grid, plan.files, self._maker,
+            filled = fill_files(
+                parts, RasterFormat("GTiff"), self.terrain, plan.grid, plan.files, self._maker,
                 plan.compression, window=tile.window, progress=progress,
             )  # fmt: skip
             files = tuple(map(_whole, parts))
-        return Finished(tile.row, tile.column, files, filled.tally), False
+        return FinishedTile(tile.row, tile.column, files, filled.tally), False
 
     def check(self, _pixels: int = 0) -> None:
         """Find out whether tiles are still wanted.
@@ -231,7 +233,7 @@ def scratch_in(folder: Path) -> Path:
     return folder / f"{SCRATCH}{uuid4().hex[:12]}.part"
 
 
-def is_whole(path: Path, file: Whole) -> bool:
+def is_complete(path: Path, file: FileState) -> bool:
     """Whether a file is there and as it was when it was complete."""
     try:
         return (
@@ -249,5 +251,5 @@ def checksum(path: Path) -> str:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
-def _whole(path: Path) -> Whole:
-    return Whole(path.name, path.stat().st_size, checksum(path))
+def _whole(path: Path) -> FileState:
+    return FileState(path.name, path.stat().st_size, checksum(path))

@@ -12,9 +12,9 @@ from xml.etree.ElementTree import Element, SubElement
 from terratool.field.terrain import Terrain
 from terratool.raster.geotiff import crs_of, statistics_tags, transform_of
 from terratool.raster.layers import Bands
-from terratool.raster.palette import MOST_COLORS, colormap, describe, printable
-from terratool.raster.tally import Tally
-from terratool.raster.tiles import Plan
+from terratool.raster.palette import MOST_COLORS, colormap, describe, xml_text
+from terratool.raster.tally import RasterStatistics
+from terratool.raster.tiles import MosaicPlan
 from terratool.raster.windows import TILE
 
 _TYPES = {
@@ -23,7 +23,9 @@ _TYPES = {
 }  # fmt: skip
 
 
-def index_of(path: Path, plan: Plan, file: int, terrain: Terrain, tally: Tally) -> bytes:
+def index_of(
+    path: Path, plan: MosaicPlan, file: int, terrain: Terrain, tally: RasterStatistics
+) -> bytes:
     """The text of an index; it names the tiles relative to where it is.
 
     Args:
@@ -41,7 +43,7 @@ def index_of(path: Path, plan: Plan, file: int, terrain: Terrain, tally: Tally) 
     SubElement(root, "GeoTransform").text = ", ".join(map(repr, transform_of(grid).to_gdal()))
     about = {"AREA_OR_POINT": "Area"}
     if terrain.descr:
-        about["TIFFTAG_IMAGEDESCRIPTION"] = printable(terrain.descr)
+        about["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
     _metadata(root, about)
     if bands.kind == "color":
         _metadata(root, {"INTERLEAVE": "PIXEL"}, domain="IMAGE_STRUCTURE")
@@ -58,7 +60,9 @@ def index_of(path: Path, plan: Plan, file: int, terrain: Terrain, tally: Tally) 
     return f"{ElementTree.tostring(root, encoding='unicode')}\n".encode()
 
 
-def _band(root: Element, bands: Bands, number: int, terrain: Terrain, tally: Tally) -> Element:
+def _band(
+    root: Element, bands: Bands, number: int, terrain: Terrain, tally: RasterStatistics
+) -> Element:
     band = SubElement(
         root, "VRTRasterBand", dataType=_TYPES[bands.dtype.name], band=str(number + 1),
         blockXSize=str(TILE), blockYSize=str(TILE),
@@ -88,7 +92,7 @@ def _interpretation(bands: Bands, number: int, terrain: Terrain) -> str:
     return "Gray" if number == 0 else "Undefined"
 
 
-def _sources(band: Element, path: Path, plan: Plan, file: int, number: int) -> None:
+def _sources(band: Element, path: Path, plan: MosaicPlan, file: int, number: int) -> None:
     """Where each tile is from which the band reads."""
     folder = Path(os.path.relpath(plan.folder.resolve(), path.resolve().parent))
     for tile in plan.tiles():

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands, layer_painter
-from terratool.raster.losses import Losses, Part
+from terratool.raster.losses import LossCounts, LossFinder
 from terratool.raster.painting import Painter, Planes
-from terratool.raster.statistics import Statistics, statistics_of
+from terratool.raster.statistics import BandStatistics, band_statistics
 
 TILE = 512
 """Side of a tile of a GeoTIFF."""
@@ -36,7 +36,7 @@ def processors() -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class WindowContent:
     """What a window holds.
 
     Attributes:
@@ -49,11 +49,11 @@ class Made:
     """
 
     window: Window
-    statistics: tuple[tuple[Statistics, ...], ...]
+    statistics: tuple[tuple[BandStatistics, ...], ...]
     counts: NDArray[np.int64]
     nodata: int
-    losses: Part | None
-    space: Space
+    losses: LossCounts | None
+    space: WindowBuffer
 
     @property
     def pixels(self) -> tuple[NDArray[Any], ...]:
@@ -62,7 +62,7 @@ class Made:
 
 
 @dataclass(frozen=True, slots=True)
-class Space:
+class WindowBuffer:
     """Memory for a window; to be given it anew takes as long as to paint it.
 
     Attributes:
@@ -74,7 +74,7 @@ class Space:
     pixels: tuple[NDArray[Any], ...]
 
 
-class Maker:
+class WindowMaker:
     """Makes the windows of a raster's files; may be used by several threads at a time."""
 
     def __init__(
@@ -82,7 +82,7 @@ class Maker:
         terrain: Terrain,
         grid: Grid,
         files: Sequence[Bands],
-        losses: Losses | None = None,
+        losses: LossFinder | None = None,
     ) -> None:
         layers = [layer for bands in files for layer in bands.layers]
         self._painter = Painter(
@@ -95,11 +95,11 @@ class Maker:
         )
         self._files = files
         self._lay = [layer_painter(bands, terrain) for bands in files]
-        self._spaces: deque[Space] = deque()
+        self._spaces: deque[WindowBuffer] = deque()
         self._ids = len(terrain.surfaces) + 1
         self._losses = losses
 
-    def make(self, window: Window) -> Made:
+    def make(self, window: Window) -> WindowContent:
         """Paint a window and lay it out for each file."""
         painted = self._losses.margins(window) if self._losses else window
         space = self._space(window, painted)
@@ -110,7 +110,7 @@ class Maker:
         for lay, bands in zip(self._lay, pixels, strict=True):
             lay(planes, bands)
         statistics = tuple(
-            tuple(map(statistics_of, bands)) if file.kind == "number" else ()
+            tuple(map(band_statistics, bands)) if file.kind == "number" else ()
             for file, bands in zip(self._files, pixels, strict=True)
         )
         heights = [
@@ -121,13 +121,13 @@ class Maker:
         ]
         ground = heights[0] if heights else int(np.count_nonzero(~np.isnan(planes.heights)))
         nodata = window.width * window.height - ground
-        return Made(window, statistics, self._counts(planes), nodata, part, space)
+        return WindowContent(window, statistics, self._counts(planes), nodata, part, space)
 
-    def reuse(self, made: Made) -> None:
+    def reuse(self, made: WindowContent) -> None:
         """Take back the memory of a window whose pixels are no longer needed."""
         self._spaces.append(made.space)
 
-    def _space(self, window: Window, painted: Window) -> Space:
+    def _space(self, window: Window, painted: Window) -> WindowBuffer:
         try:
             space = self._spaces.pop()
         except IndexError:
@@ -136,7 +136,7 @@ class Maker:
             shape, inner = space.planes.heights.shape, space.pixels[0].shape[1:]
             if shape == (painted.height, painted.width) and inner == (window.height, window.width):
                 return space
-        return Space(
+        return WindowBuffer(
             self._painter.blank(painted),
             tuple(
                 np.empty((bands.count, window.height, window.width), bands.dtype)
@@ -163,7 +163,7 @@ def windows_of(window: Window, files: Sequence[Bands]) -> list[Window]:
     return list(window.cut(TILE, max(1, most // TILE) * TILE))
 
 
-def ahead(
+def prefetch(
     function: Callable[[T], R],
     items: Iterable[T],
     threads: int,

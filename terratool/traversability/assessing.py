@@ -12,13 +12,13 @@ from typing import Any
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.parts import Bounds, part_within
+from terratool.field.parts import Bounds, clip_bounds
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, grid_over
 from terratool.traversability.concluding import sentence_of, verdict_of
 from terratool.traversability.maps.mapping import default_resolution, map_to_tif
 from terratool.traversability.maps.surveying import survey
-from terratool.traversability.results import HEADINGS, Reach, Report, Route, Survey
+from terratool.traversability.results import HEADINGS, Reach, Route, Survey, TraversabilityReport
 from terratool.traversability.routing.costs import PREFERENCES, Preference
 from terratool.traversability.routing.routes import MOST_STATES, check, plan, reach, route_grid
 from terratool.traversability.terramechanics.surfaces import ASSUMPTIONS, all_figures
@@ -115,7 +115,7 @@ def planned(
             f"There is no preference {request.prefer!r}.", f"There is {', '.join(PREFERENCES)}."
         )
     grid, why = _map_grid(terrain, vehicle, request, mapped)
-    part = part_within(terrain, request.bounds)
+    part = clip_bounds(terrain, request.bounds)
     for what, place in _places(request):
         _refuse_outside(terrain, part, what, place)
     notes = [
@@ -163,7 +163,7 @@ def assess(
     progress: Callable[[int], object] | None = None,
     grids: Grids | None = None,
     stack: ExitStack | None = None,
-) -> Report:
+) -> TraversabilityReport:
     """Find out whether, where and why not a vehicle can drive on a terrain.
 
     Args:
@@ -207,7 +207,7 @@ def assess(
     reached: Reach | None = None
     if request.reachable is not None and seen:
         reached = reach(terrain, vehicle, seen, request.reachable)
-    return Report(
+    return TraversabilityReport(
         terrain=name,
         descr=terrain.descr,
         bounds=terrain.bounds,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from terratool.traversability.reporting import wording
-from terratool.traversability.results import Reason, Route, Summary, Verdict
+from terratool.traversability.results import MapSummary, Reason, Route, Verdict
 
 _RANK = {Verdict.GO: 0, Verdict.CAUTION: 1, Verdict.UNKNOWN: 2, Verdict.NO_GO: 3}
 """Of routes, from the best to the worst."""
 
 
-def verdict_of(summary: Summary, routes: Sequence[Route]) -> Verdict:
+def verdict_of(summary: MapSummary, routes: Sequence[Route]) -> Verdict:
     """The verdict of the worst route; without one, of the ground by its best headings.
 
     That is go where all of the ground is, no-go where nothing is better than that, unknown where
@@ -31,7 +31,7 @@ def verdict_of(summary: Summary, routes: Sequence[Route]) -> Verdict:
     return Verdict.UNKNOWN if not counts else Verdict.NO_GO
 
 
-def sentence_of(summary: Summary, routes: Sequence[Route]) -> str:
+def sentence_of(summary: MapSummary, routes: Sequence[Route]) -> str:
     """The verdict for people, and what binds most."""
     if routes:
         worst = max(routes, key=lambda route: _RANK[route.verdict])

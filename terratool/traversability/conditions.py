@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from terratool.definition.findings import shown
 from terratool.errors import RequestError
-from terratool.traversability.results import Extreme, Report, Route, Verdict
+from terratool.traversability.results import Extreme, Route, TraversabilityReport, Verdict
 
 _Value = float | None
 
@@ -27,13 +27,15 @@ class _Figure:
         is_share: whether it lies between 0 and 1.
     """
 
-    values: Callable[[Report], Iterable[_Value]]
+    values: Callable[[TraversabilityReport], Iterable[_Value]]
     needs: str = ""
     unit: str = ""
     is_share: bool = False
 
 
-def _of_routes(value: Callable[[Route], _Value]) -> Callable[[Report], Iterable[_Value]]:
+def _of_routes(
+    value: Callable[[Route], _Value],
+) -> Callable[[TraversabilityReport], Iterable[_Value]]:
     return lambda report: [value(route) for route in report.routes]
 
 
@@ -45,7 +47,7 @@ def _fraction(verdict: Verdict) -> _Figure:
     return _Figure(lambda report: [report.summary.fraction(verdict)], is_share=True)
 
 
-def _sinkage(report: Report) -> list[_Value]:
+def _sinkage(report: TraversabilityReport) -> list[_Value]:
     """Along the routes; without one that of each surface, where it is known."""
     if report.routes:
         return [_size(route.softest) for route in report.routes]
@@ -112,7 +114,7 @@ class Condition:
         """What must be asked for, "route" or "reach"; empty for nothing."""
         return FIGURES[self.name].needs if self.comparison else WORDS[self.name]
 
-    def held(self, report: Report) -> str:
+    def held(self, report: TraversabilityReport) -> str:
         """Why it holds, in words; empty where it does not.
 
         A figure that is not known, as the length of a way that there is not, holds: a limit on it
@@ -162,7 +164,7 @@ def parse(text: str) -> Condition:
     return Condition(text, name, comparison, limit)
 
 
-def _why(word: str, report: Report) -> str:
+def _why(word: str, report: TraversabilityReport) -> str:
     if word == "no-route":
         lost = sum(not route.found for route in report.routes)
         count = len(report.routes)

@@ -192,7 +192,7 @@ class Survey:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Location:
     """A place on the terrain.
 
     Attributes:
@@ -220,12 +220,12 @@ class Extreme:
     """
 
     value: float
-    place: Place
+    place: Location
     reason: Reason = Reason.NONE
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class RouteProfile:
     """Samples along a route, (n,) float64 each unless said otherwise.
 
     Attributes:
@@ -269,7 +269,7 @@ class Barrier:
         width: m of the way that cannot be driven there.
     """
 
-    place: Place
+    place: Location
     reason: Reason
     bars: str
     width: float
@@ -297,8 +297,8 @@ class Route:
         note: a sentence where there is more to say, as that the goal itself cannot be driven.
     """
 
-    start: Place
-    goal: Place
+    start: Location
+    goal: Location
     found: bool
     planned: bool
     verdict: Verdict
@@ -308,9 +308,9 @@ class Route:
     steepest: Extreme | None = None
     softest: Extreme | None = None
     tightest: Extreme | None = None
-    profile: Profile | None = None
+    profile: RouteProfile | None = None
     barriers: tuple[Barrier, ...] = ()
-    reached: Place | None = None
+    reached: Location | None = None
     note: str = ""
 
 
@@ -325,14 +325,14 @@ class Reach:
         cells: (height, width) bool, which pixels; rows from the north.
     """
 
-    start: Place
+    start: Location
     share: float
     returnable: float
     cells: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class MapSummary:
     """A map in numbers.
 
     Attributes:
@@ -362,7 +362,7 @@ class Summary:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class TraversabilityReport:
     """All that one run has found out.
 
     Attributes:
@@ -387,7 +387,7 @@ class Report:
     bounds: tuple[float, float, float, float]
     vehicle: Vehicle
     surfaces: tuple[Figures, ...]
-    summary: Summary
+    summary: MapSummary
     verdict: Verdict
     sentence: str
     routes: tuple[Route, ...] = ()

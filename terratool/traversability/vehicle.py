@@ -7,8 +7,8 @@ from pathlib import Path
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.reader import Options, refusal
-from terratool.definition.recognising import kind_of
+from terratool.definition.reader import CheckOptions, refusal
+from terratool.definition.recognising import document_kind
 from terratool.definition.source import read_source
 from terratool.definition.vehicles.model import VehicleText
 from terratool.definition.vehicles.reader import check_vehicle
@@ -31,9 +31,9 @@ def load_vehicle(path: str | Path) -> Vehicle:
         DefinitionError: it has errors, or is a terrain; errors are in `findings`.
     """
     source = read_source(path)
-    checked = check_vehicle(source, Options(warnings=False))
+    checked = check_vehicle(source, CheckOptions(warnings=False))
     if checked.vehicle is None:
-        if kind_of(source.data) == "terrain":
+        if document_kind(source.data) == "terrain":
             raise DefinitionError(
                 f"{source.name}: is a terrain, where a vehicle is wanted.",
                 "Name a vehicle file here, such as samples/vehicles/husky-a200.json.",

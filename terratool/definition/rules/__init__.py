@@ -21,7 +21,7 @@ from terratool.definition.built import Owner
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Remark, Severity
 from terratool.definition.model import Definition
-from terratool.definition.profiles import Outline, outline_of
+from terratool.definition.profiles import ShapeSummary, summarise_shape
 from terratool.definition.tree import Tree
 from terratool.definition.vehicles.model import AxleText, VehicleText
 
@@ -61,10 +61,10 @@ class Subject(Struct, frozen=True, dict=True):
         return {name: flaws for name, flaws in found if flaws}
 
     @cached_property
-    def outlines(self) -> dict[str, Outline]:
+    def outlines(self) -> dict[str, ShapeSummary]:
         """What the curves of primitives are like, by name; none of those that mean nothing."""
         primitives = self.definition.primitives.items()
-        return {name: outline_of(p) for name, p in primitives if name not in self.flaws}
+        return {name: summarise_shape(p) for name, p in primitives if name not in self.flaws}
 
 
 class VehicleSubject(Struct, frozen=True, dict=True):

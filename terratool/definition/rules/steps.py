@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark, shown
-from terratool.definition.profiles import Outline, Range, edge_range, tallest_step, value_range
+from terratool.definition.profiles import Range, ShapeSummary, edge_range, tallest_step, value_range
 from terratool.definition.rules import Subject, rule
 from terratool.definition.tree import Tree
 
@@ -110,7 +110,7 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
             )
 
 
-def _walls(outline: Outline) -> tuple[float, Range, Range, bool]:
+def _walls(outline: ShapeSummary) -> tuple[float, Range, Range, bool]:
     """Tallest step within a shape, ranges at its edges and anywhere, and whether it is radial."""
     radial = outline.y is None
     return tallest_step(outline), edge_range(outline), value_range(outline), radial

@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
-from terratool.definition.findings import Collected
-from terratool.definition.ignoring import Ignores
+from terratool.definition.findings import RemarkLog
+from terratool.definition.ignoring import IgnoreLists
 from terratool.definition.reader import (
     Checked,
-    Options,
+    CheckOptions,
     check,
     placed,
     plain_values,
     take_repeated,
     unreadable,
 )
-from terratool.definition.recognising import kind_of
+from terratool.definition.recognising import document_kind
 from terratool.definition.rules import VehicleSubject, all_rules
 from terratool.definition.source import Source
 from terratool.definition.vehicles.structure import build_vehicle
 
 
-def check_any(source: Source, options: Options | None = None) -> Checked:
+def check_any(source: Source, options: CheckOptions | None = None) -> Checked:
     """Read a terrain or a vehicle, whatever it looks like; what is neither is read as a terrain."""
-    if kind_of(source.data) == "vehicle":
+    if document_kind(source.data) == "vehicle":
         return check_vehicle(source, options)
     return check(source, options)
 
 
-def check_vehicle(source: Source, options: Options | None = None) -> Checked:
+def check_vehicle(source: Source, options: CheckOptions | None = None) -> Checked:
     """Read a vehicle and let every rule look at it. Never raises for what the text contains."""
-    options = options or Options()
-    found = Collected(options.limit)
+    options = options or CheckOptions()
+    found = RemarkLog(options.limit)
     value, misspelt = plain_values(source.data)
     if misspelt is not None:
         return unreadable(source, misspelt)
@@ -38,7 +38,7 @@ def check_vehicle(source: Source, options: Options | None = None) -> Checked:
     rules = all_rules()
     if vehicle is not None:
         subject = VehicleSubject(vehicle, built.unfit)
-        ignores = Ignores(built.ignores)
+        ignores = IgnoreLists(built.ignores)
         for rule in rules.values():
             if rule.vehicle_check is not None and (options.warnings or rule.severity == "error"):
                 remarks = rule.vehicle_check(subject)

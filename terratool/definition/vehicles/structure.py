@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 from msgspec import Struct
 
 from terratool.definition.built import Built
-from terratool.definition.findings import Collected
-from terratool.definition.fitting import Fitter
+from terratool.definition.findings import RemarkLog
+from terratool.definition.fitting import Decoder
 from terratool.definition.vehicles.keys import MAX_AXLES, REQUIRED, VEHICLE_KEYS
 from terratool.definition.vehicles.model import (
     AxleText,
@@ -28,13 +28,13 @@ _PARTS: dict[str, type[Struct]] = {
 }  # fmt: skip
 
 
-def build_vehicle(value: Any, found: Collected) -> tuple[VehicleText | None, Built]:
+def build_vehicle(value: Any, found: RemarkLog) -> tuple[VehicleText | None, Built]:
     """The vehicle as far as it fits, None where the text is no object; and what was left out."""
     builder = _Builder(found)
     return builder.build(value), builder.built
 
 
-class _Builder(Fitter):
+class _Builder(Decoder):
     @property
     def built(self) -> Built:
         """What was left out and what is ignored."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.parts import Bounds, check_overlap
-from terratool.importing.samples import Lattice, Samples
+from terratool.importing.samples import PixelLattice, SampledHeights
 from terratool.importing.triangles import Triangles
 from terratool.kernels import importing as kernels
 
@@ -46,7 +46,7 @@ def read_mesh(
     scale: float = 1.0,
     bounds: Bounds | None = None,
     progress: Progress | None = None,
-) -> Samples:
+) -> SampledHeights:
     """The heights of a mesh in a file, as seen from above.
 
     Args:
@@ -77,7 +77,7 @@ def sample(
     resolution: float | None = None,
     bounds: Bounds | None = None,
     name: str = "the mesh",
-) -> Samples:
+) -> SampledHeights:
     """The highest surface of a mesh at the centres of square pixels.
 
     Pixels count from the south-west corner of the mesh or of the bounds. A centre on an edge
@@ -138,7 +138,7 @@ def sample(
         )
     lost = _Lost(upright, vertical, flat, outside, len(faces), hidden, *missing)
     notes = (*triangles.notes, *why, *_sentences(lost, lattice))
-    return Samples(lattice, heights, notes)
+    return SampledHeights(lattice, heights, notes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +163,7 @@ class _Lost:
     beyond: int
 
 
-def _sentences(lost: _Lost, lattice: Lattice) -> Iterator[str]:
+def _sentences(lost: _Lost, lattice: PixelLattice) -> Iterator[str]:
     """What is lost, in numbers."""
     pixels = lattice.rows * lattice.columns
 
@@ -202,7 +202,7 @@ def _checked(bounds: Bounds, extent: Bounds, name: str) -> Bounds:
     return float(west), float(south), float(east), float(north)
 
 
-def _lattice(bounds: Bounds, resolution: float | None) -> tuple[Lattice, tuple[str, ...]]:
+def _lattice(bounds: Bounds, resolution: float | None) -> tuple[PixelLattice, tuple[str, ...]]:
     """Square pixels that cover the bounds, and a sentence if their size was left to us.
 
     Raises:
@@ -229,7 +229,7 @@ def _lattice(bounds: Bounds, resolution: float | None) -> tuple[Lattice, tuple[s
             f"{MAX_PIXELS:,}.",
             "Give a coarser resolution or smaller bounds.",
         )
-    return Lattice(west, south, resolution, resolution, int(columns), int(rows)), why
+    return PixelLattice(west, south, resolution, resolution, int(columns), int(rows)), why
 
 
 def _default_resolution(width: float, depth: float) -> float:

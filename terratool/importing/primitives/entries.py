@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from terratool.importing.primitives.terms import Floats, Terms
+from terratool.importing.primitives.terms import Floats, ProductSum
 
 _DECIMALS = range(3, 10)
 _WORSE = 1.001
@@ -22,7 +22,7 @@ _T_DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class PrimitiveEntry:
     """A primitive, and the element that stands it on the ground.
 
     Attributes:
@@ -69,14 +69,17 @@ class Entry:
         return found
 
 
-def level(height: float) -> Entry:
+def level(height: float) -> PrimitiveEntry:
     """A primitive without relief."""
-    return Entry([1], None, height)
+    return PrimitiveEntry([1], None, height)
 
 
 def entries_of(
-    terms: Terms, turn: float, relief: float, error: Callable[[Terms], tuple[float, Terms]]
-) -> tuple[Entry, ...]:
+    terms: ProductSum,
+    turn: float,
+    relief: float,
+    error: Callable[[ProductSum], tuple[float, ProductSum]],
+) -> tuple[PrimitiveEntry, ...]:
     """The terms as primitives, with as few decimals as serve.
 
     Args:
@@ -104,11 +107,11 @@ def entries_of(
         scale, offset = round(float(factors[k]), places), round(offset, places)
         if scale == 0.0 and k > 0:
             continue  # the others are exact without it
-        found.append(Entry(x, y, scale, offset, turn, terms.summed))
+        found.append(PrimitiveEntry(x, y, scale, offset, turn, terms.summed))
     return tuple(found)
 
 
-def _normal(terms: Terms) -> tuple[Terms, Floats]:
+def _normal(terms: ProductSum) -> tuple[ProductSum, Floats]:
     """Curves of size 1 at most, those of a sum from 0 on; and the (K,) factors for them."""
     if terms.summed:
         low_x, low_y = float(terms.x.min()), float(terms.y.min())
@@ -125,7 +128,7 @@ def _normal(terms: Terms) -> tuple[Terms, Floats]:
     return replace(terms, x=terms.x / by_x, y=terms.y / by_y), factors
 
 
-def _from_zero(terms: Terms) -> Terms:
+def _from_zero(terms: ProductSum) -> ProductSum:
     """If one curve is constant, the other one as it begins at 0: the offset takes the rest."""
     if terms.count > 1 or 1 not in (len(terms.x_nodes), len(terms.y_nodes)):
         return terms
@@ -139,7 +142,7 @@ def _from_zero(terms: Terms) -> Terms:
     return replace(terms, y=curve - low, x=np.ones((1, 1)), offset=terms.offset + low)
 
 
-def _scaled(terms: Terms, factors: Floats) -> Terms:
+def _scaled(terms: ProductSum, factors: Floats) -> ProductSum:
     """Terms with their factors in the curves."""
     y = terms.y * factors[:, None] if terms.summed else terms.y
     return replace(terms, x=terms.x * factors[:, None], y=y)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.importing.primitives.rank import REACH
-from terratool.importing.primitives.terms import Floats, Points, Terms
+from terratool.importing.primitives.terms import Floats, Points, ProductSum
 from terratool.kernels import importing as kernels
 
 _LIGHT = 1e-11
@@ -40,7 +40,7 @@ FURTHER = (20.0, 40.0, 80.0, 160.0, 320.0)
 
 
 @dataclass(slots=True)
-class Problem:
+class FitProblem:
     """Points between the nodes of two curves.
 
     Attributes:
@@ -58,21 +58,23 @@ class Problem:
     highest: float
 
 
-def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> Problem:
+def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> FitProblem:
     """Heights at points as a problem for curves with these nodes."""
     i, f = kernels.locate(x_nodes, points.u)
     j, g = kernels.locate(y_nodes, points.v)
     low, high = float(points.z.min()), float(points.z.max())
     relief = high - low
-    return Problem(points.z, i, f, j, g, relief, low - REACH * relief, high + REACH * relief)
+    return FitProblem(points.z, i, f, j, g, relief, low - REACH * relief, high + REACH * relief)
 
 
-def misfits(problem: Problem, terms: Terms) -> Floats:
+def residuals(problem: FitProblem, terms: ProductSum) -> Floats:
     """(n,) heights minus the fit."""
     return kernels.residuals(problem, terms)
 
 
-def least_squares(problem: Problem, terms: Terms, weights: Floats, steps: int) -> Terms:
+def least_squares(
+    problem: FitProblem, terms: ProductSum, weights: Floats, steps: int
+) -> ProductSum:
     """Better curves and offset by weighted squares, in no more than so many steps.
 
     Args:
@@ -123,8 +125,8 @@ def least_squares(problem: Problem, terms: Terms, weights: Floats, steps: int) -
 
 
 def smallest_largest(
-    problem: Problem, terms: Terms, powers: tuple[float, ...]
-) -> tuple[Terms, float]:
+    problem: FitProblem, terms: ProductSum, powers: tuple[float, ...]
+) -> tuple[ProductSum, float]:
     """The fit with the smallest largest misfit that is met on the way through some powers.
 
     Args:
@@ -135,7 +137,7 @@ def smallest_largest(
     Returns:
         The fit, and its largest misfit.
     """
-    off = misfits(problem, terms)
+    off = residuals(problem, terms)
     best, worst = _balanced(terms, off)
     for power in powers:
         for _ in range(_STEPS):
@@ -154,15 +156,15 @@ def smallest_largest(
     return best, worst
 
 
-def _balanced(terms: Terms, off: Floats) -> tuple[Terms, float]:
+def _balanced(terms: ProductSum, off: Floats) -> tuple[ProductSum, float]:
     """The same with the offset for which the largest misfits up and down are equal, and those."""
     middle = 0.5 * float(off.max() + off.min())
     return replace(terms, offset=terms.offset + middle), 0.5 * float(off.max() - off.min())
 
 
 def _towards(
-    problem: Problem, terms: Terms, target: Terms, power: float, size: Floats
-) -> tuple[Terms, Floats, float]:
+    problem: FitProblem, terms: ProductSum, target: ProductSum, power: float, size: Floats
+) -> tuple[ProductSum, Floats, float]:
     """As far towards a target as the powers' sum becomes smaller.
 
     Returns:
@@ -178,20 +180,20 @@ def _towards(
             y=terms.y + part * (target.y - terms.y),
             offset=terms.offset + part * (target.offset - terms.offset),
         )
-        off = misfits(problem, tried)
+        off = residuals(problem, tried)
         with np.errstate(over="ignore"):
             after = float(((np.abs(off) / largest) ** power).sum())
         if after < before:
             return tried, off, 1.0 - (after / before) ** (1.0 / power)
         part *= 0.5
-    return terms, misfits(problem, terms), 0.0
+    return terms, residuals(problem, terms), 0.0
 
 
-def _packed(terms: Terms) -> Floats:
+def _packed(terms: ProductSum) -> Floats:
     return np.concatenate([terms.x.ravel(), terms.y.ravel(), [0.0]])
 
 
-def _moved(problem: Problem, terms: Terms, step: Floats) -> Terms:
+def _moved(problem: FitProblem, terms: ProductSum, step: Floats) -> ProductSum:
     cut = terms.x.size
     offset = min(max(terms.offset + float(step[-1]), problem.lowest), problem.highest)
     return replace(
@@ -202,12 +204,12 @@ def _moved(problem: Problem, terms: Terms, step: Floats) -> Terms:
     )
 
 
-def _cost(problem: Problem, terms: Terms, weights: Floats) -> float:
-    off = misfits(problem, terms)
+def _cost(problem: FitProblem, terms: ProductSum, weights: Floats) -> float:
+    off = residuals(problem, terms)
     return float(weights @ (off * off))
 
 
-def _stiffness(terms: Terms) -> tuple[Floats, Floats]:
+def _stiffness(terms: ProductSum) -> tuple[Floats, Floats]:
     """Squares of differences between values of neighbouring nodes, times a light weight.
 
     Returns:

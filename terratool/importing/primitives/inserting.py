@@ -14,13 +14,13 @@ from msgspec import UNSET
 from terratool.definition.editing import append_child, set_member
 from terratool.definition.findings import shown
 from terratool.definition.model import Definition, Element
-from terratool.definition.reader import Options, check, load_definition
+from terratool.definition.reader import CheckOptions, check, load_definition
 from terratool.definition.source import Source, read_source, write_source
 from terratool.errors import DefinitionError, RequestError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 
 if TYPE_CHECKING:
-    from terratool.importing.primitives.primitive import Imported
+    from terratool.importing.primitives.primitive import ImportedPrimitive
 
 ROOT = "/elemTree"
 _ALIKE = 1e-3
@@ -29,7 +29,7 @@ _step = re.compile(r"/children/(0|[1-9][0-9]*)")
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class CellPath:
     """A cell in the grid of an element.
 
     Attributes:
@@ -44,7 +44,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class TargetDefinition:
     """A definition that primitives are added to, and what becomes of it.
 
     Attributes:
@@ -63,7 +63,7 @@ class Target:
     marked: bool
     packed: bool
     definition: Definition
-    place: Place | None
+    place: CellPath | None
 
     def cell(self) -> tuple[float, float, float, float] | None:
         """West, south, width and height of the cell that is placed in, in the world."""
@@ -88,8 +88,8 @@ class Target:
 
 
 def target_of(
-    path: str, names: tuple[str, ...], place: Place | None, output: str | None, overwrite: bool
-) -> Target:
+    path: str, names: tuple[str, ...], place: CellPath | None, output: str | None, overwrite: bool
+) -> TargetDefinition:
     """Read the definition, and refuse what cannot be added to it.
 
     Args:
@@ -125,10 +125,14 @@ def target_of(
         refuse_existing(result, overwrite)
         refuse_missing_folder(result)
     packed = source.packed if output is None else result.name.lower().endswith(".gz")
-    return Target(Path(path), result, source.data, source.marked, packed, definition, place)
+    return TargetDefinition(
+        Path(path), result, source.data, source.marked, packed, definition, place
+    )
 
 
-def text_with(target: Target, primitives: dict[str, Any], elements: list[dict[str, Any]]) -> bytes:
+def text_with(
+    target: TargetDefinition, primitives: dict[str, Any], elements: list[dict[str, Any]]
+) -> bytes:
     """The definition's text with primitives and, if there is a place, elements at its end.
 
     Raises:
@@ -143,7 +147,7 @@ def text_with(target: Target, primitives: dict[str, Any], elements: list[dict[st
         for element in elements:
             data = append_child(data, target.place.parent, element, has_children).applied(data)
             has_children = True
-    checked = check(Source(str(target.path), data), Options(warnings=False))
+    checked = check(Source(str(target.path), data), CheckOptions(warnings=False))
     if checked.definition is None:
         first = checked.findings[0]
         raise DefinitionError(
@@ -155,7 +159,7 @@ def text_with(target: Target, primitives: dict[str, Any], elements: list[dict[st
     return data
 
 
-def remarks(target: Target, imported: Imported) -> list[str]:
+def remarks(target: TargetDefinition, imported: ImportedPrimitive) -> list[str]:
     """What a user should know of the cell: its size, and the ground that is there already."""
     cell = target.cell()
     if cell is None:
@@ -182,7 +186,7 @@ def remarks(target: Target, imported: Imported) -> list[str]:
     return found
 
 
-def write(target: Target, data: bytes, overwrite: bool) -> None:
+def write(target: TargetDefinition, data: bytes, overwrite: bool) -> None:
     """Put a text in the place of the definition, or of the output, whole or not at all.
 
     Raises:
@@ -192,7 +196,7 @@ def write(target: Target, data: bytes, overwrite: bool) -> None:
     write_source(source, target.output, overwrite or is_same_file(target.output, target.path))
 
 
-def parse_place(text: str, span: str | None = None) -> Place:
+def parse_cell_path(text: str, span: str | None = None) -> CellPath:
     """A place as it is given: CELLX,CELLY or CELLX,CELLY,PARENT, and W,H for its span.
 
     Raises:
@@ -210,14 +214,14 @@ def parse_place(text: str, span: str | None = None) -> Place:
         raise RequestError(
             f"{shown(span)} is no span.", "Write columns and rows of cells, as in 4,2."
         )
-    return Place(
+    return CellPath(
         (int(parts[0]), int(parts[1])),
         parts[2].strip() if len(parts) > 2 else ROOT,
         (int(sides[0]), int(sides[1])),
     )
 
 
-def _refuse_place(path: str, definition: Definition, place: Place) -> None:
+def _refuse_place(path: str, definition: Definition, place: CellPath) -> None:
     """Refuse a parent that is not there, and a cell outside of its grid."""
     parent = _element(definition, place.parent)
     if parent is None:

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from terratool.importing.primitives.entries import Entry
+from terratool.importing.primitives.entries import PrimitiveEntry
 from terratool.importing.primitives.terms import Patch
 
 _PIXELS = 1 << 20
@@ -17,7 +17,7 @@ _PIXELS = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Misfit:
+class FitError:
     """How far the heights are from the pixels that primitives cover.
 
     Attributes:
@@ -50,7 +50,7 @@ class Misfit:
         }
 
 
-def measure(patch: Patch, entries: tuple[Entry, ...]) -> Misfit:
+def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
     """Compile a terrain with the primitives in a cell of the patch's size, and compare it."""
     from terratool.definition.reader import check
     from terratool.definition.source import Source
@@ -80,7 +80,7 @@ def measure(patch: Patch, entries: tuple[Entry, ...]) -> Misfit:
             largest = float(off.flat[worst])
             at = first + worst // lattice.columns, worst % lattice.columns
     relief = float(np.nanmax(patch.values) - np.nanmin(patch.values))
-    return Misfit(
+    return FitError(
         largest,
         math.sqrt(squares / max(pixels, 1)),
         lattice.west + (at[1] + 0.5) * lattice.dx,
@@ -91,7 +91,7 @@ def measure(patch: Patch, entries: tuple[Entry, ...]) -> Misfit:
     )
 
 
-def _definition(patch: Patch, entries: tuple[Entry, ...]) -> dict[str, Any]:
+def _definition(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> dict[str, Any]:
     lattice = patch.samples.lattice
     names = [f"p{k}" for k in range(len(entries))]
     return {

@@ -12,11 +12,11 @@ import numpy as np
 from terratool.definition.model import LARGEST, SMALLEST
 from terratool.errors import RequestError
 from terratool.importing.primitives import shaping, turning
-from terratool.importing.primitives.entries import Entry, entries_of, level
-from terratool.importing.primitives.placed import Misfit, measure
-from terratool.importing.primitives.shaping import Curves
-from terratool.importing.primitives.terms import Patch, Terms
-from terratool.importing.samples import Heights, Samples
+from terratool.importing.primitives.entries import PrimitiveEntry, entries_of, level
+from terratool.importing.primitives.placed import FitError, fit_error
+from terratool.importing.primitives.shaping import CurveForm
+from terratool.importing.primitives.terms import Patch, ProductSum
+from terratool.importing.samples import HeightSource, SampledHeights
 
 MOST_TERMS = 16
 MOST_SAMPLES = 256
@@ -36,7 +36,7 @@ Combine = Literal["auto", "product", "sum"]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class PrimitiveRequest:
     """What is asked for.
 
     Attributes:
@@ -60,7 +60,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Imported:
+class ImportedPrimitive:
     """Primitives for a patch, and how well they fit.
 
     Attributes:
@@ -76,8 +76,8 @@ class Imported:
     """
 
     names: tuple[str, ...]
-    entries: tuple[Entry, ...]
-    misfit: Misfit
+    entries: tuple[PrimitiveEntry, ...]
+    misfit: FitError
     missing: int
     size: tuple[float, float]
     unit: str
@@ -117,19 +117,21 @@ class Imported:
         }
 
 
-def read_samples(heights: Heights) -> Samples:
+def read_samples(heights: HeightSource) -> SampledHeights:
     """All heights of a source in memory."""
-    if isinstance(heights, Samples):
+    if isinstance(heights, SampledHeights):
         return heights
     lattice = heights.lattice
     values = np.empty((lattice.rows, lattice.columns))
     for first in range(0, lattice.rows, _ROWS):
         count = min(_ROWS, lattice.rows - first)
         values[first : first + count] = heights.read(first, count)
-    return Samples(lattice, values, tuple(heights.notes))
+    return SampledHeights(lattice, values, tuple(heights.notes))
 
 
-def import_primitive(samples: Samples, name: str, wanted: Wanted | None = None) -> Imported:
+def import_primitive(
+    samples: SampledHeights, name: str, wanted: PrimitiveRequest | None = None
+) -> ImportedPrimitive:
     """Make primitives of a patch of heights.
 
     The heights of one are vScale · x(u) · y(v) + vOffset with u and v from 0 to 1 over the whole
@@ -144,7 +146,7 @@ def import_primitive(samples: Samples, name: str, wanted: Wanted | None = None) 
         RequestError: the patch has fewer than two pixels with a height, or what is wanted makes no
             sense.
     """
-    wanted = wanted or Wanted()
+    wanted = wanted or PrimitiveRequest()
     _refuse_odd(name, wanted)
     _refuse_empty(samples)
     patch = Patch(samples)
@@ -152,7 +154,7 @@ def import_primitive(samples: Samples, name: str, wanted: Wanted | None = None) 
     unturned = more = None
     low, high = float(np.nanmin(samples.values)), float(np.nanmax(samples.values))
     if low == high:
-        entries: tuple[Entry, ...] = (level(low),)
+        entries: tuple[PrimitiveEntry, ...] = (level(low),)
         notes.append("The patch is level.")
     else:
         patch, terms, unturned = _best(patch, wanted)
@@ -161,7 +163,7 @@ def import_primitive(samples: Samples, name: str, wanted: Wanted | None = None) 
         )
         if wanted.turn and patch.turn == 0.0:
             notes.append("No turn fits better than none.")
-    misfit = measure(patch, entries)
+    misfit = fit_error(patch, entries)
     if wanted.recognise and low < high:
         from terratool.importing.primitives.recognising import recognise
 
@@ -170,20 +172,20 @@ def import_primitive(samples: Samples, name: str, wanted: Wanted | None = None) 
             notes.append("No named curve fits within the tolerance.")
         else:
             entries = (named,)
-            misfit = measure(patch, entries)
+            misfit = fit_error(patch, entries)
     elif misfit.largest > _POOR * misfit.relief and not entries[0].summed:
         more = _one_more(patch, wanted, terms)
         more = more if more is not None and more < misfit.largest else None
     missing = int(np.isnan(samples.values).sum())
     lattice = samples.lattice
     size = lattice.columns * lattice.dx, lattice.rows * lattice.dy
-    return Imported(
+    return ImportedPrimitive(
         names_of(name, wanted)[: len(entries)], entries, misfit, missing, size, lattice.unit,
         unturned, more, tuple(notes),
     )  # fmt: skip
 
 
-def names_of(name: str, wanted: Wanted) -> tuple[str, ...]:
+def names_of(name: str, wanted: PrimitiveRequest) -> tuple[str, ...]:
     """The names of the primitives: NAME, or NAME-1, NAME-2, … for several terms.
 
     Raises:
@@ -195,7 +197,7 @@ def names_of(name: str, wanted: Wanted) -> tuple[str, ...]:
     return tuple(f"{name}-{k + 1}" for k in range(wanted.terms))
 
 
-def _best(patch: Patch, wanted: Wanted) -> tuple[Patch, Terms, float | None]:
+def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, float | None]:
     """The fit that is wanted, the turn it is for, and the error without that turn."""
     unturned = None
     if wanted.turn:
@@ -221,7 +223,7 @@ def _covered(turned: Patch) -> Patch:
     return Patch(replace(turned.samples, values=values))
 
 
-def _fit(patch: Patch, wanted: Wanted) -> tuple[Terms, float]:
+def _fit(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSum, float]:
     """The better of a product and a sum, as far as both are wanted, and its largest misfit."""
     found = []
     for summed in (False, True):
@@ -233,9 +235,9 @@ def _fit(patch: Patch, wanted: Wanted) -> tuple[Terms, float]:
     return found[0]
 
 
-def _curves(patch: Patch, wanted: Wanted, summed: bool) -> Curves:
+def _curves(patch: Patch, wanted: PrimitiveRequest, summed: bool) -> CurveForm:
     west, south, east, north = patch.samples.lattice.bounds
-    return Curves(
+    return CurveForm(
         wanted.terms,
         tuple((x - west) / (east - west) for x in wanted.x_steps),
         tuple((y - south) / (north - south) for y in wanted.y_steps),
@@ -243,7 +245,7 @@ def _curves(patch: Patch, wanted: Wanted, summed: bool) -> Curves:
     )
 
 
-def _counts(patch: Patch, curves: Curves, samples: int | None) -> tuple[int, int]:
+def _counts(patch: Patch, curves: CurveForm, samples: int | None) -> tuple[int, int]:
     if samples is None:
         return shaping.fewest(patch, curves)
     rows, columns = patch.values.shape
@@ -251,7 +253,7 @@ def _counts(patch: Patch, curves: Curves, samples: int | None) -> tuple[int, int
     return samples if columns > 1 else 1, samples if rows > 1 else 1
 
 
-def _one_more(patch: Patch, wanted: Wanted, terms: Terms) -> float | None:
+def _one_more(patch: Patch, wanted: PrimitiveRequest, terms: ProductSum) -> float | None:
     """The error with one term more."""
     if terms.count >= MOST_TERMS or min(patch.values.shape) <= terms.count:
         return None
@@ -260,7 +262,7 @@ def _one_more(patch: Patch, wanted: Wanted, terms: Terms) -> float | None:
     return shaping.shape(patch, curves, counts)[1]
 
 
-def _refuse_odd(name: str, wanted: Wanted) -> None:
+def _refuse_odd(name: str, wanted: PrimitiveRequest) -> None:
     """Refuse numbers and combinations that make no sense."""
     if not name:
         raise RequestError("The primitive has no name.", "Give it one with --name.")
@@ -305,7 +307,7 @@ def _refuse_odd(name: str, wanted: Wanted) -> None:
         )
 
 
-def _refuse_empty(samples: Samples) -> None:
+def _refuse_empty(samples: SampledHeights) -> None:
     """Refuse a patch that says nothing of a shape, or that no definition can hold."""
     lattice = samples.lattice
     size = f"{lattice.columns} × {lattice.rows} pixels"
@@ -328,7 +330,7 @@ def _refuse_empty(samples: Samples) -> None:
         )
 
 
-def sentences(imported: Imported) -> Iterator[str]:
+def sentences(imported: ImportedPrimitive) -> Iterator[str]:
     """What is to be said of the fit, for people."""
     misfit, unit = imported.misfit, imported.unit
     yield (
@@ -355,5 +357,5 @@ def sentences(imported: Imported) -> Iterator[str]:
     yield from imported.notes
 
 
-def _sized(size: float, misfit: Misfit, unit: str) -> str:
+def _sized(size: float, misfit: FitError, unit: str) -> str:
     return f"{size:.4g} {unit} ({misfit.share(size):.3g} % of the relief)"

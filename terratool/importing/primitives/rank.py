@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.primitives.terms import Floats, Patch, Points, Terms
+from terratool.importing.primitives.terms import Floats, Patch, Points, ProductSum
 
 REACH = 4.0
 """Offsets are looked for so many reliefs below the lowest height and above the highest one."""
@@ -25,7 +25,7 @@ _SPARSE = 0.9
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class PatchGrid:
     """Heights at some places of the unit square that lie in columns and rows.
 
     Attributes:
@@ -38,7 +38,7 @@ class Grid:
     z: Floats
 
 
-def grid_of(patch: Patch, most: int) -> Grid:
+def grid_of(patch: Patch, most: int) -> PatchGrid:
     """Columns and rows of pixels, no more than so many of each; turned, the nearest pixels."""
     grid = _regular(patch, most)
     if np.isnan(grid.z).mean() <= _SPARSE:
@@ -50,12 +50,12 @@ def grid_of(patch: Patch, most: int) -> Grid:
     return grid
 
 
-def _regular(patch: Patch, most: int) -> Grid:
+def _regular(patch: Patch, most: int) -> PatchGrid:
     rows, columns = patch.values.shape
     if patch.turn == 0.0:
         row, column = _picked(rows, most), _picked(columns, most)
         u, v = (column + 0.5) / columns, (row + 0.5) / rows
-        return Grid(u, v, np.ascontiguousarray(patch.values[np.ix_(row, column)]))
+        return PatchGrid(u, v, np.ascontiguousarray(patch.values[np.ix_(row, column)]))
     n, m = min(columns, most), min(rows, most)
     u, v = (np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m
     a, b, c, d = patch.affine
@@ -66,7 +66,7 @@ def _regular(patch: Patch, most: int) -> Grid:
     within = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     z = np.full((m, n), np.nan)
     z[within] = patch.values[row[within], column[within]]
-    return Grid(u, v, z)
+    return PatchGrid(u, v, z)
 
 
 def points_of(patch: Patch, most: int) -> Points:
@@ -117,7 +117,9 @@ def basis(nodes: Floats, t: Floats) -> Floats:
     return matrix
 
 
-def fits(grid: Grid, x_nodes: Floats, y_nodes: Floats, terms: int, best: int = 3) -> list[Terms]:
+def fits(
+    grid: PatchGrid, x_nodes: Floats, y_nodes: Floats, terms: int, best: int = 3
+) -> list[ProductSum]:
     """The best sums of products for the offsets with the smallest largest misfits, best first.
 
     Where a height is missing, that of the fit takes its place, again and again, so that it counts
@@ -142,11 +144,11 @@ def fits(grid: Grid, x_nodes: Floats, y_nodes: Floats, terms: int, best: int = 3
         # of neighbours the better one
         if all(abs(n - other) > 1 for other in found):
             found.append(int(n))
-    return [Terms(x_nodes, y_nodes, x[n], y[n], float(offsets[n])) for n in found[:best]]
+    return [ProductSum(x_nodes, y_nodes, x[n], y[n], float(offsets[n])) for n in found[:best]]
 
 
 def _products(
-    grid: Grid, a: Floats, b: Floats, offsets: Floats, terms: int
+    grid: PatchGrid, a: Floats, b: Floats, offsets: Floats, terms: int
 ) -> tuple[Floats, Floats, Floats]:
     """Fitted heights (offsets, m, n), and the values of the curves (offsets, K, p) and …, q)."""
     columns, from_columns = _orthogonal(a)

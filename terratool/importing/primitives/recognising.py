@@ -16,10 +16,10 @@ import numpy as np
 
 from terratool.definition.vocabulary import NAMED
 from terratool.importing.primitives import fitting, rank
-from terratool.importing.primitives.entries import Entry, spelled
+from terratool.importing.primitives.entries import PrimitiveEntry, spelled
 from terratool.importing.primitives.rank import basis
 from terratool.importing.primitives.shaping import relief_of
-from terratool.importing.primitives.terms import Floats, Patch, Points, Terms, nodes
+from terratool.importing.primitives.terms import Floats, Patch, Points, ProductSum, nodes
 
 _FUNCTIONS: dict[str, Callable[[Floats], Floats]] = {
     "flat": np.ones_like,
@@ -45,7 +45,7 @@ _TRIED = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class NamedForm:
     """A named curve from t = low to t = high, 0 or its last value beyond; or its mirror image."""
 
     name: str
@@ -84,12 +84,12 @@ class Form:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class RecognisedPair:
     """A pair of curves; a free one is a list of values."""
 
     error: float
-    x: Form | Floats
-    y: Form | Floats
+    x: NamedForm | Floats
+    y: NamedForm | Floats
     scale: float
     offset: float
 
@@ -98,12 +98,14 @@ class Found:
         """Free curves, and trimmed ones, for comparing."""
         curves = (self.x, self.y)
         return (
-            sum(not isinstance(curve, Form) for curve in curves),
-            sum(isinstance(curve, Form) and curve.trimmed for curve in curves),
+            sum(not isinstance(curve, NamedForm) for curve in curves),
+            sum(isinstance(curve, NamedForm) and curve.trimmed for curve in curves),
         )
 
 
-def recognise(patch: Patch, terms: Terms, error: float, tolerance: float | None) -> Entry | None:
+def recognise(
+    patch: Patch, terms: ProductSum, error: float, tolerance: float | None
+) -> PrimitiveEntry | None:
     """Named curves for one product, or for one of its two curves, if they fit well enough.
 
     Args:
@@ -127,14 +129,14 @@ def recognise(patch: Patch, terms: Terms, error: float, tolerance: float | None)
         fitting_pairs = _close([pair for pair in halves if pair.error <= limit])
     for pair in fitting_pairs:
         entry = _entry(pair, terms, patch.turn, relief)
-        from terratool.importing.primitives.placed import measure
+        from terratool.importing.primitives.placed import fit_error
 
-        if measure(patch, (entry,)).largest <= limit:
+        if fit_error(patch, (entry,)).largest <= limit:
             return entry
     return None
 
 
-def _close(found: list[Found]) -> list[Found]:
+def _close(found: list[RecognisedPair]) -> list[RecognisedPair]:
     """The plainest of those that are not much worse than the best one first."""
     if not found:
         return []
@@ -144,20 +146,20 @@ def _close(found: list[Found]) -> list[Found]:
     )[:_TRIED]
 
 
-def _forms() -> Iterator[Form]:
+def _forms() -> Iterator[NamedForm]:
     for name in _FUNCTIONS:
-        yield Form(name)
+        yield NamedForm(name)
         if name in _RISING:
-            yield Form(name, mirrored=True)
+            yield NamedForm(name, mirrored=True)
 
 
-def _plain_pairs(points: Points) -> Iterator[Found]:
+def _plain_pairs(points: Points) -> Iterator[RecognisedPair]:
     """All pairs of whole named curves."""
     for x, y in product(_forms(), repeat=2):
         yield _fitted(points, x, y)
 
 
-def _fitted(points: Points, x: Form, y: Form) -> Found:
+def _fitted(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
     """The best factor and offset for two curves, by least squares, and then the best offset."""
     values = x.values(points.u) * y.values(points.v)
     middle, mean = float(values.mean()), float(points.z.mean())
@@ -165,10 +167,10 @@ def _fitted(points: Points, x: Form, y: Form) -> Found:
     scale = float(((values - middle) * (points.z - mean)).sum()) / spread if spread > 0.0 else 0.0
     off = points.z - scale * values
     low, high = float(off.min()), float(off.max())
-    return Found(0.5 * (high - low), x, y, scale, 0.5 * (low + high))
+    return RecognisedPair(0.5 * (high - low), x, y, scale, 0.5 * (low + high))
 
 
-def _suggested(patch: Patch, points: Points) -> tuple[list[Form], list[Form]]:
+def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[NamedForm]]:
     """The named curves that look most like the freely fitted ones, trimmed as these are."""
     rows, columns = patch.values.shape
     x_nodes, y_nodes = nodes(min(33, columns)), nodes(min(33, rows))
@@ -179,15 +181,15 @@ def _suggested(patch: Patch, points: Points) -> tuple[list[Form], list[Form]]:
     return _alike(x_nodes, free.x[0]), _alike(y_nodes, free.y[0])
 
 
-def _alike(t: Floats, values: Floats) -> list[Form]:
+def _alike(t: Floats, values: Floats) -> list[NamedForm]:
     """For each name the best trimming, the closest names first."""
     found = []
     for plain in _forms():
-        tried: list[tuple[float, int, Form]] = []
+        tried: list[tuple[float, int, NamedForm]] = []
         for low, high in product(_ENDS.tolist(), repeat=2):
             if high - low < _SHORTEST or (plain.name == "flat" and (low, high) != (0.0, 1.0)):
                 continue
-            form = Form(plain.name, low, high, plain.mirrored)
+            form = NamedForm(plain.name, low, high, plain.mirrored)
             tried.append((_unlike(form.values(t), values), len(tried), form))
         found.append(min(tried))
     found.sort(key=lambda each: each[0])
@@ -201,7 +203,9 @@ def _unlike(curve: Floats, values: Floats) -> float:
     return float(values @ values) - (float(curve @ values) ** 2 / square if square > 0.0 else 0.0)
 
 
-def _pairs(points: Points, x_forms: list[Form], y_forms: list[Form]) -> Iterator[Found]:
+def _pairs(
+    points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm]
+) -> Iterator[RecognisedPair]:
     """Pairs of suggested curves, their ends moved for the smallest error."""
     for x, y in product(x_forms, y_forms):
         best = _fitted(points, x, y)
@@ -216,15 +220,15 @@ def _pairs(points: Points, x_forms: list[Form], y_forms: list[Form]) -> Iterator
         yield best
 
 
-def _neighbours(pair: Found, step: float) -> Iterator[tuple[Form, Form]]:
+def _neighbours(pair: RecognisedPair, step: float) -> Iterator[tuple[NamedForm, NamedForm]]:
     """The pair with one end of one curve moved."""
     x, y = pair.x, pair.y
-    assert isinstance(x, Form) and isinstance(y, Form)
+    assert isinstance(x, NamedForm) and isinstance(y, NamedForm)
     for form, other, first in ((x, y, True), (y, x, False)):
         if form.name == "flat":
             continue
         for low, high in ((-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)):
-            moved = Form(
+            moved = NamedForm(
                 form.name, round(max(0.0, form.low + low), 3), round(min(1.0, form.high + high), 3),
                 form.mirrored,
             )  # fmt: skip
@@ -233,8 +237,8 @@ def _neighbours(pair: Found, step: float) -> Iterator[tuple[Form, Form]]:
 
 
 def _halves(
-    points: Points, x_forms: list[Form], y_forms: list[Form], terms: Terms
-) -> Iterator[Found]:
+    points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm], terms: ProductSum
+) -> Iterator[RecognisedPair]:
     """One named curve, and the values of the other one."""
     plain = list(_forms())
     for form in dict.fromkeys([*plain, *x_forms]):
@@ -243,7 +247,7 @@ def _halves(
         yield _with_values(points, form, terms.x_nodes, False)
 
 
-def _with_values(points: Points, form: Form, free: Floats, along_x: bool) -> Found:
+def _with_values(points: Points, form: NamedForm, free: Floats, along_x: bool) -> RecognisedPair:
     """A named curve along x or along y, and the best values of the other one: a linear problem."""
     named, other = (points.u, points.v) if along_x else (points.v, points.u)
     matrix = np.column_stack(
@@ -257,21 +261,21 @@ def _with_values(points: Points, form: Form, free: Floats, along_x: bool) -> Fou
     curve: Floats = np.asarray(values / scale, np.float64)
     error = 0.5 * (high - low)
     if along_x:
-        return Found(error, form, curve, scale, offset)
-    return Found(error, curve, form, scale, offset)
+        return RecognisedPair(error, form, curve, scale, offset)
+    return RecognisedPair(error, curve, form, scale, offset)
 
 
-def _entry(pair: Found, terms: Terms, turn: float, relief: float) -> Entry:
+def _entry(pair: RecognisedPair, terms: ProductSum, turn: float, relief: float) -> PrimitiveEntry:
     places = -int(np.floor(np.log10(1e-3 * max(pair.error, 1e-4 * relief))))
     x, y = _spelled(pair.x, terms.x_nodes), _spelled(pair.y, terms.y_nodes)
     if x == "flat" and y != "flat":
         x = None
     elif y == "flat":
         y = None
-    return Entry(x, y, round(pair.scale, places), round(pair.offset, places), turn)
+    return PrimitiveEntry(x, y, round(pair.scale, places), round(pair.offset, places), turn)
 
 
-def _spelled(curve: Form | Floats, free: Floats) -> Any:
-    if isinstance(curve, Form):
+def _spelled(curve: NamedForm | Floats, free: Floats) -> Any:
+    if isinstance(curve, NamedForm):
         return curve.spelled()
     return spelled(free, np.round(curve, 4) + 0.0, summed=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from terratool.importing.primitives import fitting, rank
-from terratool.importing.primitives.terms import Floats, Patch, Points, Terms, nodes
+from terratool.importing.primitives.terms import Floats, Patch, Points, ProductSum, nodes
 from terratool.kernels import importing as kernels
 
 SLACK = 1.05
@@ -30,7 +30,7 @@ _SHORT, _VAIN, _GAIN = 17, 2, 0.98
 
 
 @dataclass(frozen=True, slots=True)
-class Curves:
+class CurveForm:
     """What curves are to be: so many terms, with steps, added or multiplied.
 
     Attributes:
@@ -49,7 +49,7 @@ class Curves:
         return nodes(counts[0], self.x_steps), nodes(counts[1], self.y_steps)
 
 
-def shape(patch: Patch, curves: Curves, counts: tuple[int, int]) -> tuple[Terms, float]:
+def shape(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple[ProductSum, float]:
     """The curves of so many values that fit all pixels best, and their largest misfit.
 
     Pixels in columns and rows are fitted first; then the worst of all are added, block by block,
@@ -74,7 +74,7 @@ def shape(patch: Patch, curves: Curves, counts: tuple[int, int]) -> tuple[Terms,
     return best, least
 
 
-def fewest(patch: Patch, curves: Curves) -> tuple[int, int]:
+def fewest(patch: Patch, curves: CurveForm) -> tuple[int, int]:
     """How many values x and y need, for an error close to the smallest that is possible."""
     rows, columns = patch.values.shape
     points = rank.points_of(patch, _COARSE)
@@ -114,17 +114,17 @@ def _shortened(
 def _fitted(
     patch: Patch,
     points: Points,
-    curves: Curves,
+    curves: CurveForm,
     counts: tuple[int, int],
     most: int,
     powers: tuple[float, ...],
-) -> tuple[Terms, float]:
+) -> tuple[ProductSum, float]:
     """A fit to points that begins with what least squares on a grid say for several offsets."""
     x_nodes, y_nodes = curves.nodes(counts)
     problem = fitting.problem_of(points, x_nodes, y_nodes)
     even = np.full(len(points.z), 1.0 / len(points.z))
     if curves.summed:
-        begin = Terms(
+        begin = ProductSum(
             x_nodes, y_nodes, np.zeros((1, len(x_nodes))), np.zeros((1, len(y_nodes))),
             float(points.z.mean()), summed=True,
         )  # fmt: skip
@@ -143,7 +143,7 @@ def _fitted(
     return fitting.smallest_largest(problem, terms, powers)
 
 
-def _worst(patch: Patch, terms: Terms) -> tuple[Points, float]:
+def _worst(patch: Patch, terms: ProductSum) -> tuple[Points, float]:
     """The pixel of each block that is fitted worst, and the largest misfit."""
     rows, columns = patch.values.shape
     block = math.ceil(max(rows, columns) / _BLOCKS)
@@ -157,7 +157,7 @@ def relief_of(patch: Patch) -> float:
     return float(np.nanmax(patch.values) - np.nanmin(patch.values))
 
 
-def balanced(patch: Patch, terms: Terms) -> tuple[float, Terms]:
+def balanced(patch: Patch, terms: ProductSum) -> tuple[float, ProductSum]:
     """The largest misfit of all pixels with the offset that makes it smallest, and such terms."""
     low, high = kernels.error_range(patch.values, patch.affine, terms)
     return 0.5 * (high - low), replace(terms, offset=terms.offset + 0.5 * (low + high))

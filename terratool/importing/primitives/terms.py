@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.samples import Samples
+from terratool.importing.samples import SampledHeights
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class ProductSum:
     """Heights over the unit square: `offset` + Σₖ xₖ(u) · yₖ(v), or `offset` + x(u) + y(v).
 
     Attributes:
@@ -47,7 +47,7 @@ class Patch:
         turn: of the primitive in degrees, clockwise as seen from above.
     """
 
-    samples: Samples
+    samples: SampledHeights
     turn: float = 0.0
 
     @property

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from terratool.importing.primitives import fitting, rank
-from terratool.importing.primitives.terms import Patch, Points, Terms, nodes
+from terratool.importing.primitives.terms import Patch, Points, ProductSum, nodes
 
 _COARSE = 9
 """Angles that are tried at first; a product turned by 90° is a product again."""
@@ -54,7 +54,9 @@ def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float
     return round((turn + 45.0) % 90.0 - 45.0, 2) + 0.0  # no negative zero
 
 
-def _misfit(patch: Patch, begin: Terms, ends: tuple[float, float], most: int, turn: float) -> float:
+def _misfit(
+    patch: Patch, begin: ProductSum, ends: tuple[float, float], most: int, turn: float
+) -> float:
     """RMS misfit at a turn, of the pixels that are covered there and at both ends.
 
     Pixels that come and go would count for more than a small turn does.
@@ -70,15 +72,15 @@ def _misfit(patch: Patch, begin: Terms, ends: tuple[float, float], most: int, tu
     return _fitted(points, begin)[0]
 
 
-def _fitted(points: Points, begin: Terms) -> tuple[float, Terms]:
+def _fitted(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
     problem = fitting.problem_of(points, begin.x_nodes, begin.y_nodes)
     even = np.full(len(points.z), 1.0 / len(points.z))
     fit = fitting.least_squares(problem, begin, even, 20)
-    return float(np.sqrt(np.mean(fitting.misfits(problem, fit) ** 2))), fit
+    return float(np.sqrt(np.mean(fitting.residuals(problem, fit) ** 2))), fit
 
 
 def _refined(
-    patch: Patch, begin: Terms, turn: float, reach: float, stage: int
+    patch: Patch, begin: ProductSum, turn: float, reach: float, stage: int
 ) -> tuple[float, float]:
     """The smallest misfit within `reach` of a turn and where it is, by golden sections."""
     low, high = turn - reach, turn + reach

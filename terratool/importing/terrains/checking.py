@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.samples import Lattice
-from terratool.importing.terrains.measuring import BoundError, Misfit, painted, terrain_of
+from terratool.importing.samples import PixelLattice
+from terratool.importing.terrains.measuring import BoundError, MeasuredError, painted, terrain_of
 from terratool.importing.terrains.methods import Chunk
 from terratool.raster.grid import Window
 
@@ -44,19 +44,19 @@ class Checker:
         last: rows from a first one on, and the last pixel of each, which the rims carry.
     """
 
-    lattice: Lattice
+    lattice: PixelLattice
     base: float
     always: Texts
     added: Floats | None
     turned: bool
     deviation: float | None
-    misfit: Misfit
+    misfit: MeasuredError
     last: list[tuple[int, Floats]] = field(default_factory=list)
 
     @property
-    def _plain(self) -> Lattice:
+    def _plain(self) -> PixelLattice:
         """As many pixels of 1 × 1 from 0 on."""
-        return Lattice(0.0, 0.0, 1.0, 1.0, self.lattice.columns, self.lattice.rows)
+        return PixelLattice(0.0, 0.0, 1.0, 1.0, self.lattice.columns, self.lattice.rows)
 
     def chunk(self, chunk: Chunk) -> None:
         """Measure a block of rows, or of columns; the last pixel of each is the rim's."""
@@ -132,7 +132,7 @@ class Checker:
         )
 
 
-def root_of(lattice: Lattice, base: float) -> dict[str, Any]:
+def root_of(lattice: PixelLattice, base: float) -> dict[str, Any]:
     """The root: level ground, and a grid of half pixels."""
     cells = [2 * lattice.columns, 2 * lattice.rows]
     return {"type": "flat", "vScale": base, "cells": cells}

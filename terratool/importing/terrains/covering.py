@@ -22,7 +22,7 @@ from rasterio.windows import Window
 
 from terratool.errors import ReadError
 from terratool.importing.raster import complaints
-from terratool.importing.samples import Lattice
+from terratool.importing.samples import PixelLattice
 from terratool.raster.layers import LAYERS
 
 Ints = NDArray[np.int64]
@@ -39,7 +39,7 @@ _SOILS = {
 
 
 @dataclass(slots=True)
-class Classes:
+class ClassRaster:
     """A raster of classes, open, sampled at the pixel centres of a lattice.
 
     Attributes:
@@ -50,7 +50,7 @@ class Classes:
 
     name: str
     file: Any
-    lattice: Lattice
+    lattice: PixelLattice
     surfaces: dict[int, tuple[str, dict[str, Any]]]
     used: set[int] = field(default_factory=set)
     lacking: int = 0
@@ -98,7 +98,7 @@ class Classes:
 
 
 @contextlib.contextmanager
-def open_classes(name: str, lattice: Lattice) -> Iterator[Classes]:
+def open_classes(name: str, lattice: PixelLattice) -> Iterator[ClassRaster]:
     """Open a raster of classes for the pixels of a lattice, reprojected if need be.
 
     Raises:
@@ -123,10 +123,10 @@ def open_classes(name: str, lattice: Lattice) -> Iterator[Classes]:
                 f"{name}: its pixels are turned against its reference system.",
                 "Resample it north up, as with gdalwarp.",
             )
-        yield Classes(name, file, lattice, surfaces)
+        yield ClassRaster(name, file, lattice, surfaces)
 
 
-def _warped(file: Any, lattice: Lattice) -> WarpedVRT:
+def _warped(file: Any, lattice: PixelLattice) -> WarpedVRT:
     """The class that lies nearest to each pixel centre of a lattice."""
     west, _, _, north = lattice.bounds
     return WarpedVRT(

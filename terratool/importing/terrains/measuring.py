@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.definition.model import Definition
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain
-from terratool.importing.samples import Lattice
+from terratool.importing.samples import PixelLattice
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import Window
 from terratool.raster.painting import Painter
@@ -35,7 +35,7 @@ class BoundError(WriteError):
 class Centres:
     """The pixel centres of a lattice, as a painter asks for them; pixels may be oblong."""
 
-    lattice: Lattice
+    lattice: PixelLattice
 
     @property
     def resolution(self) -> float:
@@ -58,7 +58,7 @@ def terrain_of(text: bytes) -> Terrain:
     return Terrain(msgspec.json.decode(text, type=Definition))
 
 
-def painted(terrain: Terrain, lattice: Lattice, window: Window) -> Floats:
+def painted(terrain: Terrain, lattice: PixelLattice, window: Window) -> Floats:
     """Heights of the field at pixel centres, float64, row 0 the southernmost.
 
     Args:
@@ -72,7 +72,7 @@ def painted(terrain: Terrain, lattice: Lattice, window: Window) -> Floats:
 
 
 @dataclass(slots=True)
-class Misfit:
+class MeasuredError:
     """What was measured so far.
 
     Attributes:
@@ -80,7 +80,7 @@ class Misfit:
         count: pixels with a height.
     """
 
-    lattice: Lattice
+    lattice: PixelLattice
     where: tuple[float, float] | None = None
     count: int = 0
     _sums: Floats = field(default_factory=lambda: np.array([0.0, -1.0]))

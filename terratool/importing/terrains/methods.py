@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from terratool.importing.terrains.hats import hats_of, texts_of
 from terratool.importing.terrains.rows import (
     BLOCK,
-    Entry,
+    RowElement,
     blocks_of,
     cuts,
     entries,
-    rims,
+    outer_elements,
     round_block,
 )
 from terratool.importing.terrains.writing import Counter, Elements, Writer, element, primitive
@@ -128,13 +128,13 @@ def write_rows(
         levels[:, first : last + 1] = block.levels[:, [0, -1]].T
         counts[:, first : last + 1] = block.counts[:, [0, -1]].T
         above = block.counts[0]
-    beyond = list(_texts(rims(counts, nodal, method.spacing, columns), turned, step))
+    beyond = list(_texts(outer_elements(counts, nodal, method.spacing, columns), turned, step))
     for text in beyond:
         writer.pair(text)
     return levels, beyond
 
 
-def _texts(some: Iterator[Entry], turned: bool, step: float) -> Iterator[tuple[bytes, bytes]]:
+def _texts(some: Iterator[RowElement], turned: bool, step: float) -> Iterator[tuple[bytes, bytes]]:
     for entry in some:
         one = entry.turned() if turned else entry
         yield primitive(one), element(one.name, one.cell, one.span, vScale=step)

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundStructures:
     """Structures, and what they are worth.
 
     Attributes:
@@ -48,7 +48,7 @@ class Found:
         return len(zlib.compress(b",".join(part for text in self.texts for part in text)))
 
 
-def find(heights: Floats, max_error: float, walls: bool) -> Found:
+def find(heights: Floats, max_error: float, walls: bool) -> FoundStructures:
     """Find the structures of a DEM.
 
     Args:
@@ -58,7 +58,7 @@ def find(heights: Floats, max_error: float, walls: bool) -> Found:
     """
     structures = find_structures(heights, max_error, walls)
     if not structures:
-        return Found()
+        return FoundStructures()
     shape = heights.shape[0], heights.shape[1]
     off = np.zeros(shape)
     if not walls:
@@ -73,7 +73,7 @@ def find(heights: Floats, max_error: float, walls: bool) -> Found:
             names.add(one.name)
             text = msgspec.json.encode(one.name) + b":" + msgspec.json.encode(primitive_of(one))
         texts.append((text, msgspec.json.encode(element_of(one))))
-    return Found(
+    return FoundStructures(
         structures,
         evaluate(structures, shape),
         float(off.max()),

@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class RowElement:
     """One element with a primitive of its own, but for its scale, which all share.
 
     Attributes:
@@ -47,13 +47,13 @@ class Entry:
     cell: tuple[int, int]
     span: tuple[int, int]
 
-    def turned(self) -> Entry:
+    def turned(self) -> RowElement:
         """The same with x and y exchanged."""
-        return Entry(self.name, self.y, self.x, self.cell[::-1], self.span[::-1])
+        return RowElement(self.name, self.y, self.x, self.cell[::-1], self.span[::-1])
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class RowBlock:
     """Some rows, rounded.
 
     Attributes:
@@ -85,7 +85,7 @@ def blocks_of(rows: int) -> list[tuple[int, int]]:
 
 def round_block(
     heights: Floats, first: int, spacing: int, step: float, base: float, above: Ints | None
-) -> Block:
+) -> RowBlock:
     """Round a block of rows.
 
     Args:
@@ -99,10 +99,10 @@ def round_block(
     size = max(1, min(spacing, len(heights) - 1))
     counts, levels = np.empty(heights.shape, np.int64), np.empty(heights.shape)
     kernels.round_rows(np.ascontiguousarray(heights), size, step, base, above, counts, levels)
-    return Block(first, size, counts, levels)
+    return RowBlock(first, size, counts, levels)
 
 
-def entries(block: Block, nodal: list[int], rows: int) -> Iterator[Entry]:
+def entries(block: RowBlock, nodal: list[int], rows: int) -> Iterator[RowElement]:
     """The elements of a block's rows that are not zero, the last row's included.
 
     Args:
@@ -114,7 +114,7 @@ def entries(block: Block, nodal: list[int], rows: int) -> Iterator[Entry]:
     if block.counts.shape[1] == 1:
         return  # there is nothing between the outer half pixels
 
-    def entry(row: int, y: str, begin: int, end: int) -> Entry:
+    def entry(row: int, y: str, begin: int, end: int) -> RowElement:
         name, counts = str(block.first + row), block.counts[row]
         filled = np.flatnonzero(counts)
         # zeros at the ends are left out, but for one
@@ -122,7 +122,7 @@ def entries(block: Block, nodal: list[int], rows: int) -> Iterator[Entry]:
         if len(counts) - (last - first) <= _FEW + len(counts) // 4:
             first, last = 0, len(counts) - 1
         span = (2 * int(last - first), end - begin)
-        return Entry(name, counts[first : last + 1], y, (2 * int(first) + 1, begin), span)
+        return RowElement(name, counts[first : last + 1], y, (2 * int(first) + 1, begin), span)
 
     filled = np.asarray(block.counts.any(axis=1))
     for row in range(0, last + 1, block.spacing):
@@ -154,7 +154,9 @@ def support(row: int, nodal: list[int], rows: int) -> tuple[str, int, int]:
     return curve, begin, end
 
 
-def rims(counts: Ints, nodal: list[int], spacing: int, columns: int) -> Iterator[Entry]:
+def outer_elements(
+    counts: Ints, nodal: list[int], spacing: int, columns: int
+) -> Iterator[RowElement]:
     """The elements of the outer half pixels to the west and to the east.
 
     Args:
@@ -172,19 +174,19 @@ def rims(counts: Ints, nodal: list[int], spacing: int, columns: int) -> Iterator
             span = (1, 2 * (rows - 1))
             ends = (f"{side}-s", heights[0], 0), (f"{side}-n", heights[-1], 2 * rows - 1)
             if any(heights):
-                yield Entry(side, None, numbers[nodal], (column, 1), span)
+                yield RowElement(side, None, numbers[nodal], (column, 1), span)
             for name, height, row in ends:  # what lies beyond the outermost rows
                 if height:
-                    yield Entry(name, None, np.array([height]), (column, row), (1, 1))
+                    yield RowElement(name, None, np.array([height]), (column, row), (1, 1))
         elif any(heights):
             knots = [(0.0, heights[0]), *zip(where, heights, strict=True), (1.0, heights[-1])]
             text = ",".join(f"[{t!r},{z}]" for t, z in knots)
-            yield Entry(side, None, f"[{text}]", (column, 0), (1, 2 * rows))
+            yield RowElement(side, None, f"[{text}]", (column, 0), (1, 2 * rows))
         size = spacing
         while size >= 2:
             end = max((b for a, b in pairwise(nodal) if b - a >= size), default=0)
             between = np.zeros(2 * end // size + 1, np.int64)
             between[1::2] = numbers[size // 2 : end : size]
             if between.any():
-                yield Entry(f"{side}-{size}", None, between, (column, 1), (1, 2 * end))
+                yield RowElement(f"{side}-{size}", None, between, (column, 1), (1, 2 * end))
             size //= 2

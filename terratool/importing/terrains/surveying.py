@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.samples import Heights, extremes
-from terratool.importing.terrains.covering import Classes, open_classes
+from terratool.importing.samples import HeightSource, extremes
+from terratool.importing.terrains.covering import ClassRaster, open_classes
 from terratool.importing.terrains.writing import Elements, element
 from terratool.kernels import importing as kernels
 
@@ -47,7 +47,7 @@ class Survey:
 
 
 def survey_of(
-    source: Heights,
+    source: HeightSource,
     classes: str | None,
     void: bool,
     most: int,
@@ -93,7 +93,7 @@ def survey_of(
 
 def _cover(
     survey: Survey,
-    raster: Classes | None,
+    raster: ClassRaster | None,
     first: int,
     holes: NDArray[np.bool_] | None,
     count: int,
@@ -115,7 +115,7 @@ def _cover(
         survey.cover.add(element("flat", cell, span, vScale=0, surface=name))
 
 
-def _name(survey: Survey, raster: Classes | None, counts: dict[int, int]) -> None:
+def _name(survey: Survey, raster: ClassRaster | None, counts: dict[int, int]) -> None:
     for number in sorted(counts):
         name, members = ("void", {"void": True}) if number == _VOID else ("", {})
         if raster is not None and number != _VOID:

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.samples import Heights, Lattice
+from terratool.importing.samples import HeightSource, PixelLattice
 from terratool.importing.terrains.checking import FLAT, Checker, root_of
 from terratool.importing.terrains.filling import filled
 from terratool.importing.terrains.hats import hats_of, texts_of
-from terratool.importing.terrains.measuring import BoundError, Misfit
+from terratool.importing.terrains.measuring import BoundError, MeasuredError
 from terratool.importing.terrains.methods import (
     METHODS,
     Chunk,
@@ -27,7 +27,7 @@ from terratool.importing.terrains.methods import (
     smallest,
     write_rows,
 )
-from terratool.importing.terrains.peeling import Found, find
+from terratool.importing.terrains.peeling import FoundStructures, find
 from terratool.importing.terrains.rounding import step_for
 from terratool.importing.terrains.surveying import Survey, survey_of
 from terratool.importing.terrains.writing import Writer, sink_for
@@ -51,7 +51,7 @@ _SEARCHED = 1 << 22
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class ImportOptions:
     """How a DEM is imported.
 
     Attributes:
@@ -74,7 +74,7 @@ class Options:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ImportReport:
     """What came of an import.
 
     Attributes:
@@ -93,11 +93,11 @@ class Report:
         notes: sentences about the source.
     """
 
-    lattice: Lattice
+    lattice: PixelLattice
     method: Method | None
     step: float
     relief: float
-    misfit: Misfit
+    misfit: MeasuredError
     max_error: float
     bound: float
     unknown: int
@@ -113,12 +113,12 @@ Progress = Callable[[int], object]
 
 
 def import_terrain(
-    source: Heights,
+    source: HeightSource,
     output: str | Path,
-    options: Options,
+    options: ImportOptions,
     overwrite: bool = False,
     progress: Progress | None = None,
-) -> Report:
+) -> ImportReport:
     """Write a definition whose surface is within an error of a DEM, bilinear between its pixels.
 
     Args:
@@ -157,21 +157,21 @@ def import_terrain(
 
 
 def _written(
-    source: Heights,
+    source: HeightSource,
     output: Path,
     survey: Survey,
     plan: _Plan,
-    options: Options,
+    options: ImportOptions,
     overwrite: bool,
     work: Progress,
-) -> Report:
+) -> ImportReport:
     """Write and measure what was planned.
 
     Raises:
         BoundError: it is farther off than it may be, and no file appears.
     """
     lattice, found = source.lattice, plan.found
-    misfit = Misfit(lattice)
+    misfit = MeasuredError(lattice)
     with whole_file(output, overwrite) as path:
         with sink_for(path, output.name, lattice.rows * lattice.columns) as sink:
             writer = Writer(sink, _head(lattice, options))
@@ -182,7 +182,7 @@ def _written(
         if not bound <= options.max_error:
             raise BoundError(f"an error of {bound:g} came about")
         size = path.stat().st_size
-    return Report(
+    return ImportReport(
         lattice=lattice,
         method=plan.method if rows else None,
         step=plan.step,
@@ -209,14 +209,14 @@ class _Plan:
         rest: the DEM without them, or None where it is not in memory.
     """
 
-    found: Found
+    found: FoundStructures
     rest: Floats | None
     method: Method
     step: float
     base: float
 
 
-def _refuse_size(lattice: Lattice) -> None:
+def _refuse_size(lattice: PixelLattice) -> None:
     if lattice.rows * lattice.columns < 2:
         raise ReadError("There is one pixel only, which is no terrain.", "Take more of the source.")
     if max(lattice.rows, lattice.columns) > MOST_PIXELS:
@@ -233,11 +233,11 @@ def _refuse_size(lattice: Lattice) -> None:
         )
 
 
-def _planned(source: Heights, survey: Survey, options: Options) -> _Plan:
+def _planned(source: HeightSource, survey: Survey, options: ImportOptions) -> _Plan:
     highest = max(abs(survey.low), abs(survey.high))
     plain = step_for(options.max_error, highest)
     rest, low = survey.heights, survey.low
-    found = Found()
+    found = FoundStructures()
     if rest is not None and options.structures and _is_promising(source, rest, options):
         found = find(rest, options.max_error, options.walls)
     if found.structures:
@@ -254,10 +254,10 @@ def _planned(source: Heights, survey: Survey, options: Options) -> _Plan:
             return _Plan(found, without, peeled, step, bottom)
     base = _base(low, plain)
     method = smallest(_samples(source, rest), plain, base, _methods(rest, options))
-    return _Plan(Found(), rest, method, plain, base)
+    return _Plan(FoundStructures(), rest, method, plain, base)
 
 
-def _is_promising(source: Heights, heights: Floats, options: Options) -> bool:
+def _is_promising(source: HeightSource, heights: Floats, options: ImportOptions) -> bool:
     """Whether a DEM may have structures: a large one if some squares of it have."""
     if heights.size <= _SEARCHED:
         return True
@@ -270,7 +270,7 @@ def _base(low: float, step: float) -> float:
     return round(low, 2 - math.floor(math.log10(step))) + 0.0  # which is never -0
 
 
-def _methods(heights: Floats | None, options: Options) -> tuple[Method, ...]:
+def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ...]:
     """What may be tried: all that was asked for, by rows alone what is not in memory."""
     wanted = options.methods or METHODS
     if heights is not None:
@@ -284,7 +284,7 @@ def _methods(heights: Floats | None, options: Options) -> tuple[Method, ...]:
     return by_rows
 
 
-def _samples(source: Heights, heights: Floats | None) -> list[Floats]:
+def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
     """The whole DEM if it is small, else some squares of it."""
     rows, columns = source.lattice.rows, source.lattice.columns
     if heights is not None and heights.size <= _SAMPLED:
@@ -298,7 +298,7 @@ def _samples(source: Heights, heights: Floats | None) -> list[Floats]:
     return squares
 
 
-def _head(lattice: Lattice, options: Options) -> dict[str, Any]:
+def _head(lattice: PixelLattice, options: ImportOptions) -> dict[str, Any]:
     """What a definition begins with."""
     west, south = lattice.bounds[:2]
     pixel = f"{lattice.dx:.12g}"
@@ -317,10 +317,10 @@ def _head(lattice: Lattice, options: Options) -> dict[str, Any]:
 
 def _write(
     writer: Writer,
-    source: Heights,
+    source: HeightSource,
     survey: Survey,
     plan: _Plan,
-    misfit: Misfit,
+    misfit: MeasuredError,
     work: Progress,
 ) -> None:
     lattice, found = source.lattice, plan.found

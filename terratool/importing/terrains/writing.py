@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import WriteError
-from terratool.importing.terrains.rows import Entry
+from terratool.importing.terrains.rows import RowElement
 from terratool.kernels import importing as kernels
 
 _PIECE = 1 << 22
@@ -26,7 +26,7 @@ _PROMPT = 1 << 16
 _BEST, _QUICK = 11, 7
 
 
-class Sink(Protocol):
+class TextSink(Protocol):
     """What text is written to."""
 
     def write(self, text: bytes, /) -> object: ...  # noqa: D102
@@ -39,7 +39,7 @@ def curve(values: NDArray[np.int64] | str) -> bytes:
     return kernels.write_integers(np.ascontiguousarray(values))
 
 
-def primitive(entry: Entry) -> bytes:
+def primitive(entry: RowElement) -> bytes:
     """An entry's primitive as a member of the dictionary."""
     curves = [
         b'"%s":%s' % (axis, curve(values))
@@ -83,7 +83,7 @@ class Elements:
             ) from error
         self.count += 1
 
-    def copy_to(self, sink: Sink) -> None:
+    def copy_to(self, sink: TextSink) -> None:
         """Write all of them, with commas between."""
         self._file.seek(0)
         while piece := self._file.read(_PIECE):
@@ -93,7 +93,7 @@ class Elements:
 class Writer:
     """Writes a definition: what comes before, primitives and, once these are done, the rest."""
 
-    def __init__(self, sink: Sink, head: dict[str, Any]) -> None:
+    def __init__(self, sink: TextSink, head: dict[str, Any]) -> None:
         self._sink = sink
         self._elements = Elements()
         self._first = True
@@ -179,7 +179,7 @@ class Counter:
 
 
 @contextmanager
-def sink_for(path: Path, name: str, pixels: int) -> Iterator[Sink]:
+def sink_for(path: Path, name: str, pixels: int) -> Iterator[TextSink]:
     """A file that is compressed if its name ends in .gz; the same bytes each time."""
     with open(path, "wb") as file:
         if not name.endswith(".gz"):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terratool.importing.vrml.nodes import WIDTHS, Proto, Value
-from terratool.importing.vrml.text import Text
+from terratool.importing.vrml.nodes import WIDTHS, FieldValue, Proto
+from terratool.importing.vrml.text import VrmlText
 
 _INT32 = 2**31
 _MEANING = {
@@ -17,7 +17,7 @@ _MEANING = {
 }
 
 
-def check(text: Text, value: Value, kind: str, name: str, proto: Proto | None) -> None:
+def check(text: VrmlText, value: FieldValue, kind: str, name: str, proto: Proto | None) -> None:
     """Refuse the value of a field that is not of its type.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.importing.vrml.rotations import rotation
-from terratool.importing.vrml.shapes import Mesh, halved
+from terratool.importing.vrml.shapes import ShapeMesh, halved
 from terratool.kernels import importing as kernels
 
 _STRAIGHT = 1e-7
@@ -22,7 +22,7 @@ def extrusion(
     turns: NDArray[np.float64],
     begin: bool,
     end: bool,
-) -> Mesh:
+) -> ShapeMesh:
     """Sides and caps, seen from outside where the section runs counterclockwise from above.
 
     Args:
@@ -60,7 +60,7 @@ def extrusion(
         faces.append(kernels.triangulate(vertices, (rows[0] + around)[::-1].copy())[0])
     if end:
         faces.append(kernels.triangulate(vertices, rows[-1] + around)[0])
-    return Mesh(vertices, np.concatenate(faces))
+    return ShapeMesh(vertices, np.concatenate(faces))
 
 
 def planes_along(spine: NDArray[np.float64]) -> NDArray[np.float64]:

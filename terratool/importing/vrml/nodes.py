@@ -25,7 +25,7 @@ TYPES = frozenset(
 )
 
 
-class Value(NamedTuple):
+class FieldValue(NamedTuple):
     """What stands behind the name of a field.
 
     Attributes:
@@ -54,7 +54,7 @@ class Node:
     kind: str
     at: int
     proto: Proto | None = None
-    fields: dict[str, Value] = field(default_factory=dict)
+    fields: dict[str, FieldValue] = field(default_factory=dict)
 
 
 @dataclass(slots=True, eq=False)
@@ -70,7 +70,7 @@ class Proto:
 
     name: str
     types: dict[str, str] = field(default_factory=dict)
-    defaults: dict[str, Value] = field(default_factory=dict)
+    defaults: dict[str, FieldValue] = field(default_factory=dict)
     body: Node | None = None
     external: bool = False
 

@@ -11,8 +11,8 @@ from difflib import get_close_matches
 from typing import Any, NamedTuple, TypeVar
 
 from terratool.importing.vrml.checking import check
-from terratool.importing.vrml.nodes import FIELDS, OTHERS, TYPES, Node, Proto, Value
-from terratool.importing.vrml.text import NUMERIC, Text
+from terratool.importing.vrml.nodes import FIELDS, OTHERS, TYPES, FieldValue, Node, Proto
+from terratool.importing.vrml.text import NUMERIC, VrmlText
 
 T = TypeVar("T")
 Step = Generator[Any, Any, T]
@@ -38,7 +38,7 @@ class Scene(NamedTuple):
     numbers: int
 
 
-def parse(text: Text) -> Scene:
+def parse(text: VrmlText) -> Scene:
     """Read what follows the first line.
 
     Raises:
@@ -77,7 +77,7 @@ class _Parser:
         scripts: how many Scripts are open; they may point at nodes that they lie in.
     """
 
-    def __init__(self, text: Text) -> None:
+    def __init__(self, text: VrmlText) -> None:
         self.text = text
         self.count = 0
         self.protos: dict[str, Proto] = {}
@@ -271,39 +271,39 @@ class _Parser:
 
     # --- values ---------------------------------------------------------------------------------
 
-    def value(self) -> Step[Value]:
+    def value(self) -> Step[FieldValue]:
         """What stands behind the name of a field."""
         text = self.text
         byte = text.peek()
         at = text.at
         if byte == b"["[0]:
             text.at += 1
-            value: Value = yield self._list(at)
+            value: FieldValue = yield self._list(at)
             return value
         if byte in NUMERIC:
-            return Value("numbers", at, text.run())
+            return FieldValue("numbers", at, text.run())
         if byte == b'"'[0]:
             text.string()
-            return Value("strings", at)
+            return FieldValue("strings", at)
         word = text.word("a value")
         if word == "IS":
             return self._reference(at)
         if word in _FLAGS:
-            return Value("flag", at, flag=_FLAGS[word])
+            return FieldValue("flag", at, flag=_FLAGS[word])
         if word == "NULL":
-            return Value("empty", at)
+            return FieldValue("empty", at)
         self._no_infinity(word, at)
-        return Value("nodes", at, nodes=((yield self.node(word, at)),))
+        return FieldValue("nodes", at, nodes=((yield self.node(word, at)),))
 
-    def _list(self, opened: int) -> Step[Value]:
+    def _list(self, opened: int) -> Step[FieldValue]:
         text = self.text
         byte = text.peek()
         if byte in NUMERIC:
-            value = Value("numbers", opened, text.run())
+            value = FieldValue("numbers", opened, text.run())
         elif byte == b'"'[0]:
             while text.peek() == b'"'[0]:
                 text.string()
-            value = Value("strings", opened)
+            value = FieldValue("strings", opened)
         else:
             nodes = []
             while (byte := text.peek()) >= 0 and byte != b"]"[0]:
@@ -316,7 +316,7 @@ class _Parser:
                     yield self.declaration(word, at)
                 else:
                     nodes.append((yield self.node(word, at)))
-            value = Value("nodes" if nodes else "empty", opened, nodes=tuple(nodes))
+            value = FieldValue("nodes" if nodes else "empty", opened, nodes=tuple(nodes))
         if text.peek() < 0:
             raise self._unclosed(opened)
         if not text.take(b"]"):
@@ -333,7 +333,7 @@ class _Parser:
                 at, f'"{word}" is no number.', "Leave out what has no place, or write 0."
             )
 
-    def _reference(self, at: int) -> Value:
+    def _reference(self, at: int) -> FieldValue:
         text = self.text
         name = text.word("the name behind IS")
         if self.proto is None:
@@ -344,7 +344,7 @@ class _Parser:
                 f'the PROTO "{self.proto.name}" has no field "{name}".',
                 _close(name, self.proto.types, "Declare it."),
             )
-        return Value("field", at, name=name)
+        return FieldValue("field", at, name=name)
 
     # --- what is wrong --------------------------------------------------------------------------
 

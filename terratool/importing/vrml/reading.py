@@ -33,10 +33,10 @@ def read_vrml(path: str | Path) -> Triangles:
         raise _other(source.name, source.data)
     # heavy, and of no use for what is no VRML
     from terratool.importing.vrml.parsing import parse
-    from terratool.importing.vrml.text import Text
+    from terratool.importing.vrml.text import VrmlText
     from terratool.importing.vrml.walking import walk
 
-    text = Text(source.name, source.data)
+    text = VrmlText(source.name, source.data)
     return walk(parse(text), text)
 
 

@@ -15,32 +15,32 @@ SIDES = 64
 """Sides of the polygon that stands for a circle; its corners lie on it."""
 
 
-class Mesh(NamedTuple):
+class ShapeMesh(NamedTuple):
     """Vertices (n, 3) float64, and faces (m, 3) int32."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
 
 
-def box(size: NDArray[np.float64]) -> Mesh:
+def box(size: NDArray[np.float64]) -> ShapeMesh:
     """A box around the origin; `size` is (3,)."""
     signs = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     quads = np.array(
         [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
         np.int32,
     )
-    return Mesh(np.array(signs) * (size / 2), halved(quads))
+    return ShapeMesh(np.array(signs) * (size / 2), halved(quads))
 
 
-def cone(radius: float, height: float, side: bool, bottom: bool) -> Mesh:
+def cone(radius: float, height: float, side: bool, bottom: bool) -> ShapeMesh:
     """A cone around the y axis, half of its height below the origin."""
     rim = _circle(radius, -height / 2)
     vertices = np.vstack((rim, (0, height / 2, 0), (0, -height / 2, 0)))
     faces = [_fan(SIDES, False)] * side + [_fan(SIDES + 1, True)] * bottom
-    return Mesh(vertices, _joined(faces))
+    return ShapeMesh(vertices, _joined(faces))
 
 
-def cylinder(radius: float, height: float, side: bool, bottom: bool, top: bool) -> Mesh:
+def cylinder(radius: float, height: float, side: bool, bottom: bool, top: bool) -> ShapeMesh:
     """A cylinder around the y axis, half of its height below the origin."""
     vertices = np.vstack(
         (
@@ -55,10 +55,10 @@ def cylinder(radius: float, height: float, side: bool, bottom: bool, top: bool) 
     quads = np.column_stack((one, two, two + SIDES, one + SIDES))
     faces = [halved(quads)] * side + [_fan(2 * SIDES, True)] * bottom
     faces += [_fan(2 * SIDES + 1, False, SIDES)] * top
-    return Mesh(vertices, _joined(faces))
+    return ShapeMesh(vertices, _joined(faces))
 
 
-def sphere(radius: float) -> Mesh:
+def sphere(radius: float) -> ShapeMesh:
     """A sphere around the origin: circles of latitude in steps of 180° by half of `SIDES`."""
     rows = SIDES // 2
     angles = np.linspace(-math.pi / 2, math.pi / 2, rows + 1)[1:-1]
@@ -69,10 +69,10 @@ def sphere(radius: float) -> Mesh:
     quads = np.column_stack((one, two, two + SIDES, one + SIDES))
     poles = len(vertices) - 2
     bottom, top = _fan(poles, True), _fan(poles + 1, False, (rows - 2) * SIDES)
-    return Mesh(vertices, _joined([halved(quads), bottom, top]))
+    return ShapeMesh(vertices, _joined([halved(quads), bottom, top]))
 
 
-def elevation_grid(heights: NDArray[np.float64], across: float, along: float) -> Mesh:
+def elevation_grid(heights: NDArray[np.float64], across: float, along: float) -> ShapeMesh:
     """A grid of heights over the plane y = 0; squares are cut from least x and most z.
 
     That is how Coin cuts them; the standard leaves it open.
@@ -91,7 +91,7 @@ def elevation_grid(heights: NDArray[np.float64], across: float, along: float) ->
     north, south = numbers[:-1], numbers[1:]
     around = (south[:, :-1], south[:, 1:], north[:, 1:], north[:, :-1])
     quads = np.stack(around, axis=-1).reshape(-1, 4)
-    return Mesh(vertices.reshape(-1, 3), halved(quads))
+    return ShapeMesh(vertices.reshape(-1, 3), halved(quads))
 
 
 def _circle(radius: float, y: float) -> NDArray[np.float64]:

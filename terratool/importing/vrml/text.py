@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.places import places
+from terratool.definition.places import positions_of
 from terratool.errors import ReadError
 from terratool.kernels import importing as kernels
 
@@ -29,7 +29,7 @@ _GAPS = frozenset(b"\t\n\v\f\r ,#")
 _SHOWN = 40
 
 
-class Text:
+class VrmlText:
     """A text that is read from its beginning to its end.
 
     Attributes:
@@ -46,7 +46,7 @@ class Text:
 
     def error(self, at: int, message: str, hint: str) -> ReadError:
         """What is wrong at a byte, with its line and its column."""
-        (place,) = places(self.data, [at])
+        (place,) = positions_of(self.data, [at])
         return ReadError(f"{self.name}:{place.line}:{place.column}: {message}", hint)
 
     def peek(self) -> int:

@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError
 from terratool.importing.triangles import Triangles
 from terratool.importing.vrml.extrusion import extrusion
-from terratool.importing.vrml.nodes import Node, Value
+from terratool.importing.vrml.nodes import FieldValue, Node
 from terratool.importing.vrml.parsing import Scene
 from terratool.importing.vrml.rotations import Matrix, placed, pose, product
 from terratool.importing.vrml.shapes import (
     SIDES,
-    Mesh,
+    ShapeMesh,
     box,
     cone,
     cylinder,
     elevation_grid,
     sphere,
 )
-from terratool.importing.vrml.text import Text
+from terratool.importing.vrml.text import VrmlText
 from terratool.kernels import importing as kernels
 
 REPEATED = 50_000_000
@@ -58,7 +58,7 @@ class _Place(NamedTuple):
     pose: Matrix | None
 
 
-def walk(scene: Scene, text: Text) -> Triangles:
+def walk(scene: Scene, text: VrmlText) -> Triangles:
     """All triangles of a scene, in the order of the text.
 
     Raises:
@@ -75,7 +75,7 @@ def walk(scene: Scene, text: Text) -> Triangles:
 class _Walker:
     """What was found so far."""
 
-    def __init__(self, scene: Scene, text: Text) -> None:
+    def __init__(self, scene: Scene, text: VrmlText) -> None:
         self.text = text
         self.steps = REPEATED + 2 * _VISIT * scene.written + 4 * scene.numbers
         self.vertices: list[NDArray[np.float64]] = []
@@ -136,7 +136,7 @@ class _Walker:
 
     # --- geometry -------------------------------------------------------------------------------
 
-    def _mesh(self, node: Node, scope: _Scope | None) -> Mesh:
+    def _mesh(self, node: Node, scope: _Scope | None) -> ShapeMesh:
         kind = node.kind
         if kind == "IndexedFaceSet":
             return self._face_set(node, scope)
@@ -160,7 +160,7 @@ class _Walker:
         self._spend(len(mesh.faces), node)
         return mesh
 
-    def _face_set(self, node: Node, scope: _Scope | None) -> Mesh:
+    def _face_set(self, node: Node, scope: _Scope | None) -> ShapeMesh:
         value, _ = self._value(node, scope, "coordIndex")
         nodes, inner = self._nodes(node, scope, "coord")
         coord = nodes[0] if nodes else None
@@ -194,9 +194,9 @@ class _Walker:
         self._spend(len(faces), node)
         self.flat += flat
         self.crossed += crossed
-        return _wound(Mesh(points, faces), self._flag(node, scope, "ccw"))
+        return _wound(ShapeMesh(points, faces), self._flag(node, scope, "ccw"))
 
-    def _elevation_grid(self, node: Node, scope: _Scope | None) -> Mesh:
+    def _elevation_grid(self, node: Node, scope: _Scope | None) -> ShapeMesh:
         columns = self._integer(node, scope, "xDimension", 0)
         rows = self._integer(node, scope, "zDimension", 0)
         heights = self._numbers(node, scope, "height", ())
@@ -214,7 +214,7 @@ class _Walker:
         )
         return _wound(mesh, self._flag(node, scope, "ccw"))
 
-    def _extrusion(self, node: Node, scope: _Scope | None) -> Mesh:
+    def _extrusion(self, node: Node, scope: _Scope | None) -> ShapeMesh:
         section = self._numbers(node, scope, "crossSection", _SQUARE).reshape(-1, 2)
         spine = self._numbers(node, scope, "spine", (0, 0, 0, 0, 1, 0)).reshape(-1, 3)
         scales = self._numbers(node, scope, "scale", (1, 1)).reshape(-1, 2)
@@ -228,13 +228,13 @@ class _Walker:
                     "Write one, or as many as the spine has points.",
                 )
         if len(section) < 2 or len(spine) < 2:
-            return Mesh(np.empty((0, 3)), np.empty((0, 3), np.int32))
+            return ShapeMesh(np.empty((0, 3)), np.empty((0, 3), np.int32))
         self._spend(2 * len(section) * len(spine) + _VISIT * len(spine), node)
         caps = [self._flag(node, scope, name) for name in ("beginCap", "endCap")]
         mesh = extrusion(section, spine, scales, turns, *caps)
         return _wound(mesh, self._flag(node, scope, "ccw"))
 
-    def _add(self, node: Node, mesh: Mesh, outer: Matrix | None) -> None:
+    def _add(self, node: Node, mesh: ShapeMesh, outer: Matrix | None) -> None:
         vertices, faces = _used(mesh)
         if outer is not None:
             vertices = placed(outer, vertices)
@@ -258,7 +258,7 @@ class _Walker:
 
     def _value(
         self, node: Node, scope: _Scope | None, name: str
-    ) -> tuple[Value | None, _Scope | None]:
+    ) -> tuple[FieldValue | None, _Scope | None]:
         """The value of a field, which a PROTO may pass on, and the scope of nodes in it."""
         value = node.fields.get(name)
         while value is not None and value.kind == "field":
@@ -347,23 +347,23 @@ def _points(count: int) -> str:
     return f"the last one is {count - 1:,}" if count else "there are none"
 
 
-def _wound(mesh: Mesh, counterclockwise: bool) -> Mesh:
-    return mesh if counterclockwise else Mesh(mesh.vertices, mesh.faces[:, ::-1])
+def _wound(mesh: ShapeMesh, counterclockwise: bool) -> ShapeMesh:
+    return mesh if counterclockwise else ShapeMesh(mesh.vertices, mesh.faces[:, ::-1])
 
 
 def _joined(parts: list[NDArray[Number]]) -> NDArray[Number]:
     return np.ascontiguousarray(parts[0]) if len(parts) == 1 else np.concatenate(parts)
 
 
-def _used(mesh: Mesh) -> Mesh:
+def _used(mesh: ShapeMesh) -> ShapeMesh:
     """A mesh without the vertices that no face has."""
     vertices, faces = mesh
     if 4 * faces.size < len(vertices):  # many shapes may share the points of one
         own, inverse = np.unique(faces, return_inverse=True)
-        return Mesh(vertices[own], inverse.reshape(faces.shape).astype(np.int32))
+        return ShapeMesh(vertices[own], inverse.reshape(faces.shape).astype(np.int32))
     used = np.zeros(len(vertices), np.bool_)
     used[faces] = True
     if used.all():
         return mesh
     numbers = (np.cumsum(used) - 1).astype(np.int32)
-    return Mesh(vertices[used], numbers[faces])
+    return ShapeMesh(vertices[used], numbers[faces])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.mesh.formats.parts import Part, parts_of, points_of, shape_of
+from terratool.mesh.formats.parts import SurfacePart, points_of, shape_of, surface_parts
 from terratool.mesh.formats.text import encodable, linear
 from terratool.mesh.types import Mesh
 
@@ -52,7 +52,7 @@ def write_glb(mesh: Mesh, path: Path, descr: str) -> None:
     turned = np.empty(points.shape, np.float32)
     turned[:, 0], turned[:, 1] = points[:, 0], points[:, 2]
     turned[:, 2] = 0 - points[:, 1]  # unlike minus, this makes no -0
-    for part in parts_of(mesh):
+    for part in surface_parts(mesh):
         own, faces = shape_of(turned, part)
         position = add(
             own.astype("<f4", copy=False),
@@ -109,7 +109,7 @@ def write_glb(mesh: Mesh, path: Path, descr: str) -> None:
             file.write(array.data)
 
 
-def _material(part: Part) -> dict[str, object]:
+def _material(part: SurfacePart) -> dict[str, object]:
     """A material of glTF: dull, in the colour of the surface, seen from both sides."""
     return {
         "name": encodable(part.name),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terratool.mesh.formats.parts import parts_of, points_of, world_points_of
+from terratool.mesh.formats.parts import points_of, surface_parts, world_points_of
 from terratool.mesh.formats.text import (
     color_text,
     lines_of,
@@ -24,7 +24,7 @@ def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
     ones stand in comments. In coordinates of the `world` numbers have 15 digits.
     """
     materials = path.with_suffix(".mtl")
-    parts = parts_of(mesh)
+    parts = surface_parts(mesh)
     names = plain_names([part.name for part in parts], _in_name, "surface")
     with open(path, "wb") as file:
         for line in lines_of(descr):

@@ -18,7 +18,7 @@ NO_NAME = "none"
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class SurfacePart:
     """The faces of one surface, at least one.
 
     Attributes:
@@ -44,7 +44,7 @@ def world_points_of(mesh: Mesh) -> NDArray[np.float64]:
     return points_of(mesh) + mesh.origin
 
 
-def parts_of(mesh: Mesh) -> list[Part]:
+def surface_parts(mesh: Mesh) -> list[SurfacePart]:
     """A mesh by its surfaces, in their order; what has none comes last."""
     count = len(mesh.names)
     # -1 is the last of so many
@@ -60,15 +60,15 @@ def parts_of(mesh: Mesh) -> list[Part]:
         if not len(own):
             continue
         if place == count:
-            parts.append(Part(-1, NO_NAME, NO_COLOR, own))
+            parts.append(SurfacePart(-1, NO_NAME, NO_COLOR, own))
         else:
             red, green, blue = mesh.colors[place].tolist()
-            parts.append(Part(place, mesh.names[place], (red, green, blue), own))
+            parts.append(SurfacePart(place, mesh.names[place], (red, green, blue), own))
     return parts
 
 
 def shape_of(
-    points: NDArray[np.float32], part: Part
+    points: NDArray[np.float32], part: SurfacePart
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """A part with vertices of its own, (n, 3), and faces of these, (m, 3).
 

@@ -19,7 +19,7 @@ from terratool.mesh.types import Mesh
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class MeshFormat:
     """A file format.
 
     Attributes:
@@ -40,21 +40,21 @@ class Format:
     extra: str = ""
 
 
-_USD = Format(write_usd, module="pxr", package="usd-core", extra="usd")
+_USD = MeshFormat(write_usd, module="pxr", package="usd-core", extra="usd")
 
 FORMATS = {
-    ".obj": Format(write_obj, partial(write_obj, world=True), companions=(".mtl",)),
-    ".wrl": Format(write_vrml),
-    ".glb": Format(write_glb),
-    ".stl": Format(write_stl, surfaces=False),
-    ".ply": Format(write_ply, partial(write_ply, world=True)),
-    ".x3d": Format(write_x3d),
+    ".obj": MeshFormat(write_obj, partial(write_obj, world=True), companions=(".mtl",)),
+    ".wrl": MeshFormat(write_vrml),
+    ".glb": MeshFormat(write_glb),
+    ".stl": MeshFormat(write_stl, surfaces=False),
+    ".ply": MeshFormat(write_ply, partial(write_ply, world=True)),
+    ".x3d": MeshFormat(write_x3d),
     ".usdc": _USD,
     ".usda": _USD,
 }
 
 
-def format_of(path: Path) -> Format:
+def mesh_format(path: Path) -> MeshFormat:
     """The format that a file's name asks for.
 
     Raises:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.kernels import mesh as kernels
-from terratool.mesh.types import Heights, Mesh
+from terratool.mesh.types import HeightGrid, Mesh
 
 _BLOCK = 1 << 15
 """Lines that are made at a time: few enough for their text to stay in the cache."""
@@ -115,7 +115,7 @@ def encodable(text: str) -> str:
     return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in text)
 
 
-def origin_of(mesh: Mesh | Heights) -> str:
+def origin_of(mesh: Mesh | HeightGrid) -> str:
     """World position of the local zero, each number as the shortest that reads back as the same."""
     return " ".join(repr(number).removesuffix(".0") for number in mesh.origin.tolist())
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terratool.mesh.formats.parts import face_colors, parts_of, points_of
+from terratool.mesh.formats.parts import face_colors, points_of, surface_parts
 from terratool.mesh.formats.text import ascii_word, encodable, linear, plain_names
 from terratool.mesh.types import Mesh
 
@@ -44,7 +44,7 @@ def write_usd(mesh: Mesh, path: Path, descr: str) -> None:
     prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(
         Vt.Vec3fArray.FromNumpy(light[face_colors(mesh)])
     )
-    parts = parts_of(mesh)
+    parts = surface_parts(mesh)
     UsdGeom.Subset.SetFamilyType(prim, UsdShade.Tokens.materialBind, UsdGeom.Tokens.partition)
     UsdGeom.Scope.Define(stage, "/Terrain/Materials")
     names = plain_names([part.name for part in parts], ascii_word, "surface")

@@ -9,7 +9,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.mesh.formats.parts import NO_COLOR, parts_of, points_of, shape_of
+from terratool.mesh.formats.parts import NO_COLOR, points_of, shape_of, surface_parts
 from terratool.mesh.formats.text import (
     ascii_word,
     color_text,
@@ -21,7 +21,7 @@ from terratool.mesh.formats.text import (
     write_faces,
     write_points,
 )
-from terratool.mesh.types import Heights, Mesh
+from terratool.mesh.types import HeightGrid, Mesh
 
 
 def write_vrml(mesh: Mesh, path: Path, descr: str) -> None:
@@ -30,7 +30,7 @@ def write_vrml(mesh: Mesh, path: Path, descr: str) -> None:
     Nodes are named after the surfaces, in letters, digits and `_` of ASCII, which all readers take;
     the true names stand in comments.
     """
-    points, parts = points_of(mesh), parts_of(mesh)
+    points, parts = points_of(mesh), surface_parts(mesh)
     names = plain_names([part.name for part in parts], ascii_word, "surface")
     with open(path, "wb") as file:
         _begin(file, mesh, points, descr)
@@ -58,7 +58,7 @@ def write_vrml(mesh: Mesh, path: Path, descr: str) -> None:
         file.write(b"  ]\n}\n")
 
 
-def write_elevation_grid(grid: Heights, path: Path, descr: str) -> None:
+def write_elevation_grid(grid: HeightGrid, path: Path, descr: str) -> None:
     """Write a VRML97 file with an ElevationGrid, z up: heights row by row from the north.
 
     VRML measures heights along y and puts rows along z, so a Transform turns it. Nodes have the
@@ -114,7 +114,9 @@ def write_elevation_grid(grid: Heights, path: Path, descr: str) -> None:
         file.write(b"      }\n    }\n  ]\n}\n")
 
 
-def _begin(file: BinaryIO, what: Mesh | Heights, points: NDArray[np.float32], descr: str) -> None:
+def _begin(
+    file: BinaryIO, what: Mesh | HeightGrid, points: NDArray[np.float32], descr: str
+) -> None:
     """Write what comes before the terrain: what it is, where, and a viewpoint that sees all."""
     place, tilt = overview(points)
     lines = list(lines_of(descr))

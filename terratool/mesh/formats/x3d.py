@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from terratool.mesh.formats.parts import parts_of, points_of, shape_of
+from terratool.mesh.formats.parts import points_of, shape_of, surface_parts
 from terratool.mesh.formats.text import (
     ascii_word,
     color_text,
@@ -32,7 +32,7 @@ def write_x3d(mesh: Mesh, path: Path, descr: str) -> None:
     Nodes are named after the surfaces, in letters, digits and `_` of ASCII, as their names are XML
     ids; the true names stand in comments.
     """
-    points, parts = points_of(mesh), parts_of(mesh)
+    points, parts = points_of(mesh), surface_parts(mesh)
     names = plain_names([part.name for part in parts], ascii_word, "surface")
     place, tilt = overview(points)
     about = {"description": " ".join(lines_of(descr)), "origin": origin_of(mesh), "up": "z"}

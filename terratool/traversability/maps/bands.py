@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terratool.kernels import traversability as kernels
 from terratool.raster.layers import Bands, Layer
-from terratool.traversability.maps.surveying import Measures
+from terratool.traversability.maps.surveying import WindowMeasures
 from terratool.traversability.results import RANKS, Verdict
 
 CLASS, NUMBER = "class", "number"
@@ -53,7 +53,7 @@ NUMBERS = Bands(
 
 
 @dataclass(frozen=True, slots=True)
-class Folded:
+class MapBands:
     """A window of a map, (bands, height, width) each.
 
     Attributes:
@@ -67,7 +67,7 @@ class Folded:
     numbers: NDArray[np.float32]
 
 
-def fold(measures: Measures, inside: NDArray[np.bool_]) -> Folded:
+def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
     """One number for all headings of a pixel; nothing where a pixel is not `inside` the terrain.
 
     The best heading is that of the best verdict, and of those the one with the most in reserve;
@@ -107,7 +107,7 @@ def fold(measures: Measures, inside: NDArray[np.bool_]) -> Folded:
     classes = np.stack(
         [at(worst, measures.verdict), at(best, measures.reason), at(worst, measures.reason)]
     )
-    return Folded(
+    return MapBands(
         np.where(inside, verdict, 0).astype(np.uint8)[None],
         np.where(inside, classes, 0).astype(np.uint8),
         numbers,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.traversability.terramechanics.loads import layout
+from terratool.traversability.terramechanics.loads import wheel_layout
 from terratool.traversability.types import Vehicle
 
 Offsets = NDArray[np.int64]
@@ -81,7 +81,7 @@ def footprint(vehicle: Vehicle, resolution: float, apart: float, headings: int) 
         apart: reference points along the axes, m.
         headings: a multiple of 4.
     """
-    wheels = layout(vehicle)
+    wheels = wheel_layout(vehicle)
     x, y = wheels.x - vehicle.middle, wheels.y
     # obliquely the next reference point is farther away, and what is between must be seen, too
     reaches = [max(vehicle.wheel.radius, apart / max(map(abs, d))) for d in directions(headings)]

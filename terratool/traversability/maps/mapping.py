@@ -15,19 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.parts import Bounds, check_bounds, part_within
+from terratool.field.parts import Bounds, check_bounds, clip_bounds
 from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing, whole_file
 from terratool.raster.export import COMPANIONS, checked_threads, refuse_full_disk
-from terratool.raster.formats import format_of
+from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import Compression, GeoTiff, crs_of, geotiff
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
 from terratool.raster.layers import Bands
-from terratool.raster.statistics import Statistics, statistics_of
-from terratool.raster.windows import TILE, ahead
-from terratool.traversability.maps.bands import CLASSES, NUMBERS, VERDICT, Folded, fold
+from terratool.raster.statistics import BandStatistics, band_statistics
+from terratool.raster.windows import TILE, prefetch
+from terratool.traversability.maps.bands import CLASSES, NUMBERS, VERDICT, MapBands, map_bands
 from terratool.traversability.maps.surveying import Surveyor, coarsest_resolution
-from terratool.traversability.results import COLORS, HEADINGS, Reason, Summary, Verdict
+from terratool.traversability.results import COLORS, HEADINGS, MapSummary, Reason, Verdict
 from terratool.traversability.types import Vehicle
 
 _FILES = (VERDICT, CLASSES, NUMBERS)
@@ -52,7 +52,7 @@ def default_resolution(
     finest = vehicle.wheel.radius / _WHEEL_PART
     if bounds is not None:
         check_bounds(bounds, terrain)
-    west, south, east, north = part_within(terrain, bounds)
+    west, south, east, north = clip_bounds(terrain, bounds)
     longest, shortest = max(east - west, north - south), min(east - west, north - south)
     if longest / finest <= most:
         return min(finest, shortest), "a quarter of the wheel's radius"
@@ -86,8 +86,8 @@ class _Made:
     """
 
     window: Window
-    folded: Folded
-    statistics: tuple[Statistics, ...]
+    folded: MapBands
+    statistics: tuple[BandStatistics, ...]
     counts: NDArray[np.int64]
     worst: NDArray[np.int64]
     reasons: NDArray[np.int64]
@@ -104,7 +104,7 @@ def map_to_tif(
     overwrite: bool = False,
     progress: Callable[[int], object] | None = None,
     stack: contextlib.ExitStack | None = None,
-) -> Summary:
+) -> MapSummary:
     """Judge a vehicle at every pixel of a grid, and write what is found out.
 
     `path` gets the verdict of the best heading, with a colour table; beside it NAME-classes.tif has
@@ -136,9 +136,9 @@ def map_to_tif(
             sinks = _opened(files, terrain, grid, Path(path), overwrite, threads)
         count = np.zeros((len(terrain.surfaces) + 1, len(Verdict)), np.int64)
         worst, reasons = np.zeros(len(Verdict), np.int64), np.zeros(len(Reason), np.int64)
-        statistics = [Statistics()] * NUMBERS.count
+        statistics = [BandStatistics()] * NUMBERS.count
         make = partial(_made, surveyor, terrain, grid)
-        for made in ahead(make, grid.windows(TILE, TILE), threads):
+        for made in prefetch(make, grid.windows(TILE, TILE), threads):
             parts: tuple[NDArray[Any], ...] = (
                 made.folded.verdict,
                 made.folded.classes,
@@ -146,14 +146,14 @@ def map_to_tif(
             )
             for sink, pixels in zip(sinks, parts, strict=False):
                 sink.write(made.window, pixels)
-            statistics = list(map(Statistics.with_, statistics, made.statistics))
+            statistics = list(map(BandStatistics.with_, statistics, made.statistics))
             count, worst, reasons = count + made.counts, worst + made.worst, reasons + made.reasons
             if progress:
                 progress(made.window.height * made.window.width)
         if sinks:
             sinks[-1].finish(statistics)
     names = ("", *terrain.surfaces)
-    return Summary(
+    return MapSummary(
         grid,
         headings,
         _by_verdict(count.sum(axis=0)),
@@ -171,13 +171,13 @@ def _made(surveyor: Surveyor, terrain: Terrain, grid: Grid, window: Window) -> _
     """Judge a tile, block by block."""
     west, south, east, north = terrain.bounds
     flat = (window.height, window.width)
-    whole = Folded(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
+    whole = MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
     ground, surfaces = np.empty(flat, np.bool_), np.empty(flat, np.int64)
     for block in surveyor.blocks(window):
         measures = surveyor.measure(block)
         x, y = grid.columns(block), grid.rows(block)
         inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))[None]
-        folded = fold(measures, inside)
+        folded = map_bands(measures, inside)
         row, column = block.row - window.row, block.column - window.column
         part = np.s_[row : row + block.height, column : column + block.width]
         whole.verdict[:, *part], whole.classes[:, *part] = folded.verdict, folded.classes
@@ -189,7 +189,7 @@ def _made(surveyor: Surveyor, terrain: Terrain, grid: Grid, window: Window) -> _
     return _Made(
         window,
         whole,
-        tuple(map(statistics_of, whole.numbers)),
+        tuple(map(band_statistics, whole.numbers)),
         np.bincount(pairs, minlength=math.prod(shape)).reshape(shape),
         np.bincount(worst, minlength=len(Verdict)),
         np.bincount(reasons[best >= Verdict.CAUTION], minlength=len(Reason)),
@@ -205,7 +205,7 @@ def _opened(
     threads: int,
 ) -> list[GeoTiff]:
     """The files of a map, which take their places together when the stack ends well."""
-    form = format_of(path)
+    form = raster_format(path)
     if form.driver != "GTiff":
         raise RequestError(f"{path.name}: a map is a GeoTIFF.", "Give a name that ends in .tif.")
     paths = map_paths(path)

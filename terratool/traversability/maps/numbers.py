@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.traversability.terramechanics.arrays import Soils
+from terratool.traversability.terramechanics.arrays import SoilArrays
 from terratool.traversability.terramechanics.classes import slip_limit
-from terratool.traversability.terramechanics.loads import Layout, layout, tip_edges
+from terratool.traversability.terramechanics.loads import WheelLayout, tip_edges, wheel_layout
 from terratool.traversability.terramechanics.obstacles import step_of
 from terratool.traversability.terramechanics.soils import soils
 from terratool.traversability.types import Vehicle, Wheel
@@ -24,7 +24,7 @@ _ANY = 1e9
 """A friction that ends no climb."""
 
 
-class Numbers(NamedTuple):
+class VehicleParams(NamedTuple):
     """A vehicle in SI units, its margins taken off.
 
     Attributes:
@@ -40,7 +40,7 @@ class Numbers(NamedTuple):
         go_traction, go_slip, go_torque, go_geometry: shares up to which it is go.
     """
 
-    layout: Layout
+    layout: WheelLayout
     fit_along: NDArray[np.float64]
     fit_across: NDArray[np.float64]
     wheel: Wheel
@@ -59,13 +59,13 @@ class Numbers(NamedTuple):
     go_geometry: float
 
 
-def numbers_of(vehicle: Vehicle) -> Numbers:
+def vehicle_params(vehicle: Vehicle) -> VehicleParams:
     """A vehicle for the kernels."""
-    wheels, wheel = layout(vehicle), vehicle.wheel
+    wheels, wheel = wheel_layout(vehicle), vehicle.wheel
     limits, margins = vehicle.thresholds, vehicle.margins
     slip, ahead = slip_limit(vehicle), wheels.x - wheels.x.mean()
     lengths, widths = float(np.sum(ahead**2)), float(np.sum(wheels.y**2))
-    return Numbers(
+    return VehicleParams(
         layout=replace(wheels, edges=tip_edges(vehicle, wheels)),
         fit_along=ahead / lengths if lengths > 0.0 else np.zeros_like(ahead),
         fit_across=wheels.y / widths if widths > 0.0 else np.zeros_like(ahead),
@@ -80,7 +80,7 @@ def numbers_of(vehicle: Vehicle) -> Numbers:
     )  # fmt: skip
 
 
-def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[Soils, NDArray[np.float64]]:
+def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[np.float64]]:
     """Soils by id, the index of the surface and one, and the highest step on each, m.
 
     That of a soil that is not known is the highest that any would permit.
@@ -94,4 +94,4 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[Soils, NDArray[np.fl
             step, _ = step_of(vehicle, friction)
             rows.append((soil.cohesion, friction, soil.sinkage, soil.shear_modulus, step))
     *members, steps = np.array(rows, np.float64).T.copy()
-    return Soils(*members), steps
+    return SoilArrays(*members), steps

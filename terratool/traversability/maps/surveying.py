@@ -15,10 +15,10 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import Grid, Window
-from terratool.raster.windows import ahead
+from terratool.raster.windows import prefetch
 from terratool.traversability.maps.footprints import Footprint, Offsets, Pose, footprint
 from terratool.traversability.maps.ground import Ground, Grounds
-from terratool.traversability.maps.numbers import numbers_of, soil_table
+from terratool.traversability.maps.numbers import soil_table, vehicle_params
 from terratool.traversability.results import HEADINGS, Survey
 from terratool.traversability.types import Vehicle
 
@@ -41,7 +41,7 @@ MOST_HEADINGS = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Measures:
+class WindowMeasures:
     """All that is found out about a window, (headings, height, width) but for the first two.
 
     Attributes:
@@ -97,7 +97,7 @@ class Stance(NamedTuple):
 
 
 class Verdicts(NamedTuple):
-    """What `judge_cells` finds out: `Measures` of one heading."""
+    """What `judge_cells` finds out: `WindowMeasures` of one heading."""
 
     verdict: NDArray[np.uint8]
     reason: NDArray[np.uint8]
@@ -141,7 +141,7 @@ def survey(
     numbers = [np.empty(deep, np.float32) for _ in names]
     heights, surfaces = np.empty(flat, np.float32), np.empty(flat, surveyor.ids)
     blocks = list(surveyor.blocks(window))
-    made = ahead(surveyor.measure, blocks, checked_threads(threads))
+    made = prefetch(surveyor.measure, blocks, checked_threads(threads))
     for block, found in zip(blocks, made, strict=True):
         row, column = block.row - window.row, block.column - window.column
         part = np.s_[row : row + block.height, column : column + block.width]
@@ -216,7 +216,9 @@ class Surveyor:
         self._margin = math.ceil(self._footprint.margin / parts)
         slopes = vehicle.wheelbase == 0.0 or vehicle.track == 0.0
         self._grounds = Grounds(terrain, self._fine, _LEAST * radius, slopes, radius)
-        self._on_soils = kernels.VehicleOnSoils(numbers_of(vehicle), *soil_table(terrain, vehicle))
+        self._on_soils = kernels.VehicleOnSoils(
+            vehicle_params(vehicle), *soil_table(terrain, vehicle)
+        )
 
     @property
     def ids(self) -> np.dtype[Any]:
@@ -228,7 +230,7 @@ class Surveyor:
         side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._margin, 16)
         return window.cut(min(_BLOCK[0], side), min(_BLOCK[1], side))
 
-    def measure(self, window: Window) -> Measures:
+    def measure(self, window: Window) -> WindowMeasures:
         """All that is found out about a window of the grid."""
         parts, margin = self._parts, self._margin
         around = Window(
@@ -261,7 +263,7 @@ class Surveyor:
                 kernels.judge_cells(self._on_soils, stance, *pose.ahead, out)
                 left = self._left(plane, bump, front, rear, numbers[heading])
                 clearance[heading], overhang[heading] = left
-        return Measures(
+        return WindowMeasures(
             swept.heights,
             swept.surfaces,
             verdict,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.traversability.reporting import wording
-from terratool.traversability.results import Profile, Verdict
+from terratool.traversability.results import RouteProfile, Verdict
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
 """Margins for the numbers of the axes, and for what the upper axis is of."""
@@ -39,7 +39,7 @@ class _Bins:
     verdict: NDArray[np.int64]
 
 
-def chart(profile: Profile, width: int) -> str:
+def chart(profile: RouteProfile, width: int) -> str:
     """A profile as an SVG element of this width in pixels; empty where it has no length.
 
     Args:
@@ -74,7 +74,7 @@ def chart(profile: Profile, width: int) -> str:
     return "".join(parts)
 
 
-def _binned(profile: Profile, total: float, columns: int) -> _Bins:
+def _binned(profile: RouteProfile, total: float, columns: int) -> _Bins:
     along = (profile.distance - profile.distance[0]) / total * columns
     index = np.minimum(np.floor(along), columns - 1).astype(np.int64)
     starts = np.flatnonzero(np.diff(index, prepend=-1))
@@ -162,7 +162,7 @@ def ticks(first: float, last: float, count: int) -> list[float]:
     return [index * step for index in range(start, math.floor(last / step + 1e-9) + 1)]
 
 
-def _described(profile: Profile, total: float) -> str:
+def _described(profile: RouteProfile, total: float) -> str:
     known = profile.height[np.isfinite(profile.height)]
     heights = ""
     if known.size:

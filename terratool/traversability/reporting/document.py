@@ -13,13 +13,13 @@ from terratool.traversability.results import (
     Barrier,
     Extreme,
     Figures,
-    Place,
-    Profile,
+    Location,
+    MapSummary,
     Reach,
     Reason,
-    Report,
     Route,
-    Summary,
+    RouteProfile,
+    TraversabilityReport,
     Verdict,
 )
 from terratool.traversability.types import Overhang, Vehicle
@@ -29,7 +29,7 @@ FORMAT_VERSION = 1
 _VERDICTS = (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
 
 
-def as_dict(report: Report) -> dict[str, Any]:
+def as_dict(report: TraversabilityReport) -> dict[str, Any]:
     """A report as dictionaries, lists, texts and finite numbers.
 
     Units are in the names of keys; what is not known, means nothing or has no limit is None.
@@ -53,7 +53,7 @@ def as_dict(report: Report) -> dict[str, Any]:
     }
 
 
-def as_json(report: Report) -> str:
+def as_json(report: TraversabilityReport) -> str:
     """A report as the text of a JSON file."""
     return json.dumps(as_dict(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -162,7 +162,7 @@ def _counts(counts: dict[Verdict, int]) -> dict[str, int]:
     return {verdict.label: int(counts.get(verdict, 0)) for verdict in _VERDICTS}
 
 
-def _summary(summary: Summary) -> dict[str, Any]:
+def _summary(summary: MapSummary) -> dict[str, Any]:
     grid = summary.grid
     return {
         "resolution_m": _finite(grid.resolution),
@@ -186,7 +186,7 @@ def _summary(summary: Summary) -> dict[str, Any]:
     }
 
 
-def _place(place: Place) -> dict[str, Any]:
+def _place(place: Location) -> dict[str, Any]:
     return {
         "x": _finite(place.x),
         "y": _finite(place.y),
@@ -236,7 +236,7 @@ def _column(values: NDArray[Any], factor: float = 1.0) -> list[float | None]:
     return [_tidy(value) if math.isfinite(value) else None for value in scaled.tolist()]
 
 
-def _profile(profile: Profile) -> dict[str, Any]:
+def _profile(profile: RouteProfile) -> dict[str, Any]:
     per_radian = 180.0 / math.pi
     return {
         "x": _column(profile.x),

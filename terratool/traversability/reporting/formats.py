@@ -10,16 +10,16 @@ from terratool.errors import RequestError
 from terratool.traversability.reporting.document import as_json
 from terratool.traversability.reporting.markdown import as_markdown
 from terratool.traversability.reporting.page import as_page
-from terratool.traversability.results import Report
+from terratool.traversability.results import TraversabilityReport
 
-FORMATS: dict[str, Callable[[Report], str]] = {
+FORMATS: dict[str, Callable[[TraversabilityReport], str]] = {
     ".json": as_json,
     ".md": as_markdown,
     ".html": as_page,
 }
 
 
-def renderer_of(path: str | Path) -> Callable[[Report], str]:
+def renderer_of(path: str | Path) -> Callable[[TraversabilityReport], str]:
     """What makes the text of a report's file of this name.
 
     Raises:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from terratool.definition.findings import printable
 from terratool.traversability.reporting import tables, wording
 from terratool.traversability.reporting.tables import Cell, Table
-from terratool.traversability.results import Report, Verdict
+from terratool.traversability.results import TraversabilityReport, Verdict
 
 MARKS = {Verdict.GO: "✔", Verdict.CAUTION: "!", Verdict.NO_GO: "✘", Verdict.UNKNOWN: "?"}
 
@@ -16,7 +16,7 @@ MARKS = {Verdict.GO: "✔", Verdict.CAUTION: "!", Verdict.NO_GO: "✘", Verdict.
 _MARKUP = re.compile(r"([\\`*_{}\[\]<>&|~#$])")
 
 
-def as_markdown(report: Report) -> str:
+def as_markdown(report: TraversabilityReport) -> str:
     """A report as the text of a Markdown file (GitHub's flavour, for its tables)."""
     return "\n".join(_lines(report)) + "\n"
 
@@ -26,7 +26,7 @@ def escaped(text: str) -> str:
     return _MARKUP.sub(r"\\\1", printable(text))
 
 
-def _lines(report: Report) -> Iterator[str]:
+def _lines(report: TraversabilityReport) -> Iterator[str]:
     yield f"# {_cell(report.verdict)}: {escaped(report.terrain)}"
     yield ""
     yield f"**{escaped(report.sentence)}**"

@@ -16,7 +16,7 @@ from terratool.traversability.reporting import tables, wording
 from terratool.traversability.reporting.chart import CLASSES, chart
 from terratool.traversability.reporting.markdown import MARKS
 from terratool.traversability.reporting.tables import Cell, Column, Table
-from terratool.traversability.results import Place, Report, Route, Survey, Verdict
+from terratool.traversability.results import Location, Route, Survey, TraversabilityReport, Verdict
 
 _WIDE, _NARROW = 900, 330
 """Widths of the two drawings of a profile, of which a page shows the one that fits."""
@@ -38,7 +38,7 @@ _PATTERNS = """<svg width="0" height="0" style="position:absolute" aria-hidden="
 </defs></svg>"""  # noqa: E501
 
 
-def as_page(report: Report) -> str:
+def as_page(report: TraversabilityReport) -> str:
     """A report as the text of an HTML file; the same from run to run."""
     return "\n".join(_page(report)) + "\n"
 
@@ -48,7 +48,7 @@ def escape(text: str) -> str:
     return _UNIT.sub("\u00a0", _escape(printable(text)))
 
 
-def _page(report: Report) -> Iterator[str]:
+def _page(report: TraversabilityReport) -> Iterator[str]:
     title = f"{report.verdict.label}: {report.terrain}"
     style = (files("terratool.traversability.reporting") / "style.css").read_text("utf-8")
     yield '<!DOCTYPE html>\n<html lang="en" xmlns="http://www.w3.org/1999/xhtml">\n<head>'
@@ -79,7 +79,7 @@ def _page(report: Report) -> Iterator[str]:
     yield "</main>\n</body>\n</html>"
 
 
-def _head(report: Report) -> Iterator[str]:
+def _head(report: TraversabilityReport) -> Iterator[str]:
     vehicle = escape(report.vehicle.name) or "a wheel by itself"
     yield f"<header>\n<h1>{escape(report.terrain)}</h1>"
     if report.descr:
@@ -91,7 +91,7 @@ def _head(report: Report) -> Iterator[str]:
     yield f"<p>{escape(report.sentence)}</p>\n</section>"
 
 
-def _picture(report: Report, preview: Survey) -> Iterator[str]:
+def _picture(report: TraversabilityReport, preview: Survey) -> Iterator[str]:
     from terratool.traversability.reporting import picture
 
     reached = None
@@ -132,7 +132,7 @@ def _picture(report: Report, preview: Survey) -> Iterator[str]:
     yield f"<figcaption>{escape(caption)}</figcaption>\n</figure>"
 
 
-def _position(place: Place, preview: Survey) -> tuple[float, float]:
+def _position(place: Location, preview: Survey) -> tuple[float, float]:
     """Shares of the picture's width from the west and height from the north."""
     west, south, east, north = preview.grid.bounds
     return (place.x - west) / (east - west), (north - place.y) / (north - south)
@@ -153,7 +153,7 @@ def _way(route: Route, preview: Survey) -> str:
     return f'<polyline class="casing" {line}/><polyline class="way{dashed}" {line}/>'
 
 
-def _pins(report: Report, preview: Survey) -> Iterator[str]:
+def _pins(report: TraversabilityReport, preview: Survey) -> Iterator[str]:
     pins = [("pin bar", "✘", bar.place) for route in report.routes for bar in route.barriers]
     if report.reach is not None and _source(report) == "S":
         pins.append(("pin", "S", report.reach.start))
@@ -169,7 +169,7 @@ def _pins(report: Report, preview: Survey) -> Iterator[str]:
             )
 
 
-def _source(report: Report) -> str:
+def _source(report: TraversabilityReport) -> str:
     """The pin from which reach is told: that of a route that starts there, or one of its own."""
     for index, route in enumerate(report.routes):
         if report.reach is not None and route.start == report.reach.start:
@@ -193,7 +193,7 @@ def _swatch(verdict: Verdict) -> str:
     )
 
 
-def _suffix(index: int, report: Report) -> str:
+def _suffix(index: int, report: TraversabilityReport) -> str:
     return str(index + 1) if len(report.routes) > 1 else ""
 
 
@@ -217,7 +217,7 @@ def _route(route: Route, number: str) -> Iterator[str]:
         )
 
 
-def _surfaces(report: Report) -> Iterator[str]:
+def _surfaces(report: TraversabilityReport) -> Iterator[str]:
     yield _heading("Surfaces")
     if not report.surfaces:
         yield "<p>The terrain has none.</p>"
@@ -233,7 +233,7 @@ def _surfaces(report: Report) -> Iterator[str]:
         yield from _list([f"{name}: {warning}" for name, warning in tables.warnings(report)])
 
 
-def _map(report: Report) -> Iterator[str]:
+def _map(report: TraversabilityReport) -> Iterator[str]:
     yield _heading("Map")
     if report.notes:
         yield from _list(report.notes)

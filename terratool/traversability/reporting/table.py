@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 
 from terratool.definition.findings import columns_of, printable
 from terratool.traversability.reporting import tables, wording
-from terratool.traversability.results import Figures, Report, Verdict
+from terratool.traversability.results import Figures, TraversabilityReport, Verdict
 
 WIDTH = 80
 _NAME = 16
 """Columns for names of surfaces; longer ones are cut."""
 
 
-def as_lines(report: Report) -> Iterator[str]:
+def as_lines(report: TraversabilityReport) -> Iterator[str]:
     """A report in lines of at most 80 columns.
 
     What cannot be broken, as a JSON pointer, may be longer.
@@ -37,7 +37,7 @@ def as_lines(report: Report) -> Iterator[str]:
         yield from _wrapped(printable(note))
 
 
-def _surfaces(report: Report) -> Iterator[Sequence[str]]:
+def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
     yield "surface", "sinkage", "climb", "across", "step", "pull", "level", "what binds"
     for figures in report.surfaces:
         yield (
@@ -52,7 +52,7 @@ def _surfaces(report: Report) -> Iterator[Sequence[str]]:
         )
 
 
-def _map(report: Report) -> Iterator[Sequence[str]]:
+def _map(report: TraversabilityReport) -> Iterator[Sequence[str]]:
     summary = report.summary
     yield "ground", *(verdict.label for verdict in tables.VERDICTS), "what binds"
     ranked = tables.reasons(report).rows

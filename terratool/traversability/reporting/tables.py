@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from terratool.definition.findings import printable
 from terratool.traversability.reporting import wording
-from terratool.traversability.results import Figures, Report, Route, Verdict
+from terratool.traversability.results import Figures, Route, TraversabilityReport, Verdict
 from terratool.traversability.types import Axle, Vehicle
 
 VERDICTS = (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
@@ -33,7 +33,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
 
 
-def abilities(report: Report) -> Table:
+def abilities(report: TraversabilityReport) -> Table:
     """What the vehicle can do on each surface, and what binds."""
     columns = (
         Column("surface", False), Column("on the level", False), Column("what binds", False),
@@ -54,7 +54,7 @@ def abilities(report: Report) -> Table:
     return Table(columns, tuple(rows))
 
 
-def contact(report: Report) -> Table:
+def contact(report: TraversabilityReport) -> Table:
     """What wheel and soil do to each other on each surface."""
     columns = (
         Column("surface", False), Column("load, N"), Column("sinkage, mm"),
@@ -84,7 +84,7 @@ def contact(report: Report) -> Table:
     return Table(columns, tuple(rows))
 
 
-def soils(report: Report) -> Table:
+def soils(report: TraversabilityReport) -> Table:
     """The soil that each surface was taken for."""
     columns = (
         Column("surface", False), Column("cohesion c, kPa"), Column("friction angle φ"),
@@ -104,7 +104,7 @@ def soils(report: Report) -> Table:
     return Table(columns, tuple(rows))
 
 
-def shares(report: Report) -> Table:
+def shares(report: TraversabilityReport) -> Table:
     """How much of the ground is what, by the best and by the worst heading."""
     summary = report.summary
     columns = (Column("verdict", False), Column("best heading"), Column("worst heading"))
@@ -119,7 +119,7 @@ def shares(report: Report) -> Table:
     return Table(columns, tuple(rows))
 
 
-def reasons(report: Report) -> Table:
+def reasons(report: TraversabilityReport) -> Table:
     """What binds where it is not simply go, the most frequent first."""
     pixels = report.summary.pixels
     ranked = sorted(report.summary.reasons.items(), key=lambda item: (-item[1], item[0]))
@@ -131,7 +131,7 @@ def reasons(report: Report) -> Table:
     return Table((Column("what binds", False), Column("share of the ground")), tuple(rows))
 
 
-def grounds(report: Report) -> Table:
+def grounds(report: TraversabilityReport) -> Table:
     """How much of each surface's ground is what, by the best heading."""
     columns = (
         Column("surface", False), Column("share of the ground"),
@@ -277,7 +277,7 @@ def _fraction(counts: dict[Verdict, int], verdict: Verdict) -> float:
     return counts.get(verdict, 0) / total if total else 0.0
 
 
-def warnings(report: Report) -> tuple[tuple[str, str], ...]:
+def warnings(report: TraversabilityReport) -> tuple[tuple[str, str], ...]:
     """What is doubtful about surfaces: the name of each, and a sentence."""
     return tuple(
         (title(figures), printable(warning))

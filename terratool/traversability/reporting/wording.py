@@ -7,7 +7,15 @@ import math
 import numpy as np
 
 from terratool.definition.findings import printable
-from terratool.traversability.results import Barrier, Extreme, Place, Reach, Reason, Route, Verdict
+from terratool.traversability.results import (
+    Barrier,
+    Extreme,
+    Location,
+    Reach,
+    Reason,
+    Route,
+    Verdict,
+)
 
 NOTHING = "–"
 """Stands for what means nothing or is not known."""
@@ -90,13 +98,13 @@ def energy(joules: float | None) -> str:
     return quantity(hours / 1e3, "kWh") if abs(hours) >= 1e4 else quantity(hours, "Wh")
 
 
-def coordinates(place: Place) -> str:
+def coordinates(place: Location) -> str:
     """World x and y, to a millimetre."""
     x, y = (f"{round(value, 3) + 0.0:.12g}".replace("-", "−") for value in (place.x, place.y))
     return f"({x}, {y})"
 
 
-def where(place: Place) -> str:
+def where(place: Location) -> str:
     """Coordinates, and what the ground is there."""
     ground = [part for part in (name(place.surface), place.element) if part]
     return f"{coordinates(place)}{' on ' if ground else ''}{', '.join(ground)}"

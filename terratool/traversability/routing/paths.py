@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.traversability.results import Extreme, Place, Profile, Reason, Survey, Verdict
+from terratool.traversability.results import (
+    Extreme,
+    Location,
+    Reason,
+    RouteProfile,
+    Survey,
+    Verdict,
+)
 from terratool.traversability.routing.costs import drivable, pace, turning_arc, work
 from terratool.traversability.routing.graph import Graph, between, offsets
 from terratool.traversability.types import Vehicle
@@ -55,7 +62,7 @@ class Path:
 
 
 @dataclass(frozen=True, slots=True)
-class Bill:
+class DrivingCost:
     """What a path costs: metres over ground, seconds, joules."""
 
     length: float
@@ -134,7 +141,7 @@ def cells(survey: Survey, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDA
     )
 
 
-def bill(path: Path, survey: Survey, vehicle: Vehicle) -> Bill:
+def driving_cost(path: Path, survey: Survey, vehicle: Vehicle) -> DrivingCost:
     """What a path costs.
 
     Of each leg one half is driven as at its beginning, the other as at its end. Over ground it is
@@ -155,14 +162,14 @@ def bill(path: Path, survey: Survey, vehicle: Vehicle) -> Bill:
     joules = [work(energy) for energy in mean(survey.energy)]
     time = float((0.5 * way * (seconds[0] + seconds[1])).sum())
     energy = float((0.5 * way * (joules[0] + joules[1])).sum()) + vehicle.power * time
-    return Bill(float(length.sum()), time, energy)
+    return DrivingCost(float(length.sum()), time, energy)
 
 
-def profile(path: Path, survey: Survey, terrain: Terrain) -> Profile:
+def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
     """What a report shows of a path."""
     names = ("", *terrain.surfaces)
     facing = path.heading, path.row, path.column
-    return Profile(
+    return RouteProfile(
         path.x,
         path.y,
         path.heading.astype(np.float64) * (360.0 / survey.headings),
@@ -180,7 +187,7 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> Profile:
 
 
 def largest(
-    terrain: Terrain, values: NDArray[np.float64], profile: Profile, *, of_size: bool = False
+    terrain: Terrain, values: NDArray[np.float64], profile: RouteProfile, *, of_size: bool = False
 ) -> Extreme | None:
     """Where a measure, or its size, is largest along a profile; None where it is known nowhere."""
     if np.all(np.isnan(values)):
@@ -197,11 +204,11 @@ def worst(verdicts: NDArray[np.uint8]) -> Verdict:
     return Verdict(int(verdicts.max())) if np.all(verdicts) else Verdict.UNKNOWN
 
 
-def place_at(terrain: Terrain, x: float, y: float) -> Place:
+def place_at(terrain: Terrain, x: float, y: float) -> Location:
     """What lies at a point."""
     found = terrain.sample(x, y)
     height, surface = float(found.height), int(found.surface)
-    return Place(
+    return Location(
         x,
         y,
         None if math.isnan(height) else height,

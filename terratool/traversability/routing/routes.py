@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
-from terratool.field.parts import Bounds, check_bounds, part_within
+from terratool.field.parts import Bounds, check_bounds, clip_bounds
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
 from terratool.traversability.results import (
     HEADINGS,
     Barrier,
-    Place,
+    Location,
     Reach,
     Reason,
     Route,
@@ -40,8 +40,8 @@ from terratool.traversability.routing.graph import (
 from terratool.traversability.routing.paths import (
     Path,
     along,
-    bill,
     cells,
+    driving_cost,
     largest,
     place_at,
     profile,
@@ -83,7 +83,7 @@ def route_grid(
     width = max(2.0 * vehicle.rectangle[2], vehicle.wheel.radius)
     if bounds is not None:
         check_bounds(bounds, terrain)
-    west, south, east, north = part_within(terrain, bounds)
+    west, south, east, north = clip_bounds(terrain, bounds)
     shorter = min(east - west, north - south)
     least = math.sqrt((east - west) * (north - south) * headings / most)
     resolution = min(max(width / _FINE, least), shorter)
@@ -214,7 +214,7 @@ def reach(terrain: Terrain, vehicle: Vehicle, survey: Survey, start: tuple[float
 
 def _driven(route: Route, path: Path, terrain: Terrain, vehicle: Vehicle, survey: Survey) -> Route:
     """The route with what a way costs, and where it is steepest, softest and tightest."""
-    along_it, cost = profile(path, survey, terrain), bill(path, survey, vehicle)
+    along_it, cost = profile(path, survey, terrain), driving_cost(path, survey, vehicle)
     steepest = largest(terrain, along_it.pitch, along_it, of_size=True)
     softest = largest(terrain, along_it.sinkage, along_it)
     tightest = largest(terrain, along_it.utilisation, along_it)
@@ -232,7 +232,7 @@ def _driven(route: Route, path: Path, terrain: Terrain, vehicle: Vehicle, survey
     )
 
 
-def _barred(route: Route, found: tuple[Barrier, ...], nearest: Place, note: str = "") -> Route:
+def _barred(route: Route, found: tuple[Barrier, ...], nearest: Location, note: str = "") -> Route:
     """The route with what bars it; unknown where nothing but unknown soil does."""
     unknown = all(barrier.reason == Reason.SOIL_UNKNOWN for barrier in found)
     verdict = Verdict.UNKNOWN if unknown else Verdict.NO_GO
@@ -260,7 +260,7 @@ def _least_resistance(
     return along(graph, trace(before, int(goals[np.argmin(cost[goals])])), survey)
 
 
-def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: Cell) -> Place:
+def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: Cell) -> Location:
     """The middle of the marked cell that is nearest to another one."""
     rows, columns = np.nonzero(marked)
     n = int(np.argmin((rows - end[0]) ** 2 + (columns - end[1]) ** 2))

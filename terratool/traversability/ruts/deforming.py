@@ -17,7 +17,7 @@ from terratool.definition.editing import set_member
 from terratool.definition.findings import shown
 from terratool.definition.model import Definition, Track
 from terratool.definition.presets import preset_of
-from terratool.definition.reader import Options, check
+from terratool.definition.reader import CheckOptions, check
 from terratool.definition.source import Source, read_source, write_source
 from terratool.errors import DefinitionError, MissedError, RequestError
 from terratool.field.terrain import Terrain
@@ -283,7 +283,7 @@ def write_deformed(
     data = set_member(source.data, "", "tracks", tracks).applied(source.data)
     packed = Path(output).name.lower().endswith(".gz")
     result = Source(str(path), data, packed, source.marked)
-    checked = check(result, Options(warnings=False))
+    checked = check(result, CheckOptions(warnings=False))
     if checked.definition is None:
         first = checked.findings[0]
         raise DefinitionError(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.traversability.terramechanics.loads import layout
+from terratool.traversability.terramechanics.loads import wheel_layout
 from terratool.traversability.types import Vehicle
 
 SHARPEST = math.radians(20.0)
@@ -30,13 +30,13 @@ def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[
         tolerance: the lines are simplified by no more than this.
 
     Returns:
-        For each wheel its index in the `layout` of the vehicle and its line, (m, 2); of wheels
+        For each wheel its index in the `wheel_layout` and its line, (m, 2); of wheels
         that the layout has at one place only the first.
     """
     places, headings = _poses(path)
     ahead = np.column_stack([np.sin(headings), np.cos(headings)])
     right = np.column_stack([ahead[:, 1], -ahead[:, 0]])
-    wheels = layout(vehicle)
+    wheels = wheel_layout(vehicle)
     first: dict[tuple[float, float], int] = {}
     for index, place in enumerate(zip(wheels.x.tolist(), wheels.y.tolist(), strict=True)):
         first.setdefault(place, index)

@@ -35,7 +35,7 @@ TRACTION = np.dtype(
 kernels.check_records(TRACTION, DEMAND)
 
 
-class Soils(NamedTuple):
+class SoilArrays(NamedTuple):
     """Members of a `types.Soil`, flat; the cohesion is NaN where a soil is not known."""
 
     cohesion: NDArray[np.float64]
@@ -56,18 +56,18 @@ def flat(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
 
 def flat_soils(
     soil: Soil, *values: Any
-) -> tuple[tuple[int, ...], Soils, list[NDArray[np.float64]]]:
+) -> tuple[tuple[int, ...], SoilArrays, list[NDArray[np.float64]]]:
     """As `flat`: the common shape, the soils, and the other values."""
     shape, (cohesion, friction, sinkage, modulus, *others) = flat(
         soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, *values
     )
-    return shape, Soils(cohesion, np.tan(friction), sinkage, modulus), others
+    return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus), others
 
 
-def one_soil(soil: Soil) -> Soils:
+def one_soil(soil: Soil) -> SoilArrays:
     """A soil of numbers, by itself."""
     numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus
-    return Soils(*np.array(numbers, np.float64)[:, None])
+    return SoilArrays(*np.array(numbers, np.float64)[:, None])
 
 
 def shaped(column: NDArray[np.float64], shape: tuple[int, ...]) -> Numbers:

@@ -16,7 +16,7 @@ from terratool.traversability.types import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class WheelLayout:
     """The wheels of a vehicle, one by one: axles from the front, on each from left to right.
 
     Attributes:
@@ -36,7 +36,7 @@ class Layout:
     edges: NDArray[np.float64]
 
 
-def layout(vehicle: Vehicle) -> Layout:
+def wheel_layout(vehicle: Vehicle) -> WheelLayout:
     """The wheels of a vehicle and how they share its weight.
 
     A rigid body on equal springs: loads differ linearly from wheel to wheel, along and across. For
@@ -73,7 +73,7 @@ def layout(vehicle: Vehicle) -> Layout:
         shares[:, 1] = lever * vehicle.cog_height
     if sides > 0.0:
         shares[:, 2] = ys / sides * vehicle.cog_height
-    return Layout(xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height))
+    return WheelLayout(xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height))
 
 
 def wheel_loads(vehicle: Vehicle, pitch: Any = 0.0, roll: Any = 0.0) -> NDArray[np.float64]:
@@ -82,7 +82,7 @@ def wheel_loads(vehicle: Vehicle, pitch: Any = 0.0, roll: Any = 0.0) -> NDArray[
     The body stands on a plane that rises at `pitch` where it heads (nose up) and at `roll` to its
     left (left side up). A wheel that would be pulled up bears 0.
     """
-    wheels = layout(vehicle)
+    wheels = wheel_layout(vehicle)
     shape, (pitches, rolls) = flat(pitch, roll)
     loads = kernels.wheel_loads(wheels, vehicle.weight, pitches, rolls)
     return loads.reshape(*shape, len(wheels.x))
@@ -96,7 +96,7 @@ def tip_over(vehicle: Vehicle) -> tuple[float, float, float]:
     """
     if vehicle.is_single:
         return (math.pi / 2,) * 3
-    edges = layout(vehicle).edges
+    edges = wheel_layout(vehicle).edges
     found = []
     for forward, left in ((0.0, 1.0), (-1.0, 0.0), (1.0, 0.0)):
         towards = edges[:, 0] * forward + edges[:, 1] * left
@@ -106,7 +106,7 @@ def tip_over(vehicle: Vehicle) -> tuple[float, float, float]:
     return found[0], found[1], found[2]
 
 
-def tip_edges(vehicle: Vehicle, wheels: Layout) -> NDArray[np.float64]:
+def tip_edges(vehicle: Vehicle, wheels: WheelLayout) -> NDArray[np.float64]:
     """The edges of a layout with what the vehicle keeps in reserve taken off, for `tipping`."""
     edges = wheels.edges.copy()
     edges[:, 2] -= vehicle.margins.tip

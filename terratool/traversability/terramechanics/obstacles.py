@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from terratool.traversability.terramechanics.arrays import Numbers
-from terratool.traversability.terramechanics.loads import layout
+from terratool.traversability.terramechanics.loads import wheel_layout
 from terratool.traversability.types import Overhang, Vehicle
 
 NO_LIMIT = math.pi
@@ -77,7 +77,7 @@ def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
         vehicle: what climbs.
         friction: μ, tan φ of the surface.
     """
-    wheel, wheels = vehicle.wheel, layout(vehicle)
+    wheel, wheels = vehicle.wheel, wheel_layout(vehicle)
     loads = np.maximum(vehicle.weight * wheels.shares[:, 0], 0.0)
     force = np.minimum(loads * friction, wheel.max_torque / wheel.radius) * wheels.driven
     limits = [(wheel.radius, "wheel radius")]

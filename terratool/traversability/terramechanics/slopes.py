@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from terratool.kernels import traversability as kernels
 from terratool.traversability.terramechanics.arrays import Numbers, flat_soils, shaped
-from terratool.traversability.terramechanics.loads import layout
+from terratool.traversability.terramechanics.loads import wheel_layout
 from terratool.traversability.types import Soil, Vehicle
 
 
@@ -57,7 +57,7 @@ def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> Steepe
     wheel = vehicle.wheel
     shape, soils, _ = flat_soils(soil)
     angle, reason = kernels.steepest(
-        across, layout(vehicle), vehicle.weight, soils, slip, wheel, wheel.max_torque
+        across, wheel_layout(vehicle), vehicle.weight, soils, slip, wheel, wheel.max_torque
     )
     return Steepest(
         shaped(np.maximum(angle, 0.0), shape),

@@ -13,7 +13,7 @@ from terratool.definition.presets import Preset, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.traversability.terramechanics.arrays import Numbers
-from terratool.traversability.terramechanics.loads import layout
+from terratool.traversability.terramechanics.loads import wheel_layout
 from terratool.traversability.terramechanics.wheel import LARGEST
 from terratool.traversability.types import Soil, Vehicle, Wheel
 
@@ -84,7 +84,7 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
 
 def governing_load(vehicle: Vehicle) -> float:
     """Load (N) of the driven wheel that bears most on the level; of all wheels if none is."""
-    wheels = layout(vehicle)
+    wheels = wheel_layout(vehicle)
     loads = vehicle.weight * wheels.shares[:, 0]
     return float(loads[wheels.driven].max() if wheels.driven.any() else loads.max())
 

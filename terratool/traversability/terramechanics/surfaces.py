@@ -22,7 +22,7 @@ from terratool.traversability.terramechanics.classes import (
     wheel_measures,
 )
 from terratool.traversability.terramechanics.demand import Demand
-from terratool.traversability.terramechanics.loads import layout, tip_over, wheel_loads
+from terratool.traversability.terramechanics.loads import tip_over, wheel_layout, wheel_loads
 from terratool.traversability.terramechanics.obstacles import gap_width, step_of
 from terratool.traversability.terramechanics.slopes import Steepest, climb, side_slip
 from terratool.traversability.terramechanics.soils import governing_load, missing_of, soil_of
@@ -48,7 +48,7 @@ ASSUMPTIONS = (
 """Sentences for the end of every report."""
 
 
-def figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
+def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     """The figures of a surface, for the driven wheel that bears most on the level.
 
     Climb, cross-slope, step and verdict are those of the whole vehicle, with its margins taken
@@ -117,13 +117,15 @@ def figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
 
 def all_figures(terrain: Terrain, vehicle: Vehicle) -> tuple[Figures, ...]:
     """The figures of every surface of a terrain, in the order of the definition."""
-    return tuple(figures(name, surface, vehicle) for name, surface in terrain.surface_types.items())
+    return tuple(
+        surface_figures(name, surface, vehicle) for name, surface in terrain.surface_types.items()
+    )
 
 
 def level_demand(vehicle: Vehicle, soil: Soil) -> Demand:
     """What its wheels need to roll on the level: the largest torque, share, slip and sinkage."""
     tyre, loads = vehicle.wheel, wheel_loads(vehicle)
-    need = kernels.drive(layout(vehicle), loads, one_soil(soil), 0.0, tyre, tyre.max_torque)
+    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, tyre, tyre.max_torque)
     sinkage = np.max(wheel.contact(loads, soil, tyre).sinkage)
     return Demand(*map(np.float64, (need["torque"], need["utilisation"], need["slip"], sinkage)))
 
@@ -150,7 +152,7 @@ def _largest(found: Steepest, tips: float, vehicle: Vehicle) -> tuple[float | No
 
 def _remarks(vehicle: Vehicle, soil: Soil, load: float) -> tuple[str, ...]:
     """Sentences on wheels that are not like the one of the figures."""
-    wheels = layout(vehicle)
+    wheels = wheel_layout(vehicle)
     towed = vehicle.weight * wheels.shares[~wheels.driven, 0]
     if len(towed) and towed.max() > load:
         return (

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.importing.terrains.structure.residual import Floats, Residual
-from terratool.importing.terrains.structure.types import Axis, Part
+from terratool.importing.terrains.structure.types import Axis, PixelPart
 from terratool.kernels import importing as kernels
 
 SPIKES = 20_000
@@ -32,7 +32,7 @@ EVEN = 0.3
 
 def find_boxes(
     residual: Residual, noise: float, height: float, least_corners: int = 1
-) -> list[Part]:
+) -> list[PixelPart]:
     """Take away all boxes that are found.
 
     Args:
@@ -42,7 +42,7 @@ def find_boxes(
         least_corners: boxes of which fewer corners lie open are not wanted; if 4, neither are those
             with other walls on any side, such as the stairs of a turned rim.
     """
-    found: list[Part] = []
+    found: list[PixelPart] = []
     # boxes with more clean corners first, as what they leave makes others clean
     for wanted in range(4, least_corners - 1, -1):
         failures = 0
@@ -92,7 +92,7 @@ def _sticks_out(residual: Residual, row: int, column: int) -> bool:
 
 def _best(
     residual: Residual, row: int, column: int, noise: float, wanted: int, sides: int
-) -> Part | None:
+) -> PixelPart | None:
     """The smallest box with a corner here that explains so many corners."""
     cells = list(_cells(residual, row, column, noise, wanted))
     cells.sort(key=lambda cell: (cell[1] - cell[0]) * (cell[3] - cell[2]))
@@ -108,12 +108,12 @@ def _best(
 
 def _box(
     residual: Residual, row: int, column: int, south: int, north: int, west: int, east: int
-) -> Part:
+) -> PixelPart:
     """A box on whole pixels, as high as the difference at its corner says."""
     value = float(residual.mixed[row, column])
     sign = (1.0 if row + 1 == south else -1.0) * (1.0 if column + 1 == west else -1.0)
     x, y = Axis(kernels.FLAT, 2 * west, 2 * east), Axis(kernels.FLAT, 2 * south, 2 * north)
-    return Part(x, y, sign * value)
+    return PixelPart(x, y, sign * value)
 
 
 def _cells(
@@ -163,7 +163,7 @@ def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
     return [one for one in found[order].tolist() if one != place]
 
 
-def _cleaned(residual: Residual, box: Part, noise: float) -> tuple[int, int]:
+def _cleaned(residual: Residual, box: PixelPart, noise: float) -> tuple[int, int]:
     """How many of a box's corners it leaves without a difference, less those that it spoils.
 
     Returns:
@@ -185,7 +185,7 @@ def _cleaned(residual: Residual, box: Part, noise: float) -> tuple[int, int]:
     return cleaned, corners
 
 
-def jumps(residual: Residual, box: Part) -> list[Floats]:
+def jumps(residual: Residual, box: PixelPart) -> list[Floats]:
     """Heights of a box's walls above the neighbouring pixels, for each side within the DEM."""
     heights = residual.heights
     rows, columns = slice(box.y.first, box.y.stop), slice(box.x.first, box.x.stop)
@@ -201,7 +201,7 @@ def jumps(residual: Residual, box: Part) -> list[Floats]:
     return [side[np.isfinite(side)] for side in sides]
 
 
-def _stands(residual: Residual, box: Part, sides_wanted: int) -> bool:
+def _stands(residual: Residual, box: PixelPart, sides_wanted: int) -> bool:
     """Whether there are walls of the box's height on so many sides, or on all that there are."""
     sides = [side for side in jumps(residual, box) if len(side)]
     good = [abs(_median(side) - box.scale) <= EVEN * abs(box.scale) for side in sides]

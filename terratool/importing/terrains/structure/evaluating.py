@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.definition.curves import Formula, Knots, Samples, read_curve
+from terratool.definition.curves import FormulaCurve, KnotCurve, SampledCurve, read_curve
 from terratool.definition.model import Definition, Element, Primitive
 from terratool.importing.terrains.structure.spelling import SPELLINGS, departure
 from terratool.importing.terrains.structure.types import Axis, CurveText, Structure
@@ -139,10 +139,10 @@ def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float,
     if isinstance(text, str):
         return _bound_of_name(text, begin, length, count)
     curve = read_curve(text, "x")
-    assert not isinstance(curve, Formula)
+    assert not isinstance(curve, FormulaCurve)
     points = (
         np.array(curve.points)
-        if isinstance(curve, Knots)
+        if isinstance(curve, KnotCurve)
         else np.column_stack([np.linspace(0.0, 1.0, len(curve.values)), curve.values])
     )
     where = begin + points[:, 0] * length  # in half pixels
@@ -192,7 +192,7 @@ def _bound_of_disc(structure: Structure) -> float:
         bend, rim = _ROUND[structure.x]
         return scale * (rim + bend * (radii[0] ** -2 + radii[1] ** -2) / 8.0)
     curve = read_curve(structure.x, "x")
-    assert isinstance(curve, Samples)
+    assert isinstance(curve, SampledCurve)
     half = np.array(curve.values[len(curve.values) // 2 :])
     steepest = float(np.abs(np.diff(half)).max()) * (len(half) - 1) / min(radii)
     return scale * (abs(float(half[-1])) + steepest * math.sqrt(0.5))

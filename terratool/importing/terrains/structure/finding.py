@@ -19,7 +19,7 @@ from terratool.importing.terrains.structure.residual import (
 )
 from terratool.importing.terrains.structure.spelling import named, with_flanks, with_walls
 from terratool.importing.terrains.structure.turning import turned_box_of
-from terratool.importing.terrains.structure.types import Part, Structure
+from terratool.importing.terrains.structure.types import PixelPart, Structure
 from terratool.kernels import importing as kernels
 
 MOST_PIXELS = 32_768
@@ -64,7 +64,7 @@ def find_structures(
         residual.subtract(twist)
     precision = PRECISION * max_error
     level = noise_level(residual)
-    parts: list[Part] = []
+    parts: list[PixelPart] = []
     others: list[Structure] = []
     # hills all over leave nothing that would show the noise, so the rounding is tried first
     visible = residual.coarse or (
@@ -91,7 +91,7 @@ def find_structures(
 
 
 def _flanked(
-    parts: list[Part],
+    parts: list[PixelPart],
     others: list[Structure],
     shape: tuple[int, int],
     max_error: float,
@@ -123,7 +123,7 @@ def _flanked(
 
 def _peeled(
     residual: Residual, noise: float, max_error: float, precision: float
-) -> tuple[list[Part], list[Structure]]:
+) -> tuple[list[PixelPart], list[Structure]]:
     """Parts along the axes, and what is turned; both are taken away."""
     limits = Limits(noise, max_error)
     # what is turned goes first wherever it stands alone, as its rim could be had from boxes as well
@@ -161,7 +161,7 @@ def _turned(
     return found
 
 
-def refined(residual: Residual, parts: list[Part], noise: float) -> list[Part]:
+def refined(residual: Residual, parts: list[PixelPart], noise: float) -> list[PixelPart]:
     """Scales once more, from all places where everything is explained; `residual` is changed."""
     out = list(parts)
     for _ in range(2):
@@ -173,18 +173,18 @@ def refined(residual: Residual, parts: list[Part], noise: float) -> list[Part]:
             power = float((shape[clean] ** 2).sum())
             if power > 0.0:
                 more = float((here[clean] * shape[clean]).sum()) / power
-                residual.subtract(Part(part.x, part.y, more))
-                out[at] = Part(part.x, part.y, part.scale + more)
+                residual.subtract(PixelPart(part.x, part.y, more))
+                out[at] = PixelPart(part.x, part.y, part.scale + more)
     return out
 
 
-def leveled(residual: Residual, part: Part) -> Part:
+def leveled(residual: Residual, part: PixelPart) -> PixelPart:
     """A box as high as its walls are on average, which noise says less of than of its corners."""
     if part.x.code != kernels.FLAT or part.y.code != kernels.FLAT:
         return part
-    residual.subtract(Part(part.x, part.y, -part.scale))
+    residual.subtract(PixelPart(part.x, part.y, -part.scale))
     sides = [side for side in jumps(residual, part) if len(side)]
     height = float(np.median(np.concatenate(sides))) if sides else part.scale
-    better = Part(part.x, part.y, height)
+    better = PixelPart(part.x, part.y, height)
     residual.subtract(better)
     return better

@@ -6,7 +6,7 @@ import numpy as np
 
 from terratool.importing.terrains.structure.residual import Residual
 from terratool.importing.terrains.structure.spelling import shortest
-from terratool.importing.terrains.structure.types import Axis, CurveText, Part, Structure
+from terratool.importing.terrains.structure.types import Axis, CurveText, PixelPart, Structure
 from terratool.kernels import importing as kernels
 
 SHARE = 0.5
@@ -19,7 +19,7 @@ ROUNDS = 6
 _SAMPLED = 1 << 16
 
 
-def twist_of(residual: Residual) -> Part | None:
+def twist_of(residual: Residual) -> PixelPart | None:
     """The product of two ramps over all of the DEM, whose mixed difference is the same all over."""
     known = residual.mixed[residual.known]
     if not len(known):
@@ -32,14 +32,14 @@ def twist_of(residual: Residual) -> Part | None:
     level = float(np.mean(known[::every][near]))
     rows, columns = residual.heights.shape
     ramp_x, ramp_y = Axis(kernels.RAMP, 0, 2 * columns), Axis(kernels.RAMP, 0, 2 * rows)
-    return Part(ramp_x, ramp_y, level * rows * columns)
+    return PixelPart(ramp_x, ramp_y, level * rows * columns)
 
 
 def ground_of(
     residual: Residual,
     max_error: float,
     structured: bool,
-    twist: Part | None,
+    twist: PixelPart | None,
     precision: float,
     walls: bool,
 ) -> tuple[Structure, ...]:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from terratool.importing.terrains.structure.types import Axis, Part
+from terratool.importing.terrains.structure.types import Axis, PixelPart
 from terratool.kernels import importing as kernels
 
 CLOSE = 1e-3
 """How far heights may be apart, in steps of a ramp."""
 
 
-def merged(parts: list[Part]) -> list[Part]:
+def merged(parts: list[PixelPart]) -> list[PixelPart]:
     """Parts without the boxes that are the high end of a ramp.
 
     Where a ramp leads up to a platform of its own height, its high end has no wall, so that it
     could as well be one pixel shorter and have a box of one pixel beside it.
     """
     places = {(part.x, part.y): index for index, part in enumerate(parts)}
-    out: list[Part | None] = list(parts)
+    out: list[PixelPart | None] = list(parts)
     for index, part in enumerate(parts):
         for along_x in (True, False):
             ramp, across = (part.x, part.y) if along_x else (part.y, part.x)
@@ -33,5 +33,5 @@ def merged(parts: list[Part]) -> list[Part]:
                 continue
             longer = Axis(ramp.code, min(ramp.begin, end), max(ramp.end, end + 2))
             x, y = (longer, across) if along_x else (across, longer)
-            out[index], out[place] = Part(x, y, part.scale + step), None
+            out[index], out[place] = PixelPart(x, y, part.scale + step), None
     return [part for part in out if part is not None]

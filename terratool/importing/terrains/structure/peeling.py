@@ -16,7 +16,7 @@ from terratool.importing.terrains.structure.residual import (
     Residual,
     share_within,
 )
-from terratool.importing.terrains.structure.types import Axis, Part
+from terratool.importing.terrains.structure.types import Axis, PixelPart
 from terratool.kernels import importing as kernels
 
 ROUNDS = 8
@@ -50,7 +50,7 @@ class Limits:
     unusual: bool = False
 
 
-def peel(residual: Residual, limits: Limits, hidden: bool) -> list[Part]:
+def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
     """Take away all parts that are found; they come back in the order of being found.
 
     Args:
@@ -58,7 +58,7 @@ def peel(residual: Residual, limits: Limits, hidden: bool) -> list[Part]:
         limits: what counts.
         hidden: whether also those are looked for of which corners or all edges but one are hidden.
     """
-    parts: list[Part] = []
+    parts: list[PixelPart] = []
     failed: Failed = {}
     for _ in range(ROUNDS):
         more = _all_but_boxes(residual, limits, _ridge_x, _ridge_y, failed)
@@ -78,13 +78,13 @@ def peel(residual: Residual, limits: Limits, hidden: bool) -> list[Part]:
     return parts
 
 
-Guess = Callable[[Residual, tuple[int, int], Limits], Iterator[Part]]
+Guess = Callable[[Residual, tuple[int, int], Limits], Iterator[PixelPart]]
 Failed = dict[tuple[str, bool, int, int], float]
 
 
 def _all_but_boxes(
     residual: Residual, limits: Limits, ridge_x: Guess, ridge_y: Guess, failed: Failed
-) -> list[Part]:
+) -> list[PixelPart]:
     """Take away hills and ridges."""
     return [
         *_pass(residual, limits, (1, 1), _hill, failed),
@@ -104,9 +104,9 @@ def _pass(
     reach: tuple[int, int],
     guess: Guess,
     failed: Failed,
-) -> list[Part]:
+) -> list[PixelPart]:
     """Try pivots from the strongest on, which are so together with neighbours along y and x."""
-    found: list[Part] = []
+    found: list[PixelPart] = []
     failures = 0
     patience = PATIENCE if is_quiet(residual, limits.noise) else DOUBT
     for pivot in _pivots(residual, reach, 4.0 * limits.noise):
@@ -143,7 +143,7 @@ def _pivots(residual: Residual, reach: tuple[int, int], least: float) -> Iterato
         yield row, column
 
 
-def _hill(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[Part]:
+def _hill(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[PixelPart]:
     """Products of two curves through a pivot, the width of the band tried from wide to narrow."""
     row, column = pivot
     for half in (4, 1):
@@ -155,42 +155,46 @@ def _hill(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterato
         turned = residual.mixed.T, residual.known.T
         y = curve_of(profile_along(*turned, (column, row), half, limits.noise), limits.unusual)
         if y is not None:
-            yield Part(x, y, 0.0)
+            yield PixelPart(x, y, 0.0)
             return
 
 
-def _ridge_x(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[Part]:
+def _ridge_x(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[PixelPart]:
     """A curve along x through a pivot, flat along y."""
     mixed, known = residual.mixed, residual.known
     along = _line(mixed, known, pivot, limits)
     if along is not None:
         for flat in _flats(mixed, known, pivot, along, limits.noise):
-            yield Part(along, flat, 0.0)
+            yield PixelPart(along, flat, 0.0)
 
 
-def _ridge_y(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[Part]:
+def _ridge_y(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[PixelPart]:
     """A curve along y through a pivot, flat along x."""
     mixed, known = residual.mixed.T, residual.known.T
     along = _line(mixed, known, pivot[::-1], limits)
     if along is not None:
         for flat in _flats(mixed, known, pivot[::-1], along, limits.noise):
-            yield Part(flat, along, 0.0)
+            yield PixelPart(flat, along, 0.0)
 
 
-def _hidden_ridge_x(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[Part]:
+def _hidden_ridge_x(
+    residual: Residual, pivot: tuple[int, int], limits: Limits
+) -> Iterator[PixelPart]:
     """The same where the other edge is hidden or lies on the border."""
     along = _line(residual.mixed, residual.known, pivot, limits)
     if along is not None:
         for flat in _by_height(residual.heights, residual.mixed, pivot, along):
-            yield Part(along, flat, 0.0)
+            yield PixelPart(along, flat, 0.0)
 
 
-def _hidden_ridge_y(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[Part]:
+def _hidden_ridge_y(
+    residual: Residual, pivot: tuple[int, int], limits: Limits
+) -> Iterator[PixelPart]:
     """The same where the other edge is hidden or lies on the border."""
     along = _line(residual.mixed.T, residual.known.T, pivot[::-1], limits)
     if along is not None:
         for flat in _by_height(residual.heights.T, residual.mixed.T, pivot[::-1], along):
-            yield Part(flat, along, 0.0)
+            yield PixelPart(flat, along, 0.0)
 
 
 def _line(
@@ -249,7 +253,7 @@ def _run(flags: NDArray[np.bool_]) -> int:
     return len(flags) if flags.all() else int(flags.argmin())
 
 
-def _best(residual: Residual, guesses: Iterator[Part], limits: Limits) -> Part | None:
+def _best(residual: Residual, guesses: Iterator[PixelPart], limits: Limits) -> PixelPart | None:
     """The first guess that explains what it covers, with its scale."""
     for guess in guesses:
         part = _scaled(residual, guess, limits)
@@ -258,7 +262,7 @@ def _best(residual: Residual, guesses: Iterator[Part], limits: Limits) -> Part |
     return None
 
 
-def _scaled(residual: Residual, guess: Part, limits: Limits) -> Part | None:
+def _scaled(residual: Residual, guess: PixelPart, limits: Limits) -> PixelPart | None:
     """A guess with the scale that leaves least, or None if that explains too little."""
     rows, columns, dy, dx = residual.window(guess)
     here, known = residual.mixed[rows, columns], residual.known[rows, columns]
@@ -283,7 +287,7 @@ def _scaled(residual: Residual, guess: Part, limits: Limits) -> Part | None:
     after = np.abs(here - scale * shape)[reach] <= 2.0 * limits.noise
     if not len(before) or after.mean() - before.mean() < GAIN:
         return None
-    return Part(guess.x, guess.y, scale)
+    return PixelPart(guess.x, guess.y, scale)
 
 
 def _mode(values: NDArray[np.float64], width: float) -> float:

@@ -34,7 +34,7 @@ QUIET = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class AxisProfile:
     """Differences of a curve along an axis, as multiples of those at a pivot.
 
     Attributes:
@@ -52,7 +52,7 @@ class Profile:
 
 def profile_along(
     mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], half: int, noise: float
-) -> Profile:
+) -> AxisProfile:
     """The profile along the second axis of an array through a pivot.
 
     Args:
@@ -71,10 +71,10 @@ def profile_along(
     miss = np.abs(band - np.multiply.outer(own, ratios)).max(axis=0)
     valid = (miss <= 1.2 * noise * (1.0 + sizes)) & known[first:last].all(axis=0)
     tolerance = (1.5 * noise / power**0.5) * (1.0 + sizes)
-    return Profile(ratios, valid, tolerance, pivot[1])
+    return AxisProfile(ratios, valid, tolerance, pivot[1])
 
 
-def curve_of(profile: Profile, unusual: bool) -> Axis | None:
+def curve_of(profile: AxisProfile, unusual: bool) -> Axis | None:
     """The curve that a profile shows around its pivot, or None.
 
     Args:
@@ -110,7 +110,7 @@ def _edges(gaps: NDArray[np.int64], odd: int) -> NDArray[np.int64]:
     return np.unique(np.concatenate([amid - 1, amid, amid + 1])).astype(np.int64)
 
 
-def _end(profile: Profile, way: int) -> tuple[int, int]:
+def _end(profile: AxisProfile, way: int) -> tuple[int, int]:
     """The last gap that a curve surely holds in one direction, and the last that it may hold.
 
     The latter lies one beyond the last gap where the curve may end with the DEM.
@@ -131,7 +131,7 @@ def _end(profile: Profile, way: int) -> tuple[int, int]:
     return surely, surely + way * SLACK if abs(at - surely) <= QUIET else at - way * quiet
 
 
-def _vector_of(profile: Profile, west: int, east: int) -> Axis | None:
+def _vector_of(profile: AxisProfile, west: int, east: int) -> Axis | None:
     """The curve without a name from one gap to another, if all of it lies open and it ends at 0."""
     wide = slice(west - QUIET, east + QUIET + 1)
     if west < QUIET or wide.stop > len(profile.ratios) or not profile.valid[wide].all():

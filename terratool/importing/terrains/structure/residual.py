@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.importing.terrains.structure.spelling import shortest
-from terratool.importing.terrains.structure.types import Part
+from terratool.importing.terrains.structure.types import PixelPart
 
 Floats = NDArray[np.float64]
 
@@ -59,14 +59,14 @@ class Residual:
     coarse: bool
     pivots: dict[tuple[int, int], tuple[Floats, NDArray[np.int64]]] = field(default_factory=dict)
 
-    def window(self, part: Part) -> tuple[slice, slice, Floats, Floats]:
+    def window(self, part: PixelPart) -> tuple[slice, slice, Floats, Floats]:
         """The gaps that a part's differences reach, rows first, and its differences there."""
         rows, columns = self.heights.shape
         south, dy = part.y.steps(rows)
         west, dx = part.x.steps(columns)
         return slice(south, south + len(dy)), slice(west, west + len(dx)), dy, dx
 
-    def subtract(self, part: Part) -> None:
+    def subtract(self, part: PixelPart) -> None:
         """Take a part away."""
         self.pivots.clear()
         rows, columns, dy, dx = self.window(part)

@@ -16,7 +16,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.terrains.structure.types import VECTOR, Axis, CurveText, Part, Structure
+from terratool.importing.terrains.structure.types import (
+    VECTOR,
+    Axis,
+    CurveText,
+    PixelPart,
+    Structure,
+)
 from terratool.kernels import importing as kernels
 
 NAMES = (
@@ -53,14 +59,14 @@ _STRAIGHT = 1e-9
 _MOST_KNOTS = 8
 
 
-def kind_of(part: Part) -> str:
+def kind_of(part: PixelPart) -> str:
     """What a part is called, such as "box", "ramp-e", "cosbell-hill" or "tent-flat"."""
     x, y = ("curve" if axis.code == VECTOR else NAMES[axis.code] for axis in (part.x, part.y))
     pair = f"{x}-{y}"
     return _KINDS.get(pair, pair)
 
 
-def with_walls(part: Part, precision: float, fineness: float) -> Structure:
+def with_walls(part: PixelPart, precision: float, fineness: float) -> Structure:
     """A part as a structure with upright walls, exact at the centres of pixels.
 
     Args:
@@ -74,7 +80,7 @@ def with_walls(part: Part, precision: float, fineness: float) -> Structure:
 
 
 def with_flanks(
-    part: Part, shape: tuple[int, int], precision: float, fineness: float, spare: float
+    part: PixelPart, shape: tuple[int, int], precision: float, fineness: float, spare: float
 ) -> Structure:
     """A part as a structure without walls, nearly bilinear between the centres of pixels.
 
@@ -108,7 +114,7 @@ def with_flanks(
 
 
 def _placed(
-    part: Part, curves: list[CurveText], cells: list[tuple[int, int]], precision: float
+    part: PixelPart, curves: list[CurveText], cells: list[tuple[int, int]], precision: float
 ) -> Structure:
     """A product of curves along x and y, each from one half pixel to another."""
     (west, east), (south, north) = cells

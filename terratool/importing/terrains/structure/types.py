@@ -105,7 +105,7 @@ class Axis:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PixelPart:
     """A product of two curves, `scale` high, on pixels."""
 
     x: Axis
