@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from terratool.definition.findings import escape
+from terratool.text.display import escape
 
 characters = st.characters(exclude_categories=["Cs"])
 texts = st.text(characters, max_size=8)

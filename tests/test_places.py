@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.definition import jsontext, skimming
-from terratool.definition.findings import escape
+from terratool.text.display import escape
 from terratool.definition.misspelt import JsonSyntaxError
 from terratool.definition.places import Address, locate
 from terratool.definition.values import read_values, repeated_keys

@@ -24,7 +24,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
 import terratool
-from terratool.definition.findings import columns_of
+from terratool.text.display import columns_of
 from terratool.raster.grid import Grid
 from terratool.traversability.concluding import sentence_of, verdict_of
 from terratool.traversability.reporting import chart, picture, tables, wording

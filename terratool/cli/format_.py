@@ -10,7 +10,7 @@ import click
 
 from terratool.cli.reporting import ValidationReport, ValidationSummary, as_text
 from terratool.cli.terminal import Status, called
-from terratool.definition.findings import printable
+from terratool.text.display import printable
 from terratool.definition.reader import CheckOptions, check
 from terratool.definition.source import PLAIN, Source, read_source, sources
 from terratool.definition.writer import canonical

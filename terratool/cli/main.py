@@ -132,7 +132,7 @@ def _run() -> int:
 
 
 def _say(message: str, hint: str) -> None:
-    from terratool.definition.findings import printable
+    from terratool.text.display import printable
 
     click.echo(f"terratool: {printable(message)}", err=True)
     if hint:

@@ -16,7 +16,7 @@ import click
 
 from terratool.cli.loading import load
 from terratool.cli.terminal import Status
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.errors import ReadError
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ import click
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from terratool.definition.findings import Excerpt, Finding, columns_of, printable
+from terratool.definition.findings import Finding
+from terratool.text.display import Excerpt, columns_of, printable
 
 FORMAT_VERSION = 1
 _COLORS = {"error": "red", "warning": "yellow"}

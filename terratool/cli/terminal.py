@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TextIO
 
-from terratool.definition.findings import printable
+from terratool.text.display import printable
 
 AFTER = 1.0
 """s after which a terminal shows how far it is …"""

@@ -122,7 +122,7 @@ def command(
     """
     from pathlib import Path
 
-    from terratool.definition.findings import printable
+    from terratool.text.display import printable
     from terratool.output import whole_file
     from terratool.traversability.assessing import Request, assess, planned
     from terratool.traversability.conditions import parse

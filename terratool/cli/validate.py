@@ -11,7 +11,8 @@ import click
 
 from terratool.cli.reporting import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called
-from terratool.definition.findings import Finding, printable
+from terratool.definition.findings import Finding
+from terratool.text.display import printable
 from terratool.definition.reader import Checked, CheckOptions
 from terratool.definition.rules import all_rules
 from terratool.definition.source import read_source, sources

@@ -10,7 +10,8 @@ from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition import expression
 from terratool.definition.expression import Expression, ExpressionError
-from terratool.definition.findings import Remark, shown
+from terratool.definition.findings import Remark
+from terratool.text.display import shown
 from terratool.definition.model import CurveValue, Pair, Primitive
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.definition.vocabulary import (
     DECIMAL_POINT,

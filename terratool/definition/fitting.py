@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from terratool.definition.built import Built, Owner
-from terratool.definition.findings import Remark, RemarkLog, escape, shown
+from terratool.definition.findings import Remark, RemarkLog
+from terratool.text.display import escape, shown
 from terratool.definition.keys import KEYS, Key
 from terratool.definition.model import LARGEST, Element
 from terratool.definition.slots import ALL_KEYS, JSON_TYPES, SLOTS, fits_double

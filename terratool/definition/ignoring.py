@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from terratool.definition.built import Owner
-from terratool.definition.findings import Remark, shown
+from terratool.definition.findings import Remark
+from terratool.text.display import shown
 from terratool.definition.rules import Rule
 from terratool.definition.tree import Tree
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from terratool.definition import misspelt
-from terratool.definition.findings import escape, shown, unescape
+from terratool.text.display import escape, shown, unescape
 from terratool.definition.misspelt import A_KEY, A_VALUE, JsonSyntaxError
 from terratool.definition.source import line_starts
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 
 A_KEY = "a key in double quotes"
 A_VALUE = "a value"

@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Raw
 
 from terratool.definition import jsontext
-from terratool.definition.findings import Excerpt, unescape
+from terratool.text.display import Excerpt, unescape
 
 _ABOUT = 60
 """Characters shown before and behind the one at fault."""

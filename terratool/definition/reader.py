@@ -14,7 +14,8 @@ import msgspec
 from msgspec import Struct, field
 
 from terratool.definition.built import Built, complete
-from terratool.definition.findings import Finding, Remark, RemarkLog, shown, unescape
+from terratool.definition.findings import Finding, Remark, RemarkLog
+from terratool.text.display import shown, unescape
 from terratool.definition.ignoring import IgnoreLists
 from terratool.definition.keys import COMBINES, KEYS, Key
 from terratool.definition.model import (

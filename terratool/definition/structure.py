@@ -12,7 +12,8 @@ from typing import Any
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.built import Built, Owner
-from terratool.definition.findings import RemarkLog, escape, shown
+from terratool.definition.findings import RemarkLog
+from terratool.text.display import escape, shown
 from terratool.definition.fitting import Decoder, remark_on
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
@@ -23,10 +24,10 @@ from terratool.definition.wording import JSON_NAMES, unknown_key
 
 def build(value: Any, found: RemarkLog) -> Built:
     """Build the model of a parsed JSON value, without recursion over the elements."""
-    return _Builder(found).build(value)
+    return _TerrainDecoder(found).build(value)
 
 
-class _Builder(Decoder):
+class _TerrainDecoder(Decoder):
     def build(self, value: Any) -> Built:
         if not isinstance(value, dict):
             self._add(

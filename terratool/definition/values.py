@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from terratool.definition.findings import escape
+from terratool.text.display import escape
 
 _LONG = 100_000
 """Bytes of a text that is read sooner than the kernels are loaded."""

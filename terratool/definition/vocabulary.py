@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from difflib import get_close_matches
 
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 
 NAMED = {
     "flat": "1",

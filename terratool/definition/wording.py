@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
 from terratool.definition.slots import SLOTS
 from terratool.definition.vehicles.model import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,9 @@ from terratool.errors import RequestError
 from terratool.raster.layers import Bands
 from terratool.raster.losses import LossCounts
 from terratool.raster.statistics import BandStatistics
-from terratool.raster.windows import WindowContent
+
+if TYPE_CHECKING:
+    from terratool.raster.windows import WindowContent
 
 
 @dataclass(frozen=True, slots=True)

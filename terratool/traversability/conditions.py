@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.errors import RequestError
 from terratool.traversability.results import Extreme, Route, TraversabilityReport, Verdict
 

@@ -8,7 +8,8 @@ from functools import cached_property
 from msgspec import UNSET
 
 from terratool.definition.blocks import cover, overlaps
-from terratool.definition.findings import Remark, escape, shown
+from terratool.definition.findings import Remark
+from terratool.text.display import escape, shown
 from terratool.definition.rules import Subject, rule
 from terratool.definition.tree import Tree
 

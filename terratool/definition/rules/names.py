@@ -6,7 +6,8 @@ from collections.abc import Collection, Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark, escape, shown
+from terratool.definition.findings import Remark
+from terratool.text.display import escape, shown
 from terratool.definition.rules import Subject, rule
 
 _MANY = 500

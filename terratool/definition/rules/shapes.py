@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark, escape, shown
+from terratool.definition.findings import Remark
+from terratool.text.display import escape, shown
 from terratool.definition.model import CurveValue
 from terratool.definition.profiles import value_range
 from terratool.definition.rules import Subject, rule

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark, escape, shown
+from terratool.definition.findings import Remark
+from terratool.text.display import escape, shown
 from terratool.definition.presets import PRESETS
 from terratool.definition.rules import Subject, rule
 

@@ -7,7 +7,8 @@ from itertools import product
 
 from msgspec import UNSET
 
-from terratool.definition.findings import Remark, shown
+from terratool.definition.findings import Remark
+from terratool.text.display import shown
 from terratool.definition.rules import VehicleSubject, vehicle_rule
 from terratool.definition.vehicles.model import AxleText
 

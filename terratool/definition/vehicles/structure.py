@@ -30,11 +30,11 @@ _PARTS: dict[str, type[Struct]] = {
 
 def build_vehicle(value: Any, found: RemarkLog) -> tuple[VehicleText | None, Built]:
     """The vehicle as far as it fits, None where the text is no object; and what was left out."""
-    builder = _Builder(found)
+    builder = _VehicleDecoder(found)
     return builder.build(value), builder.built
 
 
-class _Builder(Decoder):
+class _VehicleDecoder(Decoder):
     @property
     def built(self) -> Built:
         """What was left out and what is ignored."""

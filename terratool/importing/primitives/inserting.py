@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import UNSET
 
 from terratool.definition.editing import append_child, set_member
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.definition.model import Definition, Element
 from terratool.definition.reader import CheckOptions, check, load_definition
 from terratool.definition.source import Source, read_source, write_source

@@ -44,7 +44,7 @@ def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float
         if not len(points.z):
             continue
         begin = rank.fits(rank.grid_of(turned, _FEW), x_nodes, y_nodes, terms, 1)[0]
-        coarse.append((*_fitted(points, begin), turned.turn))
+        coarse.append((*_turned_fit(points, begin), turned.turn))
     coarse.sort(key=lambda fit: fit[0])
     fine = []
     for _, begin, turn in coarse[:_BEST]:
@@ -69,10 +69,10 @@ def _misfit(
     points = rank.points_at(replace(patch, turn=turn), row, column)
     if not len(points.z):
         return math.inf
-    return _fitted(points, begin)[0]
+    return _turned_fit(points, begin)[0]
 
 
-def _fitted(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
+def _turned_fit(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
     problem = fitting.problem_of(points, begin.x_nodes, begin.y_nodes)
     even = np.full(len(points.z), 1.0 / len(points.z))
     fit = fitting.least_squares(problem, begin, even, 20)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.errors import RequestError
 from terratool.traversability.reporting.document import as_json
 from terratool.traversability.reporting.markdown import as_markdown

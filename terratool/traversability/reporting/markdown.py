@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from terratool.definition.findings import printable
+from terratool.text.display import printable
 from terratool.traversability.reporting import tables, wording
 from terratool.traversability.reporting.tables import Cell, Table
 from terratool.traversability.results import TraversabilityReport, Verdict

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from html import escape as _escape
 from importlib.resources import files
 
-from terratool.definition.findings import printable
+from terratool.text.display import printable
 from terratool.traversability.reporting import tables, wording
 from terratool.traversability.reporting.chart import CLASSES, chart
 from terratool.traversability.reporting.markdown import MARKS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from terratool.definition.findings import columns_of, printable
+from terratool.text.display import columns_of, printable
 from terratool.traversability.reporting import tables, wording
 from terratool.traversability.results import Figures, TraversabilityReport, Verdict
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from terratool.definition.findings import printable
+from terratool.text.display import printable
 from terratool.traversability.reporting import wording
 from terratool.traversability.results import Figures, Route, TraversabilityReport, Verdict
 from terratool.traversability.types import Axle, Vehicle

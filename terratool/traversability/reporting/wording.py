@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from terratool.definition.findings import printable
+from terratool.text.display import printable
 from terratool.traversability.results import (
     Barrier,
     Extreme,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.field.terrain import Terrain
 from terratool.traversability.results import Barrier, Reason, Survey
 from terratool.traversability.routing.costs import drivable, turning_arc

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.errors import ReadError
 
 _LINE = "Write one point a line, as 12.5,7.25."

@@ -14,7 +14,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.editing import set_member
-from terratool.definition.findings import shown
+from terratool.text.display import shown
 from terratool.definition.model import Definition, Track
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import CheckOptions, check

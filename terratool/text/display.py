@@ -1,0 +1,54 @@
+"""How texts, values and pointers are shown to people."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+
+class Excerpt(Struct, frozen=True):
+    """A piece of the line that a finding is in.
+
+    Attributes:
+        text: printable characters; "…" where the line goes on.
+        caret: index in `text` of the character at fault, or just behind its end.
+    """
+
+    text: str
+    caret: int
+
+
+def escape(key: str) -> str:
+    """One reference token of a JSON pointer."""
+    return key.replace("~", "~0").replace("/", "~1")
+
+
+def unescape(token: str) -> str:
+    """The key behind a reference token."""
+    return token.replace("~1", "/").replace("~0", "~")
+
+
+def printable(text: str) -> str:
+    """A text on one line, with what cannot be printed as escapes."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def columns_of(char: str) -> int:
+    """Columns that a terminal gives a character."""
+    if char.isascii():
+        return 1
+    import unicodedata
+
+    if unicodedata.combining(char) or unicodedata.category(char) in ("Mn", "Me", "Cf"):
+        return 0
+    return 2 if unicodedata.east_asian_width(char) in "WF" else 1
+
+
+def shown(value: object) -> str:
+    """A name, text or number as a message shows it: on one line, printable, and not too long."""
+    if isinstance(value, str):
+        return f'"{printable(value[:60])}{"…" if len(value) > 60 else ""}"'
+    if isinstance(value, int):
+        digits = str(abs(value))
+        text = digits if len(digits) < 20 else f"{digits[0]}.{digits[1:4]}…e+{len(digits) - 1}"
+        return "-" * (value < 0) + text
+    return f"{value:.17g}" if repr(value) == f"{value:.17g}" else repr(value).removesuffix(".0")
