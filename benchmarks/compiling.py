@@ -10,8 +10,8 @@ from measure import line, medians
 
 from terratool.definition.model import Definition
 from terratool.definition.reader import check
-from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
+from terratool.text.source import Source
 
 if __name__ == "__main__":
     data = terrains.text(terrains.s3())

@@ -15,13 +15,13 @@ from measure import line, medians
 from scipy.interpolate import RegularGridInterpolator
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
 from terratool.raster.export import export_dem
 from terratool.raster.geotiff import transform_of
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.raster.painting import Painter
-from terratool.raster.windows import processors
+from terratool.raster.painter import Painter
+from terratool.raster.prefetch import processors
+from terratool.text.source import Source
 
 
 def ready(terrain: Terrain, grid: Grid) -> np.ndarray:

@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterator
 from itertools import chain, repeat
 
 from terratool.definition import expression
+from terratool.definition.expression import NAMED, UNARY, VARIADIC
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.definition.reader import check
-from terratool.definition.source import Source
-from terratool.definition.vocabulary import NAMED, UNARY, VARIADIC
+from terratool.text.source import Source
 
 LIMIT = 0.050
 LEAVES = ["t"] * 8 + ["pi", "0", "1", "2", ".5", "3.", "1e-3", "9e9", "9e99", "1e307", "4e-324"]

@@ -213,12 +213,12 @@ def arrays(definition: dict[str, Any]) -> dict[str, Any]:
     import strategies
 
     from terratool.definition.reader import check
-    from terratool.definition.source import Source
     from terratool.field.terrain import Terrain
-    from terratool.mesh.building import build
+    from terratool.mesh.build import build
     from terratool.raster.grid import grid_over
-    from terratool.raster.losses import LossFinder
-    from terratool.raster.painting import Painter
+    from terratool.raster.loss import LossFinder
+    from terratool.raster.painter import Painter
+    from terratool.text.source import Source
 
     found: dict[str, Any] = {"definition": np.frombuffer(json.dumps(definition).encode(), np.uint8)}
     checked = check(Source("terrain", json.dumps(definition).encode())).definition
@@ -270,8 +270,8 @@ def arrays(definition: dict[str, Any]) -> dict[str, Any]:
 
 def wheels() -> dict[str, Any]:
     """The formulas of wheels on soil, over arrays."""
-    from terratool.traversability.terramechanics import wheel as wheels
-    from terratool.traversability.types import Soil, Wheel
+    from terratool.traversability import wheel as wheels
+    from terratool.traversability.vehicle import Soil, Wheel
 
     rng = np.random.default_rng(4)
     found: dict[str, Any] = {}

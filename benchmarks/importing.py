@@ -26,7 +26,7 @@ from rasterio.io import MemoryFile
 
 from terratool.importing.samples import PixelLattice, SampledHeights
 from terratool.importing.sources import open_source
-from terratool.importing.terrains.terrain import ImportOptions, import_terrain
+from terratool.importing.terrain.build import ImportOptions, import_terrain
 
 Floats = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ from rutting import ruts, terrain_of
 from terrains import s2
 
 from terratool.field.terrain import Terrain, load
-from terratool.mesh.building import build
+from terratool.mesh.build import build
+from terratool.mesh.files import write_mesh
 from terratool.mesh.types import Mesh
-from terratool.mesh.writing import write_mesh
 
 
 def hills(side: int, surfaces: int) -> Mesh:

@@ -14,11 +14,11 @@ from compiled import busy
 from measure import line, medians
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Window, grid_over
-from terratool.raster.losses import LossCounts, LossFinder
-from terratool.raster.painting import Painter
+from terratool.raster.loss import LossCounts, LossFinder
+from terratool.raster.painter import Painter
+from terratool.text.source import Source
 
 
 def on_two_threads(rounds: int) -> None:

@@ -15,10 +15,10 @@ from measure import line, medians
 from scipy.ndimage import map_coordinates
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.raster.painting import Painter
+from terratool.raster.painter import Painter
+from terratool.text.source import Source
 
 
 def dem_of(terrain: Terrain, pixels: int) -> np.ndarray:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from measure import line, medians
 
-from terratool.importing.vrml.reading import read_vrml
+from terratool.importing.vrml.scene import read_vrml
 from terratool.importing.vrml.text import VrmlText
 
 POINTS = 400_000

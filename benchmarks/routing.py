@@ -15,10 +15,9 @@ from scipy.sparse.csgraph import dijkstra
 
 from terratool.raster.grid import Grid
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.routing.costs import drivable, rates, turning_arc
-from terratool.traversability.routing.graph import build, cheapest
-from terratool.traversability.routing.routes import MOST_STATES
-from terratool.traversability.types import Axle, Vehicle, Wheel
+from terratool.traversability.route.graph import build, cheapest, drivable, rates, turning_arc
+from terratool.traversability.route.routes import MOST_STATES
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
 ROVER = Vehicle(Wheel(0.1, 0.06), (Axle(0.3), Axle(-0.3)), 20.0, track=0.5)
 HEADINGS = 8

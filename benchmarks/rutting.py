@@ -13,11 +13,11 @@ import terrains
 from measure import line, medians
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
-from terratool.definition.writer import canonical
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.raster.painting import Painter
+from terratool.raster.painter import Painter
+from terratool.text.format import canonical
+from terratool.text.source import Source
 
 SEGMENTS = 10_000
 AWAY = 0.3

@@ -16,12 +16,12 @@ from measure import line, medians
 from painting import busy, on_two_threads
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
-from terratool.raster.distributed import local_cluster
+from terratool.raster.dask import local_cluster
 from terratool.raster.export import export_dem
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.mosaic import TILE_SIZE, export_mosaic
+from terratool.text.source import Source
 
 PLANET = 1.44e14
 """Square metres of Mars."""

@@ -10,12 +10,12 @@ import terrains
 from measure import line, medians
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
 from terratool.raster.export import export_dem
 from terratool.raster.grid import grid_over
-from terratool.traversability.maps.mapping import map_to_tif
-from terratool.traversability.types import Axle, Vehicle, Wheel
+from terratool.text.source import Source
+from terratool.traversability.map import map_to_tif
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
 VEHICLE = Vehicle(
     Wheel(0.2, 0.15, 40.0),

@@ -28,7 +28,7 @@ from measure import line, medians
 import terratool
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, check
-from terratool.definition.source import Source
+from terratool.text.source import Source
 
 SCHEMA = Path(__file__).parent.parent / "schemas" / "terrain.schema.json"
 SCALE = re.compile(rb'"vScale": ([\d.]+)')

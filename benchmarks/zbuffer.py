@@ -7,7 +7,7 @@ import sys
 import numpy as np
 from measure import line, medians
 
-from terratool.importing.meshes.sampling import sample
+from terratool.importing.sampling import sample
 from terratool.importing.triangles import Triangles
 from terratool.kernels import importing as kernels
 

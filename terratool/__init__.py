@@ -19,13 +19,12 @@ if TYPE_CHECKING:
         WriteError,
     )
     from terratool.field.terrain import Terrain, load
-    from terratool.traversability.types import Vehicle
-    from terratool.traversability.vehicle import load_vehicle
+    from terratool.traversability.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
     "load": "terratool.field.terrain",
     "Terrain": "terratool.field.terrain",
-    "Vehicle": "terratool.traversability.types",
+    "Vehicle": "terratool.traversability.vehicle",
     "load_vehicle": "terratool.traversability.vehicle",
     "check": "terratool.definition.reader",
     "load_definition": "terratool.definition.reader",

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
 from terratool.field.terrain import Terrain
+from terratool.text.source import Source
 
 settings.register_profile(
     "terratool",

@@ -22,7 +22,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.types import Axle, Overhang, Vehicle, Wheel
+from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
 
 NASTY = '<b>"& | `x` *y* _z_ [a](b) \\'
 LONG = "a very long name of a surface, which no table for a terminal could ever show " * 2

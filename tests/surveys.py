@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.types import Axle, Overhang, Vehicle, Wheel
+from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
 from tests.conftest import terrain_of
 
 ROVER = Vehicle(

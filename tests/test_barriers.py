@@ -11,8 +11,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.routing.barriers import bars
-from terratool.traversability.routing.routes import check, plan, reach
+from terratool.traversability.route.routes import bars, check, plan, reach
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level, stood
 

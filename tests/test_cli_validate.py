@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from terratool.cli.main import main
-from terratool.cli.reporting import REPORTERS
+from terratool.cli.report import REPORTERS
 from terratool.definition.rules import all_rules
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, run
 

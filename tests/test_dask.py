@@ -21,13 +21,13 @@ import pytest
 import rasterio
 
 from terratool.errors import RequestError, WriteError
-from terratool.raster import distributed as ours
+from terratool.raster import dask as ours
 from terratool.raster.export import RasterReport, export_dem
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import files_of, layers_named
 from terratool.raster.mosaic import export_mosaic
-from terratool.raster.painting import Painter
+from terratool.raster.painter import Painter
 from terratool.raster.tiles import MosaicPlan, TileMaker
 from tests.commands import COMMAND, ENVIRONMENT
 from tests.conftest import terrain_of

@@ -15,9 +15,8 @@ import pytest
 from terratool.definition.reader import load_definition
 from terratool.errors import MissedError, RequestError
 from terratool.field.terrain import Terrain, load
-from terratool.traversability.ruts.deforming import deform, write_deformed
-from terratool.traversability.ruts.driving import simplified, wheel_paths
-from terratool.traversability.types import Axle, Vehicle, Wheel
+from terratool.traversability.ruts import deform, simplified, wheel_paths, write_deformed
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
 from .commands import run
 

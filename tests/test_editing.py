@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from terratool.definition.editing import Edit, append_child, object_of, set_member
-from terratool.definition.writer import WIDTH, canonical
+from terratool.text.edit import Edit, append_child, object_of, set_member
+from terratool.text.format import WIDTH, canonical
 from tests.layouts import Layout, texts, values
 from tests.strategies import Json, definitions
 

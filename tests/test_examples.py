@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from terratool.definition.reader import Checked, CheckOptions
+from terratool.definition.reader import Checked, CheckOptions, check_any
 from terratool.definition.rules import all_rules
-from terratool.definition.source import read_source
-from terratool.definition.vehicles.reader import check_any
-from terratool.definition.writer import canonical
+from terratool.text.format import canonical
+from terratool.text.source import read_source
 
 HERE = Path(__file__).parent
 VALID = sorted((HERE / "example-files" / "valid").glob("*.json"))

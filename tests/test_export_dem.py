@@ -231,7 +231,7 @@ class TestWholeOrNotAtAll:
             yield from ()
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(export, "ahead", fail)
+        monkeypatch.setattr(export, "prefetch", fail)
         terrain = terrain_of(SITE)
         with pytest.raises(KeyboardInterrupt):
             export_dem(terrain, grid_over(terrain, 1), tmp_path / "a.tif")

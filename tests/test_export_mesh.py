@@ -21,7 +21,7 @@ from terratool.cli.main import main
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.mesh import budget, export
-from terratool.mesh.building import build
+from terratool.mesh.build import build
 from terratool.mesh.elevation import export_elevation_grid
 from terratool.mesh.export import export_mesh
 from terratool.mesh.formats.table import FORMATS

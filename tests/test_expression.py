@@ -17,15 +17,17 @@ from terratool.definition import reader
 from terratool.definition.expression import (
     MAX_LENGTH,
     MAX_VALUE,
+    NAMED,
+    UNARY,
+    VARIADIC,
     ExpressionError,
     check,
     evaluate,
     parse,
 )
 from terratool.definition.listmath import LIST_FUNCTIONS
-from terratool.definition.source import Source
-from terratool.definition.vocabulary import NAMED, UNARY, VARIADIC
-from terratool.field.curves import values_of
+from terratool.field.compile import values_of
+from terratool.text.source import Source
 from tests.strategies import EXPRESSIONS, NAMED_CURVES
 
 TS = [0.0, 1e-9, 0.1, 0.25, 1 / 3, 0.5, 0.625, 0.75, 0.9, 1 - 1e-9, 1.0]

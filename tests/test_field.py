@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from terratool.field import batches
+from terratool.field import terrain as batches
 from tests.conftest import terrain_of
 
 BOX = {"x": [1]}

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
-from terratool.definition.writer import canonical
+from terratool.text.format import canonical
 from tests.commands import run
 from tests.conftest import terrain_of
 from tests.layouts import values

@@ -20,11 +20,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError, RequestError, TerratoolError
-from terratool.importing.meshes import drawings, headers, triangulated
-from terratool.importing.meshes.sampling import read_mesh
-from terratool.importing.meshes.triangulated import READERS, read_triangles
+from terratool.importing import headers, meshes
+from terratool.importing.meshes import READERS, read_triangles
+from terratool.importing.sampling import read_mesh
 from terratool.importing.triangles import Triangles
-from terratool.mesh.writing import write_mesh
+from terratool.mesh.files import write_mesh
 from tests.conftest import terrain_of
 from tests.viewers import oblong, program
 
@@ -378,7 +378,7 @@ def test_a_terrain_comes_back_as_heights(tmp_path: Path) -> None:
         x, y = np.meshgrid(0.125 + 0.25 * np.arange(48), 0.125 + 0.25 * np.arange(32))
         np.testing.assert_allclose(samples.values, terrain.height(x, y), rtol=0, atol=1e-5)
         assert [note for note in samples.notes if "overhang" in note] == []
-        from terratool.importing.meshes.steps import steps
+        from terratool.importing.sampling import steps
 
         xs, ys = steps(read_triangles(tmp_path / "yard.stl"), (0.0, 0.0, 12.0, 8.0))
         np.testing.assert_allclose(xs, [8.4], atol=1e-5)
@@ -476,7 +476,7 @@ def test_a_block_that_holds_itself_is_refused(tmp_path: Path) -> None:
 
 def test_blocks_that_multiply_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ezdxf = pytest.importorskip("ezdxf", reason="ezdxf is not installed")
-    monkeypatch.setattr(drawings, "MAX_ENTITIES", 1000)
+    monkeypatch.setattr(meshes, "MAX_ENTITIES", 1000)
     drawing = ezdxf.new()
     drawing.blocks.new("B0").add_3dface([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
     for level in range(1, 5):
@@ -781,7 +781,7 @@ def test_instances_that_multiply_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put_glb(tmp_path / "tent.glb")
-    monkeypatch.setattr(triangulated, "MAX_FACES", 3)
+    monkeypatch.setattr(meshes, "MAX_FACES", 3)
     assert "more than 3 faces" in refused(tmp_path / "tent.glb").message
 
 
@@ -796,12 +796,12 @@ def test_nothing_else_need_be_installed(tmp_path: Path) -> None:
 import sys
 for name in ("scipy", "networkx", "lxml", "PIL", "ezdxf", "jsonschema"):
     sys.modules[name] = None
-import terratool.importing.meshes.sampling
-import terratool.importing.meshes.steps
-import terratool.importing.meshes.triangulated
+import terratool.importing.sampling
+import terratool.importing.sampling
+import terratool.importing.meshes
 assert {{"trimesh", "rasterio"}}.isdisjoint(sys.modules)
 for path in {paths!r}:
-    print(len(terratool.importing.meshes.triangulated.read_triangles(path).faces))
+    print(len(terratool.importing.meshes.read_triangles(path).faces))
 """
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.split() == [str(len(FACES))] * len(paths)
@@ -846,7 +846,7 @@ def test_an_obj_need_not_be_utf_8(tmp_path: Path) -> None:
     script = (
         "import sys\n"
         "sys.modules['charset_normalizer'] = sys.modules['chardet'] = None\n"
-        "from terratool.importing.meshes.triangulated import read_triangles\n"
+        "from terratool.importing.meshes import read_triangles\n"
         f"print(len(read_triangles({str(path)!r}).faces))\n"
     )
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

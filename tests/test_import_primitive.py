@@ -16,18 +16,19 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from terratool.definition.vocabulary import NAMED
+from terratool.definition.expression import NAMED
 from terratool.errors import RequestError
-from terratool.importing.primitives import fitting, rank, shaping
-from terratool.importing.primitives.entries import PrimitiveEntry
-from terratool.importing.primitives.placed import fit_error
-from terratool.importing.primitives.primitive import (
+from terratool.importing.primitive import fit as fitting
+from terratool.importing.primitive import fit as shaping
+from terratool.importing.primitive import products
+from terratool.importing.primitive.build import (
     ImportedPrimitive,
     PrimitiveRequest,
     import_primitive,
     sentences,
 )
-from terratool.importing.primitives.terms import Patch, nodes
+from terratool.importing.primitive.entries import PrimitiveEntry, fit_error
+from terratool.importing.primitive.products import Patch, nodes
 from terratool.importing.samples import PixelLattice, SampledHeights
 from tests.conftest import terrain_of
 
@@ -218,9 +219,11 @@ def test_what_needs_no_turn_gets_none() -> None:
 def test_least_squares_are_the_best_of_their_rank(terms: int) -> None:
     """With a value for each pixel, what is left is the rest of the singular values."""
     z = roughness(24, 5)[:17, :]
-    grid = rank.grid_of(Patch(samples_of(z)), 64)
-    for fit in rank.fits(grid, nodes(24), nodes(17), terms):
-        problem = fitting.problem_of(rank.points_of(Patch(samples_of(z)), 64), nodes(24), nodes(17))
+    grid = products.grid_of(Patch(samples_of(z)), 64)
+    for fit in products.fits(grid, nodes(24), nodes(17), terms):
+        problem = fitting.problem_of(
+            products.points_of(Patch(samples_of(z)), 64), nodes(24), nodes(17)
+        )
         rest = np.linalg.svd(z - fit.offset, compute_uv=False)[terms:]
         squares = float((fitting.residuals(problem, fit) ** 2).sum())
         assert squares == pytest.approx(float((rest**2).sum()), rel=1e-9)
@@ -236,10 +239,10 @@ def test_a_decomposition_that_fails_is_tried_another_way(monkeypatch: pytest.Mon
             raise np.linalg.LinAlgError("SVD did not converge")
         return decompose(matrix, **options)
 
-    grid = rank.grid_of(Patch(samples_of(z)), 64)
-    want = rank.fits(grid, nodes(24), nodes(17), 2)[0]
+    grid = products.grid_of(Patch(samples_of(z)), 64)
+    want = products.fits(grid, nodes(24), nodes(17), 2)[0]
     monkeypatch.setattr(np.linalg, "svd", fails_once)
-    got = rank.fits(grid, nodes(24), nodes(17), 2)[0]
+    got = products.fits(grid, nodes(24), nodes(17), 2)[0]
     assert failed and got.offset == want.offset
     surfaces = [np.einsum("kp,kq->pq", fit.x, fit.y) for fit in (want, got)]
     assert surfaces[1] == pytest.approx(surfaces[0], abs=1e-9)
@@ -267,7 +270,7 @@ def test_the_largest_error_is_about_the_smallest_there_is(seed: int) -> None:
     """Of one row of pixels it is known: a linear programme."""
     optimize = pytest.importorskip("scipy.optimize")
     z = roughness(80, seed, 1.6)[:1]
-    matrix = rank.basis(nodes(6), (np.arange(80) + 0.5) / 80)
+    matrix = products.basis(nodes(6), (np.arange(80) + 0.5) / 80)
     ones = np.ones((80, 1))
     bounds = [(None, None)] * 6 + [(0, None)]
     best = optimize.linprog(
@@ -304,7 +307,7 @@ def test_the_worst_pixel_is_found_among_many_rows() -> None:
 
 def test_a_turned_grid_has_the_heights_of_the_places_it_names() -> None:
     patch = Patch(samples_of(turned(30.0, 240, 270, 1.0, 1.5), 1.0, 1.5), 30.0)
-    grid = rank.grid_of(patch, 64)
+    grid = products.grid_of(patch, 64)
     x, y = curve([0, 0.2, 1, 0.3, 0.1], grid.u), curve([0.1, 0.5, 1, 0.8, 0.2], grid.v)
     there = ~np.isnan(grid.z)
     assert 0.5 < there.mean() < 1.0
@@ -468,7 +471,7 @@ def scattered(seed: int, known: int) -> SampledHeights:
     """Few pixels of a large patch, none of which stands in its columns and rows of 64 or 128."""
     z = np.full((700, 900), np.nan)
     for most in (64, 128):
-        row, column = rank.picked(Patch(samples_of(np.zeros(z.shape))), most)
+        row, column = products.picked(Patch(samples_of(np.zeros(z.shape))), most)
         z[row, column] = np.inf
     free = np.flatnonzero(np.isnan(z))
     at = np.random.default_rng(seed).choice(free, known, replace=False)
@@ -526,13 +529,13 @@ def test_a_wall_may_stand_beside_a_curve_with_a_name() -> None:
 def test_many_terms_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """As many terms as there may be get curves with as many values as can be fitted in time."""
     tried = []
-    fits = rank.fits
+    fits = products.fits
 
     def noted(grid: Any, x_nodes: Floats, y_nodes: Floats, terms: int, best: int = 3) -> Any:
         tried.append(terms * max(len(x_nodes), len(y_nodes)))
         return fits(grid, x_nodes, y_nodes, terms, 1)
 
-    monkeypatch.setattr(rank, "fits", noted)
+    monkeypatch.setattr(products, "fits", noted)
     z = np.random.default_rng(4).random((40, 40))
     shaping.fewest(Patch(samples_of(z[:18, :18])), shaping.CurveForm(2))
     assert max(tried) == 2 * 17

@@ -13,16 +13,16 @@ import pytest
 import rasterio
 from rasterio.transform import Affine
 
-from terratool.definition.writer import canonical
 from terratool.errors import RequestError, TerratoolError
 from terratool.field.terrain import load
-from terratool.importing.primitives.inserting import (
+from terratool.importing.primitive.insert import (
     CellPath,
     parse_cell_path,
     target_of,
     text_with,
     write,
 )
+from terratool.text.format import canonical
 from tests.commands import run
 
 COLUMNS, ROWS, SIDE = 40, 26, 0.5

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.importing.terrains.structure import (
+from terratool.importing.structure import (
     Structure,
     definition_of,
     deviation,

@@ -15,18 +15,15 @@ from numpy.typing import NDArray
 
 from terratool.definition.reader import CheckOptions as CheckOptions
 from terratool.definition.reader import check
-from terratool.definition.source import read_source
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
 from terratool.importing.samples import PixelLattice, SampledHeights
-from terratool.importing.terrains import terrain as importing
-from terratool.importing.terrains import writing
-from terratool.importing.terrains.checking import Checker
-from terratool.importing.terrains.filling import filled
-from terratool.importing.terrains.measuring import BoundError
-from terratool.importing.terrains.methods import METHODS, named
-from terratool.importing.terrains.rounding import step_for
-from terratool.importing.terrains.terrain import ImportOptions, import_terrain
+from terratool.importing.terrain import build as importing
+from terratool.importing.terrain import writing
+from terratool.importing.terrain.build import ImportOptions, filled, import_terrain, step_for
+from terratool.importing.terrain.check import BoundError, Checker
+from terratool.importing.terrain.methods import METHODS, named
+from terratool.text.source import read_source
 from tests.conftest import terrain_of
 
 NAMES = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")

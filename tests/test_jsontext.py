@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terratool.definition.jsontext import MAX_DEPTH, parse
-from terratool.definition.misspelt import JsonSyntaxError
+from terratool.text.scan import MAX_DEPTH, parse
+from terratool.text.syntax import JsonSyntaxError
 from tests.layouts import Cursor, Layout, gaps, texts, values
 
 

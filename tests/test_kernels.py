@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import terratool.traversability.terramechanics.arrays  # noqa: F401, it declares records
+import terratool.traversability.arrays  # noqa: F401, it declares records
 from terratool import kernels
-from terratool.field.extents import nonzero_edges
-from terratool.mesh.planar import Triangulation
-from terratool.mesh.planning import plan_of
+from terratool.field.bounds import nonzero_edges
+from terratool.mesh.plan import plan_of
+from terratool.mesh.triangulate import Triangulation
 from terratool.mesh.types import COVER, Regions
-from terratool.traversability.maps.numbers import soil_table, vehicle_params
+from terratool.traversability.survey import soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.surveys import ROVER
 
@@ -286,7 +286,7 @@ def test_pairs_of_pixels_that_are_not_there_are_refused() -> None:
 
 def test_dtypes_that_are_not_the_structs_are_refused() -> None:
     """Member by member: a name, a type or a place that differs."""
-    from terratool.field.types import ELEMENT, GRID, KIND, POSE, SEGMENT
+    from terratool.field.records import ELEMENT, GRID, KIND, POSE, SEGMENT
 
     swapped = np.dtype([("cell_y", np.uint16), ("cell_x", np.uint16), *ELEMENT.descr[2:]])
     wider = np.dtype([*ELEMENT.descr, ("more", np.float64)])
@@ -310,10 +310,10 @@ print(digest())
 def digest() -> str:
     """What some terrains are worth everywhere, as one number."""
     from terratool.field.terrain import load
-    from terratool.mesh.building import build
+    from terratool.mesh.build import build
     from terratool.raster.grid import grid_over
-    from terratool.raster.losses import LossFinder
-    from terratool.raster.painting import Painter
+    from terratool.raster.loss import LossFinder
+    from terratool.raster.painter import Painter
 
     found = hashlib.sha256(b"")
     for path in sorted((ROOT / "samples").glob("*.json")):

@@ -14,20 +14,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terratool.field.extents import largest_heights, nonzero_edges
+from terratool.field.bounds import largest_heights, nonzero_edges
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
-from terratool.raster import losses
+from terratool.raster import loss
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.raster.losses import LossCounts, LossFinder
-from terratool.raster.painting import Painter
-from terratool.raster.statement import (
+from terratool.raster.loss import (
     InterpolationError,
+    LossCounts,
+    LossFinder,
     RasterLoss,
     SubpixelFeature,
     SubpixelFeatures,
     Wall,
 )
+from terratool.raster.painter import Painter
 from tests.brute import walls
 from tests.conftest import terrain_of
 from tests.strategies import definitions
@@ -292,11 +293,11 @@ class TestWindows:
         """A fraction of the pairs tells the length to a few percent, and the steepest ramp."""
         terrain = terrain_of(crowded())
         grid = grid_over(terrain, 100 / 600)
-        monkeypatch.setattr(losses, "_TESTS", 10**9)
+        monkeypatch.setattr(loss, "_TESTS", 10**9)
         exact = part_of(terrain, grid, size)
         assert exact.tested == exact.candidates
         monkeypatch.undo()
-        monkeypatch.setattr(losses, "_TESTS", 1800)
+        monkeypatch.setattr(loss, "_TESTS", 1800)
         part = part_of(terrain, grid, size)
         assert part.candidates == exact.candidates > 3 * part.tested
         assert part.length == pytest.approx(exact.length, rel=0.05)
@@ -308,11 +309,11 @@ class TestWindows:
     def test_spread_is_even_and_in_step_with_nothing(self) -> None:
         """Ascending, none twice, about as many of each residue."""
         for count, limit in ((1000, 1000), (999, 1000), (1001, 1000), (10**6, 999), (12345, 77)):
-            chosen = losses._spread(count, limit)
+            chosen = loss._spread(count, limit)
             assert len(chosen) == min(count, limit)
             assert (np.diff(chosen) > 0).all()
             assert 0 <= chosen[0] <= chosen[-1] < count
-        residues = np.bincount(losses._spread(100_000, 1000) % 100, minlength=100)
+        residues = np.bincount(loss._spread(100_000, 1000) % 100, minlength=100)
         assert residues.max() < 40
 
 

@@ -11,9 +11,9 @@ import pytest
 
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
-from terratool.mesh import building
-from terratool.mesh.building import build
-from terratool.mesh.planning import plan_of
+from terratool.mesh import build as building
+from terratool.mesh.build import build
+from terratool.mesh.plan import plan_of
 from terratool.mesh.types import Mesh
 from tests.conftest import terrain_of
 from tests.meshes import (

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from terratool.errors import RequestError, WriteError
-from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.formats.text import (
+from terratool.mesh.files import write_mesh
+from terratool.mesh.formats.common import (
     ascii_word,
     color_text,
     plain_names,
@@ -26,8 +26,8 @@ from terratool.mesh.formats.text import (
     write_faces,
     write_points,
 )
+from terratool.mesh.formats.table import FORMATS
 from terratool.mesh.types import Mesh
-from terratool.mesh.writing import write_mesh
 from tests.viewers import (
     NASTY,
     READERS,
@@ -422,7 +422,7 @@ def test_without_usd_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_edges_that_float32_cannot_tell_from_a_point_are_left_out() -> None:
     """A closed mesh stays closed, and nothing else changes."""
-    from terratool.mesh.distinct import collapse_degenerate
+    from terratool.mesh.files import collapse_degenerate
     from terratool.mesh.types import BuiltMesh
 
     # a pyramid over a square, its tip an edge that is too short

@@ -11,12 +11,11 @@ import pytest
 
 from terratool.errors import RequestError
 from terratool.kernels import mesh as kernels
-from terratool.mesh.building import build, coarse_mesh
-from terratool.mesh.planning import plan_of
-from terratool.mesh.rims import NO_SEAMS
-from terratool.mesh.solid import base_below
+from terratool.mesh.build import build, coarse_mesh
+from terratool.mesh.plan import plan_of
+from terratool.mesh.seams import NO_SEAMS
 from terratool.mesh.types import COVER, BuiltMesh, Regions
-from terratool.mesh.walling import assemble
+from terratool.mesh.walls import assemble, base_below
 from tests.conftest import terrain_of
 from tests.meshes import (
     CURVED,

@@ -12,11 +12,12 @@ import pytest
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
-from terratool.mesh import rims, seams, tiling
-from terratool.mesh.building import build
-from terratool.mesh.planar import Triangulation
-from terratool.mesh.planning import plan_of
-from terratool.mesh.tiling import TileLayout, build_tile, build_tiles, lay_out
+from terratool.mesh import seams
+from terratool.mesh import tiles as tiling
+from terratool.mesh.build import build
+from terratool.mesh.plan import plan_of
+from terratool.mesh.tiles import TileLayout, build_tile, build_tiles, lay_out
+from terratool.mesh.triangulate import Triangulation
 from terratool.mesh.types import COVER, Mesh, Regions, TileBoundary
 from tests.conftest import terrain_of
 from tests.meshes import (
@@ -269,13 +270,13 @@ def test_corners_take_the_heights_of_the_seam() -> None:
         np.array([[0, 9, 0, 20], [0, 0, 0, 9]]),
         np.array([[5.0, 6.0], [1.0, 2.0]]),
     )
-    triangle, corner = rims.boundary_triangles(plane, rim)
+    triangle, corner = seams.boundary_triangles(plane, rim)
     assert triangle.tolist() == [2, 0] and corner.tolist() == [2, 2]
     heights = np.array([[1.1, 0, 2.1], [4.9, 0, 0], [5.1, 0, 6.1]])
-    rims.pin_heights(plane, rim, triangle, corner, np.zeros(3, bool), heights)
+    seams.pin_heights(plane, rim, triangle, corner, np.zeros(3, bool), heights)
     assert heights.tolist() == [[1, 0, 2], [5, 0, 0], [5, 0, 6]]
     with pytest.raises(RuntimeError, match="edges of its seams"):
-        rims.boundary_triangles(plane, rim._replace(edges=np.roll(rim.edges, 1, axis=1)))
+        seams.boundary_triangles(plane, rim._replace(edges=np.roll(rim.edges, 1, axis=1)))
 
 
 def test_edges_on_a_seam_are_not_split_and_its_vertices_not_moved() -> None:

@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
-from terratool.mesh.building import build
+from terratool.mesh.build import build
 from terratool.mesh.export import export_mesh
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.measuring import wall_summary
+from terratool.mesh.measure import wall_summary
 from terratool.mesh.mosaic import export_tiles
-from terratool.mesh.tiling import lay_out
+from terratool.mesh.tiles import lay_out
 from terratool.mesh.types import BuiltMesh, Mesh
 from tests import strategies
 from tests.conftest import terrain_of

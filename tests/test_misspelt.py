@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
+from terratool.text.source import Source
 
 COMMENT = 'JSON has no comments: put the words in "descr" or in a key that begins with x-.'
 ARITHMETIC = "JSON does no arithmetic: write the result, or an expression in double quotes."

@@ -403,7 +403,7 @@ class TestWrong:
 
     def test_a_tile_that_fails(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """Ends the run; what was finished before is kept, what was not leaves nothing."""
-        folder, fill = tmp_path / "a", tiles.fill
+        folder, fill = tmp_path / "a", tiles.fill_files
 
         def fail(*arguments: Any, window: Any, **options: Any) -> Any:
             filled = fill(*arguments, window=window, **options)
@@ -411,7 +411,7 @@ class TestWrong:
                 raise WriteError("tile-1-1.tif: cannot be written.")
             return filled
 
-        monkeypatch.setattr(tiles, "fill", fail)
+        monkeypatch.setattr(tiles, "fill_files", fail)
         with pytest.raises(WriteError, match="tile-1-1"):
             mosaic(folder, threads=1)
         there = sorted(contents(folder))

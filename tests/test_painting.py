@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from terratool.field.records import POSE
 from terratool.field.terrain import Terrain
-from terratool.field.types import POSE
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.raster.painting import Painter, Planes, id_type
+from terratool.raster.painter import Painter, Planes, id_type
 from tests.brute import largest_sum, walls
 from tests.conftest import terrain_of
 from tests.strategies import box, definitions, marks, rims

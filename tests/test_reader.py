@@ -20,8 +20,8 @@ from terratool.definition import reader
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Element
 from terratool.definition.reader import Checked, CheckOptions, load_definition
-from terratool.definition.source import Source, read_source
 from terratool.errors import DefinitionError, ReadError
+from terratool.text.source import Source, read_source
 from tests.strategies import Json, definitions
 
 GOOD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'

@@ -18,7 +18,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from terratool import __version__
-from terratool.cli.reporting import (
+from terratool.cli.report import (
     Unreadable,
     ValidationReport,
     ValidationSummary,
@@ -27,10 +27,10 @@ from terratool.cli.reporting import (
     as_text,
 )
 from terratool.definition.findings import Finding
-from terratool.definition.places import positions_of
 from terratool.definition.reader import check
 from terratool.definition.rules import all_rules
-from terratool.definition.source import Source
+from terratool.text.locate import positions_of
+from terratool.text.source import Source
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, run
 from tests.layouts import Cursor
 

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from terratool.definition import reader
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked
-from terratool.definition.source import Source, read_source
 from terratool.errors import ReadError
+from terratool.text.source import Source, read_source
 
 HEAD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"},"x-v":'
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import RequestError
-from terratool.traversability.routing.graph import (
+from terratool.traversability.route.graph import (
     BACKWARD,
     between,
     build,

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from terratool.errors import RequestError
 from terratool.raster.grid import Window, grid_over
 from terratool.traversability.results import Reason, Route, Survey, Verdict
-from terratool.traversability.routing.costs import PREFERENCES
-from terratool.traversability.routing.routes import check, plan, reach, route_grid
-from terratool.traversability.types import Axle, Vehicle, Wheel
+from terratool.traversability.route.graph import PREFERENCES
+from terratool.traversability.route.routes import check, plan, reach, route_grid
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level
 from tests.test_route_graph import slow

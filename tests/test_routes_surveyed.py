@@ -10,10 +10,10 @@ import pytest
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.maps.surveying import survey
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.routing.routes import check, plan, reach, route_grid
-from terratool.traversability.types import Axle, Vehicle, Wheel
+from terratool.traversability.route.routes import check, plan, reach, route_grid
+from terratool.traversability.survey import survey
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.conftest import terrain_of
 
 ROVER = Vehicle(

@@ -9,10 +9,9 @@ from textwrap import dedent
 import pytest
 
 from terratool.definition.findings import Finding
-from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.reader import Checked, CheckOptions, check, check_any
 from terratool.definition.rules import all_rules
-from terratool.definition.source import Source, read_source
-from terratool.definition.vehicles.reader import check_any
+from terratool.text.source import Source, read_source
 from tests.commands import run
 
 # A code never changes its meaning: scripts ignore and select by it. New ones are added here.

@@ -17,7 +17,7 @@ import terratool
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
 from terratool.definition.reader import Checked, check
-from terratool.definition.source import Source
+from terratool.text.source import Source
 from tests.schemas import subschemas
 from tests.strategies import Json, definitions
 

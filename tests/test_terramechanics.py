@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
+from terratool.traversability import limits, loads, wheel
+from terratool.traversability.arrays import one_soil
+from terratool.traversability.limits import Measure, classify, torque_share
 from terratool.traversability.results import Reason, Verdict
-from terratool.traversability.terramechanics import loads, obstacles, slopes, wheel
-from terratool.traversability.terramechanics.arrays import one_soil
-from terratool.traversability.terramechanics.classes import Measure, classify, torque_share
-from terratool.traversability.terramechanics.demand import demand
-from terratool.traversability.types import Axle, Soil, Vehicle, Wheel
+from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
+from terratool.traversability.wheel import demand
 
 WHEEL = Wheel(0.2, 0.1)
 E1 = Soil.of(1, 30, 0.1)
@@ -119,7 +119,7 @@ def test_reference_values_of_slopes(
     vehicle: Vehicle, soil: Soil, expected: str, reason: Reason
 ) -> None:
     """The largest slope, and what limits it."""
-    found = slopes.climb(vehicle, soil)
+    found = limits.climb(vehicle, soil)
     assert found.possible
     assert printed(math.degrees(found.angle), expected)
     assert found.reason == reason
@@ -127,7 +127,7 @@ def test_reference_values_of_slopes(
 
 def test_a_wheel_that_is_immobile_on_the_level_climbs_nothing() -> None:
     """Whatever a slope would take off its load."""
-    found = slopes.climb(one(load=200), Soil.of(2, 10, 0.2))
+    found = limits.climb(one(load=200), Soil.of(2, 10, 0.2))
     assert not found.possible
     assert found.angle == 0
     assert found.reason == Reason.TRACTION
@@ -136,33 +136,33 @@ def test_a_wheel_that_is_immobile_on_the_level_climbs_nothing() -> None:
 def test_a_wheel_that_lifts_ends_the_climb() -> None:
     """Friction would do; the front wheels of a top-heavy vehicle lift at atan(l_r/h_cg)."""
     tall = Vehicle(WHEEL, (Axle(0.6), Axle(-0.4)), 40.0, track=0.8, cog_height=1.0)
-    found = slopes.climb(tall, Soil.of(0, 60, 0))
+    found = limits.climb(tall, Soil.of(0, 60, 0))
     assert found.angle == pytest.approx(math.atan(0.4))
     assert found.reason == Reason.TIP_OVER
 
 
 def test_the_motor_is_named_where_it_gives_less_than_slip_would_allow() -> None:
     """4.007 N m at a slip of 0.3: 3.5 bind, 4.1 do not."""
-    assert slopes.climb(one(torque=3.5, slip=0.3), E2).reason == Reason.TORQUE
-    assert slopes.climb(one(torque=4.1, slip=0.3), E2).reason == Reason.SLIP
+    assert limits.climb(one(torque=3.5, slip=0.3), E2).reason == Reason.TORQUE
+    assert limits.climb(one(torque=4.1, slip=0.3), E2).reason == Reason.SLIP
 
 
 def test_reference_values_of_side_slip_and_tip_over() -> None:
     """With a centre of gravity at the ground loads are equal, as the closed form has it."""
     flat = Vehicle(WHEEL, ROVER.axles, ROVER.mass, track=0.8)
-    assert printed(math.degrees(slopes.side_slip(flat, E1).angle), "32.84723")
+    assert printed(math.degrees(limits.side_slip(flat, E1).angle), "32.84723")
     assert printed(math.degrees(loads.tip_over(ROVER)[0]), "45")
-    assert slopes.side_slip(ROVER, E1).angle < slopes.side_slip(flat, E1).angle
+    assert limits.side_slip(ROVER, E1).angle < limits.side_slip(flat, E1).angle
 
 
 def test_reference_values_of_obstacles() -> None:
     """Steps alone, pushed and by torque, gaps, crests, ramps."""
-    assert printed(obstacles.step_alone(0.2, 0.7), "0.03615362")
-    assert printed(obstacles.step_pushed(0.2, 0.7, 0.7), "0.1315436")
-    assert printed(obstacles.step_torque(0.2, 100, 5), "0.006350833")
-    assert printed(obstacles.gap_width(0.2, obstacles.step_alone(0.2, 0.7)), "0.2293849")
-    assert printed(math.degrees(obstacles.breakover(1, 0.2, 0.15)), "35.48709")
-    assert printed(math.degrees(obstacles.approach(0.2, 0.3, 0.15)), "31.65446")
+    assert printed(limits.step_alone(0.2, 0.7), "0.03615362")
+    assert printed(limits.step_pushed(0.2, 0.7, 0.7), "0.1315436")
+    assert printed(limits.step_torque(0.2, 100, 5), "0.006350833")
+    assert printed(limits.gap_width(0.2, limits.step_alone(0.2, 0.7)), "0.2293849")
+    assert printed(math.degrees(limits.breakover(1, 0.2, 0.15)), "35.48709")
+    assert printed(math.degrees(limits.approach(0.2, 0.3, 0.15)), "31.65446")
 
 
 def test_reference_values_from_stresses() -> None:
@@ -322,7 +322,7 @@ def test_nothing_that_is_accepted_gives_nan(
         ]  # fmt: skip
         singles = [
             wheel.towed_resistance(load, soil, tyre), wheel.lateral_grip(load, soil, tyre),
-            torque_share(found[2].torque, torque), obstacles.step_torque(radius, load, torque),
+            torque_share(found[2].torque, torque), limits.step_torque(radius, load, torque),
         ]  # fmt: skip
     for value in found:
         for name in value.__slots__:
@@ -338,7 +338,7 @@ def test_no_vehicle_gives_nan(mass: float, soil: Soil, torque: float, slip: floa
         Wheel(0.2, 0.1, torque, slip), (Axle(0.5), Axle(-0.4, driven=False)), mass, track=0.8,
         cog_height=0.4,
     )  # fmt: skip
-    for found in (slopes.climb(vehicle, soil), slopes.side_slip(vehicle, soil)):
+    for found in (limits.climb(vehicle, soil), limits.side_slip(vehicle, soil)):
         assert 0 <= found.angle <= math.pi / 2
     for pull in (0.0, 0.3 * vehicle.weight, -0.3 * vehicle.weight):
         assert not any(map(math.isnan, driven(vehicle, soil, pull)))
@@ -372,7 +372,7 @@ def test_without_strength_there_is_no_traction() -> None:
     assert (best.thrust, best.torque) == (0, 0)
     assert best.drawbar == pytest.approx(-wheel.towed_resistance(100, water, WHEEL))
     assert demand(100, water, WHEEL).utilisation == math.inf
-    assert not slopes.climb(one(), water).possible
+    assert not limits.climb(one(), water).possible
 
 
 def test_soil_that_cohesion_alone_would_hold_up_does_not_pull_on_the_wheel() -> None:
@@ -572,7 +572,7 @@ def test_driven_wheels_push_what_towed_ones_resist() -> None:
     assert (used, torque) == pytest.approx((alone.utilisation, alone.torque))
     assert torques == pytest.approx(2 * alone.torque)
     all_driven = Vehicle(WHEEL, ROVER.axles, 40.0, track=0.8)
-    assert slopes.climb(vehicle, E1).angle < slopes.climb(all_driven, E1).angle / 2 + 0.01
+    assert limits.climb(vehicle, E1).angle < limits.climb(all_driven, E1).angle / 2 + 0.01
 
 
 @pytest.mark.parametrize("torque", [math.inf, 12.0, 11.0])
@@ -582,7 +582,7 @@ def test_the_largest_slope_is_where_the_demand_is_met_just_so(torque: float, soi
     vehicle = Vehicle(
         Wheel(0.2, 0.1, torque, 0.6), (Axle(0.5), Axle(-0.4)), 40.0, track=0.8, cog_height=0.4
     )
-    limit = float(slopes.climb(vehicle, soil).angle)
+    limit = float(limits.climb(vehicle, soil).angle)
     for pitch, goes in ((limit - 1e-6, True), (limit + 1e-6, False)):
         used, most, slip, _ = driven(vehicle, soil, vehicle.weight * math.sin(pitch), pitch)
         assert (used < 1 and most <= torque and slip <= 0.6) == goes, (used, most, slip)
@@ -620,37 +620,37 @@ def test_the_push_of_others_helps_over_a_step() -> None:
     def rover(*axles: Axle, torque: float = math.inf) -> Vehicle:
         return Vehicle(Wheel(0.2, 0.1, torque), axles, 40.0, track=0.8)
 
-    four, four_limit = obstacles.step_of(rover(Axle(0.5), Axle(-0.5)), 0.7)
+    four, four_limit = limits.step_of(rover(Axle(0.5), Axle(-0.5)), 0.7)
     assert four == pytest.approx(2 * 0.2 * 0.49 / 1.49)
     assert four_limit == "friction"
-    rear, _ = obstacles.step_of(rover(Axle(0.5, driven=False), Axle(-0.5)), 0.7)
+    rear, _ = limits.step_of(rover(Axle(0.5, driven=False), Axle(-0.5)), 0.7)
     assert rear == pytest.approx(0.2 * (1 - math.cos(math.atan(0.7))))
-    assert obstacles.step_of(one(), 0.7)[0] == pytest.approx(obstacles.step_alone(0.2, 0.7))
-    six, limit = obstacles.step_of(rover(Axle(0.5), Axle(0), Axle(-0.5)), 0.9)
+    assert limits.step_of(one(), 0.7)[0] == pytest.approx(limits.step_alone(0.2, 0.7))
+    six, limit = limits.step_of(rover(Axle(0.5), Axle(0), Axle(-0.5)), 0.9)
     assert (six, limit) == (0.2, "wheel radius")
-    weak, limit = obstacles.step_of(rover(Axle(0.5), Axle(-0.5), torque=5), 0.7)
-    assert weak == pytest.approx(float(obstacles.step_torque(0.2, 10 * 9.80665, 5)))
+    weak, limit = limits.step_of(rover(Axle(0.5), Axle(-0.5), torque=5), 0.7)
+    assert weak == pytest.approx(float(limits.step_torque(0.2, 10 * 9.80665, 5)))
     assert limit == "motor torque"
-    assert obstacles.step_of(ROVER, 3.0) == (0.15, "clearance")
-    assert obstacles.step_of(ROVER, 0.0)[0] == 0
+    assert limits.step_of(ROVER, 3.0) == (0.15, "clearance")
+    assert limits.step_of(ROVER, 0.0)[0] == 0
 
 
 def test_crests_and_ramps_that_nothing_can_touch() -> None:
     """No body, no overhang, an end within the wheel: no limit; a body on the ground: none left."""
-    assert obstacles.breakover(1.0, 0.2, math.inf) == obstacles.NO_LIMIT
-    assert obstacles.breakover(0.0, 0.2, 0.1) == obstacles.NO_LIMIT
-    assert obstacles.breakover(1.0, 0.2, 0.0) == pytest.approx(0, abs=1e-12)
-    assert obstacles.breakover(0.3, 0.2, 0.15) == obstacles.NO_LIMIT  # wheels hide the belly
-    assert obstacles.approach(0.2, 0.3, math.inf) == obstacles.NO_LIMIT
-    assert obstacles.approach(0.2, 0.1, 0.25) == obstacles.NO_LIMIT
-    assert obstacles.clearance_left(0.2, 0.25) == pytest.approx(-0.05)
+    assert limits.breakover(1.0, 0.2, math.inf) == limits.NO_LIMIT
+    assert limits.breakover(0.0, 0.2, 0.1) == limits.NO_LIMIT
+    assert limits.breakover(1.0, 0.2, 0.0) == pytest.approx(0, abs=1e-12)
+    assert limits.breakover(0.3, 0.2, 0.15) == limits.NO_LIMIT  # wheels hide the belly
+    assert limits.approach(0.2, 0.3, math.inf) == limits.NO_LIMIT
+    assert limits.approach(0.2, 0.1, 0.25) == limits.NO_LIMIT
+    assert limits.clearance_left(0.2, 0.25) == pytest.approx(-0.05)
 
 
 @given(st.floats(0.3, 3), st.floats(0.05, 0.4), st.floats(0.01, 0.3))
 @settings(max_examples=60)
 def test_breakover_by_rolling_over_a_crest(length: float, radius: float, clearance: float) -> None:
     """Two planes that meet at the middle of the belly, and wheels on them: exact geometry."""
-    angle = float(obstacles.breakover(length, radius, clearance))
+    angle = float(limits.breakover(length, radius, clearance))
     assume(0.01 < angle < 2.5)
     # the belly's middle lies on the crest, each plane falls at half the angle: a wheel on it
     slope = angle / 2

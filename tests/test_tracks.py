@@ -15,16 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.definition.reader import check
-from terratool.definition.source import Source
-from terratool.definition.writer import canonical
 from terratool.field.summary import summarise
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.raster.losses import LossFinder
+from terratool.raster.loss import LossFinder, subpixel_features
 from terratool.raster.mosaic import fingerprint
-from terratool.raster.narrow import subpixel_features
-from terratool.raster.painting import Painter
+from terratool.raster.painter import Painter
+from terratool.text.format import canonical
+from terratool.text.source import Source
 from tests.conftest import terrain_of
 from tests.oracle import Oracle, Track
 

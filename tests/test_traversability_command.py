@@ -19,14 +19,13 @@ from terratool.cli import main
 from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import load
-from terratool.traversability import assessing
-from terratool.traversability.assessing import Request, assess, planned
+from terratool.traversability import assess as assessing
+from terratool.traversability.assess import Request, assess, planned
 from terratool.traversability.conditions import FIGURES, WORDS
-from terratool.traversability.reporting import formats
+from terratool.traversability.report import document as formats
 from terratool.traversability.results import Verdict
-from terratool.traversability.routing import costs
-from terratool.traversability.types import Vehicle
-from terratool.traversability.vehicle import load_vehicle
+from terratool.traversability.route import graph
+from terratool.traversability.vehicle import Vehicle, load_vehicle
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, run
 from tests.conftest import terrain_of
 
@@ -266,7 +265,7 @@ def test_a_failure_at_the_end_leaves_nothing(
 def test_help_has_an_example_and_names_everything() -> None:
     ran = run("traversability", "--help")
     assert "Example: terratool traversability samples/" in " ".join(ran.out.split())
-    assert PREFERENCES == costs.PREFERENCES
+    assert PREFERENCES == graph.PREFERENCES
     told = " ".join(ran.out.split()).replace("- ", "-")  # lines break after hyphens
     for name in WORDS:
         assert name in told

@@ -15,13 +15,18 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.traversability.maps.footprints import directions
-from terratool.traversability.maps.numbers import soil_table, vehicle_params
-from terratool.traversability.maps.surveying import Surveyor, WindowMeasures, survey
+from terratool.traversability import limits
+from terratool.traversability.footprint import directions
+from terratool.traversability.loads import wheel_loads
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.terramechanics import obstacles
-from terratool.traversability.terramechanics.loads import wheel_loads
-from terratool.traversability.types import Axle, Margins, Overhang, Vehicle, Wheel
+from terratool.traversability.survey import (
+    Surveyor,
+    WindowMeasures,
+    soil_table,
+    survey,
+    vehicle_params,
+)
+from terratool.traversability.vehicle import Axle, Margins, Overhang, Vehicle, Wheel
 from tests.conftest import terrain_of
 from tests.strategies import definitions
 
@@ -163,7 +168,7 @@ def step(side: str, height: float) -> Terrain:
 class TestStep:
     """One kerb, 6 m along."""
 
-    LIMIT = obstacles.step_of(ROVER, math.tan(math.radians(35)))[0]
+    LIMIT = limits.step_of(ROVER, math.tan(math.radians(35)))[0]
 
     @pytest.mark.parametrize("side", FACES)
     def test_below_the_limit_it_passes(self, side: str) -> None:
@@ -323,7 +328,7 @@ class TestGap:
     @pytest.mark.parametrize(("share", "passes"), [(0.9, True), (1.1, False)])
     def test_known_width(self, side: str, share: float, passes: bool) -> None:
         """2 r sin α passes, as the wheel does not sink in deeper than the step that it climbs."""
-        width = share * float(obstacles.gap_width(0.2, TestStep.LIMIT))
+        width = share * float(limits.gap_width(0.2, TestStep.LIMIT))
         trench = [
             [0, 0],
             [0.5, 0],
@@ -485,7 +490,7 @@ class TestSingleWheel:
         """A wall under a wheel adds nothing to the slope of the ground."""
         found = surveyed(step("east", 0.1), self.WHEEL)
         assert np.abs(found.pitch[:, 30:-30, 30:-30]).max() < 1e-6
-        limit = obstacles.step_of(self.WHEEL, math.tan(math.radians(35)))[0]
+        limit = limits.step_of(self.WHEEL, math.tan(math.radians(35)))[0]
         assert limit < 0.1
         assert found.reason[(EAST, *cut("east", 5.9))] == Reason.STEP
 

@@ -24,14 +24,13 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
 import terratool
-from terratool.text.display import columns_of
 from terratool.raster.grid import Grid
-from terratool.traversability.concluding import sentence_of, verdict_of
-from terratool.traversability.reporting import chart, picture, tables, wording
-from terratool.traversability.reporting.document import as_dict, as_json
-from terratool.traversability.reporting.markdown import as_markdown
-from terratool.traversability.reporting.page import as_page
-from terratool.traversability.reporting.table import as_lines
+from terratool.text.display import columns_of
+from terratool.traversability.assess import sentence_of, verdict_of
+from terratool.traversability.report import page, tables, wording
+from terratool.traversability.report.document import as_dict, as_json
+from terratool.traversability.report.page import as_page
+from terratool.traversability.report.tables import as_lines, as_markdown
 from terratool.traversability.results import (
     COLORS,
     MapSummary,
@@ -40,7 +39,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.types import Vehicle, Wheel
+from terratool.traversability.vehicle import Vehicle, Wheel
 from tests import reports
 
 SCHEMA = terratool.schema("report")
@@ -277,23 +276,23 @@ class TestPicture:
     def test_every_heading_is_looked_at(self) -> None:
         """The best of them counts, and what is not known is better than no-go."""
         survey = reports.survey()
-        verdict = picture.best(survey)
+        verdict = page.best(survey)
         assert verdict[:, 0].tolist() == [1] * 30
         assert verdict[:, 79].tolist() == [0] * 30
         some = replace(survey, verdict=np.stack([survey.verdict[1] * 0, survey.verdict[1]]))
-        assert picture.best(some)[15, [5, 25, 45, 65]].tolist() == [1, 2, 0, 0]
+        assert page.best(some)[15, [5, 25, 45, 65]].tolist() == [1, 2, 0, 0]
 
     def test_light_comes_from_the_north_west(self) -> None:
         """A plane that falls to the north-west is brighter than level ground, by Horn's formula."""
         row, column = np.indices((6, 9), np.float32)
-        level = picture.hillshade(np.zeros((6, 9), np.float32), 1.0)
+        level = page.hillshade(np.zeros((6, 9), np.float32), 1.0)
         assert np.allclose(level, math.sin(math.pi / 4))
         # rises to the south-east by 45° in that direction: it faces the light exactly
-        facing = picture.hillshade((row + column).astype(np.float32) / np.sqrt(2), 1.0)
+        facing = page.hillshade((row + column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(facing, 1.0, atol=1e-6)
-        away = picture.hillshade(-(row + column).astype(np.float32) / np.sqrt(2), 1.0)
+        away = page.hillshade(-(row + column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(away, 0.0, atol=1e-6)
-        across = picture.hillshade((row - column).astype(np.float32) / np.sqrt(2), 1.0)
+        across = page.hillshade((row - column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(across, 0.5, atol=1e-6)
 
     def test_agrees_with_gdal(self, tmp_path: Any) -> None:
@@ -313,7 +312,7 @@ class TestPicture:
         subprocess.run([gdaldem, "hillshade", "-q", path, out], check=True, capture_output=True)
         with rasterio.open(out) as file:
             wanted = file.read(1).astype(float)
-        shade = picture.hillshade(heights, 0.5)
+        shade = page.hillshade(heights, 0.5)
         # gdaldem writes 1 + 254 · light
         assert np.allclose(1 + 254 * shade[1:-1, 1:-1], wanted[1:-1, 1:-1], atol=1.0)
 
@@ -322,24 +321,24 @@ class TestPicture:
         ranges = []
         for verdict in (Verdict.NO_GO, Verdict.CAUTION, Verdict.GO):
             grey = float(np.dot(COLORS[verdict], (0.299, 0.587, 0.114)))
-            ranges.append((grey * picture.SHADING[0], grey * picture.SHADING[1]))
+            ranges.append((grey * page.SHADING[0], grey * page.SHADING[1]))
         assert all(dark[1] < light[0] for dark, light in pairwise(ranges))
 
     def test_legend_and_picture_have_the_same_colours(self) -> None:
         style = as_page(reports.KINDS["nothing"])
         shades = dict(re.findall(r"--([\w-]+): (#\w{6})", style))
         for verdict, color in COLORS.items():
-            assert shades[chart.CLASSES[verdict]] == "#{:02x}{:02x}{:02x}".format(*color)
+            assert shades[page.CLASSES[verdict]] == "#{:02x}{:02x}{:02x}".format(*color)
 
     def test_the_png_holds_what_was_painted(self) -> None:
-        pixels = picture.paint(reports.survey(), reports.best_cells())
+        pixels = page.paint(reports.survey(), reports.best_cells())
         assert pixels.shape == (270, 720, 4)
         assert pixels[5, -5, 3] == 0  # no ground in the north-east
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with MemoryFile(picture.png(pixels)) as memory, memory.open() as file:
+            with MemoryFile(page.png(pixels)) as memory, memory.open() as file:
                 assert np.array_equal(np.moveaxis(file.read(), 0, -1), pixels)
-        assert picture.png(pixels) == picture.png(pixels)
+        assert page.png(pixels) == page.png(pixels)
 
 
 class TestChart:
@@ -349,7 +348,7 @@ class TestChart:
         base = reports.profile(n)
         height, sinkage, verdict = base.height * 0, base.sinkage * 0, base.verdict * 0 + 1
         height[7123], sinkage[2000], verdict[4000] = 3.0, 0.05, 3
-        drawn = chart.chart(
+        drawn = page.chart(
             replace(base, height=height, sinkage=sinkage, verdict=verdict.astype(np.uint8)), 600
         )
         root = ElementTree.fromstring(drawn)
@@ -365,7 +364,7 @@ class TestChart:
         for total in (0.37, 12.0, 9876.5):
             base = reports.profile()
             scaled = replace(base, distance=base.distance / base.distance[-1] * total)
-            root = ElementTree.fromstring(chart.chart(scaled, 330))
+            root = ElementTree.fromstring(page.chart(scaled, 330))
             marks = [
                 (float(text.get("x", "")), len(text.text or ""))
                 for text in root.iter(f"{SVG}text")
@@ -379,12 +378,12 @@ class TestChart:
     def test_few_samples(self, n: int) -> None:
         base = reports.profile(2)
         few = RouteProfile(**{name: getattr(base, name)[:n] for name in RouteProfile.__slots__})
-        assert bool(chart.chart(few, 600)) == (n == 2)
+        assert bool(page.chart(few, 600)) == (n == 2)
 
     def test_ground_that_is_not_there_leaves_a_gap(self) -> None:
         base = reports.profile()
         base.height[80:120] = np.nan
-        root = ElementTree.fromstring(chart.chart(base, 600))
+        root = ElementTree.fromstring(page.chart(base, 600))
         ground = next(p for p in root.iter(f"{SVG}path") if p.get("class") == "ground")
         assert ground.get("d", "").count("M") == 2
 
@@ -393,7 +392,7 @@ class TestChart:
         last = first + side
         if last - first < 1e-9 * max(abs(first), abs(last)):
             return
-        found = chart.ticks(first, last, count)
+        found = page.ticks(first, last, count)
         assert len(found) <= count + 1
         slack = 1e-6 * side
         assert all(first - slack <= value <= last + slack for value in found)

@@ -16,14 +16,10 @@ from rasterio.enums import ColorInterp
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
-from terratool.traversability.maps.mapping import (
-    default_resolution,
-    map_paths,
-    map_to_tif,
-)
-from terratool.traversability.maps.surveying import Surveyor, survey
+from terratool.traversability.map import default_resolution, map_paths, map_to_tif
 from terratool.traversability.results import COLORS, Reason, Verdict
-from terratool.traversability.types import Axle, Vehicle, Wheel
+from terratool.traversability.survey import Surveyor, survey
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.conftest import terrain_of
 
 ROVER = Vehicle(

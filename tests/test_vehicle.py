@@ -14,17 +14,18 @@ import pytest
 from hypothesis import given
 
 import terratool
-from terratool.definition.vehicles.reader import check_vehicle
+from terratool.definition.reader import check_vehicle
 from terratool.errors import DefinitionError, ReadError
-from terratool.traversability.types import (
+from terratool.traversability.vehicle import (
     Axle,
     Margins,
     Overhang,
     Thresholds,
     Vehicle,
     Wheel,
+    load_vehicle,
+    vehicle_of,
 )
-from terratool.traversability.vehicle import load_vehicle, vehicle_of
 from tests.commands import ROOT, SAMPLE
 from tests.strategies import Json
 from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles

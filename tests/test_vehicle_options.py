@@ -11,9 +11,9 @@ import click  # noqa: TID251, a command is what is tested
 import pytest
 from click.testing import CliRunner  # noqa: TID251
 
-from terratool.cli.wheeling import vehicle_from, vehicle_options
+from terratool.cli.options import vehicle_from, vehicle_options
 from terratool.errors import DefinitionError, ReadError
-from terratool.traversability.types import Vehicle, Wheel
+from terratool.traversability.vehicle import Vehicle, Wheel
 from tests.commands import SAMPLE
 from tests.vehicles import SMALLEST
 

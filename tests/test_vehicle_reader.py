@@ -15,12 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import terratool
-from terratool.cli.reporting import REPORTERS
-from terratool.definition.reader import Checked, CheckOptions
-from terratool.definition.recognising import document_kind
-from terratool.definition.source import Source
-from terratool.definition.vehicles.keys import VEHICLE_KEYS
-from terratool.definition.vehicles.model import (
+from terratool.cli.report import REPORTERS
+from terratool.definition.keys import VEHICLE_KEYS, document_kind
+from terratool.definition.reader import Checked, CheckOptions, check_any, check_vehicle
+from terratool.definition.vehicle import (
     AxleText,
     ClassesText,
     CogText,
@@ -29,8 +27,8 @@ from terratool.definition.vehicles.model import (
     VehicleText,
     WheelsText,
 )
-from terratool.definition.vehicles.reader import check_any, check_vehicle
-from terratool.definition.writer import canonical
+from terratool.text.format import canonical
+from terratool.text.source import Source
 from tests.commands import ROOT, run
 from tests.schemas import subschemas
 from tests.strategies import Json, definitions

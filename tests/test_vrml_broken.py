@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError
-from terratool.importing.vrml import walking
-from terratool.importing.vrml.reading import read_vrml
+from terratool.importing.vrml import scene
+from terratool.importing.vrml.scene import read_vrml
 from tests.vrml import HEADER, TRIANGLE, read
 
 DEEP = 100_000
@@ -247,7 +247,7 @@ BOMBS = {
 @pytest.mark.parametrize("name", BOMBS)
 def test_repeated_without_end(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a smaller limit, so that the test is quick: a small text can ask for any amount."""
-    monkeypatch.setattr(walking, "REPEATED", 1_000_000)
+    monkeypatch.setattr(scene, "REPEATED", 1_000_000)
     said = refusal(tmp_path, (HEADER + BOMBS[name]).encode())
     assert "USE and PROTO repeat more than can be read" in said
 
@@ -255,7 +255,7 @@ def test_repeated_without_end(name: str, tmp_path: Path, monkeypatch: pytest.Mon
 def test_what_is_written_out_is_never_too_much(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(walking, "REPEATED", 0)
+    monkeypatch.setattr(scene, "REPEATED", 0)
     many = f"{TRIANGLE} Group {{ children [ {TRIANGLE} ] }}" * 50
     heights = " ".join(map(str, range(35)))
     grid = f"ElevationGrid {{ xDimension 5 zDimension 7 height [ {heights} ] }}"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import terratool
-from terratool.importing.vrml.reading import read_vrml, stated_up
+from terratool.importing.vrml.scene import read_vrml, stated_up
+from terratool.mesh.files import write_mesh
 from terratool.mesh.formats.vrml import write_elevation_grid
 from terratool.mesh.types import HeightGrid
-from terratool.mesh.writing import write_mesh
 from tests.commands import ROOT, SAMPLE, run
 from tests.viewers import by_trimesh, oblong, output, program
 from tests.vrml import TRIANGLE, by_coin, corners, measures, read, saved

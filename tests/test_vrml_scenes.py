@@ -12,10 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from terratool.importing.vrml.extrusion import extrusion, planes_along
-from terratool.importing.vrml.reading import UP, read_vrml, stated_up
-from terratool.importing.vrml.rotations import placed, pose, product
-from terratool.importing.vrml.shapes import SIDES
+from terratool.importing.vrml.scene import UP, read_vrml, stated_up
+from terratool.importing.vrml.shapes import SIDES, extrusion, placed, planes_along, pose, product
 from tests.vrml import HEADER, TRIANGLE, corners, measures, read, saved
 
 trimesh = pytest.importorskip("trimesh")

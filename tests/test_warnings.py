@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from terratool.definition.findings import Finding
 from terratool.definition.reader import CheckOptions, check
-from terratool.definition.source import Source
+from terratool.text.source import Source
 from tests.conftest import terrain_of, text_of
 from tests.oracle import COMBINES, cos_sin, curve_value
 from tests.oracle import steps as steps_of

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from terratool.errors import ReadError
-from terratool.traversability.routing.waypoints import read_waypoints
+from terratool.traversability.route.waypoints import read_waypoints
 
 LINE: dict[str, Any] = {"type": "LineString", "coordinates": [[1, 2], [3.5, -4, 9]]}
 FEATURE = {"type": "Feature", "properties": None, "geometry": LINE}

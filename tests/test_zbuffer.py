@@ -14,8 +14,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.meshes.sampling import sample
-from terratool.importing.meshes.steps import steps
+from terratool.importing.sampling import sample, steps
 from terratool.importing.triangles import Triangles
 from terratool.kernels import importing as kernels
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from terratool.definition.source import Source
+from terratool.text.source import Source
 from tests.strategies import Json
 
 # Nothing of it is symmetric: a mirrored, turned or shifted vehicle is another one.

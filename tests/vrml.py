@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from terratool.importing.triangles import Triangles
-from terratool.importing.vrml.reading import read_vrml
+from terratool.importing.vrml.scene import read_vrml
 from tests.viewers import output, python_with_coin
 
 HEADER = "#VRML V2.0 utf8\n"

@@ -1,4 +1,4 @@
-// The arrays of a compiled field. terratool/field/types.py says what their members mean.
+// The arrays of a compiled field. terratool/field/records.py says what their members mean.
 #pragma once
 
 #include "../core.hpp"

@@ -6,7 +6,7 @@
 
 namespace terratool::traversability {
 
-// The wheels of a vehicle; terratool/traversability/terramechanics/loads.py says what it means.
+// The wheels of a vehicle; terratool/traversability/loads.py says what it means.
 struct Layout {
     Matrix<const double> shares;
     Span<const bool> driven;
@@ -17,7 +17,7 @@ template <class Visit> void visit_arguments(Layout& l, Visit visit) {
     visit("shares[w,3]", l.shares), visit("driven[w]", l.driven), visit("edges[_,3]", l.edges);
 }
 
-// A vehicle in SI units, its margins taken off; terratool/traversability/maps/numbers.py.
+// A vehicle in SI units, its margins taken off; terratool/traversability/survey.py.
 struct Vehicle {
     Layout layout;
     In fit_along, fit_across;

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from terratool.cli.options import vehicle_from, vehicle_options
 from terratool.cli.terminal import Status, called
-from terratool.cli.wheeling import vehicle_from, vehicle_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from terratool.traversability.ruts.deforming import Deformed
+    from terratool.traversability.ruts import Deformed
 
 
 def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
@@ -87,8 +87,8 @@ def command(
     from terratool.definition.reader import load_definition
     from terratool.errors import WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
-    from terratool.traversability.routing.waypoints import read_waypoints
-    from terratool.traversability.ruts.deforming import deform, write_deformed
+    from terratool.traversability.route.waypoints import read_waypoints
+    from terratool.traversability.ruts import deform, write_deformed
 
     for source in (options["vehicle"], path_file):
         if source and is_same_file(output, source):

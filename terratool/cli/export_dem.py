@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.loading import load
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
     from terratool.raster.export import MosaicLayout, RasterReport, WrittenFile

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from terratool.cli.loading import load
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -154,7 +153,7 @@ def _export(
     """Write a mesh, or a grid of heights, and say what it is; a suffix is the only one allowed."""
     from terratool.mesh.elevation import export_elevation_grid
     from terratool.mesh.export import check_numbers, export_mesh
-    from terratool.mesh.writing import check_request
+    from terratool.mesh.files import check_request
 
     _refuse_other_suffix(suffix, output)
     others = {
@@ -295,7 +294,7 @@ def _tiled(
     overwrite: bool,
 ) -> Tiles:
     """Write tiles."""
-    from terratool.field.parts import check_bounds
+    from terratool.field.terrain import check_bounds
     from terratool.mesh.export import default_error, relief_of
     from terratool.mesh.mosaic import export_tiles
 
@@ -339,7 +338,7 @@ def _refuse_definition(file: str, output: str, companions: tuple[str, ...]) -> N
 
 def as_text(report: MeshReport) -> Iterator[str]:
     """A report in lines for people."""
-    from terratool.mesh.statement import counted, length
+    from terratool.mesh.loss import counted, length
 
     statement = report.statement
     closed = "" if report.base is None else f", closed by a base at {report.base:.6g}"
@@ -353,7 +352,7 @@ def as_text(report: MeshReport) -> Iterator[str]:
 
 def tiles_as_text(report: Tiles) -> Iterator[str]:
     """A report of tiles in lines for people."""
-    from terratool.mesh.statement import length
+    from terratool.mesh.loss import length
 
     yield (
         f"{report.faces:,} faces, {report.walls:,} of them upright, in {report.rows} × "

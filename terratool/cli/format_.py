@@ -8,14 +8,14 @@ from itertools import chain
 
 import click
 
-from terratool.cli.reporting import ValidationReport, ValidationSummary, as_text
+from terratool.cli.report import ValidationReport, ValidationSummary, as_text
 from terratool.cli.terminal import Status, called
-from terratool.text.display import printable
 from terratool.definition.reader import CheckOptions, check
-from terratool.definition.source import PLAIN, Source, read_source, sources
-from terratool.definition.writer import canonical
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
+from terratool.text.display import printable
+from terratool.text.format import canonical
+from terratool.text.source import PLAIN, Source, read_source, sources
 
 
 @click.command("format", epilog="Example: terratool format samples/paper-example.json --check")

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.sourcing import options_of, source_options
+from terratool.cli.options import options_of, source_options
 from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
-    from terratool.importing.primitives.inserting import TargetDefinition
-    from terratool.importing.primitives.primitive import ImportedPrimitive, PrimitiveRequest
+    from terratool.importing.primitive.build import ImportedPrimitive, PrimitiveRequest
+    from terratool.importing.primitive.insert import TargetDefinition
     from terratool.importing.samples import SampledHeights
 
 _MOST_STEPS = 64
@@ -89,8 +89,8 @@ def command(
     it to standard error. The error is that of the compiled primitive at the centres of the pixels.
     """
     from terratool.errors import MissedError, RequestError
-    from terratool.importing.primitives import inserting
-    from terratool.importing.primitives.primitive import (
+    from terratool.importing.primitive import insert
+    from terratool.importing.primitive.build import (
         PrimitiveRequest,
         import_primitive,
         names_of,
@@ -105,8 +105,8 @@ def command(
         raise RequestError("--span is about a place.", "Say where with --place.")
     target = None
     if into is not None:
-        where = None if place is None else inserting.parse_cell_path(place, span)
-        target = inserting.target_of(into, names, where, output, overwrite)
+        where = None if place is None else insert.parse_cell_path(place, span)
+        target = insert.target_of(into, names, where, output, overwrite)
     elif output is not None:
         _refuse_output(output, overwrite)
     if output is not None:
@@ -133,16 +133,15 @@ def _read(
     """The patch, and what is wanted with the walls of a mesh as steps."""
     from dataclasses import replace
 
-    from terratool.importing.primitives.primitive import read_samples
+    from terratool.importing.primitive.build import read_samples
     from terratool.importing.sources import is_mesh, open_source, refuse_odd
 
     chosen = options_of(options)
     if not is_mesh(source) or wanted.turn:
         with open_source(source, chosen) as heights:
             return read_samples(heights), wanted
-    from terratool.importing.meshes.sampling import sample
-    from terratool.importing.meshes.steps import steps
-    from terratool.importing.meshes.triangulated import read_triangles
+    from terratool.importing.meshes import read_triangles
+    from terratool.importing.sampling import sample, steps
 
     refuse_odd(source, chosen)
     triangles = read_triangles(source, chosen.up, chosen.scale)
@@ -178,19 +177,19 @@ def _deliver(
     as_json: bool,
 ) -> None:
     """Write the primitive where it is to go, and say how well it fits."""
-    from terratool.definition.editing import object_of
-    from terratool.importing.primitives import inserting
-    from terratool.importing.primitives.primitive import sentences
+    from terratool.importing.primitive import insert
+    from terratool.importing.primitive.build import sentences
     from terratool.output import whole_file
+    from terratool.text.edit import object_of
 
     written = None
     notes: list[str] = []
     if target is not None:
         place = target.place
         elements = imported.elements(place.cell, place.span) if place else []
-        data = inserting.text_with(target, imported.primitives(), elements)
-        notes = inserting.remarks(target, imported)
-        inserting.write(target, data, overwrite)
+        data = insert.text_with(target, imported.primitives(), elements)
+        notes = insert.remarks(target, imported)
+        insert.write(target, data, overwrite)
         written = str(target.output)
     elif output is not None:
         with whole_file(output, overwrite) as path:

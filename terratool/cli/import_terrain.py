@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.sourcing import options_of, source_options
+from terratool.cli.options import options_of, source_options
 from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
-    from terratool.importing.terrains.terrain import ImportReport
+    from terratool.importing.terrain.build import ImportReport
 
-# as terratool.importing.terrains.methods names them, which is not imported for --help
+# as terratool.importing.terrain.methods names them, which is not imported for --help
 _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 
 
@@ -84,8 +84,8 @@ def command(
 
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
-    from terratool.importing.terrains.methods import named
-    from terratool.importing.terrains.terrain import ImportOptions, import_terrain
+    from terratool.importing.terrain.build import ImportOptions, import_terrain
+    from terratool.importing.terrain.methods import named
     from terratool.output import is_same_file
 
     if not output.endswith((".json", ".json.gz")):

@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-from terratool.cli.loading import load
-from terratool.cli.terminal import Status
+from terratool.cli.terminal import Status, load
 
 
 @click.command("info", epilog="Example: terratool info samples/paper-example.json")

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from terratool.cli.loading import load
-from terratool.cli.terminal import Status
-from terratool.text.display import shown
+from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
+from terratool.text.display import shown
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain

@@ -1,8 +1,4 @@
-"""How far a command is, on standard error.
-
-On a terminal that is a line that changes, elsewhere now and then another one. What is soon done
-says nothing.
-"""
+"""How far a command is, on standard error; and terrains read with a word where it takes long."""
 
 from __future__ import annotations
 
@@ -13,9 +9,26 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from terratool.text.display import printable
+
+if TYPE_CHECKING:
+    from terratool.field.terrain import Terrain
+
+
+def load(file: str) -> Terrain:
+    """Read, check and compile a definition.
+
+    Raises:
+        ReadError: the file cannot be read.
+        DefinitionError: it is no valid terrain.
+    """
+    from terratool.field import terrain
+
+    with Status(f"reading {called(file)}"):
+        return terrain.load(file)
+
 
 AFTER = 1.0
 """s after which a terminal shows how far it is …"""

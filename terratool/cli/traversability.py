@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.loading import load
-from terratool.cli.terminal import Status
-from terratool.cli.wheeling import vehicle_from, vehicle_options
+from terratool.cli.options import vehicle_from, vehicle_options
+from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
     from terratool.traversability.conditions import Condition
 
-# as terratool.traversability.routing.costs has them, which is not imported for --help; a test holds
+# as terratool.traversability.route.graph has them, which is not imported for --help; a test holds
 # them equal
 PREFERENCES = ("length", "time", "energy", "margin")
 
@@ -122,16 +121,16 @@ def command(
     """
     from pathlib import Path
 
-    from terratool.text.display import printable
     from terratool.output import whole_file
-    from terratool.traversability.assessing import Request, assess, planned
+    from terratool.text.display import printable
+    from terratool.traversability.assess import Request, assess, planned
     from terratool.traversability.conditions import parse
-    from terratool.traversability.reporting import document, formats, table
-    from terratool.traversability.routing.waypoints import read_waypoints
+    from terratool.traversability.report import document, tables
+    from terratool.traversability.route.waypoints import read_waypoints
 
     checks = [parse(text) for text in conditions]
     _refuse_unasked(checks, bool(routes or waypoints), reachable is not None)
-    renderers = [formats.renderer_of(path) for path in reports]
+    renderers = [document.renderer_of(path) for path in reports]
     _refuse_outputs(file, values["vehicle"], waypoints, reports, map_, overwrite)
     vehicle = vehicle_from(values)
     request = Request(
@@ -165,7 +164,7 @@ def command(
         if as_json:
             click.echo(document.as_json(report), nl=False)
         else:
-            for line in table.as_lines(report):
+            for line in tables.as_lines(report):
                 click.echo(line)
     except BrokenPipeError:
         if not held:  # whoever reads no further must be told all the same
@@ -202,7 +201,7 @@ def _refuse_outputs(
     from terratool.errors import RequestError, WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.raster.export import COMPANIONS
-    from terratool.traversability.maps.mapping import map_paths
+    from terratool.traversability.map import map_paths
 
     outputs: dict[str, str] = {}
     names: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reports]

@@ -9,15 +9,14 @@ from itertools import chain
 
 import click
 
-from terratool.cli.reporting import REPORTERS, Unreadable, ValidationReport, ValidationSummary
+from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called
 from terratool.definition.findings import Finding
-from terratool.text.display import printable
-from terratool.definition.reader import Checked, CheckOptions
+from terratool.definition.reader import Checked, CheckOptions, check_any
 from terratool.definition.rules import all_rules
-from terratool.definition.source import read_source, sources
-from terratool.definition.vehicles.reader import check_any
 from terratool.errors import ReadError
+from terratool.text.display import printable
+from terratool.text.source import read_source, sources
 
 _ALL = 10**9
 

@@ -11,8 +11,8 @@ from msgspec import UNSET, Struct, UnsetType
 from terratool.definition import expression
 from terratool.definition.expression import Expression, ExpressionError
 from terratool.definition.findings import Remark
-from terratool.text.display import shown
 from terratool.definition.model import CurveValue, Pair, Primitive
+from terratool.text.display import shown
 
 
 class SampledCurve(Struct, frozen=True):

@@ -1,14 +1,13 @@
-"""Every key of the format: what its value must be, in words and in numbers.
-
-`model` has the same keys as types, for reading a clean text at once; this table is what a text that
-is not clean is held against, and where its messages come from.
-"""
+"""Every key of terrains and vehicles: what its value must be, in words and in numbers."""
 
 from __future__ import annotations
 
+import math
+import re
 from math import inf
-from typing import Literal
+from typing import Literal, NamedTuple
 
+import msgspec
 from msgspec import Struct
 
 from terratool.definition.model import (
@@ -20,6 +19,17 @@ from terratool.definition.model import (
     Primitive,
     Surface,
     Track,
+    names_of,
+)
+from terratool.definition.vehicle import (
+    GRAVITIES,
+    AxleText,
+    ClassesText,
+    CogText,
+    MarginsText,
+    OverhangText,
+    VehicleText,
+    WheelsText,
 )
 
 MAX_PASSES = 10**9
@@ -154,3 +164,172 @@ KEYS: dict[type, dict[str, Key]] = {
         "surface": Key("the name of a surface, a text", "text"),
     },
 }  # fmt: skip
+
+
+LEAST, MOST = 1e-6, 1e6
+"""Of lengths and other measures of a vehicle; their products then stay finite."""
+MAX_AXLES = 64
+MAX_WHEELS = 16
+
+
+def _measure(what: str, unit: str, most: float = MOST) -> Key:
+    return Key(f"{what} in {unit}, from {LEAST:g} to {most:g}", "number", LEAST, most)
+
+
+def _reserve(what: str, unit: str, most: float = MOST) -> Key:
+    return Key(f"{what} in {unit}, from 0 to {most:g}", "number", 0, most)
+
+
+def _share(what: str) -> Key:
+    return Key(f"{what}, above 0 and up to 1", "number", 0, 1, open_low=True)
+
+
+_ANGLE = Key("an angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True)
+_X = Key("a position in metres, positive ahead, up to 1e6 in size", "number", -MOST, MOST)
+
+VEHICLE_KEYS: dict[type, dict[str, Key]] = {
+    VehicleText: {
+        "$schema": Key("the address of the JSON Schema, a text", "text"),
+        "descr": Key("a text", "text"),
+        "mass": _measure("a mass", "kg", 1e9),
+        "gravity": Key(
+            "a gravity in m/s², from 1e-06 to 1e+06, or one of "
+            + ", ".join(f'"{name}"' for name in GRAVITIES),
+            "number", LEAST, MOST, choices=tuple(GRAVITIES), noun="gravity that has a name",
+        ),
+        "wheels": Key("the wheels, an object", "object"),
+        "axles": Key(f"a list of 2 to {MAX_AXLES} axles, objects", "list"),
+        "wheelbase": _measure("a wheelbase", "metres"),
+        "track": _measure("a track", "metres"),
+        "cog": Key("the centre of gravity, an object", "object"),
+        "clearance": _measure("a clearance", "metres"),
+        "bodyWidth": _measure("a width", "metres"),
+        "overhang": Key("the overhangs, an object", "object"),
+        "speed": _measure("a speed", "m/s"),
+        "power": _reserve("a power", "W", 1e9),
+        "margins": Key("the margins, an object", "object"),
+        "classes": Key("the thresholds of the classes, an object", "object"),
+    },
+    WheelsText: {
+        "radius": _measure("a radius", "metres"),
+        "width": _measure("a width", "metres"),
+        "maxTorque": _measure("a torque", "N m", 1e9),
+        "maxSlip": _share("a slip"),
+    },
+    AxleText: {
+        "x": _X,
+        "wheels": Key(f"a whole number from 1 to {MAX_WHEELS}", "whole", 1, MAX_WHEELS),
+        "driven": Key("true or false", "flag"),
+    },
+    CogText: {"x": _X, "height": _measure("a height", "metres")},
+    OverhangText: {
+        "front": _measure("a length", "metres"),
+        "frontHeight": _measure("a height", "metres"),
+        "rear": _measure("a length", "metres"),
+        "rearHeight": _measure("a height", "metres"),
+    },
+    MarginsText: {
+        "clearance": _reserve("a height", "metres"),
+        "step": _reserve("a height", "metres"),
+        "tip": _ANGLE,
+        "slope": _ANGLE,
+    },
+    ClassesText: {
+        "utilisation": _share("a share of the soil's strength"),
+        "slip": _share("a slip"),
+        "cautionSlip": _share("a slip"),
+        "torque": _share("a share of the largest torque"),
+        "geometry": _share("a share of a limit"),
+    },
+}  # fmt: skip
+
+REQUIRED: dict[type, tuple[str, ...]] = {
+    VehicleText: ("mass", "wheels", "track", "cog", "clearance"),
+    WheelsText: ("radius", "width"),
+    AxleText: ("x",),
+    CogText: ("height",),
+}
+"""Keys that must be there; of axles and wheelbase one must be, too."""
+
+
+BIGGEST = math.nextafter(math.inf, 0)
+"""The largest double."""
+
+JSON_TYPES: dict[str, frozenset[type]] = {
+    "text": frozenset([str]), "flag": frozenset([bool]), "whole": frozenset([int]),
+    "number": frozenset([int, float]), "object": frozenset([dict]), "list": frozenset([list]),
+}  # fmt: skip
+_NO_TYPES: frozenset[type] = frozenset()
+NEVER = frozenset([str, bool, dict, type(None)])
+"""Types that an element's key takes as they are, or not at all."""
+
+
+class QuickCheck(NamedTuple):
+    """What a value is compared with first; what passes is good, the others are looked at closely.
+
+    Attributes:
+        name: attribute of the model.
+        types: exact types that need no conversion, none if the value never stands alone.
+        low: least number.
+        high: largest number.
+        number: whole numbers become floats.
+    """
+
+    name: str
+    types: frozenset[type]
+    low: float
+    high: float
+    number: bool
+
+
+def _slot(name: str, key: Key) -> QuickCheck:
+    low = math.nextafter(key.low, math.inf) if key.open_low else key.low
+    high = math.nextafter(key.high, -math.inf) if key.open_high else key.high
+    plain = key.alone and not key.choices
+    types = JSON_TYPES.get(key.kind, _NO_TYPES) if plain else _NO_TYPES
+    return QuickCheck(name, types, max(low, -BIGGEST), min(high, BIGGEST), key.kind == "number")
+
+
+ALL_KEYS = {**KEYS, **VEHICLE_KEYS}
+"""Of terrains and of vehicles."""
+
+SLOTS: dict[type, dict[str, QuickCheck]] = {
+    kind: {key: _slot(name, keys[key]) for name, key in names_of(kind)}
+    for kind, keys in ALL_KEYS.items()
+}
+
+
+def fits_double(number: float) -> bool:
+    """Whether a double holds a number."""
+    return -BIGGEST <= number <= BIGGEST
+
+
+Kind = Literal["terrain", "vehicle"]
+
+_LONGEST = 1 << 20
+"""Bytes from which on nothing is a vehicle, so that large terrains are not read twice."""
+
+_named = re.compile(r"(?:^|.*[/:])(terrain|vehicle)(?:\.schema\.json)?").fullmatch
+_terrain = KEYS[Definition].keys() - VEHICLE_KEYS[VehicleText].keys()
+_vehicle = VEHICLE_KEYS[VehicleText].keys() - KEYS[Definition].keys()
+
+
+def document_kind(data: bytes) -> Kind | None:
+    """What a text is by its `$schema`, else by most of its keys; None if neither tells.
+
+    Args:
+        data: a text in UTF-8; one that is no JSON object is neither.
+    """
+    if len(data) > _LONGEST:
+        return "terrain"
+    try:
+        members = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
+        schema = msgspec.json.decode(members.get("$schema", b"null"))
+    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return None
+    if isinstance(schema, str) and (match := _named(schema)):
+        return "vehicle" if match[1] == "vehicle" else "terrain"
+    terrain, vehicle = len(_terrain & members.keys()), len(_vehicle & members.keys())
+    if terrain == vehicle:
+        return None
+    return "vehicle" if vehicle > terrain else "terrain"

@@ -3,7 +3,7 @@
 The figures are those of table 2.3 in J. Y. Wong, Theory of Ground Vehicles, 4th ed., Wiley 2008,
 but for the last, a simulant of Martian soil of the German Aerospace Center (DLR). How far a wheel
 sinks into them depends on the wheel and its load (Bekker 1969;
-`terratool.traversability.terramechanics.soils`).
+`terratool.traversability.soil`).
 """
 
 from __future__ import annotations

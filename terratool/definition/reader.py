@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
@@ -13,30 +13,113 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from msgspec import Struct, field
 
-from terratool.definition.built import Built, complete
+from terratool.definition.decode import build_vehicle
 from terratool.definition.findings import Finding, Remark, RemarkLog
-from terratool.text.display import shown, unescape
-from terratool.definition.ignoring import IgnoreLists
-from terratool.definition.keys import COMBINES, KEYS, Key
-from terratool.definition.model import (
-    Definition,
-    Element,
-    Primitive,
-    Surface,
-    Track,
-    names_of,
-)
-from terratool.definition.recognising import document_kind
-from terratool.definition.rules import Subject, all_rules
-from terratool.definition.source import Source, read_source
-from terratool.definition.tree import Tree, flatten
-from terratool.definition.values import Repeated, read_values, repeated_keys
-from terratool.definition.vehicles.model import VehicleText
+from terratool.definition.keys import COMBINES, KEYS, Key, document_kind
+from terratool.definition.model import Definition, Element, Primitive, Surface, Track, names_of
+from terratool.definition.rules import Rule, Subject, VehicleSubject, all_rules
+from terratool.definition.tree import Built, Owner, Tree, complete, flatten
+from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
+from terratool.text.display import shown, unescape
+from terratool.text.source import Source, read_source
+from terratool.text.values import Repeated, read_values, repeated_keys
 
 if TYPE_CHECKING:
-    from terratool.definition.misspelt import JsonSyntaxError
-    from terratool.definition.places import Position
+    from terratool.text.locate import Position
+    from terratool.text.syntax import JsonSyntaxError
+
+
+class IgnoreLists:
+    """The `x-ignore` lists of a definition, and which of their entries were of use."""
+
+    def __init__(self, lists: list[tuple[Owner, Any]]) -> None:
+        self._lists = lists
+        self._used: set[tuple[Owner, int]] = set()
+        self._codes = [
+            (owner, index, code)
+            for owner, listed in lists
+            if isinstance(listed, list)
+            for index, code in enumerate(listed)
+            if isinstance(code, str) and code
+        ]
+
+    def __bool__(self) -> bool:
+        return bool(self._lists)
+
+    def others(self, code: str, remarks: Iterable[Remark], tree: Tree) -> Iterator[Remark]:
+        """The warnings that no list around them silences; the lists that do are of use."""
+        lists: dict[Owner, list[tuple[Owner, int]]] = {}
+        for owner, index, listed in self._codes:
+            if code.startswith(listed):
+                lists.setdefault(owner, []).append((owner, index))
+        if not lists:
+            yield from remarks
+            return
+        silent: dict[Owner, bool] = {}  # what is known of owners, and so of all in them
+        for remark in remarks:
+            path: list[Owner] = []
+            around: Owner | None = _owner(remark)
+            while around is not None and around not in silent:
+                path.append(around)
+                around = _around(around, tree)
+            silenced = around is not None and silent[around]
+            for inner in reversed(path):
+                self._used.update(lists.get(inner, ()))
+                silenced = silent[inner] = silenced or inner in lists
+            if not silenced:
+                yield remark
+
+    def unused(self, rules: Mapping[str, Rule], idle: frozenset[str]) -> Iterator[Remark]:
+        """A remark on each entry that is none, or that silenced nothing.
+
+        Args:
+            rules: all rules by code.
+            idle: codes of those that did not look this time.
+        """
+        for owner, listed in self._lists:
+            if not isinstance(listed, list):
+                yield _remark(owner, "", "it is no list.", 'Write a list of codes, as ["TT208"].')
+                continue
+            for index, code in enumerate(listed):
+                if (owner, index) not in self._used and code not in list(idle):  # may be unhashable
+                    yield _remark(owner, f"/{index}", *_why(code, rules))
+
+
+def _why(code: Any, rules: Mapping[str, Rule]) -> tuple[str, str]:
+    if not isinstance(code, str):
+        return "an item is no code.", 'Write a text such as "TT208".'
+    meant = [rule for rule in rules.values() if code and rule.code.startswith(code)]
+    if not meant:
+        return f"no rule has the code {shown(code)}.", "See terratool rules for the codes."
+    if all(rule.severity == "error" for rule in meant):
+        return (
+            f"{shown(code)} is an error, which cannot be ignored.",
+            "Mend it, and remove the code.",
+        )
+    return f"{shown(code)} silences nothing here.", "Remove it."
+
+
+def _remark(owner: Owner, rest: str, message: str, hint: str) -> Remark:
+    pointer, message = f"/x-ignore{rest}", f'in "x-ignore", {message}'
+    if isinstance(owner, int):
+        return Remark(pointer, message, hint, element=owner)
+    return Remark(owner + pointer, message, hint)
+
+
+def _owner(remark: Remark) -> Owner:
+    """The innermost object around a remark, of those that may have a list."""
+    if remark.element >= 0:
+        return remark.element
+    return "/".join(remark.pointer.split("/", 3)[:3])
+
+
+def _around(owner: Owner, tree: Tree) -> Owner | None:
+    """The next one out."""
+    if isinstance(owner, int):
+        parent = tree.parents[owner]
+        return parent if parent >= 0 else ""
+    return owner.rpartition("/")[0] if owner else None
 
 
 class CheckOptions(Struct, frozen=True):
@@ -123,7 +206,7 @@ def _check(source: Source, options: CheckOptions) -> Checked:
     found = RemarkLog(options.limit)
     built = _quickly(data)
     if built is None:
-        from terratool.definition.structure import build
+        from terratool.definition.decode import build
 
         value, misspelt = plain_values(data)
         if misspelt is not None:
@@ -158,7 +241,7 @@ def _no_collector() -> Iterator[None]:
 
 def plain_values(data: bytes) -> tuple[Any, JsonSyntaxError | None]:
     """The values of a JSON text, or what is wrong with it."""
-    from terratool.definition.misspelt import JsonSyntaxError
+    from terratool.text.syntax import JsonSyntaxError
 
     try:
         return read_values(data), None
@@ -241,7 +324,7 @@ def placed(
     found.kept = [kept for kept in found.kept if options.shows(kept[0])]
     if not found.kept:
         return ()
-    from terratool.definition.places import Address, locate
+    from terratool.text.locate import Address, locate
 
     tree = built.tree
     pointers = [
@@ -292,8 +375,8 @@ def _duplicate(repeated: Repeated) -> Remark:
 
 def unreadable(source: Source, error: JsonSyntaxError) -> Checked:
     """What is said of a text that is no JSON: this one thing."""
-    from terratool.definition.misspelt import innermost
-    from terratool.definition.places import positions_of
+    from terratool.text.locate import positions_of
+    from terratool.text.syntax import innermost
 
     offsets = [error.offset]
     if error.inside:
@@ -315,7 +398,7 @@ def _in_bytes(data: bytes, offset: int) -> int:
 
 
 def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
-    from terratool.definition.misspelt import NO_TEXT, JsonSyntaxError
+    from terratool.text.syntax import NO_TEXT, JsonSyntaxError
 
     before = data[: error.start].decode("utf-8")
     message = f"the byte 0x{data[error.start]:02X} is not valid UTF-8."
@@ -325,3 +408,37 @@ def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
     elif b"\0" in data:
         hint = NO_TEXT
     return JsonSyntaxError("TT109", len(before), message, hint)
+
+
+def check_any(source: Source, options: CheckOptions | None = None) -> Checked:
+    """Read a terrain or a vehicle, whatever it looks like; what is neither is read as a terrain."""
+    if document_kind(source.data) == "vehicle":
+        return check_vehicle(source, options)
+    return check(source, options)
+
+
+def check_vehicle(source: Source, options: CheckOptions | None = None) -> Checked:
+    """Read a vehicle and let every rule look at it. Never raises for what the text contains."""
+    options = options or CheckOptions()
+    found = RemarkLog(options.limit)
+    value, misspelt = plain_values(source.data)
+    if misspelt is not None:
+        return unreadable(source, misspelt)
+    take_repeated(source.data, found)
+    vehicle, built = build_vehicle(value, found)
+    rules = all_rules()
+    if vehicle is not None:
+        subject = VehicleSubject(vehicle, built.unfit)
+        ignores = IgnoreLists(built.ignores)
+        for rule in rules.values():
+            if rule.vehicle_check is not None and (options.warnings or rule.severity == "error"):
+                remarks = rule.vehicle_check(subject)
+                if rule.severity == "warning":
+                    remarks = ignores.others(rule.code, remarks, built.tree)
+                found.take(rule.code, remarks)
+        if options.warnings:
+            found.take("TT113", ignores.unused(rules, frozenset()))
+    if any(rules[code].severity == "error" for code in found.counts):
+        vehicle = None
+    findings = placed(source, found, built, options)
+    return Checked(None, findings, found.counts, vehicle=vehicle)

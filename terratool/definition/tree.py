@@ -2,17 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator
+from bisect import bisect_left, insort
+from collections.abc import Container, Iterator, Sequence
 from functools import cached_property
-from itertools import chain, repeat
+from heapq import heappop, heappush
+from itertools import chain, pairwise, repeat
 from operator import add, attrgetter
 from typing import Any
 
-from msgspec import UNSET, Struct, field
+from msgspec import UNSET, Struct, field, structs
 
-from terratool.definition.blocks import Block, overlaps
 from terratool.definition.findings import Rectangle
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element
+
+Block = tuple[int, int, int, int]
+"""First column, first row, columns, rows."""
+
+
+def overlaps(blocks: Sequence[Block]) -> list[tuple[int, int]]:
+    """Pairs (later, earlier) of blocks that share a cell, sorted.
+
+    Each block is named as the later one at most once, and those that are not share no cell. A line
+    sweeps over the columns, with those blocks on it that overlap no other so far: n log n steps,
+    however large the blocks are.
+    """
+    found = []
+    line: list[tuple[int, int]] = []  # first row and index, in order
+    ends: list[tuple[int, int]] = []  # column where a block ends, and its index
+    for index in sorted(range(len(blocks)), key=lambda index: blocks[index][0]):
+        x, y, width, height = blocks[index]
+        while ends and ends[0][0] <= x:
+            _, over = heappop(ends)
+            at = bisect_left(line, (blocks[over][1], over))
+            if line[at : at + 1] == [(blocks[over][1], over)]:  # not taken off before
+                del line[at]
+        first = bisect_left(line, (y, -1))
+        if first and y < line[first - 1][0] + blocks[line[first - 1][1]][3]:
+            first -= 1
+        last = bisect_left(line, (y + height, -1))
+        sharing = [other for _, other in line[first:last]]
+        earliest = min(sharing, default=index)
+        if earliest < index:
+            found.append((index, earliest))
+            continue
+        found += [(other, index) for other in sharing]
+        del line[first:last]
+        insort(line, (y, index))
+        heappush(ends, (x + width, index))
+    return sorted(found)
+
+
+def cover(blocks: Sequence[Block], target: Block) -> bool:
+    """Whether blocks together cover another; time about quadratic in their number."""
+    x, y, width, height = target
+    near = sorted(
+        (low, low + high, left, left + wide)
+        for left, low, wide, high in blocks
+        if left < x + width and x < left + wide and low < y + height and y < low + high
+    )
+    edges = {x, *(edge for block in near for edge in block[2:] if x < edge < x + width)}
+    for edge in edges:
+        reached = y
+        for low, high, left, right in near:
+            if left <= edge < right:
+                if low > reached:
+                    return False
+                if high > reached:
+                    reached = high
+        if reached < y + height:
+            return False
+    return True
+
 
 ROOT = "/elemTree"
 
@@ -209,3 +269,42 @@ def flatten(definition: Definition) -> Tree:
                     level.extend(children)
                     families.append((index, begin, after + len(level)))
     return Tree(elements, families, levels)
+
+
+Owner = int | str
+"""An element by its index in the tree, anything else by its JSON pointer."""
+
+
+class Built(Struct):
+    """The model as far as it could be built.
+
+    Attributes:
+        definition: without its elements; None where the text is no object.
+        tree: the elements.
+        unfit: of each key the owners whose value was left out; "" is for the owner itself.
+        ignores: owner and value of each `x-ignore`.
+    """
+
+    definition: Definition | None = None
+    tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
+    unfit: dict[str, set[Owner]] = field(default_factory=dict)
+    ignores: list[tuple[Owner, Any]] = field(default_factory=list)
+
+
+def complete(built: Built) -> Definition:
+    """The definition with its elements; none of its values may have been left out."""
+    tree, definition = built.tree, built.definition
+    assert definition is not None
+    if tree.elements:
+        return definition
+    broods: list[Any] = [UNSET] * len(tree)
+    families = list(tree.families)
+    elements: list[Element] = []  # of the level below
+    names = Element.__struct_fields__[:-1]  # the last are the children
+    for begin, end in reversed(list(pairwise(tree.levels))):
+        while families and families[-1][0] >= begin:
+            parent, first, last = families.pop()
+            broods[parent] = tuple(elements[first - end : last - end])
+        columns = [tree.column(name)[begin:end] for name in names]
+        elements = list(map(Element, *columns, broods[begin:end]))
+    return structs.replace(definition, elem_tree=elements[0])

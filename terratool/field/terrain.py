@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +14,88 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.model import Definition
 from terratool.definition.reader import load_definition
-from terratool.field.batches import batch_heights
-from terratool.field.compiling import Compiled, compile_definition
-from terratool.field.types import FieldArrays
+from terratool.errors import RequestError
+from terratool.field.compile import Compiled, compile_definition
+from terratool.field.records import FieldArrays
 from terratool.kernels import field as kernels
+
+Bounds = tuple[float, float, float, float]
+"""West, south, east, north."""
+
+
+def check_bounds(bounds: Bounds, terrain: Terrain) -> None:
+    """Refuse a rectangle that holds nothing of a terrain.
+
+    Raises:
+        RequestError: it is empty, or misses the terrain.
+    """
+    check_overlap(bounds, terrain.bounds, "the terrain")
+
+
+def check_overlap(bounds: Bounds, extent: Bounds, name: str) -> None:
+    """Refuse a rectangle that has nothing in common with the extent of what is called `name`.
+
+    Raises:
+        RequestError: it is empty, or has not.
+    """
+    refuse_empty(bounds)
+    west, south, east, north = bounds
+    if west >= extent[2] or east <= extent[0] or south >= extent[3] or north <= extent[1]:
+        raise RequestError(
+            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} miss {name}.",
+            f"It lies in {' '.join(f'{side:.12g}' for side in extent)}.",
+        )
+
+
+def refuse_empty(bounds: Bounds) -> None:
+    """Refuse a rectangle that holds nothing.
+
+    Raises:
+        RequestError: it is empty, or has a side that is no number.
+    """
+    west, south, east, north = bounds
+    if not all(map(math.isfinite, bounds)) or west >= east or south >= north:
+        raise RequestError(
+            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} are empty.",
+            "Give west south east north, west below east and south below north.",
+        )
+
+
+def clip_bounds(terrain: Terrain, bounds: Bounds | None) -> Bounds:
+    """The part of a terrain that lies within the bounds; all of it if None."""
+    west, south, east, north = terrain.bounds
+    if bounds is None:
+        return west, south, east, north
+    return max(west, bounds[0]), max(south, bounds[1]), min(east, bounds[2]), min(north, bounds[3])
+
+
+CHUNK = 1 << 21
+
+SMALL_FIELD = 1 << 20
+"""A field of fewer bytes stays in the cache anyway."""
+
+_SMALL_BATCH = 1 << 13
+
+
+def batch_heights(
+    arrays: FieldArrays, field: kernels.Field, x: NDArray[np.float64], y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Heights at points: `x`, `y` and the answer are (n,) float64."""
+    out = np.empty(len(x))
+    if arrays.busy_nbytes < SMALL_FIELD or len(x) < _SMALL_BATCH:
+        kernels.heights(field, x, y, out)
+        return out
+    size = min(CHUNK, len(x))
+    order = np.empty(size, np.int64)
+    sorted_x, sorted_y, heights = np.empty(size), np.empty(size), np.empty(size)
+    for begin in range(0, len(x), size):
+        part = slice(begin, begin + size)
+        count = len(x[part])
+        by_place = order[:count], sorted_x[:count], sorted_y[:count]
+        kernels.sort_by_place(x[part], y[part], arrays.bounds, *by_place)
+        kernels.heights(field, *by_place[1:], heights[:count])
+        out[part][by_place[0]] = heights[:count]
+    return out
 
 
 @dataclass(frozen=True, slots=True)

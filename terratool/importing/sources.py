@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from terratool.errors import ReadError, RequestError
-from terratool.field.parts import Bounds, refuse_empty
+from terratool.field.terrain import Bounds, refuse_empty
 from terratool.importing.samples import HeightSource
 
 MESHES = (
@@ -62,11 +62,11 @@ def open_source(name: str, options: SourceOptions = SourceOptions()) -> Iterator
     """
     refuse_odd(name, options)
     if is_mesh(name):
-        from terratool.importing.meshes.sampling import read_mesh
+        from terratool.importing.sampling import read_mesh
 
         yield read_mesh(name, options.resolution, options.up, options.scale, options.bounds)
         return
-    from terratool.importing.raster import open_raster
+    from terratool.importing.rasters import open_raster
 
     with open_raster(
         name,

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.parts import Bounds, check_bounds, clip_bounds
-from terratool.field.terrain import Terrain
-from terratool.mesh.building import build
+from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
+from terratool.mesh.build import build
+from terratool.mesh.files import check_request
 from terratool.mesh.formats.vrml import write_elevation_grid
-from terratool.mesh.measuring import spread, wall_summary
-from terratool.mesh.statement import GridLoss, Peak, WallSummary
+from terratool.mesh.loss import GridLoss, Peak, WallSummary
+from terratool.mesh.measure import spread, wall_summary
 from terratool.mesh.types import HeightGrid
-from terratool.mesh.writing import check_request
 from terratool.output import whole_file
 
 SUFFIX = ".wrl"

@@ -12,18 +12,16 @@ from typing import Any
 import numpy as np
 
 from terratool.errors import RequestError
-from terratool.field.extents import largest_heights
-from terratool.field.parts import Bounds, check_bounds, clip_bounds
+from terratool.field.bounds import largest_heights
 from terratool.field.summary import height_range
-from terratool.field.terrain import Terrain
+from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
 from terratool.mesh.budget import BudgetedMesh, within_budget
-from terratool.mesh.building import build
-from terratool.mesh.distinct import collapse_degenerate
-from terratool.mesh.measuring import omitted_elements, wall_summary
-from terratool.mesh.outlines import largest_depths
-from terratool.mesh.statement import MeshLoss, counted, length
+from terratool.mesh.build import build
+from terratool.mesh.constraints import largest_depths
+from terratool.mesh.files import check_request, collapse_degenerate, rounding_of, write_mesh
+from terratool.mesh.loss import MeshLoss, counted, length
+from terratool.mesh.measure import omitted_elements, wall_summary
 from terratool.mesh.types import BuiltMesh
-from terratool.mesh.writing import check_request, rounding_of, write_mesh
 
 SHARE = 1e-3
 """The largest error, if not said, in parts of the relief …"""

@@ -11,12 +11,11 @@ from typing import Any
 
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.mesh.distinct import collapse_degenerate
+from terratool.mesh.files import collapse_degenerate, rounding_of, write_mesh
 from terratool.mesh.formats.table import FORMATS, mesh_format
-from terratool.mesh.measuring import joined, wall_summary
-from terratool.mesh.statement import MeshLoss, OmittedElements, WallSummary
-from terratool.mesh.tiling import TILE_FACES, build_tile, lay_out
-from terratool.mesh.writing import rounding_of, write_mesh
+from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary
+from terratool.mesh.measure import joined, wall_summary
+from terratool.mesh.tiles import TILE_FACES, build_tile, lay_out
 from terratool.output import refuse_existing, stop_on_signals, whole_file
 
 INDEX = "tiles.json"

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.types import FieldArrays
+from terratool.field.records import FieldArrays
 from terratool.kernels import field as fields
 from terratool.kernels import mesh as kernels
-from terratool.mesh.statement import RutLoss
+from terratool.mesh.loss import RutLoss
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,12 +25,16 @@ from terratool.raster.formats import (
 from terratool.raster.geotiff import Compression, crs_of
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands, SurfaceValues, files_of, layers_named
-from terratool.raster.losses import LossFinder
-from terratool.raster.sinks import open_writer
-from terratool.raster.statement import RasterLoss
-from terratool.raster.statistics import BandStatistics, combined
-from terratool.raster.tally import RasterStatistics, StatisticsSum, window_statistics
-from terratool.raster.windows import WindowMaker, heights_type, prefetch, processors, windows_of
+from terratool.raster.loss import LossFinder, RasterLoss
+from terratool.raster.prefetch import WindowMaker, heights_type, prefetch, processors, windows_of
+from terratool.raster.statistics import (
+    BandStatistics,
+    RasterStatistics,
+    StatisticsSum,
+    combined,
+    window_statistics,
+)
+from terratool.raster.writers import open_writer
 
 COMPANIONS = ("*.aux.xml", "*.ovr", "*.msk")
 """What GDAL keeps beside a raster, and would believe of a newer one, too; * is its name."""

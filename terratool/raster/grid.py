@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.extents import finest_details
-from terratool.field.parts import Bounds, check_bounds
-from terratool.field.terrain import Terrain
+from terratool.field.bounds import finest_details
+from terratool.field.terrain import Bounds, Terrain, check_bounds
 
 DEFAULT_PIXELS = 4096
 """The longer side of a raster whose resolution was left to us has at most this many pixels."""

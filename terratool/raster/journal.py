@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from terratool.errors import WriteError
-from terratool.raster.tally import RasterStatistics
+from terratool.raster.statistics import RasterStatistics
 from terratool.raster.tiles import (
     OWNED,
     SCRATCH,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from terratool.definition.presets import property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.raster.painting import Planes, id_type
+from terratool.raster.painter import Planes, id_type
 
 Pixels = NDArray[Any]
 

@@ -33,8 +33,9 @@ from terratool.raster.geotiff import Compression, crs_of
 from terratool.raster.grid import Grid
 from terratool.raster.journal import Journal, journal_of
 from terratool.raster.layers import files_of, layers_named
-from terratool.raster.losses import LossFinder
-from terratool.raster.tally import RasterStatistics, StatisticsSum, in_order
+from terratool.raster.loss import LossFinder
+from terratool.raster.prefetch import heights_type, prefetch
+from terratool.raster.statistics import RasterStatistics, StatisticsSum, in_order
 from terratool.raster.tiles import (
     INDEX,
     OWNED,
@@ -47,7 +48,6 @@ from terratool.raster.tiles import (
     remove_scratch,
 )
 from terratool.raster.vrt import index_of
-from terratool.raster.windows import heights_type, prefetch
 
 TILE_SIZE = 4096
 """Pixels on the side of a tile, if not said."""
@@ -114,7 +114,7 @@ def export_mosaic(
     threads = checked_threads(threads)
     connection: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
     if dask is not None:
-        from terratool.raster.distributed import connected
+        from terratool.raster.dask import connected
 
         connection = connected(dask, threads)
     with (
@@ -237,7 +237,7 @@ def _make(
     if dask is None:
         done = made_by_threads(tiler, jobs, threads)
     else:
-        from terratool.raster.distributed import made_by_dask
+        from terratool.raster.dask import made_by_dask
 
         done = made_by_dask(client, tiler, jobs, dask)
     with contextlib.closing(done):

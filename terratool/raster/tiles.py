@@ -24,9 +24,9 @@ from terratool.raster.formats import RasterFormat
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands
-from terratool.raster.losses import LossFinder
-from terratool.raster.tally import RasterStatistics
-from terratool.raster.windows import TILE, WindowMaker, heights_type
+from terratool.raster.loss import LossFinder
+from terratool.raster.prefetch import TILE, WindowMaker, heights_type
+from terratool.raster.statistics import RasterStatistics
 
 INDEX = "mosaic.vrt"
 """The index, if it is not given another name."""

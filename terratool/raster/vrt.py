@@ -10,12 +10,19 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from terratool.field.terrain import Terrain
-from terratool.raster.geotiff import crs_of, statistics_tags, transform_of
+from terratool.raster.geotiff import (
+    MOST_COLORS,
+    colormap,
+    crs_of,
+    describe,
+    statistics_tags,
+    transform_of,
+    xml_text,
+)
 from terratool.raster.layers import Bands
-from terratool.raster.palette import MOST_COLORS, colormap, describe, xml_text
-from terratool.raster.tally import RasterStatistics
+from terratool.raster.prefetch import TILE
+from terratool.raster.statistics import RasterStatistics
 from terratool.raster.tiles import MosaicPlan
-from terratool.raster.windows import TILE
 
 _TYPES = {
     "uint8": "Byte", "uint16": "UInt16", "uint32": "UInt32",

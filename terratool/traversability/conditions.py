@@ -8,8 +8,8 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from terratool.text.display import shown
 from terratool.errors import RequestError
+from terratool.text.display import shown
 from terratool.traversability.results import Extreme, Route, TraversabilityReport, Verdict
 
 _Value = float | None

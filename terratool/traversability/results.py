@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
-from terratool.traversability.types import Vehicle
+from terratool.traversability.vehicle import Vehicle
 
 
 class Verdict(IntEnum):

@@ -1,26 +1,202 @@
-"""Vehicle files become vehicles in SI units, with everything that has a default filled in."""
+"""Vehicles and soils as frozen values in SI units, and how files become vehicles."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.reader import CheckOptions, refusal
-from terratool.definition.recognising import document_kind
-from terratool.definition.source import read_source
-from terratool.definition.vehicles.model import VehicleText
-from terratool.definition.vehicles.reader import check_vehicle
+from terratool.definition.keys import document_kind
+from terratool.definition.reader import CheckOptions, check_vehicle, refusal
+from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
-from terratool.traversability.types import (
-    Axle,
-    Margins,
-    Overhang,
-    Thresholds,
-    Vehicle,
-    Wheel,
-)
+from terratool.text.source import read_source
+
+
+@dataclass(frozen=True, slots=True)
+class Soil:
+    """The soil of a surface; numbers, or arrays that broadcast together.
+
+    Attributes:
+        cohesion: c, Pa, 0 or more.
+        friction: φ, rad, 0 or more and below π/2.
+        sinkage: k, m/N, 0 or more; 0 is rigid ground. z = k·W.
+        shear_modulus: K of Janosi and Hanamoto, m, above 0; 0 where it is not known, and then all
+            of the shear strength is mobilised whatever the slip.
+    """
+
+    cohesion: Any
+    friction: Any
+    sinkage: Any
+    shear_modulus: Any = 0.0
+
+    @classmethod
+    def of(cls, cohesion: Any, friction: Any, sinkage: Any, shear_modulus: Any = 0.0) -> Soil:
+        """From the units of a definition: kPa, degrees, m/kN, m."""
+        return cls(cohesion * 1e3, friction * (math.pi / 180.0), sinkage * 1e-3, shear_modulus)
+
+
+@dataclass(frozen=True, slots=True)
+class Wheel:
+    """A rigid wheel.
+
+    Attributes:
+        radius: r, m.
+        width: b, m.
+        max_torque: that its motor gives, N m; infinity where it is not limited.
+        max_slip: beyond which it is not to be driven, above 0 and up to 1.
+    """
+
+    radius: float
+    width: float
+    max_torque: float = math.inf
+    max_slip: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Axle:
+    """Wheels side by side.
+
+    Attributes:
+        x: m ahead of the centre of gravity.
+        wheels: their number.
+        driven: whether they are.
+    """
+
+    x: float
+    wheels: int = 2
+    driven: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Overhang:
+    """What of the body lies beyond the outermost axle at one end.
+
+    Attributes:
+        length: m from the middle of the axle's wheels to the end of the body; 0 for none.
+        height: of the body's end over level ground, m; infinity where nothing can touch.
+    """
+
+    length: float = 0.0
+    height: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """What is kept in reserve; taken off each limit before anything is compared with it.
+
+    Attributes:
+        clearance: under the body, m.
+        step: of a step's height, m.
+        tip: of the angle at which it tips over, rad.
+        slope: of the climb and the cross-slope, rad.
+    """
+
+    clearance: float = 0.0
+    step: float = 0.0
+    tip: float = 0.0
+    slope: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Where go ends and caution ends.
+
+    Attributes:
+        utilisation: of the soil's strength U, up to which it is go; caution up to 1.
+        slip: s up to which it is go.
+        caution_slip: s up to which it is caution.
+        torque: share of the largest torque up to which it is go; caution up to 1.
+        geometry: share of a limit of shape (step, clearance, tip-over, cross-slope, breakover,
+            approach) up to which it is go; caution up to 1.
+    """
+
+    utilisation: float = 0.7
+    slip: float = 0.2
+    caution_slip: float = 0.6
+    torque: float = 0.7
+    geometry: float = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """A vehicle, or a wheel by itself, with the loads that it bears.
+
+    Attributes:
+        wheel: each of its wheels.
+        axles: from the front to the rear.
+        mass: kg.
+        gravity: m/s².
+        track: m between the middles of the left and the right wheels; 0 for a wheel by itself.
+        cog_height: of the centre of gravity over level ground, m; 0 for a wheel by itself.
+        clearance: of the body between the outermost axles over level ground, m; infinity for none.
+        body_width: of the body, m; 0 for none. Wheels may stand out of it or under it.
+        front, rear: overhangs.
+        speed: of the wheels' treads, m/s.
+        power: that is drawn whether it drives or not, W.
+        margins: what is kept in reserve.
+        thresholds: of go and caution.
+        name: for reports.
+    """
+
+    wheel: Wheel
+    axles: tuple[Axle, ...]
+    mass: float
+    gravity: float = 9.80665
+    track: float = 0.0
+    cog_height: float = 0.0
+    clearance: float = math.inf
+    body_width: float = 0.0
+    front: Overhang = field(default_factory=Overhang)
+    rear: Overhang = field(default_factory=Overhang)
+    speed: float = 1.0
+    power: float = 0.0
+    margins: Margins = field(default_factory=Margins)
+    thresholds: Thresholds = field(default_factory=Thresholds)
+    name: str = ""
+
+    @classmethod
+    def single(cls, wheel: Wheel, load: float) -> Vehicle:
+        """A driven wheel by itself that bears `load` newtons."""
+        return cls(wheel, (Axle(0.0, 1),), load, 1.0)
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it is a wheel by itself: no body, no slope that tips it over."""
+        return len(self.axles) == 1 and self.axles[0].wheels == 1
+
+    @property
+    def weight(self) -> float:
+        """Mass times gravity, N."""
+        return self.mass * self.gravity
+
+    @property
+    def wheels(self) -> int:
+        """Number of wheels."""
+        return sum(axle.wheels for axle in self.axles)
+
+    @property
+    def wheelbase(self) -> float:
+        """From the foremost to the rearmost axle, m; 0 for one axle."""
+        return self.axles[0].x - self.axles[-1].x
+
+    @property
+    def middle(self) -> float:
+        """Of the wheelbase, m ahead of the centre of gravity: the vehicle's reference point."""
+        return 0.5 * (self.axles[0].x + self.axles[-1].x)
+
+    @property
+    def rectangle(self) -> tuple[float, float, float]:
+        """What it covers seen from above: m ahead of, behind and to each side of `middle`."""
+        radius, half = self.wheel.radius, 0.5 * self.wheelbase
+        return (
+            half + max(radius, self.front.length),
+            half + max(radius, self.rear.length),
+            0.5 * max(self.track + self.wheel.width, self.body_width),
+        )
 
 
 def load_vehicle(path: str | Path) -> Vehicle:

@@ -17,13 +17,12 @@ from inspect import cleandoc
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.built import Owner
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Remark, Severity
 from terratool.definition.model import Definition
-from terratool.definition.profiles import ShapeSummary, summarise_shape
-from terratool.definition.tree import Tree
-from terratool.definition.vehicles.model import AxleText, VehicleText
+from terratool.definition.summaries import ShapeSummary, summarise_shape
+from terratool.definition.tree import Owner, Tree
+from terratool.definition.vehicle import AxleText, VehicleText
 
 _MODULES = (
     "reading", "files", "presence", "names", "usage", "placement", "hiding", "steps", "curves",

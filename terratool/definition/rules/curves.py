@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from terratool.definition.findings import Remark
-from terratool.text.display import escape
 from terratool.definition.rules import Subject, rule
+from terratool.text.display import escape
 
 
 def _remarks(subject: Subject, code: str) -> Iterator[Remark]:

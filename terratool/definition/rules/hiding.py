@@ -7,11 +7,10 @@ from functools import cached_property
 
 from msgspec import UNSET
 
-from terratool.definition.blocks import cover, overlaps
 from terratool.definition.findings import Remark
-from terratool.text.display import escape, shown
 from terratool.definition.rules import Subject, rule
-from terratool.definition.tree import Tree
+from terratool.definition.tree import Tree, cover, overlaps
+from terratool.text.display import escape, shown
 
 _MANY = 100
 """Overlapping siblings that are compared all with all; of more it takes longer than it helps."""

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.text.display import escape, shown
 from terratool.definition.model import CurveValue
-from terratool.definition.profiles import value_range
 from terratool.definition.rules import Subject, rule
+from terratool.definition.summaries import value_range
+from terratool.text.display import escape, shown
 
 _CLOSE = 1e-9
 

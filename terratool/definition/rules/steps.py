@@ -7,10 +7,16 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.text.display import shown
-from terratool.definition.profiles import Range, ShapeSummary, edge_range, tallest_step, value_range
 from terratool.definition.rules import Subject, rule
+from terratool.definition.summaries import (
+    Range,
+    ShapeSummary,
+    edge_range,
+    tallest_step,
+    value_range,
+)
 from terratool.definition.tree import Tree
+from terratool.text.display import shown
 
 _CLOSE = 1e-9
 

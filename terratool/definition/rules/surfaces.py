@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.text.display import escape, shown
 from terratool.definition.presets import PRESETS
 from terratool.definition.rules import Subject, rule
+from terratool.text.display import escape, shown
 
 _SOIL = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
 _LONG = 60  # characters of a name that may be a typo

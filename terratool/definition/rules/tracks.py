@@ -8,9 +8,9 @@ from itertools import chain, pairwise
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.text.display import shown
 from terratool.definition.model import Track
 from terratool.definition.rules import Subject, rule
+from terratool.text.display import shown
 
 
 @rule("TT601", "no-depth")

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.text.display import escape, shown
 from terratool.definition.rules import Subject, rule
+from terratool.text.display import escape, shown
 
 
 @rule("TT204", "unused-primitive", "warning")

@@ -8,9 +8,9 @@ from itertools import product
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.text.display import shown
 from terratool.definition.rules import VehicleSubject, vehicle_rule
-from terratool.definition.vehicles.model import AxleText
+from terratool.definition.vehicle import AxleText
+from terratool.text.display import shown
 
 _CLOSE = 1e-9
 _AGREE = 1e-3

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.text.display import shown
 from terratool.definition.rules import VehicleSubject, vehicle_rule
-from terratool.definition.vehicles.model import VehicleText
+from terratool.definition.vehicle import VehicleText
+from terratool.text.display import shown
 
 _SLIP, _CAUTION_SLIP = 0.2, 0.6
 """Thresholds where a file has none."""

@@ -9,9 +9,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.places import positions_of
 from terratool.errors import ReadError
 from terratool.kernels import importing as kernels
+from terratool.text.locate import positions_of
 
 _gap = re.compile(rb"(?:[\t-\r ,]++|#[^\r\n]*+)*+").match
 _word = re.compile(rb"[^\x00-\x20,#\"\[\]{}\x7f]++").match

@@ -11,8 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.mesh.formats.parts import SurfacePart, points_of, shape_of, surface_parts
-from terratool.mesh.formats.text import encodable, linear
+from terratool.mesh.formats.common import (
+    SurfacePart,
+    encodable,
+    linear,
+    points_of,
+    shape_of,
+    surface_parts,
+)
 from terratool.mesh.types import Mesh
 
 _FLOAT, _UNSIGNED = 5126, 5125

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from terratool.mesh.formats.parts import points_of, surface_parts, world_points_of
-from terratool.mesh.formats.text import (
+from terratool.mesh.formats.common import (
     color_text,
     lines_of,
     origin_of,
     plain_names,
+    points_of,
     quoted,
+    surface_parts,
+    world_points_of,
     write_faces,
     write_points,
 )

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terratool.mesh.formats.parts import face_colors, points_of, world_points_of
-from terratool.mesh.formats.text import origin_of
+from terratool.mesh.formats.common import face_colors, origin_of, points_of, world_points_of
 from terratool.mesh.types import Mesh
 
 _FACE = np.dtype(

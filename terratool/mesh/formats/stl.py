@@ -6,8 +6,7 @@ import struct
 from pathlib import Path
 
 from terratool.kernels import mesh as kernels
-from terratool.mesh.formats.parts import points_of
-from terratool.mesh.formats.text import origin_of
+from terratool.mesh.formats.common import origin_of, points_of
 from terratool.mesh.types import Mesh
 
 _HEADER_BYTES = 80

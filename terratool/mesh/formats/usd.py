@@ -6,8 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from terratool.mesh.formats.parts import face_colors, points_of, surface_parts
-from terratool.mesh.formats.text import ascii_word, encodable, linear, plain_names
+from terratool.mesh.formats.common import (
+    ascii_word,
+    encodable,
+    face_colors,
+    linear,
+    plain_names,
+    points_of,
+    surface_parts,
+)
 from terratool.mesh.types import Mesh
 
 

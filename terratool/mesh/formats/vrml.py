@@ -9,15 +9,18 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.mesh.formats.parts import NO_COLOR, points_of, shape_of, surface_parts
-from terratool.mesh.formats.text import (
+from terratool.mesh.formats.common import (
+    NO_COLOR,
     ascii_word,
     color_text,
     lines_of,
     origin_of,
     overview,
     plain_names,
+    points_of,
     quoted,
+    shape_of,
+    surface_parts,
     write_faces,
     write_points,
 )

@@ -5,15 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from terratool.mesh.formats.parts import points_of, shape_of, surface_parts
-from terratool.mesh.formats.text import (
+from terratool.mesh.formats.common import (
     ascii_word,
     color_text,
     lines_of,
     origin_of,
     overview,
     plain_names,
+    points_of,
     quoted,
+    shape_of,
+    surface_parts,
     write_faces,
     write_points,
 )

@@ -1,0 +1,166 @@
+"""Options that commands share: what to take from a source, which vehicle or wheel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from terratool.importing.sources import SourceOptions
+    from terratool.traversability.vehicle import Vehicle
+
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_NAMES = ("bounds", "window", "band", "crs", "nodata", "resolution", "up", "scale")
+
+
+def source_options(command: _Command) -> _Command:
+    """Add the options to a command; it gets them by name, and `options_of` collects them."""
+    for option in reversed(
+        (
+            click.option(
+                "--bounds",
+                nargs=4,
+                type=float,
+                metavar="W S E N",
+                help="Take the pixels with their centres in this rectangle, in the source's "
+                "coordinates.",
+            ),
+            click.option(
+                "--window",
+                nargs=4,
+                type=int,
+                metavar="COL ROW W H",
+                help="Take these pixels of a raster, counted from the north-west.",
+            ),
+            click.option(
+                "--band", type=int, metavar="N", help="Band of a raster with the heights."
+            ),
+            click.option(
+                "--crs", metavar="CRS", help="Reproject a raster first, as to EPSG:32633."
+            ),
+            click.option(
+                "--nodata", type=float, metavar="Z", help="A number that stands for no height."
+            ),
+            click.option(
+                "--resolution", type=float, metavar="R", help="Side of the pixels of a mesh."
+            ),
+            click.option(
+                "--up",
+                type=click.Choice(["y", "z"]),
+                help="The axis of a mesh that points up.  [default: as its format has it]",
+            ),
+            click.option(
+                "--scale",
+                type=float,
+                default=1.0,
+                metavar="F",
+                help="Factor on the coordinates of a mesh, as 0.001 for millimetres.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def options_of(values: dict[str, Any]) -> SourceOptions:
+    """Take the values of these options out of all of a command's."""
+    from terratool.importing.sources import SourceOptions
+
+    return SourceOptions(**{name: values.pop(name) for name in _NAMES})
+
+
+_NEEDED = ("wheel_radius", "wheel_width", "load")
+_WHEEL = (*_NEEDED, "torque", "max_slip")
+_LEAST, _MOST = 1e-6, 1e9
+"""Of each of them: with these nothing overflows on the way."""
+
+
+def _positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not _LEAST <= value <= _MOST:  # nor NaN
+        what = "is no number" if math.isnan(value) else f"is not from {_LEAST:g} to {_MOST:g}"
+        raise click.BadParameter(f"{value:g} {what}.")
+    return value
+
+
+def _slip(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not 0 < value <= 1:
+        raise click.BadParameter(f"{value:g} is not above 0 and up to 1.")
+    return value
+
+
+def vehicle_options(command: _Command) -> _Command:
+    """Add the options to a command; it gets them by name, and `vehicle_from` collects them."""
+    for option in reversed(
+        (
+            click.option("--vehicle", metavar="V.json", help="The vehicle, from its file."),
+            _measure("--wheel-radius", "R", "Instead of a vehicle: a driven wheel's radius, m."),
+            _measure("--wheel-width", "B", "Its width, m."),
+            _measure("--load", "W", "The load that it bears, N."),
+            _measure("--torque", "T", "The largest torque of its motor, N m.  [default: no limit]"),
+            click.option(
+                "--max-slip",
+                type=float,
+                metavar="S",
+                callback=_slip,
+                help="The largest slip at which it is driven, up to 1.  [default: 1]",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def _measure(name: str, metavar: str, text: str) -> Callable[[_Command], _Command]:
+    return click.option(name, type=float, metavar=metavar, callback=_positive, help=text)
+
+
+def vehicle_from(values: dict[str, Any]) -> Vehicle:
+    """Take the values of these options out of all of a command's, and make the vehicle of them.
+
+    Raises:
+        click.UsageError: they name both a vehicle and a wheel, neither, or half a wheel.
+        ReadError: the vehicle's file cannot be read.
+        DefinitionError: it has errors, or is a terrain.
+    """
+    path = values.pop("vehicle")
+    wheel = {name: value for name in _WHEEL if (value := values.pop(name)) is not None}
+    if path is not None:
+        if wheel:
+            raise click.UsageError(
+                f"{_named(wheel)} {'says' if len(wheel) == 1 else 'say'} what --vehicle says in "
+                "its file. Give a vehicle or a wheel, not both."
+            )
+        from terratool.traversability.vehicle import load_vehicle
+
+        return load_vehicle(path)
+    if not wheel:
+        raise click.UsageError(
+            "There is no vehicle. Give --vehicle V.json, or a wheel by --wheel-radius, "
+            "--wheel-width and --load."
+        )
+    missing = [name for name in _NEEDED if name not in wheel]
+    if missing:
+        raise click.UsageError(
+            f"A wheel needs {_named(missing)}, too. Add what is missing, or give --vehicle V.json."
+        )
+
+    from terratool.traversability.vehicle import Vehicle, Wheel
+
+    return Vehicle.single(
+        Wheel(
+            wheel["wheel_radius"],
+            wheel["wheel_width"],
+            wheel.get("torque", math.inf),
+            wheel.get("max_slip", 1.0),
+        ),
+        wheel["load"],
+    )
+
+
+def _named(names: Any) -> str:
+    options = [f"--{name.replace('_', '-')}" for name in names]
+    return " and ".join([", ".join(options[:-1]), options[-1]] if options[1:] else options)

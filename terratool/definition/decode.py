@@ -1,0 +1,508 @@
+"""From plain JSON values to the typed models, with a remark for everything that does not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import chain
+from typing import Any, TypeVar
+
+from msgspec import UNSET, Struct, UnsetType
+
+from terratool.definition.findings import Remark, RemarkLog
+from terratool.definition.keys import (
+    ALL_KEYS,
+    BIGGEST,
+    JSON_TYPES,
+    KEYS,
+    MAX_AXLES,
+    NEVER,
+    REQUIRED,
+    SLOTS,
+    VEHICLE_KEYS,
+    Key,
+    QuickCheck,
+    fits_double,
+)
+from terratool.definition.model import LARGEST, Definition, Element, Primitive, Surface, Track
+from terratool.definition.tree import Built, Owner, Tree
+from terratool.definition.vehicle import (
+    AxleText,
+    ClassesText,
+    CogText,
+    MarginsText,
+    OverhangText,
+    VehicleText,
+    WheelsText,
+)
+from terratool.text.display import escape, shown
+
+_LONG = 60  # characters of a key that may be a typo
+_SUBJECTS: dict[type, str] = {
+    Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
+    Element: "an element", Track: "a track", VehicleText: "a vehicle", WheelsText: "the wheels",
+    AxleText: "an axle", CogText: "the centre of gravity", OverhangText: "the overhang",
+    MarginsText: "the margins", ClassesText: "the classes",
+}  # fmt: skip
+JSON_NAMES = {
+    dict: "an object", list: "a list", str: "a text", bool: "true or false",
+    int: "a number", float: "a number", type(None): "null",
+}  # fmt: skip
+
+
+def type_in_words(item: Any) -> str:
+    """What a value of a JSON text is, in words."""
+    if isinstance(item, str):
+        return f"the text {shown(item)}"
+    if isinstance(item, bool):
+        return "true" if item else "false"
+    if isinstance(item, int | float):
+        return f"the number {shown(item)}"
+    if isinstance(item, list):
+        return f"a list of {len(item)} item{'s' * (len(item) != 1)}" if item else "an empty list"
+    return JSON_NAMES[type(item)]
+
+
+@lru_cache(maxsize=256)
+def unknown_key(kind: type, key: str, beside: frozenset[str]) -> tuple[str, str]:
+    """Message and hint for a key that a kind of object does not have, among the keys beside it."""
+    from difflib import get_close_matches
+
+    known = list(SLOTS[kind])
+    close = [name for name in known if name.lower() == key.lower()]
+    if not close and len(key) <= _LONG:
+        close = get_close_matches(key, known, 1, 0.6)
+    hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
+    if close and close[0] in beside:
+        hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
+    hint += " A key of your own begins with x-."
+    return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint
+
+
+class Decoder:
+    """Fits values into a model; what builds a terrain or a vehicle is one.
+
+    What does not fit is told to `found`, and noted as left out in what is built.
+    """
+
+    def __init__(self, found: RemarkLog) -> None:
+        self._found = found
+        self._built = Built()
+        self._failed = False
+
+    def _leave_out(self, owner: Owner, key: str) -> None:
+        self._built.unfit.setdefault(key, set()).add(owner)
+
+    def _fields(self, kind: type, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
+        """The keys of an object whose values fit, converted; the nested ones as they are."""
+        fields = {}
+        slots = SLOTS[kind]
+        for key, item in value.items():
+            slot = slots.get(key)
+            if slot is None:
+                self._own_key(kind, key, value, owner)
+                continue
+            name, types, low, high, number = slot
+            its = type(item)
+            if its in types:  # a million elements pass here
+                if its is int:
+                    if low <= item <= high:
+                        fields[name] = float(item) if number else item
+                        continue
+                elif its is not float or low <= item <= high:
+                    fields[name] = item
+                    continue
+            self._failed = False
+            fitting = self._fit(ALL_KEYS[kind][key], key, item, owner)
+            if self._failed:
+                self._leave_out(owner, key)
+            else:
+                fields[name] = fitting
+        return fields
+
+    def _own_key(self, kind: type, key: str, value: dict[str, Any], owner: Owner) -> None:
+        if key == "x-ignore":
+            self._built.ignores.append((owner, value[key]))
+        elif not key.startswith("x-") and self._found.wants("TT103"):
+            message, hint = unknown_key(kind, key, frozenset(value))
+            remark = remark_on(owner, "/" + escape(key), message, hint, on_key=True)
+            self._found.keep("TT103", remark)
+
+    def _fit(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        """The value as the model has it; remarks where it does not fit."""
+        rest, subject = f"/{key}", f'"{key}"'
+        if wanted.kind == "curve":
+            return self._curve(wanted, key, item, owner)
+        if wanted.kind == "path":
+            return self._path(wanted, key, item, owner)
+        if wanted.kind == "depth":
+            return self._depth(wanted, key, item, owner)
+        if wanted.kind == "any":
+            if isinstance(item, float) and (item.is_integer() or not fits_double(item)):
+                item = int(item) if fits_double(item) else 10**400  # as in JSON Schema
+            if isinstance(item, bool) or not isinstance(item, str | int | dict):
+                self._wrong_type(owner, rest, subject, wanted.words, item)
+            for place in _nonfinite(item):
+                self._not_finite(owner, rest + place)
+            return item
+        if wanted.length and isinstance(item, list) and len(item) == wanted.length:
+            return tuple(
+                self._single(wanted, part, owner, f"{rest}/{i}", f'item {i} of "{key}"', key)
+                for i, part in enumerate(item)
+            )
+        if not wanted.alone:
+            return self._wrong_type(owner, rest, subject, wanted.words, item)
+        return self._single(wanted, item, owner, rest, subject, key)
+
+    def _single(
+        self, wanted: Key, item: Any, owner: Owner, rest: str, subject: str, key: str
+    ) -> Any:
+        if wanted.kind == "whole" and isinstance(item, float) and item.is_integer():
+            item = int(item)  # as in JSON Schema
+        if (
+            wanted.kind in ("whole", "number")
+            and type(item) in (int, float)
+            and not fits_double(item)
+        ):
+            return self._not_finite(owner, rest)
+        if wanted.choices and isinstance(item, str):
+            if item not in wanted.choices:
+                self._failed = True
+                message = f"{shown(item)} is no {wanted.noun}."
+                self._add("TT106", rest, message, f"Write {wanted.words}.", owner)
+            return item
+        if type(item) not in JSON_TYPES[wanted.kind]:
+            return self._wrong_type(owner, rest, subject, wanted.words, item)
+        if isinstance(item, int | float) and not wanted.holds(item):
+            self._failed = True
+            if self._found.wants("TT106"):
+                message = f'"{key}" is {shown(item)}, out of its range.'
+                self._found.keep("TT106", remark_on(owner, rest, message, f"Write {wanted.words}."))
+            return None
+        return float(item) if wanted.kind == "number" else item
+
+    def _curve(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        if isinstance(item, str):
+            return item
+        if not isinstance(item, list):
+            return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
+        fast = JSON_TYPES["number"].issuperset(map(type, item))
+        if fast and all(-wanted.high <= number <= wanted.high for number in item):
+            return tuple(map(float, item))
+        points = []
+        for index, part in enumerate(item):
+            rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
+            if isinstance(part, list) and len(part) == 2:
+                points.append(
+                    tuple(
+                        self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
+                        for i, value in enumerate(part)
+                    )
+                )
+            elif isinstance(part, list):
+                self._wrong_type(owner, rest, subject, wanted.words, part)
+            else:
+                points.append(self._single(_NUMBER, part, owner, rest, subject, key))
+        return tuple(points)
+
+    def _path(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        if not isinstance(item, list):
+            return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
+        points = []
+        for index, part in enumerate(item):
+            rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
+            if not isinstance(part, list) or len(part) != 2:
+                self._wrong_type(owner, rest, subject, "a point [x, y], two numbers", part)
+                continue
+            points.append(
+                tuple(
+                    self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
+                    for i, value in enumerate(part)
+                )
+            )
+        return tuple(points)
+
+    def _depth(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        if not isinstance(item, dict):
+            if type(item) not in JSON_TYPES["number"]:
+                return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
+            return self._single(_DEPTH, item, owner, f"/{key}", f'"{key}"', key)
+        return {
+            name: self._single(
+                _DEPTH, value, owner, f"/{key}/{escape(name)}", f'"{key}" on {shown(name)}', key
+            )
+            for name, value in item.items()
+        }
+
+    def _wrong_type(self, owner: Owner, rest: str, subject: str, words: str, item: Any) -> None:
+        self._failed = True
+        if rest == "":
+            self._leave_out(owner, "")
+        if not self._found.wants("TT105"):
+            return
+        message = f"{subject} is {type_in_words(item)}, which does not fit."
+        self._found.keep("TT105", remark_on(owner, rest, message, f"Write {words}."))
+
+    def _not_finite(self, owner: Owner, rest: str) -> None:
+        self._failed = True
+        self._add(
+            "TT107",
+            rest,
+            "the number is too large for a 64-bit float.",
+            "Write a number below 1.8e308 in size.",
+            owner,
+        )
+
+    def _add(self, code: str, rest: str, message: str, hint: str, owner: Owner = "") -> None:
+        if self._found.wants(code):
+            self._found.keep(code, remark_on(owner, rest, message, hint))
+
+
+_NUMBER = KEYS[Element]["vScale"]
+_DEPTH = Key("a depth from 0 to 1e30", "number", 0, LARGEST)
+
+
+def remark_on(owner: Owner, rest: str, message: str, hint: str, *, on_key: bool = False) -> Remark:
+    """A remark on what is at `rest` in an object."""
+    if isinstance(owner, int):
+        return Remark(rest, message, hint, on_key, owner)
+    return Remark(owner + rest, message, hint, on_key)
+
+
+def _nonfinite(item: Any) -> Iterator[str]:
+    pending = [(item, "")]
+    while pending:
+        part, here = pending.pop()
+        if isinstance(part, list):
+            pending.extend((value, f"{here}/{i}") for i, value in enumerate(part))
+        elif isinstance(part, dict):
+            pending.extend((value, f"{here}/{escape(key)}") for key, value in part.items())
+        elif isinstance(part, float | int) and not fits_double(part):
+            yield here
+
+
+def build(value: Any, found: RemarkLog) -> Built:
+    """Build the model of a parsed JSON value, without recursion over the elements."""
+    return _TerrainDecoder(found).build(value)
+
+
+class _TerrainDecoder(Decoder):
+    def build(self, value: Any) -> Built:
+        if not isinstance(value, dict):
+            self._add(
+                "TT105",
+                "",
+                f"the definition is {JSON_NAMES[type(value)]} where an object is expected.",
+                'Write { "size": …, "elemTypes": {…}, "elemTree": {…} }.',
+            )
+            return self._built
+        fields = self._fields(Definition, value, "")
+        for key, name, kind in (
+            ("surfTypes", "surf_types", Surface),
+            ("elemTypes", "elem_types", Primitive),
+        ):
+            if name in fields:
+                fields[name] = self._dictionary(kind, fields[name], f"/{key}")
+        if "tracks" in fields:
+            fields["tracks"] = self._tracks(fields["tracks"])
+        if "elem_tree" in fields:
+            self._built.tree = self._tree(fields.pop("elem_tree"))
+        self._built.definition = Definition(**fields)
+        return self._built
+
+    def _dictionary(self, kind: type, entries: dict[str, Any], pointer: str) -> dict[str, Any]:
+        built = {}
+        for name, value in entries.items():
+            here = f"{pointer}/{escape(name)}"
+            if isinstance(value, dict):
+                built[name] = kind(**self._fields(kind, value, here))
+            else:
+                what = "surface" if kind is Surface else "primitive"
+                self._wrong_type(here, "", f"the {what} {shown(name)}", "an object", value)
+                built[name] = kind()  # the name exists, whatever its value
+        return built
+
+    def _tracks(self, values: list[Any]) -> tuple[Track, ...]:
+        built = []
+        for index, value in enumerate(values):
+            here = f"/tracks/{index}"
+            if isinstance(value, dict):
+                built.append(Track(**self._fields(Track, value, here)))
+            else:
+                self._wrong_type(here, "", "a track", "an object", value)
+                built.append(Track())  # keeps its place
+        return tuple(built)
+
+    def _tree(self, root: dict[str, Any]) -> Tree:
+        values: list[dict[str, Any]] = []
+        families = []
+        levels = [0]
+        level: list[Any] = [root]
+        while level:
+            start = len(values)
+            if set(map(type, level)) != {dict}:
+                level = [self._element(value, index) for index, value in enumerate(level, start)]
+            values.extend(level)
+            after = len(values)
+            levels.append(after)
+            broods = [value.get("children", UNSET) for value in level]
+            level = []
+            if broods.count(UNSET) < len(broods):  # most elements are in the last level
+                for index, children in enumerate(broods, start):
+                    if isinstance(children, list):
+                        begin = after + len(level)
+                        level.extend(children)
+                        families.append((index, begin, after + len(level)))
+                    elif children is not UNSET:
+                        wanted = KEYS[Element]["children"].words
+                        self._wrong_type(index, "/children", '"children"', wanted, children)
+                        self._leave_out(index, "children")
+        used = set(chain.from_iterable(values))
+        columns = {}
+        for key, slot in SLOTS[Element].items():
+            if key in used and key != "children":
+                columns[slot.name] = [value.get(key, UNSET) for value in values]
+                self._mend(key, slot, columns[slot.name])
+            else:
+                columns[slot.name] = [UNSET] * len(values)
+        self._own_keys(used - SLOTS[Element].keys(), values)
+        return Tree([], families, levels, columns)
+
+    def _own_keys(self, own: set[str], values: list[dict[str, Any]]) -> None:
+        """All keys that elements have besides those of the format."""
+        if "x-ignore" in own:
+            self._built.ignores += [
+                (index, value["x-ignore"])
+                for index, value in enumerate(values)
+                if "x-ignore" in value
+            ]
+        own = {key for key in own if not key.startswith("x-")}
+        if own:
+            remarks = (
+                remark_on(
+                    index,
+                    "/" + escape(key),
+                    *unknown_key(Element, key, frozenset(value)),
+                    on_key=True,
+                )
+                for index, value in enumerate(values)
+                if not own.isdisjoint(value)
+                for key in value
+                if key in own
+            )
+            count = sum(map(own.__contains__, chain.from_iterable(values)))
+            self._found.take("TT103", remarks, count)
+
+    def _element(self, value: Any, index: int) -> dict[str, Any]:
+        if isinstance(value, dict):
+            return value
+        self._wrong_type(index, "", "an element", "an object", value)
+        return {}  # keeps its place, so that the others keep their pointers
+
+    def _mend(self, key: str, slot: QuickCheck, column: list[Any]) -> None:
+        """Convert what has to be, and leave out what does not fit."""
+        types = set(map(type, column)) - {UnsetType}
+        if types <= slot.types:
+            numbers = set(column) - {UNSET} if types - {str} else ()
+            if not numbers or (slot.low <= min(numbers) and max(numbers) <= slot.high):
+                if slot.number and int in types:
+                    column[:] = [float(n) if type(n) is int else n for n in column]
+                return
+        wanted, uncounted, misfits = KEYS[Element][key], 0, 0
+        unfit: set[Owner] = set()
+        full = self._found.full("TT106")
+        for index, item in enumerate(column):
+            its = type(item)
+            if its is UnsetType:
+                continue
+            if its in slot.types:
+                if its is str or slot.low <= item <= slot.high:
+                    if slot.number:
+                        column[index] = float(item)
+                    continue
+                if full and -BIGGEST <= item <= BIGGEST:  # nobody wants to read of it
+                    uncounted += 1
+                    column[index] = UNSET
+                    unfit.add(index)
+                    continue
+            elif its in NEVER and self._found.full("TT105"):
+                misfits += 1
+                column[index] = UNSET
+                unfit.add(index)
+                continue
+            self._failed = False
+            column[index] = self._fit(wanted, key, item, index)
+            if self._failed:
+                column[index] = UNSET
+                unfit.add(index)
+                full = self._found.full("TT106")
+        self._found.take("TT106", iter(()), uncounted)
+        self._found.take("TT105", iter(()), misfits)
+        if unfit:
+            self._built.unfit[key] = unfit
+
+
+_Part = TypeVar("_Part", bound=Struct)
+_PARTS: dict[str, type[Struct]] = {
+    "wheels": WheelsText, "cog": CogText, "overhang": OverhangText, "margins": MarginsText,
+    "classes": ClassesText,
+}  # fmt: skip
+
+
+def build_vehicle(value: Any, found: RemarkLog) -> tuple[VehicleText | None, Built]:
+    """The vehicle as far as it fits, None where the text is no object; and what was left out."""
+    builder = _VehicleDecoder(found)
+    return builder.build(value), builder.built
+
+
+class _VehicleDecoder(Decoder):
+    @property
+    def built(self) -> Built:
+        """What was left out and what is ignored."""
+        return self._built
+
+    def build(self, value: Any) -> VehicleText | None:
+        if not isinstance(value, dict):
+            self._add(
+                "TT105",
+                "",
+                f"the vehicle is {JSON_NAMES[type(value)]} where an object is expected.",
+                'Write { "mass": …, "wheels": {…}, "wheelbase": …, … }.',
+            )
+            return None
+        fields = self._fields(VehicleText, value, "")
+        for key, kind in _PARTS.items():
+            if key in fields:
+                fields[key] = self._part(kind, fields[key], f"/{key}", f'"{key}"')
+        if "axles" in fields:
+            fields["axles"] = self._axles(fields["axles"])
+        self._require(VehicleText, value, "", "the vehicle")
+        if "axles" not in value and "wheelbase" not in value:
+            message = 'the vehicle has neither "axles" nor "wheelbase".'
+            self._add("TT104", "", message, 'Add "axles", or "wheelbase" for two driven axles.')
+        return VehicleText(**fields)
+
+    def _part(self, kind: type[_Part], value: dict[str, Any], pointer: str, name: str) -> _Part:
+        self._require(kind, value, pointer, name)
+        return kind(**self._fields(kind, value, pointer))
+
+    def _axles(self, values: list[Any]) -> tuple[AxleText, ...]:
+        if not 2 <= len(values) <= MAX_AXLES:
+            words = VEHICLE_KEYS[VehicleText]["axles"].words
+            self._wrong_type("", "/axles", '"axles"', words, values)
+            self._leave_out("", "axles")
+        axles = []
+        for index, value in enumerate(values):
+            here = f"/axles/{index}"
+            if isinstance(value, dict):
+                axles.append(self._part(AxleText, value, here, "the axle"))
+            else:
+                self._wrong_type(here, "", f'item {index} of "axles"', "an axle, an object", value)
+                axles.append(AxleText())
+        return tuple(axles)
+
+    def _require(self, kind: type, value: dict[str, Any], pointer: str, name: str) -> None:
+        for key in REQUIRED.get(kind, ()):
+            if key not in value:
+                hint = f'Add "{key}", {VEHICLE_KEYS[kind][key].words}.'
+                self._add("TT104", pointer, f'{name} has no "{key}".', hint)

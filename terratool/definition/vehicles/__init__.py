@@ -1,1 +1,0 @@
-"""Vehicle files: their model, keys, structure and reader, by the machinery of terrains."""

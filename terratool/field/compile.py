@@ -1,0 +1,638 @@
+"""From a definition to the arrays of a field. Python touches each element once, to read it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from terratool.definition.curves import Curve, KnotCurve, SampledCurve, shape_of
+from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
+from terratool.definition.model import DEFAULT_MULTIPASS, LARGEST, Definition, Element, Track
+from terratool.definition.tree import Tree, flatten
+from terratool.field.records import (
+    COMBINE,
+    ELEMENT,
+    GRID,
+    KIND,
+    POSE,
+    SEGMENT,
+    STEPPED,
+    CurveArrays,
+    FieldArrays,
+    TrackArrays,
+)
+from terratool.kernels import field as kernels
+
+TOLERANCE = 1e-8
+_EVEN_LEVELS = 10  # the finest, 512 pieces, has 8 checked points in each
+_ROUNDING = 2.0**-47
+_MAX_HALVINGS = 60
+_MAX_PIECES = 1 << 16
+_FINEST_START = 1024  # pieces to halve from: each quarter of one is a checked point
+_MAX_BINS = 4096
+
+Floats = NDArray[np.float64]
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "pow": np.power,
+    "neg": np.negative, "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin,
+    "acos": np.arccos, "atan": np.arctan, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh,
+    "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
+    "min": lambda *values: np.minimum.reduce(np.broadcast_arrays(*values)),
+    "max": lambda *values: np.maximum.reduce(np.broadcast_arrays(*values)),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePieces:
+    """A curve in pieces.
+
+    Attributes:
+        starts: (n,) t where each piece begins; the first is 0, two are equal where a piece has no
+            length (a step at t = 1).
+        coefficients: (n, 4); the value at t is c0 + s·(c1 + s·(c2 + s·c3)), with s = t − start for
+            knotted curves and s = n·t − i for evenly spaced ones.
+        end: value at t = 1.
+        even: whether the pieces are evenly spaced.
+        stepped: whether there are vertical steps.
+    """
+
+    starts: Floats
+    coefficients: Floats
+    end: float
+    even: bool
+    stepped: bool = False
+
+
+def pieces_of(curve: Curve) -> CurvePieces:
+    """Cut a curve into pieces."""
+    if isinstance(curve, SampledCurve):
+        return _samples(np.array(curve.values, np.float64))
+    if isinstance(curve, KnotCurve):
+        return _knots(np.array(curve.points, np.float64))
+    return _formula(curve.expression)
+
+
+def _samples(values: Floats) -> CurvePieces:
+    if len(values) == 1:
+        values = np.repeat(values, 2)
+    count = len(values) - 1
+    coefficients = np.zeros((count, 4))
+    coefficients[:, 0] = values[:-1]
+    coefficients[:, 1] = np.diff(values)
+    return CurvePieces(np.arange(count) / count, coefficients, values[-1], True)
+
+
+def _knots(points: Floats) -> CurvePieces:
+    t, z = points[:, 0], points[:, 1]
+    length = np.diff(t)
+    keep = length > 0
+    starts, firsts = t[:-1][keep], z[:-1][keep]
+    with np.errstate(over="ignore"):
+        slopes = np.nan_to_num(np.diff(z)[keep] / length[keep])
+    if t[-2] == 1.0:  # a step at the very end: a piece of no length holds the value on its right
+        starts, firsts, slopes = (
+            np.append(starts, 1.0),
+            np.append(firsts, z[-1]),
+            np.append(slopes, 0.0),
+        )
+    coefficients = np.zeros((len(starts), 4))
+    coefficients[:, 0] = firsts
+    coefficients[:, 1] = slopes
+    return CurvePieces(starts, coefficients, z[-1], False, stepped=not keep.all())
+
+
+def values_of(expression: Expression, t: Floats) -> Floats:
+    """Evaluate an expression at `t`; what is not finite between the checked points is bounded."""
+    with np.errstate(all="ignore"):
+        values = np.asarray(evaluate(expression, t, FUNCTIONS), np.float64)
+    bounded: Floats = np.clip(np.nan_to_num(values, nan=0.0), -MAX_VALUE, MAX_VALUE)
+    return np.broadcast_to(bounded, t.shape)
+
+
+def _formula(expression: Expression) -> CurvePieces:
+    t = np.linspace(0.0, 1.0, CHECK_POINTS)
+    values = values_of(expression, t)
+    # below one part in 1e12 of the largest value lies the rounding of the values themselves
+    tolerance = TOLERANCE + 1e-12 * float(np.abs(values).max())
+    for level in range(_EVEN_LEVELS):
+        starts = np.arange(1 << level) / (1 << level)
+        coefficients = _cubics(expression, starts, np.full(1 << level, 1.0 / (1 << level)))
+        if _error(coefficients, values) <= tolerance and (
+            _error_between(expression, starts, coefficients) <= tolerance
+        ):
+            return CurvePieces(starts, coefficients, values[-1], True)
+    starts, lengths, coefficients = _halve(expression, tolerance)
+    coefficients = coefficients / lengths[:, None] ** np.arange(4)
+    return CurvePieces(starts, coefficients, values[-1], False)
+
+
+_THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
+_TO_CUBIC = np.linalg.inv(np.vander(_THIRDS, 4, increasing=True))
+
+
+def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
+    """(n, 4) coefficients in s from 0 to 1 of the cubics through four points of each piece."""
+    t = np.minimum(starts[:, None] + lengths[:, None] * _THIRDS, 1.0)
+    values = values_of(expression, t)
+    coefficients = values @ _TO_CUBIC.T
+    coefficients[:, 0] = values[:, 0]
+    # what is straight stays straight: a level floor has no slope of 1e-15
+    straight = np.abs(coefficients[:, 2:]).max(axis=1) <= _ROUNDING * np.abs(values).max(axis=1)
+    coefficients[straight, 1] = (values[:, 3] - values[:, 0])[straight]
+    coefficients[straight, 2:] = 0.0
+    return coefficients
+
+
+def _at(coefficients: Floats, s: Floats) -> Floats:
+    c = coefficients
+    return c[:, :1] + s * (c[:, 1:2] + s * (c[:, 2:3] + s * c[:, 3:]))
+
+
+def _error(coefficients: Floats, values: Floats) -> float:
+    per_piece = (len(values) - 1) // len(coefficients)
+    s = np.arange(per_piece) / per_piece
+    return float(np.abs(_at(coefficients, s[None, :]) - values[:-1].reshape(-1, per_piece)).max())
+
+
+def _error_between(expression: Expression, starts: Floats, coefficients: Floats) -> float:
+    """The largest error at places that no even spacing has in common with the checked points."""
+    s = np.array([0.1372549, 0.4142135, 0.7236067])
+    values = values_of(expression, starts[:, None] + s / len(starts))
+    return float(np.abs(_at(coefficients, s[None, :]) - values).max())
+
+
+def _halve(expression: Expression, tolerance: float) -> tuple[Floats, Floats, Floats]:
+    inside = np.array([0.02, 0.1, 0.25, 0.45, 0.5, 0.55, 0.75, 0.9, 0.98])
+    starts = np.arange(_FINEST_START) / _FINEST_START
+    lengths = np.full(_FINEST_START, 1 / _FINEST_START)
+    done: list[tuple[Floats, Floats, Floats]] = []
+    total = 0
+    for halving in range(_MAX_HALVINGS):
+        coefficients = _cubics(expression, starts, lengths)
+        t = np.minimum(starts[:, None] + lengths[:, None] * inside, 1.0)
+        miss = np.abs(_at(coefficients, inside[None, :]) - values_of(expression, t)).max(axis=1)
+        # a piece that doubles cannot halve is left as it is
+        good = (miss <= tolerance) | (starts + lengths / 2 <= starts)
+        if halving == _MAX_HALVINGS - 1 or total + 2 * len(starts) > _MAX_PIECES:
+            good[:] = True
+        done.append((starts[good], lengths[good], coefficients[good]))
+        total += int(good.sum())
+        starts, lengths = starts[~good], lengths[~good] / 2
+        if not len(starts):
+            break
+        starts = np.concatenate([starts, starts + lengths])
+        lengths = np.concatenate([lengths, lengths])
+    starts, lengths, coefficients = (np.concatenate(part) for part in zip(*done, strict=True))
+    order = np.argsort(starts, kind="stable")
+    return starts[order], lengths[order], coefficients[order]
+
+
+def bins_of(starts: Floats) -> NDArray[np.uint32]:
+    """For evenly spaced bins of t, the last piece that begins at or before the bin."""
+    count = min(_MAX_BINS, 1 << max(0, math.ceil(math.log2(len(starts)))) + 1)
+    edges = np.arange(count) / count
+    return (np.searchsorted(starts, edges, side="right") - 1).astype(np.uint32)
+
+
+def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
+    """Compile the tracks of a valid definition.
+
+    Args:
+        definition: the definition.
+        bounds: (4,) west, south, east, north of the terrain.
+    """
+    tracks = definition.ruts
+    names = {name: index for index, name in enumerate(definition.surfaces)}
+    segments, first = _segments(tracks)
+    law, depths = _laws(definition)
+    frame, shape, masks, offsets, entries = _index(segments, bounds)
+    return TrackArrays(
+        segments=segments,
+        first=first,
+        passes=np.array([_or(track.passes, 1) for track in tracks], np.float64),
+        power=1.0 / np.array([_or(track.multipass, DEFAULT_MULTIPASS) for track in tracks]),
+        surface=np.array(
+            [-1 if t.surface is UNSET else names[t.surface] for t in tracks], np.int32
+        ),
+        law=law,
+        depths=depths,
+        frame=frame,
+        shape=shape,
+        masks=masks,
+        offsets=offsets,
+        entries=entries,
+    )
+
+
+def track_lengths(tracks: TrackArrays) -> Floats:
+    """Length of the polyline of each track, (tracks,) float64."""
+    lengths = np.zeros(len(tracks.passes))
+    np.add.at(
+        lengths, tracks.segments["track"], np.hypot(tracks.segments["dx"], tracks.segments["dy"])
+    )
+    return lengths
+
+
+def _or(value: Any, default: float) -> float:
+    return default if value is UNSET else value
+
+
+def _segments(tracks: tuple[Track, ...]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
+    counts = [len(track.points) - 1 for track in tracks]
+    first = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.uint32)
+    segments = np.zeros(int(first[-1]), SEGMENT)
+    if not tracks:
+        return segments, first
+    points = np.array([point for track in tracks for point in track.points])
+    lasts = np.cumsum([len(track.points) for track in tracks]) - 1
+    begins = np.ones(len(points), np.bool_)
+    begins[lasts] = False
+    start = np.flatnonzero(begins)
+    segments["x"], segments["y"] = points[start].T
+    segments["end_x"], segments["end_y"] = points[start + 1].T
+    segments["dx"] = segments["end_x"] - segments["x"]
+    segments["dy"] = segments["end_y"] - segments["y"]
+    segments["square"] = segments["dx"] * segments["dx"] + segments["dy"] * segments["dy"]
+    segments["track"] = np.repeat(np.arange(len(tracks)), counts)
+    segments["reach"] = np.array([_or(t.width, 0.0) for t in tracks])[segments["track"]] / 2
+    segments["reach_square"] = segments["reach"] * segments["reach"]
+    return segments, first
+
+
+def _laws(definition: Definition) -> tuple[NDArray[np.uint32], Floats]:
+    """For each track its law, and for each law the depth by the surface of the ground."""
+    surfaces = definition.surfaces
+    known: dict[Any, int] = {}
+    rows: list[list[float]] = []
+    law = []
+    for track in definition.ruts:
+        depth, load = track.depth, _or(track.load, 0.0)
+        key = (tuple(depth.items()) if isinstance(depth, dict) else depth, load)
+        if key not in known:
+            known[key] = len(rows)
+            by_name = depth if isinstance(depth, dict) else {}
+            whole = depth if isinstance(depth, float) else None
+            row = [0.0 if whole is None else whole]
+            for name, surface in surfaces.items():
+                sunk = min(load * _or(surface.sinkage, 0.0), LARGEST)  # not infinite
+                given = by_name.get(name, sunk) if whole is None else whole
+                row.append(math.nan if surface.void is True else given)
+            rows.append(row)
+        law.append(known[key])
+    return np.array(law, np.uint32), np.array(rows, np.float64).reshape(-1, len(surfaces) + 1)
+
+
+def _index(segments: NDArray[Any], bounds: Floats) -> tuple[Any, ...]:
+    frame, shape = np.zeros(4), np.zeros(2, np.int64)
+    low, high = np.array(bounds[:2]), np.array(bounds[2:])
+    if len(segments):
+        # around all that they can reach, and as much again
+        wide = 2 * segments["reach"]
+        for axis, (one, other) in enumerate((("x", "end_x"), ("y", "end_y"))):
+            low[axis] = max(low[axis], (np.minimum(segments[one], segments[other]) - wide).min())
+            high[axis] = min(high[axis], (np.maximum(segments[one], segments[other]) + wide).max())
+    if not len(segments) or (low > high).any():
+        none = np.empty(0, np.uint32)
+        return frame, shape, np.empty(0, np.uint64), np.zeros(1, np.uint32), none
+    extent = np.maximum(high - low, 1e-9 * (bounds[2:] - bounds[:2]))
+    frame[:2] = low
+    total = kernels.choose_cells(segments, extent, frame, shape)
+    cells = int(shape.prod())
+    masks, offsets = np.zeros(cells, np.uint64), np.zeros(cells + 1, np.uint32)
+    entries = np.empty(total, np.uint32)
+    kernels.fill_index(segments, frame, shape, masks, offsets, entries)
+    return frame, shape, masks, offsets, entries
+
+
+Ints = NDArray[np.int64]
+_DENSE_CELLS = 1024
+"""A grid of up to this many cells, or four times its children, has a bin per cell …"""
+_DENSE_ROOM = 65536
+"""… unless nearly empty grids together have more than this many, and four for each element."""
+
+
+class Compiled(NamedTuple):
+    """A compiled definition.
+
+    Attributes:
+        arrays: what the kernels take.
+        document: (n,) uint32, each element's place among the children of its parent.
+        parents: (n,) int32, index of each element's parent, -1 for the root.
+        smallest_cell: the shortest side of any element's cell.
+        surfaces: names of the surfaces, in the order of their ids.
+        levels: levels of nesting, 1 for a root alone.
+        primitives: (kinds,) index of each kind's primitive.
+    """
+
+    arrays: FieldArrays
+    document: NDArray[np.uint32]
+    parents: NDArray[np.int32]
+    smallest_cell: float
+    surfaces: tuple[str, ...]
+    levels: int
+    primitives: Ints
+
+
+def compile_definition(definition: Definition) -> Compiled:
+    """Compile a valid definition."""
+    tree = flatten(definition)
+    columns = _columns(tree, definition)
+    order, dense = _order(columns, tree)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    document = (np.arange(len(order)) - _first_sibling(columns.parent))[order].astype(np.uint32)
+    parents = np.where(columns.parent >= 0, rank[columns.parent], -1)[order]
+    columns = _Columns._make(column[order] for column in columns)._replace(parent=parents)
+    dense = dense[order]
+
+    owners = np.unique(parents[parents >= 0])
+    grid_of = np.zeros(len(parents), np.uint32)
+    grid_of[owners] = np.arange(1, len(owners) + 1)
+    grids = np.zeros(len(owners) + 1, GRID)
+    home = np.where(parents >= 0, grid_of[parents], 0).astype(np.uint32)
+    sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
+    columns = columns._replace(
+        cell=np.ascontiguousarray(columns.cell),
+        span=np.ascontiguousarray(columns.span),
+        cells=np.ascontiguousarray(columns.cells),
+    )
+    corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
+    kernels.lay_grids(grids, sides, aspects, owners, home, columns, corner, extent)
+    offsets, entries, pending = _bins(grids, owners, home, grid_of, columns, dense)
+
+    elements = np.zeros(len(parents), ELEMENT)
+    elements["cell_x"], elements["cell_y"] = columns.cell.T
+    own_sides = sides[home] * columns.span
+    shares = (own_sides / extent).min(axis=1)
+    elements["scale"] = np.where(np.isnan(columns.scale), shares, columns.scale)
+    elements["offset"] = columns.offset
+    elements["grid"] = grid_of
+    elements["pose"], poses = _poses(
+        columns, aspects[home] * (columns.span[:, 1] / columns.span[:, 0])
+    )
+    surfaces = tuple(definition.surfaces)
+    surface = _inherit(columns.surface, parents)
+    elements["kind"], kinds, primitives, curves = _kinds(definition, columns.type, surface)
+    _mark_leaves(grids, home, elements, kinds)
+    west, south = definition.corner
+    bounds = np.array([west, south, west + extent[0], south + extent[1]])
+    arrays = FieldArrays(
+        elements=elements,
+        grids=grids,
+        offsets=offsets,
+        entries=entries,
+        poses=poses,
+        kinds=kinds,
+        curves=curves,
+        bounds=bounds,
+        pending=pending,
+        voids=bool(kinds["is_void"].any()),
+        tracks=compile_tracks(definition, bounds),
+    )
+    return Compiled(
+        arrays,
+        document,
+        parents.astype(np.int32),
+        float(own_sides.min()),
+        surfaces,
+        len(tree.levels) - 1,
+        primitives,
+    )
+
+
+class _Columns(NamedTuple):
+    """The elements, column by column: (n,) or (n, 2) arrays."""
+
+    parent: Ints
+    cell: Ints
+    span: Ints
+    cells: Ints
+    scale: NDArray[np.float64]  # NaN for the default
+    offset: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    type: Ints
+    surface: Ints  # -1 for the parent's
+
+
+class _Ranges(NamedTuple):
+    """Where the elements of each grid stand, (grids,)."""
+
+    first: Ints
+    last: Ints
+
+
+def _columns(tree: Tree, definition: Definition) -> _Columns:
+    elements = tree.elements
+    types = {name: i for i, name in enumerate(definition.primitives)}
+    surfaces: dict[Any, int] = {name: i for i, name in enumerate(definition.surfaces)}
+    surfaces[UNSET] = -1
+
+    def floats(name: str, default: float) -> NDArray[np.float64]:
+        values = [getattr(element, name) for element in elements]
+        return np.array([default if value is UNSET else value for value in values], np.float64)
+
+    def pairs(values: list[Any]) -> Ints:
+        return np.array(values, np.int64).reshape(-1, 2)
+
+    return _Columns(
+        parent=np.array(tree.parents, np.int64),
+        cell=pairs([_cell(element) for element in elements]),
+        span=pairs([element.block for element in elements]),
+        cells=pairs([element.grid for element in elements]),
+        scale=floats("v_scale", math.nan),
+        offset=floats("v_offset", 0.0),
+        turn=np.fmod(floats("turn_deg", 0.0), 360.0),
+        type=np.array([types[element.type] for element in elements], np.int64),  # type: ignore[index]
+        surface=np.array([surfaces[element.surface] for element in elements], np.int64),
+    )
+
+
+def _cell(element: Element) -> tuple[Any, Any]:
+    return (0, 0) if element.cell_x is UNSET else (element.cell_x, element.cell_y)
+
+
+def _first_sibling(parent: Ints) -> Ints:
+    """For each element the index of its parent's first child; siblings stand side by side."""
+    begins = np.flatnonzero(np.diff(parent, prepend=-2))
+    return np.repeat(begins, np.diff(begins, append=len(parent)))
+
+
+def _order(columns: _Columns, tree: Tree) -> tuple[Ints, NDArray[np.bool_]]:
+    """The order of the field, and which elements have a dense grid.
+
+    In a dense grid, one bin per cell and no spans, siblings are sorted by cell, so that the table
+    of a grid needs no list of elements. Siblings that share a cell keep their order.
+    """
+    parent = columns.parent
+    count = len(parent)
+    children = np.bincount(parent[1:], minlength=count)
+    spanned = np.bincount(parent[1:][(columns.span[1:] > 1).any(axis=1)], minlength=count).astype(
+        bool
+    )
+    cells = columns.cells.prod(axis=1)
+    full = cells <= 4 * children
+    small = (cells <= _DENSE_CELLS) & ~full & (children > 0)
+    if cells[small].sum() > 4 * count + _DENSE_ROOM:  # many grids that are nearly empty
+        small = small & (cells <= 64)
+    dense = ~spanned & (full | small)
+    key = np.zeros(count, np.int64)
+    inner = parent >= 0
+    row = columns.cell[:, 1] * columns.cells[parent, 0] + columns.cell[:, 0]
+    key[inner] = np.where(dense[parent], row, 0)[inner]
+    order = np.empty(count, np.int64)
+    rank = np.empty(count, np.int64)
+    for begin, end in zip(tree.levels, tree.levels[1:], strict=False):
+        level = np.arange(begin, end)
+        if begin:
+            level = level[np.lexsort((key[begin:end], rank[parent[begin:end]]))]
+        order[begin:end] = level
+        rank[level] = np.arange(begin, end)
+    return order, dense
+
+
+def _bins(
+    grids: NDArray[Any],
+    owners: Ints,
+    home: NDArray[Any],
+    grid_of: NDArray[np.uint32],
+    columns: _Columns,
+    dense: NDArray[np.bool_],
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], int]:
+    """Tables from cells to elements, and the depth of the descent's stack."""
+    ranges = _Ranges(
+        first=np.searchsorted(home, np.arange(len(grids))),
+        last=np.searchsorted(home, np.arange(len(grids)), side="right"),
+    )
+    grid_dense = np.concatenate([[True], dense[owners]])
+    sizes = np.empty(len(grids), np.int64)
+    lists = np.empty(len(grids), np.int64)
+    kernels.size_bins(grids, grid_dense, ranges, columns, sizes, lists)
+    grids["table"] = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    offsets = np.empty(int(sizes.sum()), np.uint32)
+    entries = np.zeros(max(1, int(lists.sum())), np.uint32)
+    kernels.fill_bins(grids, ranges, columns, offsets, entries)
+    pending = kernels.count_pending(grids, offsets, entries, grid_of)
+    return offsets, entries, pending
+
+
+def _mark_leaves(
+    grids: NDArray[Any], home: NDArray[Any], elements: NDArray[Any], kinds: NDArray[Any]
+) -> None:
+    plain = (elements["grid"] == 0) & (kinds["special"][elements["kind"]] == 0)
+    begins = np.searchsorted(home, np.arange(len(grids)))
+    grids["leaves"] = np.logical_and.reduceat(plain, begins) & (grids["listed"] == 0)
+
+
+def _poses(
+    columns: _Columns, aspect: NDArray[np.float64]
+) -> tuple[NDArray[np.uint32], NDArray[Any]]:
+    plain = (columns.turn == 0) & (columns.span == 1).all(axis=1)
+    aspect = np.where(columns.turn == 0, 1.0, aspect)
+    keys = np.column_stack([columns.span, columns.turn, aspect])
+    keys[plain] = (1, 1, 0, 1)
+    unique, index = np.unique(
+        np.vstack([[(1.0, 1.0, 0.0, 1.0)], keys]), axis=0, return_inverse=True
+    )
+    index = index.reshape(-1)
+    # pose 0 is the plain one
+    swap = index[0]
+    unique[[0, swap]] = unique[[swap, 0]]
+    index = np.where(index == swap, 0, np.where(index == 0, swap, index))
+    cosine, sine = _cos_sin(unique[:, 2])
+    poses = np.zeros(len(unique), POSE)
+    poses["width"], poses["height"] = poses["cells_x"], poses["cells_y"] = unique[:, :2].T
+    poses["cos"] = cosine
+    poses["sin_v"] = sine * unique[:, 3]
+    poses["sin_u"] = sine / unique[:, 3]
+    poses["turned"] = unique[:, 2] != 0
+    return index[1:].astype(np.uint32), poses
+
+
+def _cos_sin(degrees: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cosine and sine, exact at multiples of 90 degrees."""
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    right = np.fmod(degrees, 90.0) == 0
+    return np.where(right, np.round(cosine), cosine), np.where(right, np.round(sine), sine)
+
+
+def _inherit(surface: Ints, parents: Ints) -> Ints:
+    """Give each element without a surface that of its parent, by doubling the distance looked."""
+    own = surface.copy()
+    above = np.maximum(parents, 0)
+    while (missing := np.flatnonzero((own < 0) & (above > 0))).size:
+        own[missing] = own[above[missing]]
+        above[missing] = above[above[missing]]
+    own[own < 0] = own[0]
+    return own
+
+
+def _kinds(
+    definition: Definition, types: Ints, surface: Ints
+) -> tuple[Ints, NDArray[Any], Ints, CurveArrays]:
+    pairs, index = np.unique(np.column_stack([types, surface]), axis=0, return_inverse=True)
+    primitives = list(definition.primitives.values())
+    void = [surface.void is True for surface in definition.surfaces.values()] + [False]
+    store = _CurveStore()
+    kinds = np.zeros(len(pairs), KIND)
+    for kind, (type_, surface_) in zip(kinds, pairs, strict=True):
+        shape = shape_of(primitives[type_])
+        kind["combine"] = COMBINE[shape.combine]
+        kind["surface"] = surface_
+        kind["is_void"] = void[surface_]
+        for axis, curve in (("x", shape.x), ("y", shape.y or shape.x)):
+            store.put(kind, axis, curve)
+        kind["special"] = kind["combine"] != COMBINE["product"] or (
+            kind["knotted_x"] or kind["knotted_y"]
+        )
+    return index.reshape(-1), kinds, pairs[:, 0], store.curves()
+
+
+class _CurveStore:
+    """Collects the pieces of curves, each curve once."""
+
+    def __init__(self) -> None:
+        self._known: dict[Curve, dict[str, Any]] = {}
+        self._pieces: list[NDArray[np.float64]] = []
+        self._knots: list[NDArray[np.float64]] = [np.zeros(1)]
+        self._bins: list[NDArray[np.uint32]] = [np.zeros(1, np.uint32)]
+        self._counts = [0, 1, 1]
+
+    def put(self, kind: Any, axis: str, curve: Curve) -> None:
+        """Write where a curve's pieces are into the fields of one axis of a KIND."""
+        place = self._known.get(curve)  # long vectors take their time to be hashed
+        if place is None:
+            place = self._known[curve] = self._add(pieces_of(curve))
+        for name in ("count", "first", "last", "knot", "bin"):
+            kind[f"{axis}_{name}"] = place[name]
+        kind[f"knotted_{axis}"] = place["knotted"]
+
+    def _add(self, curve: CurvePieces) -> dict[str, Any]:
+        first, knot, bin_ = self._counts
+        count = len(curve.coefficients)
+        slope = float(curve.coefficients[-1] @ (0.0, 1.0, 2.0, 3.0))
+        self._pieces += [curve.coefficients.ravel(), np.array([curve.end, slope, 0.0, 0.0])]
+        self._counts[0] += count + 1
+        if not curve.even:
+            bins = bins_of(curve.starts)
+            count = len(bins)
+            self._bins.append(bins)
+            self._knots.append(np.append(curve.starts, np.inf))
+            self._counts[1] += len(self._knots[-1])
+            self._counts[2] += count
+        return {
+            "first": first, "count": count, "last": count - 1, "knot": knot, "bin": bin_,
+            "knotted": 0 if curve.even else STEPPED if curve.stepped else 1,
+        }  # fmt: skip
+
+    def curves(self) -> CurveArrays:
+        """All pieces, knots and bins."""
+        return CurveArrays(
+            np.concatenate(self._pieces), np.concatenate(self._knots), np.concatenate(self._bins)
+        )

@@ -1,0 +1,414 @@
+"""Meshes of many formats, DXF drawings among them, become triangles."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import math
+import re
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import ReadError, RequestError, TerratoolError
+from terratool.importing.headers import check_gltf, declared_faces
+from terratool.importing.threemf import read_3mf
+from terratool.importing.triangles import Triangles
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+MAX_ENTITIES = 20_000_000
+"""Blocks within blocks that come to more than these are refused."""
+
+_UNITS = {
+    1: ("inch", 0.0254),
+    2: ("foot", 0.3048),
+    4: ("millimetre", 0.001),
+    5: ("centimetre", 0.01),
+    7: ("kilometre", 1000.0),
+    14: ("decimetre", 0.1),
+}
+"""Names of $INSUNITS, and what they are in metres (DXF reference, header variables)."""
+
+
+def read_dxf(path: Path) -> Triangles:
+    """The faces in the model space of a drawing; polygons are cut into triangles.
+
+    Raises:
+        ReadError: blocks are nested without end.
+        Exception: whatever ezdxf raises where the file is no DXF.
+    """
+    import ezdxf
+    from ezdxf.disassemble import recursive_decompose
+
+    drawing = ezdxf.readfile(path)
+    corners: list[tuple[float, float, float]] = []
+    others: Counter[str] = Counter()
+    for count, entity in enumerate(recursive_decompose(drawing.modelspace())):
+        if count >= MAX_ENTITIES:
+            raise ReadError(
+                f"{path}: its blocks come to more than {MAX_ENTITIES:,} entities.",
+                "Explode and purge the drawing, and export the terrain alone.",
+            )
+        before = len(corners)
+        for polygon in _polygons(entity):
+            for triangle in _triangles(polygon):
+                corners.extend((point.x, point.y, point.z) for point in triangle)
+        if len(corners) == before:
+            others[entity.dxftype()] += 1
+    notes = []
+    if others:
+        listed = ", ".join(f"{number:,} {kind}" for kind, number in sorted(others.items()))
+        notes.append(f"The drawing also has entities without faces, which were left out: {listed}.")
+    unit = _UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
+    if unit:
+        notes.append(
+            f"The drawing says that its unit is the {unit[0]}; coordinates are taken as they are, "
+            f"a scale of {unit[1]:g} makes metres of them."
+        )
+    vertices = np.array(corners, np.float64).reshape(-1, 3)
+    faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    return Triangles(vertices, faces, tuple(notes))
+
+
+def _polygons(entity: Any) -> Any:
+    """The faces of an entity as lists of points."""
+    from ezdxf.render.mesh import MeshBuilder
+
+    kind = entity.dxftype()
+    if kind == "3DFACE":
+        return [entity.wcs_vertices()]
+    if kind == "MESH":
+        return MeshBuilder.from_mesh(entity).faces_as_vertices()
+    if kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
+        return MeshBuilder.from_polyface(entity).faces_as_vertices()
+    return ()
+
+
+def _triangles(polygon: Any) -> Iterator[Any]:
+    """A polygon of points as triangles between the same points; none if it has less than three."""
+    points = list(polygon)
+    count = len(points)
+    first = 0
+    if count > 3:
+        bends = [(points[n] - points[n - 1]).cross(points[n - count + 1] - points[n])
+                 for n in range(count)]  # fmt: skip
+        normal = sum((points[n - 1].cross(points[n]) for n in range(count)), start=0 * points[0])
+        inward = [n for n in range(count) if bends[n].dot(normal) < 0]
+        if inward and count > 4:
+            from ezdxf.math.triangulation import mapbox_earcut_3d
+
+            # it gives points that are rounded, and all in one plane
+            for ear in mapbox_earcut_3d(points):
+                yield [min(points, key=corner.distance) for corner in ear]
+            return
+        first = inward[0] if inward else 0
+    points = points[first:] + points[:first]
+    for n in range(1, count - 1):
+        yield points[0], points[n], points[n + 1]
+
+
+MAX_FACES = 2**26
+"""Instances of instances that come to more faces than these are refused."""
+
+LARGEST = 1e30
+"""Coordinates are below this in size, as those of a definition."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """How a format is read.
+
+    Attributes:
+        name: what people call the format.
+        read: makes triangles of a file, in its own axes.
+        up: the axis that points up, or what says so of a file.
+        needs: packages beyond those that terratool always has.
+    """
+
+    name: str
+    read: Callable[[Path], Triangles]
+    up: str | Callable[[Path], str] = "z"
+    needs: tuple[str, ...] = ()
+
+
+def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) -> Triangles:
+    """The triangles of a mesh in a file, z up.
+
+    Nothing is merged, repaired or reordered. Scenes are put together, with every part in its place.
+
+    Args:
+        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl or .wrz file.
+        up: the axis that points up, "y" or "z"; what the format is known for, if None: y for glTF
+            and VRML, unless the comment of export-vrml says otherwise, and z for all others. With
+            y, (x, y, z) becomes (x, -z, y).
+        scale: a factor on all coordinates; 3MF is in metres before that.
+
+    Raises:
+        ReadError: the file is not there, is no whole mesh of its format, or has no faces; a package
+            is missing.
+        RequestError: an axis or scale that makes no sense.
+    """
+    path = Path(path)
+    if up not in (None, "y", "z"):
+        raise RequestError(f"No mesh has its {up} axis up.", "Give y or z.")
+    if not (math.isfinite(scale) and 0 < abs(scale) < LARGEST and scale > 0):
+        raise RequestError(f"The scale is {scale:g}.", "Give a factor above 0.")
+    reader = _reader_of(path)
+    triangles = _cleaned(_attempted(reader, path), path)
+    vertices, notes = triangles.vertices, triangles.notes
+    if up is None:
+        up = reader.up if isinstance(reader.up, str) else reader.up(path)
+    if up == "y":
+        vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], 1)
+        notes += ("The file has y up: x stays east, and its z points south.",)
+    if scale != 1.0:
+        vertices = vertices * scale
+    return Triangles(vertices, triangles.faces, notes)
+
+
+def _reader_of(path: Path) -> Reader:
+    """The reader for a file that is there.
+
+    Raises:
+        ReadError: it is not, or has no suffix that is known, or a package is missing.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise ReadError(
+            f"{path}: {path.suffix or 'a name without a suffix'} is no format of a mesh.",
+            f"One of these is: {', '.join(READERS)}.",
+        )
+    try:
+        if path.is_dir():
+            raise ReadError(f"{path}: is a folder.", "Give the name of a file.")
+        if not path.exists():
+            raise ReadError(f"{path}: does not exist.", "Check the name.")
+        with open(path, "rb") as file:
+            empty = not file.read(1)
+    except (OSError, ValueError) as error:
+        why = (getattr(error, "strerror", None) or str(error)).lower()
+        raise ReadError(f"{path}: cannot be read ({why}).", "Check the file.") from error
+    if empty:
+        raise ReadError(f"{path}: is empty.", "Export the mesh again.")
+    for package in reader.needs:
+        try:
+            import_module(package)
+        except ImportError as error:
+            raise ReadError(
+                f"{path}: {reader.name} needs {package}, which is not installed.",
+                "Install it: pip install terratool[import].",
+            ) from error
+    return reader
+
+
+def _attempted(reader: Reader, path: Path) -> Triangles:
+    """What a reader makes of a file.
+
+    Raises:
+        ReadError: it fails, in whatever way.
+    """
+    try:
+        with _quiet():
+            return reader.read(path)
+    except TerratoolError:
+        raise
+    except MemoryError as error:
+        raise ReadError(
+            f"{path}: does not fit into memory.", "Export a smaller part of the mesh."
+        ) from error
+    except RecursionError as error:
+        raise ReadError(f"{path}: its parts hold themselves.", "Export it again.") from error
+    except Exception as error:
+        # what the libraries raise for broken input is theirs, from AssertionError to zlib.error
+        words = " ".join(str(error).split())
+        # a library that looks for another one to guess the encoding has found no text
+        why = f" ({words[:100]})" if words and not isinstance(error, ImportError) else ""
+        raise ReadError(
+            f"{path}: cannot be read as {reader.name}{why}.",
+            "It may be cut short, or of another format than its suffix says; export it again, as "
+            "triangles.",
+        ) from error
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep readers from printing; numbers that NumPy gives up on become errors."""
+    logs = [logging.getLogger(name) for name in ("trimesh", "ezdxf")]
+    levels = [log.level for log in logs]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", "string or file could not be read to its end")
+        for log in logs:
+            log.setLevel(logging.CRITICAL + 1)
+        try:
+            yield
+        finally:
+            for log, level in zip(logs, levels, strict=True):
+                log.setLevel(level)
+
+
+def _cleaned(triangles: Triangles, path: Path) -> Triangles:
+    """Triangles whose corners are there, and finite.
+
+    Raises:
+        ReadError: there are none, or faces refer to vertices that are not there.
+    """
+    vertices, faces, notes = triangles.vertices, triangles.faces, triangles.notes
+    if len(faces) == 0:
+        raise ReadError(
+            f"{path}: has no faces.{' '.join(('', *notes))}",
+            "Points and lines have to be triangulated first; a file that is cut short has to be "
+            "exported again.",
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise ReadError(f"{path}: a face refers to a vertex that is not there.", "Export it again.")
+    with np.errstate(invalid="ignore"):
+        bad: NDArray[np.bool_] = ~np.all(np.abs(vertices) < LARGEST, axis=1)
+    if bad.any():
+        kept = ~bad[faces].any(axis=1)
+        if not kept.any():
+            raise ReadError(
+                f"{path}: no face has coordinates that are numbers.", "Export it again."
+            )
+        dropped = len(faces) - int(kept.sum())
+        if dropped:
+            notes += (
+                f"{dropped:,} of {len(faces):,} faces have coordinates that are no numbers below "
+                f"{LARGEST:g}, and were left out.",
+            )
+        faces = faces[kept]
+        vertices = np.where(bad[:, None], 0.0, vertices)
+    return Triangles(vertices, faces, notes)
+
+
+def _by_trimesh(path: Path, kind: str) -> Triangles:
+    """The meshes of a scene, each as often as it stands there."""
+    import trimesh
+
+    notes = check_gltf(path) if kind in ("glb", "gltf") else ()
+    plain = {} if kind in ("stl", "off") else {"skip_materials": True}
+    with open(path, "rb") as file:
+        scene: Any = trimesh.load(
+            _counted_up(_as_utf8(file.read())) if kind == "obj" else file,
+            file_type=kind,
+            resolver=trimesh.resolvers.FilePathResolver(str(path)) if kind == "gltf" else None,
+            force="scene",
+            process=False,
+            **plain,
+        )
+    placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
+    parts = [(matrix, scene.geometry[name]) for matrix, name in placed]
+    others = Counter(type(part).__name__ for _, part in parts if not hasattr(part, "faces"))
+    if others and not notes:
+        notes += (f"Parts of the file have no faces and were left out: {sum(others.values()):,}.",)
+    triangles = _joined([part for part in parts if hasattr(part[1], "faces")], notes, path)
+    declared = declared_faces(path)
+    if 0 < len(triangles.faces) < declared:
+        raise ReadError(
+            f"{path}: has {len(triangles.faces):,} of {declared:,} faces; it is cut short.",
+            "Export it again.",
+        )
+    return triangles
+
+
+def _joined(parts: list[tuple[Any, Any]], notes: tuple[str, ...], path: Path) -> Triangles:
+    """Meshes of trimesh with their 4 × 4 matrices as one."""
+    if sum(len(part.faces) for _, part in parts) > MAX_FACES:
+        raise ReadError(
+            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
+        )
+    points, corners, first = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
+    for matrix, part in parts:
+        own = np.asarray(part.vertices, np.float64)
+        faces = np.asarray(part.faces)
+        if len(faces) and (faces.min() < 0 or faces.max() >= len(own)):
+            raise ReadError(
+                f"{path}: a face refers to a vertex that is not there.", "Export it again."
+            )
+        if not np.array_equal(matrix, np.eye(4)):
+            own = own @ matrix[:3, :3].T + matrix[:3, 3]
+        points.append(own)
+        corners.append((faces + first).astype(np.int32))
+        first += len(own)
+    return Triangles(np.concatenate(points), np.concatenate(corners), notes)
+
+
+def _counted_up(text: bytes) -> io.BytesIO:
+    """An OBJ in which faces count vertices from the first on.
+
+    Negative numbers count back from the face (Wavefront, Object Files, "Referencing groups of
+    vertices"), which trimesh takes as counted back from the end of the file.
+    """
+    if re.search(rb"^[ \t]*f(?:[ \t]+[^\s\\]+){0,2}[ \t\r]*$", text, re.MULTILINE):
+        raise ValueError("a face has fewer than three corners")
+    if not re.search(rb"^\s*f\s(?:[^\n]*-|(?:[^\n]*\s)?0+[\s/])", text, re.MULTILINE):
+        return io.BytesIO(text)
+
+    def counted(number: bytes, count: int) -> bytes:
+        place = int(number)
+        if place == 0 or place < -count:
+            raise ValueError(f"a face has the number {place}")
+        return b"%d" % (place if place > 0 else place + count + 1)
+
+    seen = {b"v": 0, b"vt": 0, b"vn": 0}
+    lines = []
+    for line in text.splitlines():
+        words = line.split()
+        if words and words[0] in seen:
+            seen[words[0]] += 1
+        elif words and words[0] == b"f":
+            counts = (seen[b"v"], seen[b"vt"], seen[b"vn"])
+            corners = (zip(word.split(b"/"), counts, strict=False) for word in words[1:])
+            line = b"f " + b" ".join(
+                b"/".join(counted(*pair) if pair[0] else b"" for pair in one) for one in corners
+            )
+        lines.append(line)
+    return io.BytesIO(b"\n".join(lines))
+
+
+def _as_utf8(text: bytes) -> bytes:
+    """Text in UTF-8, or in Latin-1, in UTF-8; comments and names are all that it may matter to."""
+    try:
+        text.decode()
+    except UnicodeDecodeError:
+        return text.decode("latin-1").encode()
+    return text
+
+
+def _read_vrml(path: Path) -> Triangles:
+    from terratool.importing.vrml.scene import read_vrml
+
+    return read_vrml(path)
+
+
+def _up_of_vrml(path: Path) -> str:
+    from terratool.importing.vrml.scene import UP, stated_up
+
+    return stated_up(path) or UP
+
+
+READERS = {
+    ".obj": Reader("OBJ", partial(_by_trimesh, kind="obj")),
+    ".stl": Reader("STL", partial(_by_trimesh, kind="stl")),
+    ".ply": Reader("PLY", partial(_by_trimesh, kind="ply")),
+    ".glb": Reader("GLB", partial(_by_trimesh, kind="glb"), up="y"),
+    ".gltf": Reader("glTF", partial(_by_trimesh, kind="gltf"), up="y"),
+    ".off": Reader("OFF", partial(_by_trimesh, kind="off")),
+    ".3mf": Reader("3MF", read_3mf),
+    ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
+    ".wrl": Reader("VRML", _read_vrml, up=_up_of_vrml),
+    ".wrz": Reader("VRML", _read_vrml, up=_up_of_vrml),
+}
+"""Formats of meshes by suffix."""

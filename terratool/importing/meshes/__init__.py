@@ -1,1 +1,0 @@
-"""Meshes as sources: files become triangles, and these heights as seen from above."""

@@ -1,0 +1,1 @@
+"""A patch of a DEM becomes a primitive."""

@@ -1,0 +1,366 @@
+"""One patch of heights becomes one primitive, or a few that stand in one cell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from terratool.definition.model import LARGEST, SMALLEST
+from terratool.errors import RequestError
+from terratool.importing.primitive import fit
+from terratool.importing.primitive.entries import (
+    FitError,
+    PrimitiveEntry,
+    entries_of,
+    fit_error,
+    level,
+)
+from terratool.importing.primitive.fit import CurveForm
+from terratool.importing.primitive.products import Patch, ProductSum
+from terratool.importing.samples import HeightSource, SampledHeights
+
+MOST_TERMS = 16
+MOST_SAMPLES = 256
+MOST_VALUES = 512
+"""Terms times values: the time for a fit grows with the cube."""
+_WORTH = 0.98
+"""A turn must leave this part of the error at most, a sum instead of a product, too."""
+_POOR = 0.01
+"""An error of more than this part of the relief is worth a word about what would fit better."""
+_OTHERWISE = "For a smaller error there is import-terrain."
+_ROWS = 1024
+
+_HELPS = 0.9
+"""One more term is spoken of if the largest error gets so much smaller."""
+
+Combine = Literal["auto", "product", "sum"]
+
+
+@dataclass(frozen=True, slots=True)
+class PrimitiveRequest:
+    """What is asked for.
+
+    Attributes:
+        samples: values in each curve; the fewest that serve, if None.
+        turn: look for the best angle.
+        terms: primitives for one cell.
+        recognise: write named curves where they fit.
+        tolerance: largest error, in units of the heights; None for any.
+        combine: how the two curves become one; "auto" takes what fits better.
+        x_steps, y_steps: world positions of vertical steps, as walls of a mesh make.
+    """
+
+    samples: int | None = None
+    turn: bool = False
+    terms: int = 1
+    recognise: bool = False
+    tolerance: float | None = None
+    combine: Combine = "product"
+    x_steps: tuple[float, ...] = ()
+    y_steps: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedPrimitive:
+    """Primitives for a patch, and how well they fit.
+
+    Attributes:
+        names: of the primitives.
+        entries: the primitives.
+        misfit: as asked of the compiled terrain.
+        missing: pixels without a height.
+        size: sides of the patch along x and y.
+        unit: of the heights.
+        unturned: the largest error without the turn, of the same pixels; None without a turn.
+        more: the largest error with one term more; None if that was not tried.
+        notes: sentences about the source and what was chosen.
+    """
+
+    names: tuple[str, ...]
+    entries: tuple[PrimitiveEntry, ...]
+    misfit: FitError
+    missing: int
+    size: tuple[float, float]
+    unit: str
+    unturned: float | None = None
+    more: float | None = None
+    notes: tuple[str, ...] = ()
+
+    def primitives(self) -> dict[str, Any]:
+        """The entries for `elemTypes`."""
+        return {
+            name: entry.primitive() for name, entry in zip(self.names, self.entries, strict=True)
+        }
+
+    def elements(
+        self, cell: tuple[int, int] | None = None, span: tuple[int, int] = (1, 1)
+    ) -> list[dict[str, Any]]:
+        """The elements that stand them on the ground, all in one block of cells."""
+        found = []
+        for k, (name, entry) in enumerate(zip(self.names, self.entries, strict=True)):
+            element = entry.element(name, cell, span)
+            if k > 0:
+                element["x-ignore"] = ["TT208"]  # they share the cell with the first
+            found.append(element)
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """The report for programs."""
+        return {
+            "primitives": self.primitives(),
+            "elements": self.elements(),
+            "error": self.misfit.to_json(),
+            "missing": self.missing,
+            "unit": self.unit,
+            "unturned": self.unturned,
+            "oneMoreTerm": self.more,
+            "notes": list(self.notes),
+        }
+
+
+def read_samples(heights: HeightSource) -> SampledHeights:
+    """All heights of a source in memory."""
+    if isinstance(heights, SampledHeights):
+        return heights
+    lattice = heights.lattice
+    values = np.empty((lattice.rows, lattice.columns))
+    for first in range(0, lattice.rows, _ROWS):
+        count = min(_ROWS, lattice.rows - first)
+        values[first : first + count] = heights.read(first, count)
+    return SampledHeights(lattice, values, tuple(heights.notes))
+
+
+def import_primitive(
+    samples: SampledHeights, name: str, wanted: PrimitiveRequest | None = None
+) -> ImportedPrimitive:
+    """Make primitives of a patch of heights.
+
+    The heights of one are vScale · x(u) · y(v) + vOffset with u and v from 0 to 1 over the whole
+    patch, from the outer edges of its pixels; of several, the sum.
+
+    Args:
+        samples: the patch.
+        name: of the primitive; with several terms they are called NAME-1, NAME-2, ….
+        wanted: how.
+
+    Raises:
+        RequestError: the patch has fewer than two pixels with a height, or what is wanted makes no
+            sense.
+    """
+    wanted = wanted or PrimitiveRequest()
+    _refuse_odd(name, wanted)
+    _refuse_empty(samples)
+    patch = Patch(samples)
+    notes = list(samples.notes)
+    unturned = more = None
+    low, high = float(np.nanmin(samples.values)), float(np.nanmax(samples.values))
+    if low == high:
+        entries: tuple[PrimitiveEntry, ...] = (level(low),)
+        notes.append("The patch is level.")
+    else:
+        patch, terms, unturned = _best(patch, wanted)
+        entries = entries_of(
+            terms, patch.turn, high - low, lambda tried: fit.balanced(patch, tried)
+        )
+        if wanted.turn and patch.turn == 0.0:
+            notes.append("No turn fits better than none.")
+    misfit = fit_error(patch, entries)
+    if wanted.recognise and low < high:
+        from terratool.importing.primitive.recognise import recognise
+
+        named = recognise(patch, terms, misfit.largest, wanted.tolerance)
+        if named is None:
+            notes.append("No named curve fits within the tolerance.")
+        else:
+            entries = (named,)
+            misfit = fit_error(patch, entries)
+    elif misfit.largest > _POOR * misfit.relief and not entries[0].summed:
+        more = _one_more(patch, wanted, terms)
+        more = more if more is not None and more < misfit.largest else None
+    missing = int(np.isnan(samples.values).sum())
+    lattice = samples.lattice
+    size = lattice.columns * lattice.dx, lattice.rows * lattice.dy
+    return ImportedPrimitive(
+        names_of(name, wanted)[: len(entries)], entries, misfit, missing, size, lattice.unit,
+        unturned, more, tuple(notes),
+    )  # fmt: skip
+
+
+def names_of(name: str, wanted: PrimitiveRequest) -> tuple[str, ...]:
+    """The names of the primitives: NAME, or NAME-1, NAME-2, … for several terms.
+
+    Raises:
+        RequestError: what is wanted makes no sense.
+    """
+    _refuse_odd(name, wanted)
+    if wanted.terms == 1:
+        return (name,)
+    return tuple(f"{name}-{k + 1}" for k in range(wanted.terms))
+
+
+def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, float | None]:
+    """The fit that is wanted, the turn it is for, and the error without that turn."""
+    unturned = None
+    if wanted.turn:
+        counts = None if wanted.samples is None else (wanted.samples, wanted.samples)
+        turned = replace(patch, turn=fit.best_turn(patch, wanted.terms, counts))
+        covered = _covered(turned)
+        heights = covered.values[~np.isnan(covered.values)]
+        # what has no relief says nothing of a turn
+        if turned.turn != 0.0 and heights.size and heights.min() < heights.max():
+            terms, error = _fit(turned, wanted)
+            unturned = _fit(covered, wanted)[1]
+            if error <= _WORTH * unturned:
+                return turned, terms, unturned
+    return patch, _fit(patch, wanted)[0], None
+
+
+def _covered(turned: Patch) -> Patch:
+    """The pixels that a turned primitive covers, unturned."""
+    rows, columns = turned.values.shape
+    u, v = turned.unit(np.arange(rows)[:, None], np.arange(columns)[None, :])
+    within = (np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5)
+    values = np.where(within, turned.values, np.nan)
+    return Patch(replace(turned.samples, values=values))
+
+
+def _fit(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSum, float]:
+    """The better of a product and a sum, as far as both are wanted, and its largest misfit."""
+    found = []
+    for summed in (False, True):
+        if wanted.combine in ("auto", "sum" if summed else "product"):
+            curves = _curves(patch, wanted, summed)
+            found.append(fit.shape(patch, curves, _counts(patch, curves, wanted.samples)))
+    if len(found) == 2 and found[1][1] <= _WORTH * found[0][1]:
+        return found[1]
+    return found[0]
+
+
+def _curves(patch: Patch, wanted: PrimitiveRequest, summed: bool) -> CurveForm:
+    west, south, east, north = patch.samples.lattice.bounds
+    return CurveForm(
+        wanted.terms,
+        tuple((x - west) / (east - west) for x in wanted.x_steps),
+        tuple((y - south) / (north - south) for y in wanted.y_steps),
+        summed,
+    )
+
+
+def _counts(patch: Patch, curves: CurveForm, samples: int | None) -> tuple[int, int]:
+    if samples is None:
+        return fit.fewest(patch, curves)
+    rows, columns = patch.values.shape
+    # across a single row or column nothing is known
+    return samples if columns > 1 else 1, samples if rows > 1 else 1
+
+
+def _one_more(patch: Patch, wanted: PrimitiveRequest, terms: ProductSum) -> float | None:
+    """The error with one term more."""
+    if terms.count >= MOST_TERMS or min(patch.values.shape) <= terms.count:
+        return None
+    curves = replace(_curves(patch, wanted, False), terms=terms.count + 1)
+    counts = len(terms.x_nodes), len(terms.y_nodes)
+    return fit.shape(patch, curves, counts)[1]
+
+
+def _refuse_odd(name: str, wanted: PrimitiveRequest) -> None:
+    """Refuse numbers and combinations that make no sense."""
+    if not name:
+        raise RequestError("The primitive has no name.", "Give it one with --name.")
+    try:
+        name.encode()
+    except UnicodeEncodeError as error:
+        raise RequestError(f"{name!r} is no name in UTF-8.", "Choose another --name.") from error
+    if not 1 <= wanted.terms <= MOST_TERMS:
+        raise RequestError(
+            f"{wanted.terms} terms are asked for.", f"Ask for 1 to {MOST_TERMS} with --terms."
+        )
+    if wanted.samples is not None and not 1 <= wanted.samples <= MOST_SAMPLES:
+        raise RequestError(
+            f"Curves of {wanted.samples} values are asked for.",
+            f"Ask for 1 to {MOST_SAMPLES} with --samples.",
+        )
+    if wanted.terms * (wanted.samples or 0) > MOST_VALUES:
+        raise RequestError(
+            f"{wanted.terms} terms of curves with {wanted.samples} values are asked for.",
+            f"Ask for fewer: together no more than {MOST_VALUES} along a side.",
+        )
+    if wanted.tolerance is not None and not 0.0 <= wanted.tolerance < math.inf:
+        raise RequestError(
+            f"The tolerance is {wanted.tolerance:g}.", "Give a largest error of 0 or more."
+        )
+    for option, given in (
+        ("--combine", wanted.combine != "product"),
+        ("--recognise", wanted.recognise),
+    ):
+        if given and wanted.terms > 1:
+            raise RequestError(
+                f"{option} is about one primitive, but {wanted.terms} terms are asked for.",
+                f"Leave out {option} or --terms.",
+            )
+    if wanted.recognise and wanted.combine != "product":
+        raise RequestError(
+            "Named curves are looked for in products only.", "Leave out --combine or --recognise."
+        )
+    if wanted.turn and (wanted.x_steps or wanted.y_steps):
+        raise RequestError(
+            "Walls along x and y are no steps of turned curves.", "Leave out --turn or --steps."
+        )
+
+
+def _refuse_empty(samples: SampledHeights) -> None:
+    """Refuse a patch that says nothing of a shape, or that no definition can hold."""
+    lattice = samples.lattice
+    size = f"{lattice.columns} × {lattice.rows} pixels"
+    sides = lattice.columns * lattice.dx, lattice.rows * lattice.dy
+    if min(sides) < SMALLEST or max(sides) > LARGEST:
+        raise RequestError(
+            f"The patch is {sides[0]:.4g} × {sides[1]:.4g}, and the sides of a terrain are from "
+            f"{SMALLEST:g} to {LARGEST:g}.",
+            "Check the reference system of the source.",
+        )
+    known = int((~np.isnan(samples.values)).sum())
+    if known == 0:
+        raise RequestError(
+            f"None of the {size} has a height.", "Choose other pixels with --bounds or --window."
+        )
+    if known == 1:
+        raise RequestError(
+            f"Of the {size} only one has a height, which makes no curve.",
+            "Choose more pixels with --bounds or --window.",
+        )
+
+
+def sentences(imported: ImportedPrimitive) -> Iterator[str]:
+    """What is to be said of the fit, for people."""
+    misfit, unit = imported.misfit, imported.unit
+    yield (
+        f"Error: {_sized(misfit.largest, misfit, unit)} at most, at {misfit.x:.12g} "
+        f"{misfit.y:.12g}; {_sized(misfit.rms, misfit, unit)} RMS, over {misfit.pixels:,} pixels."
+    )
+    if imported.missing:
+        yield f"{imported.missing:,} pixels without a height count for nothing."
+    if imported.entries[0].turn != 0.0:
+        share = misfit.bare / (misfit.bare + misfit.pixels)
+        yield (
+            f"Turned by {imported.entries[0].turn:g}°, it leaves {share:.1%} of the patch bare; "
+            f"unturned, the error for the rest would be {imported.unturned:.3g} {unit}."
+        )
+    if misfit.largest > _POOR * misfit.relief:
+        more = ""
+        if imported.more is not None and imported.more < _HELPS * misfit.largest:
+            count = len(imported.entries) + 1
+            more = (
+                f"{count} terms in the same cell (--terms {count}) would leave "
+                f"{_sized(imported.more, misfit, unit)}; "
+            )
+        yield f"{more}import-terrain keeps to any error." if more else _OTHERWISE
+    yield from imported.notes
+
+
+def _sized(size: float, misfit: FitError, unit: str) -> str:
+    return f"{size:.4g} {unit} ({misfit.share(size):.3g} % of the relief)"

@@ -1,0 +1,464 @@
+"""From a patch to curves: how many values they need, and which fit best, at which angle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.importing.primitive import products
+from terratool.importing.primitive.products import REACH, Floats, Patch, Points, ProductSum, nodes
+from terratool.kernels import importing as kernels
+
+_LIGHT = 1e-11
+"""Weight of differences between neighbouring values: it decides where no pixel does."""
+_DAMPING = 1e-3, 1e-12, 1e6
+"""At first, at least, and where no better fit is to be had."""
+_FIRM = 1e-9
+"""Part of the mean diagonal that damping takes for the least of it."""
+_ENOUGH = 1e-4
+"""Squares that become smaller by less than this part are as small as they get."""
+_EXACT = 1e-10
+"""Misfits of this part of the relief are rounding."""
+_STEPS = 12
+"""So many steps for each power."""
+_LONG = 3.0
+"""First steps are so many times those that surely converge."""
+_HALVINGS = 10
+_LEAST_GAIN = 5e-4
+"""A power is left for the next one when its mean becomes smaller by less than this part."""
+QUICK = (3.0, 5.0, 8.0, 14.0, 30.0)
+THOROUGH = (3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0, 160.0, 320.0)
+FURTHER = (20.0, 40.0, 80.0, 160.0, 320.0)
+"""Powers of misfits: to compare, to be content with, and to go on from a thorough fit."""
+
+
+@dataclass(slots=True)
+class FitProblem:
+    """Points between the nodes of two curves.
+
+    Attributes:
+        i, f, j, g: (n,) the node before each point and how far it is on the way to the next one.
+        lowest, highest: offsets that are allowed.
+    """
+
+    z: Floats
+    i: NDArray[np.int64]
+    f: Floats
+    j: NDArray[np.int64]
+    g: Floats
+    relief: float
+    lowest: float
+    highest: float
+
+
+def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> FitProblem:
+    """Heights at points as a problem for curves with these nodes."""
+    i, f = kernels.locate(x_nodes, points.u)
+    j, g = kernels.locate(y_nodes, points.v)
+    low, high = float(points.z.min()), float(points.z.max())
+    relief = high - low
+    return FitProblem(points.z, i, f, j, g, relief, low - REACH * relief, high + REACH * relief)
+
+
+def residuals(problem: FitProblem, terms: ProductSum) -> Floats:
+    """(n,) heights minus the fit."""
+    return kernels.residuals(problem, terms)
+
+
+def least_squares(
+    problem: FitProblem, terms: ProductSum, weights: Floats, steps: int
+) -> ProductSum:
+    """Better curves and offset by weighted squares, in no more than so many steps.
+
+    Args:
+        problem: the heights.
+        terms: where to begin.
+        weights: (n,), their sum is 1.
+        steps: of Levenberg and Marquardt, those in vain included.
+    """
+    p, q, count = len(terms.x_nodes), len(terms.y_nodes), terms.count
+    size = count * (p + q) + 1
+    matrix, right = np.empty((size, size)), np.empty(size)
+    own, next_one = _stiffness(terms)
+    at = np.arange(size)
+    damping, least, most = _DAMPING
+    cost = _cost(problem, terms, weights)
+    fresh = False
+    for _ in range(steps):
+        if not fresh:
+            kernels.normal_equations(problem, terms, weights, matrix, right)
+            scale = float(np.trace(matrix)) / size
+            values = _packed(terms)
+            right -= scale * own * values
+            right[:-1] -= scale * next_one * values[1:]
+            right[1:] -= scale * next_one * values[:-1]
+            matrix[at, at] += scale * own
+            matrix[at[:-1], at[1:]] += scale * next_one
+            fresh = True
+        damped, step = matrix.copy(), right.copy()
+        damped[at, at] += damping * (matrix[at, at] + _FIRM * scale)
+        better = terms
+        after = cost
+        if kernels.solve(damped, step):
+            better = _moved(problem, terms, step)
+            after = _cost(problem, better, weights)
+        if after < cost:
+            gained = (cost - after) / cost
+            terms, cost, fresh = better, after, False
+            damping = max(damping * 0.1, least)
+            if gained < _ENOUGH:
+                break
+        else:
+            damping *= 10.0
+            if damping > most:
+                break
+        if cost <= (_EXACT * problem.relief) ** 2:
+            break
+    return terms
+
+
+def smallest_largest(
+    problem: FitProblem, terms: ProductSum, powers: tuple[float, ...]
+) -> tuple[ProductSum, float]:
+    """The fit with the smallest largest misfit that is met on the way through some powers.
+
+    Args:
+        problem: the heights.
+        terms: where to begin.
+        powers: of the misfits whose sum is made small, ascending, above 2.
+
+    Returns:
+        The fit, and its largest misfit.
+    """
+    off = residuals(problem, terms)
+    best, worst = _balanced(terms, off)
+    for power in powers:
+        for _ in range(_STEPS):
+            if worst <= _EXACT * problem.relief:
+                return best, worst
+            size = np.abs(off)
+            weights = (size / size.max()) ** (power - 2.0)
+            target = least_squares(problem, terms, weights / weights.sum(), 1)
+            terms, moved, gained = _towards(problem, terms, target, power, size)
+            off = moved
+            balanced, largest = _balanced(terms, off)
+            if largest < worst:
+                best, worst = balanced, largest
+            if gained < _LEAST_GAIN:
+                break
+    return best, worst
+
+
+def _balanced(terms: ProductSum, off: Floats) -> tuple[ProductSum, float]:
+    """The same with the offset for which the largest misfits up and down are equal, and those."""
+    middle = 0.5 * float(off.max() + off.min())
+    return replace(terms, offset=terms.offset + middle), 0.5 * float(off.max() - off.min())
+
+
+def _towards(
+    problem: FitProblem, terms: ProductSum, target: ProductSum, power: float, size: Floats
+) -> tuple[ProductSum, Floats, float]:
+    """As far towards a target as the powers' sum becomes smaller.
+
+    Returns:
+        The terms there, their misfits, and by what part the power's mean became smaller.
+    """
+    largest = float(size.max())
+    before = float(((size / largest) ** power).sum())
+    part = min(1.0, _LONG / (power - 1.0))
+    for _ in range(_HALVINGS):
+        tried = replace(
+            terms,
+            x=terms.x + part * (target.x - terms.x),
+            y=terms.y + part * (target.y - terms.y),
+            offset=terms.offset + part * (target.offset - terms.offset),
+        )
+        off = residuals(problem, tried)
+        with np.errstate(over="ignore"):
+            after = float(((np.abs(off) / largest) ** power).sum())
+        if after < before:
+            return tried, off, 1.0 - (after / before) ** (1.0 / power)
+        part *= 0.5
+    return terms, residuals(problem, terms), 0.0
+
+
+def _packed(terms: ProductSum) -> Floats:
+    return np.concatenate([terms.x.ravel(), terms.y.ravel(), [0.0]])
+
+
+def _moved(problem: FitProblem, terms: ProductSum, step: Floats) -> ProductSum:
+    cut = terms.x.size
+    offset = min(max(terms.offset + float(step[-1]), problem.lowest), problem.highest)
+    return replace(
+        terms,
+        x=terms.x + step[:cut].reshape(terms.x.shape),
+        y=terms.y + step[cut:-1].reshape(terms.y.shape),
+        offset=offset,
+    )
+
+
+def _cost(problem: FitProblem, terms: ProductSum, weights: Floats) -> float:
+    off = residuals(problem, terms)
+    return float(weights @ (off * off))
+
+
+def _stiffness(terms: ProductSum) -> tuple[Floats, Floats]:
+    """Squares of differences between values of neighbouring nodes, times a light weight.
+
+    Returns:
+        (M,) and (M − 1,): the diagonal of a matrix for all unknowns, and the one beside it.
+    """
+    size = terms.count * (len(terms.x_nodes) + len(terms.y_nodes)) + 1
+    own, next_one = np.zeros(size), np.zeros(size - 1)
+    first = 0
+    for places in (*[terms.x_nodes] * terms.count, *[terms.y_nodes] * terms.count):
+        gaps = np.diff(places)
+        pull = np.where(gaps > 0.0, _LIGHT / np.where(gaps > 0.0, gaps, 1.0), 0.0)
+        last = first + len(gaps)
+        own[first:last] += pull
+        own[first + 1 : last + 1] += pull
+        next_one[first:last] = -pull
+        first = last + 1
+    return own, next_one
+
+
+SLACK = 1.05
+"""The fewest values are taken whose error is no more than so many times the smallest."""
+EXACT = 1e-6
+"""An error of this part of the relief is as good as none."""
+_COUNTS = (*range(1, 18), 21, 25, 33, 41, 49, 65)
+_VALUES, _FEWEST = 320, 17
+"""Curves of all terms together have no more values along a side, but as many of each at least."""
+_COARSE, _FINE = 64, 128
+"""Columns and rows of pixels to choose by, and to begin the fit with."""
+_BLOCKS = 64
+"""Along each side; the worst pixel of each joins the fit."""
+_JOINS = 4
+_NEAR = 1.002
+_SHORT, _VAIN, _GAIN = 17, 2, 0.98
+"""Behind so many values, so many longer curves in vain are enough: that gain less than this."""
+
+
+@dataclass(frozen=True, slots=True)
+class CurveForm:
+    """What curves are to be: so many terms, with steps, added or multiplied.
+
+    Attributes:
+        terms: how many products.
+        x_steps, y_steps: places from 0 to 1 of vertical steps.
+        summed: the two curves are added.
+    """
+
+    terms: int = 1
+    x_steps: tuple[float, ...] = ()
+    y_steps: tuple[float, ...] = ()
+    summed: bool = False
+
+    def nodes(self, counts: tuple[int, int]) -> tuple[Floats, Floats]:
+        """Nodes of curves with so many values each."""
+        return nodes(counts[0], self.x_steps), nodes(counts[1], self.y_steps)
+
+
+def shape(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple[ProductSum, float]:
+    """The curves of so many values that fit all pixels best, and their largest misfit.
+
+    Pixels in columns and rows are fitted first; then the worst of all are added, block by block,
+    until none is worse than those that were fitted.
+    """
+    points = products.points_of(patch, _FINE)
+    terms, worst = _fitted(patch, points, curves, counts, _FINE, THOROUGH)
+    if max(patch.values.shape) <= _FINE:
+        return terms, worst
+    best, least = terms, math.inf
+    for _ in range(_JOINS):
+        others, largest = _worst(patch, terms)
+        if largest < least:
+            best, least = terms, largest
+        if largest <= max(_NEAR * worst, EXACT * relief_of(patch)):
+            break
+        points = Points(*(
+            np.concatenate([getattr(points, name), getattr(others, name)]) for name in "uvz"
+        ))  # fmt: skip
+        problem = problem_of(points, terms.x_nodes, terms.y_nodes)
+        terms, worst = smallest_largest(problem, terms, FURTHER)
+    return best, least
+
+
+def fewest(patch: Patch, curves: CurveForm) -> tuple[int, int]:
+    """How many values x and y need, for an error close to the smallest that is possible."""
+    rows, columns = patch.values.shape
+    points = products.points_of(patch, _COARSE)
+
+    def error(counts: tuple[int, int]) -> float:
+        return _fitted(patch, points, curves, counts, _COARSE, QUICK)[1]
+
+    most = max(min(columns, _COARSE), min(rows, _COARSE))
+    most = min(most, max(_FEWEST, _VALUES // curves.terms))
+    both = [(min(n, columns), min(n, rows)) for n in _COUNTS if n <= most]
+    errors: list[float] = []
+    for counts in both:
+        errors.append(error(counts))
+        if errors[-1] <= EXACT * relief_of(patch):
+            break
+        if max(counts) > _SHORT and min(errors[-_VAIN:]) > _GAIN * min(errors[:-_VAIN]):
+            break
+    limit = max(SLACK * min(errors), EXACT * relief_of(patch))
+    counts = next(n for n, off in zip(both, errors, strict=False) if off <= limit)
+    for axis in (1, 0):
+        counts = _shortened(counts, axis, limit, error)
+    return counts
+
+
+def _shortened(
+    counts: tuple[int, int], axis: int, limit: float, error: Callable[[tuple[int, int]], float]
+) -> tuple[int, int]:
+    """The fewest values of one curve for which the error stays below a limit."""
+    # one after the other: a curve of five values is one of nine, but none of seven
+    for n in [n for n in _COUNTS if n < counts[axis]]:
+        fewer = (n, counts[1]) if axis == 0 else (counts[0], n)
+        if error(fewer) <= limit:
+            return fewer
+    return counts
+
+
+def _fitted(
+    patch: Patch,
+    points: Points,
+    curves: CurveForm,
+    counts: tuple[int, int],
+    most: int,
+    powers: tuple[float, ...],
+) -> tuple[ProductSum, float]:
+    """A fit to points that begins with what least squares on a grid say for several offsets."""
+    x_nodes, y_nodes = curves.nodes(counts)
+    problem = problem_of(points, x_nodes, y_nodes)
+    even = np.full(len(points.z), 1.0 / len(points.z))
+    if curves.summed:
+        begin = ProductSum(
+            x_nodes, y_nodes, np.zeros((1, len(x_nodes))), np.zeros((1, len(y_nodes))),
+            float(points.z.mean()), summed=True,
+        )  # fmt: skip
+        terms = least_squares(problem, begin, even, 5)
+        return smallest_largest(problem, terms, powers)
+    begins = products.fits(products.grid_of(patch, most), x_nodes, y_nodes, curves.terms)
+    tried = [
+        smallest_largest(problem, least_squares(problem, begin, even, 20), QUICK)
+        for begin in begins
+    ]
+    terms, worst = min(tried, key=lambda fit: fit[1])
+    if powers == QUICK:
+        return terms, worst
+    return smallest_largest(problem, terms, powers)
+
+
+def _worst(patch: Patch, terms: ProductSum) -> tuple[Points, float]:
+    """The pixel of each block that is fitted worst, and the largest misfit."""
+    rows, columns = patch.values.shape
+    block = math.ceil(max(rows, columns) / _BLOCKS)
+    pixels, largest = kernels.worst_pixels(patch.values, patch.affine, terms, block)
+    row, column = np.divmod(pixels, columns)
+    return products.points_at(patch, row, column), largest
+
+
+def relief_of(patch: Patch) -> float:
+    """Highest minus lowest height."""
+    return float(np.nanmax(patch.values) - np.nanmin(patch.values))
+
+
+def balanced(patch: Patch, terms: ProductSum) -> tuple[float, ProductSum]:
+    """The largest misfit of all pixels with the offset that makes it smallest, and such terms."""
+    low, high = kernels.error_range(patch.values, patch.affine, terms)
+    return 0.5 * (high - low), replace(terms, offset=terms.offset + 0.5 * (low + high))
+
+
+_ANGLES = 9
+"""Angles that are tried at first; a product turned by 90° is a product again."""
+_BEST = 2
+"""So many of them are refined, to within some tenths, and the best to within hundredths."""
+_CLOSE = 0.2, 0.005
+_FEW, _SOME, _MANY = 64, 96, 256
+"""Columns and rows of pixels for trying, for refining, and for the last digits."""
+_NODES = 17
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float:
+    """The turn in degrees, from −45 to 45, with the smallest RMS misfit of the pixels it covers.
+
+    Least squares decide, as single pixels count little for them; the turn is good to some
+    hundredths of a degree, and has two decimals.
+
+    Args:
+        patch: its own turn counts for nothing.
+        terms: how many products.
+        counts: how many values x and y have; 17, if not said.
+    """
+    rows, columns = patch.values.shape
+    across, along = counts or (_NODES, _NODES)
+    x_nodes, y_nodes = nodes(min(across, columns)), nodes(min(along, rows))
+    step = 90.0 / _ANGLES
+    coarse = []
+    for n in range(_ANGLES):
+        turned = replace(patch, turn=step * (n - _ANGLES // 2))
+        points = products.points_of(turned, _FEW)
+        if not len(points.z):
+            continue
+        begin = products.fits(products.grid_of(turned, _FEW), x_nodes, y_nodes, terms, 1)[0]
+        coarse.append((*_turned_fit(points, begin), turned.turn))
+    coarse.sort(key=lambda fit: fit[0])
+    fine = []
+    for _, begin, turn in coarse[:_BEST]:
+        fine.append((*_refined(patch, begin, turn, step, 0), begin))
+    _, turn, begin = min(fine, key=lambda fit: fit[0])
+    turn = _refined(patch, begin, turn, 5 * _CLOSE[0], 1)[1]
+    return round((turn + 45.0) % 90.0 - 45.0, 2) + 0.0  # no negative zero
+
+
+def _misfit(
+    patch: Patch, begin: ProductSum, ends: tuple[float, float], most: int, turn: float
+) -> float:
+    """RMS misfit at a turn, of the pixels that are covered there and at both ends.
+
+    Pixels that come and go would count for more than a small turn does.
+    """
+    row, column = products.picked(patch, most)
+    for end in (*ends, turn):
+        u, v = replace(patch, turn=end).unit(row, column)
+        within = (abs(u - 0.5) <= 0.5) & (abs(v - 0.5) <= 0.5)
+        row, column = row[within], column[within]
+    points = products.points_at(replace(patch, turn=turn), row, column)
+    if not len(points.z):
+        return math.inf
+    return _turned_fit(points, begin)[0]
+
+
+def _turned_fit(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
+    problem = problem_of(points, begin.x_nodes, begin.y_nodes)
+    even = np.full(len(points.z), 1.0 / len(points.z))
+    fit = least_squares(problem, begin, even, 20)
+    return float(np.sqrt(np.mean(residuals(problem, fit) ** 2))), fit
+
+
+def _refined(
+    patch: Patch, begin: ProductSum, turn: float, reach: float, stage: int
+) -> tuple[float, float]:
+    """The smallest misfit within `reach` of a turn and where it is, by golden sections."""
+    low, high = turn - reach, turn + reach
+    misfit = partial(_misfit, patch, begin, (low, high), (_SOME, _MANY)[stage])
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_left, at_right = misfit(left), misfit(right)
+    while high - low > _CLOSE[stage]:
+        if at_left <= at_right:
+            high, right, at_right = right, left, at_left
+            left = high - _GOLDEN * (high - low)
+            at_left = misfit(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + _GOLDEN * (high - low)
+            at_right = misfit(right)
+    return min((at_left, left), (at_right, right))

@@ -1,0 +1,280 @@
+"""Named curves of the format in place of values, where they fit a patch as well.
+
+Curves that were fitted freely only suggest which ones to try; what counts is the error of the
+heights, with the best vScale and vOffset for each pair of curves.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from terratool.definition.expression import NAMED
+from terratool.importing.primitive import fit, products
+from terratool.importing.primitive.entries import PrimitiveEntry, spelled
+from terratool.importing.primitive.fit import relief_of
+from terratool.importing.primitive.products import Floats, Patch, Points, ProductSum, basis, nodes
+
+_FUNCTIONS: dict[str, Callable[[Floats], Floats]] = {
+    "flat": np.ones_like,
+    "ramp": lambda t: t,
+    "tent": lambda t: 1.0 - np.abs(2.0 * t - 1.0),
+    "cos": lambda t: np.cos(np.pi * (t - 0.5)),
+    "cosbell": lambda t: 0.5 - 0.5 * np.cos(2.0 * np.pi * t),
+    "dome": lambda t: np.sqrt(np.maximum(0.0, 1.0 - (2.0 * t - 1.0) ** 2)),
+    "gauss": lambda t: np.exp(-18.0 * (t - 0.5) ** 2),
+    "smoothstep": lambda t: t**2 * (3.0 - 2.0 * t),
+}
+_RISING = ("ramp", "smoothstep")
+"""Those that differ from their mirror image."""
+_ENDS = np.round(np.arange(0.0, 1.0001, 0.05), 2)
+_SHORTEST = 0.15
+_STEPS = 0.02, 0.01, 0.005, 0.002, 0.001
+_WORSE = 1.1
+"""Of pairs that are so many times as far off as the best one at most, the plainest is taken."""
+_LOOSE, _SHARE = 1.25, 0.01
+"""Without a tolerance they may be so many times worse, or off by that part of the relief."""
+_PIXELS = 64
+_TRIED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class NamedForm:
+    """A named curve from t = low to t = high, 0 or its last value beyond; or its mirror image."""
+
+    name: str
+    low: float = 0.0
+    high: float = 1.0
+    mirrored: bool = False
+
+    @property
+    def trimmed(self) -> bool:
+        """Whether it is shorter than the cell."""
+        return (self.low, self.high) != (0.0, 1.0)
+
+    def values(self, t: Floats) -> Floats:
+        """Its values, in the shape of t."""
+        s = (t - self.low) / (self.high - self.low)
+        if self.name != "gauss":
+            s = np.clip(s, 0.0, 1.0)
+        return _FUNCTIONS[self.name](1.0 - s if self.mirrored else s)
+
+    def spelled(self) -> str:
+        """Its name, or an expression."""
+        s = "t"
+        if self.trimmed:
+            width = f"{self.high - self.low:.6g}"
+            s = f"(t - {self.low:g})/{width}" if self.low else f"t/{width}"
+            if self.name != "gauss":
+                s = f"min(1, max(0, {s}))" if self.low else f"min(1, {s})"
+        if self.mirrored:
+            s = f"1 - {s}" if not self.trimmed or s.startswith("min") else f"1 - ({s})"
+        if s == "t":
+            return self.name
+        if self.name == "ramp":
+            return s
+        within = s if s.startswith("min") else f"({s})"
+        return re.sub(r"\bt\b", lambda _: within, NAMED[self.name])
+
+
+@dataclass(frozen=True, slots=True)
+class RecognisedPair:
+    """A pair of curves; a free one is a list of values."""
+
+    error: float
+    x: NamedForm | Floats
+    y: NamedForm | Floats
+    scale: float
+    offset: float
+
+    @property
+    def plainness(self) -> tuple[int, int]:
+        """Free curves, and trimmed ones, for comparing."""
+        curves = (self.x, self.y)
+        return (
+            sum(not isinstance(curve, NamedForm) for curve in curves),
+            sum(isinstance(curve, NamedForm) and curve.trimmed for curve in curves),
+        )
+
+
+def recognise(
+    patch: Patch, terms: ProductSum, error: float, tolerance: float | None
+) -> PrimitiveEntry | None:
+    """Named curves for one product, or for one of its two curves, if they fit well enough.
+
+    Args:
+        patch: the heights; they have a relief.
+        terms: the free fit.
+        error: its largest misfit.
+        tolerance: the largest misfit that is allowed; if None, 1.25 times that of the free fit or
+            1 % of the relief.
+
+    Returns:
+        The plainest pair that fits, or None.
+    """
+    relief = relief_of(patch)
+    limit = max(_LOOSE * error, _SHARE * relief) if tolerance is None else tolerance
+    points = products.points_of(patch, _PIXELS)
+    x_forms, y_forms = _suggested(patch, points)
+    found = [*_plain_pairs(points), *_pairs(points, x_forms, y_forms)]
+    fitting_pairs = _close([pair for pair in found if pair.error <= limit])
+    if not fitting_pairs:
+        halves = _halves(points, x_forms, y_forms, terms)
+        fitting_pairs = _close([pair for pair in halves if pair.error <= limit])
+    for pair in fitting_pairs:
+        entry = _entry(pair, terms, patch.turn, relief)
+        from terratool.importing.primitive.entries import fit_error
+
+        if fit_error(patch, (entry,)).largest <= limit:
+            return entry
+    return None
+
+
+def _close(found: list[RecognisedPair]) -> list[RecognisedPair]:
+    """The plainest of those that are not much worse than the best one first."""
+    if not found:
+        return []
+    least = min(pair.error for pair in found)
+    return sorted(
+        found, key=lambda pair: (pair.error > _WORSE * least, pair.plainness, pair.error)
+    )[:_TRIED]
+
+
+def _forms() -> Iterator[NamedForm]:
+    for name in _FUNCTIONS:
+        yield NamedForm(name)
+        if name in _RISING:
+            yield NamedForm(name, mirrored=True)
+
+
+def _plain_pairs(points: Points) -> Iterator[RecognisedPair]:
+    """All pairs of whole named curves."""
+    for x, y in product(_forms(), repeat=2):
+        yield _fitted(points, x, y)
+
+
+def _fitted(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
+    """The best factor and offset for two curves, by least squares, and then the best offset."""
+    values = x.values(points.u) * y.values(points.v)
+    middle, mean = float(values.mean()), float(points.z.mean())
+    spread = float(((values - middle) ** 2).sum())
+    scale = float(((values - middle) * (points.z - mean)).sum()) / spread if spread > 0.0 else 0.0
+    off = points.z - scale * values
+    low, high = float(off.min()), float(off.max())
+    return RecognisedPair(0.5 * (high - low), x, y, scale, 0.5 * (low + high))
+
+
+def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[NamedForm]]:
+    """The named curves that look most like the freely fitted ones, trimmed as these are."""
+    rows, columns = patch.values.shape
+    x_nodes, y_nodes = nodes(min(33, columns)), nodes(min(33, rows))
+    begin = products.fits(products.grid_of(patch, _PIXELS), x_nodes, y_nodes, 1, 1)[0]
+    problem = fit.problem_of(points, x_nodes, y_nodes)
+    even = np.full(len(points.z), 1.0 / len(points.z))
+    free = fit.least_squares(problem, begin, even, 30)
+    return _alike(x_nodes, free.x[0]), _alike(y_nodes, free.y[0])
+
+
+def _alike(t: Floats, values: Floats) -> list[NamedForm]:
+    """For each name the best trimming, the closest names first."""
+    found = []
+    for plain in _forms():
+        tried: list[tuple[float, int, NamedForm]] = []
+        for low, high in product(_ENDS.tolist(), repeat=2):
+            if high - low < _SHORTEST or (plain.name == "flat" and (low, high) != (0.0, 1.0)):
+                continue
+            form = NamedForm(plain.name, low, high, plain.mirrored)
+            tried.append((_unlike(form.values(t), values), len(tried), form))
+        found.append(min(tried))
+    found.sort(key=lambda each: each[0])
+    return [form for _, _, form in found[:_TRIED]]
+
+
+def _unlike(curve: Floats, values: Floats) -> float:
+    """What is left of squares behind the best factor and offset."""
+    curve, values = curve - curve.mean(), values - values.mean()
+    square = float(curve @ curve)
+    return float(values @ values) - (float(curve @ values) ** 2 / square if square > 0.0 else 0.0)
+
+
+def _pairs(
+    points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm]
+) -> Iterator[RecognisedPair]:
+    """Pairs of suggested curves, their ends moved for the smallest error."""
+    for x, y in product(x_forms, y_forms):
+        best = _fitted(points, x, y)
+        for step in _STEPS:
+            improved = True
+            while improved:
+                improved = False
+                for pair in _neighbours(best, step):
+                    tried = _fitted(points, *pair)
+                    if tried.error < best.error:
+                        best, improved = tried, True
+        yield best
+
+
+def _neighbours(pair: RecognisedPair, step: float) -> Iterator[tuple[NamedForm, NamedForm]]:
+    """The pair with one end of one curve moved."""
+    x, y = pair.x, pair.y
+    assert isinstance(x, NamedForm) and isinstance(y, NamedForm)
+    for form, other, first in ((x, y, True), (y, x, False)):
+        if form.name == "flat":
+            continue
+        for low, high in ((-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)):
+            moved = NamedForm(
+                form.name, round(max(0.0, form.low + low), 3), round(min(1.0, form.high + high), 3),
+                form.mirrored,
+            )  # fmt: skip
+            if moved.high - moved.low >= _SHORTEST:
+                yield (moved, other) if first else (other, moved)
+
+
+def _halves(
+    points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm], terms: ProductSum
+) -> Iterator[RecognisedPair]:
+    """One named curve, and the values of the other one."""
+    plain = list(_forms())
+    for form in dict.fromkeys([*plain, *x_forms]):
+        yield _with_values(points, form, terms.y_nodes, True)
+    for form in dict.fromkeys([*plain, *y_forms]):
+        yield _with_values(points, form, terms.x_nodes, False)
+
+
+def _with_values(points: Points, form: NamedForm, free: Floats, along_x: bool) -> RecognisedPair:
+    """A named curve along x or along y, and the best values of the other one: a linear problem."""
+    named, other = (points.u, points.v) if along_x else (points.v, points.u)
+    matrix = np.column_stack(
+        [form.values(named)[:, None] * basis(free, other), np.ones(len(other))]
+    )
+    solution = np.linalg.lstsq(matrix, points.z, rcond=1e-12)[0]
+    off = points.z - matrix @ solution
+    low, high = float(off.min()), float(off.max())
+    values, offset = solution[:-1], float(solution[-1]) + 0.5 * (low + high)
+    scale = float(values[np.abs(values).argmax()]) or 1.0
+    curve: Floats = np.asarray(values / scale, np.float64)
+    error = 0.5 * (high - low)
+    if along_x:
+        return RecognisedPair(error, form, curve, scale, offset)
+    return RecognisedPair(error, curve, form, scale, offset)
+
+
+def _entry(pair: RecognisedPair, terms: ProductSum, turn: float, relief: float) -> PrimitiveEntry:
+    places = -int(np.floor(np.log10(1e-3 * max(pair.error, 1e-4 * relief))))
+    x, y = _spelled(pair.x, terms.x_nodes), _spelled(pair.y, terms.y_nodes)
+    if x == "flat" and y != "flat":
+        x = None
+    elif y == "flat":
+        y = None
+    return PrimitiveEntry(x, y, round(pair.scale, places), round(pair.offset, places), turn)
+
+
+def _spelled(curve: NamedForm | Floats, free: Floats) -> Any:
+    if isinstance(curve, NamedForm):
+        return curve.spelled()
+    return spelled(free, np.round(curve, 4) + 0.0, summed=True)

@@ -1,1 +1,0 @@
-"""A patch of heights becomes one primitive, or several that are added."""

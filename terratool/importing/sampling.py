@@ -1,0 +1,315 @@
+"""Meshes seen from above: heights at pixels, and the walls that a curve can carry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import ReadError, RequestError
+from terratool.field.terrain import Bounds, check_overlap
+from terratool.importing.samples import PixelLattice, SampledHeights
+from terratool.importing.triangles import Triangles
+from terratool.kernels import importing as kernels
+
+NEAR = 1e-6
+"""Positions that differ by no more than this part of a side of the patch are one."""
+
+
+def steps(triangles: Triangles, bounds: Bounds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vertical walls that stand across the whole of a patch, parallel to one of its sides.
+
+    A wall may consist of any number of vertical faces in one plane that together leave no gap, be
+    they above one another or hidden by something higher. Walls on the rim of the patch do not
+    count, as there is nothing beyond them.
+
+    Args:
+        triangles: a mesh, z up.
+        bounds: west, south, east, north of the patch.
+
+    Returns:
+        The x of walls that run from south to north, and the y of those from west to east: two
+        float64 arrays in world coordinates, sorted, without duplicates; empty for none.
+    """
+    west, south, east, north = bounds
+    return (
+        _across(triangles, 0, (west, east), (south, north)),
+        _across(triangles, 1, (south, north), (west, east)),
+    )
+
+
+def _across(
+    triangles: Triangles, axis: int, side: tuple[float, float], other: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Positions on one axis at which walls cover a range of the other one."""
+    near, gap = NEAR * (side[1] - side[0]), NEAR * (other[1] - other[0])
+    low, high = _range(triangles, axis)
+    begin, end = _range(triangles, 1 - axis)
+    bottom, top = _range(triangles, 2)
+    middle = 0.5 * (low + high)
+    chosen = (high - low <= near) & (top > bottom) & (end > begin)
+    chosen &= (middle > side[0] + near) & (middle < side[1] - near)
+    chosen &= (end >= other[0]) & (begin <= other[1])
+    where = np.flatnonzero(chosen)
+    where = where[np.argsort(middle[where], kind="stable")]
+    planes = np.split(where, np.flatnonzero(np.diff(middle[where]) > near) + 1)
+    found = [
+        0.5 * (middle[plane[0]] + middle[plane[-1]])
+        for plane in planes
+        if len(plane) and _cover(begin[plane], end[plane], other, gap)
+    ]
+    return np.array(found, np.float64)
+
+
+def _range(triangles: Triangles, axis: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and greatest coordinate of each face, two (m,) float64."""
+    corners = triangles.vertices[:, axis][triangles.faces]
+    return corners.min(axis=1), corners.max(axis=1)
+
+
+def _cover(
+    begin: NDArray[np.float64], end: NDArray[np.float64], other: tuple[float, float], gap: float
+) -> bool:
+    """Whether intervals, (k,) float64 each, leave nothing of another one bare."""
+    order = np.argsort(begin, kind="stable")
+    begin, reached = begin[order], np.maximum.accumulate(end[order])
+    if begin[0] > other[0] + gap or reached[-1] < other[1] - gap:
+        return False
+    return bool((begin[1:] <= reached[:-1] + gap).all())
+
+
+Progress = Callable[[str], object]
+
+DEFAULT_PIXELS = 512
+"""The longer side of a mesh has at most this many pixels if no resolution was given."""
+
+NARROWEST = 1 / 65536
+"""A side that is a smaller part of the other than this does not decide about the resolution."""
+
+MAX_PIXELS = 2**30
+"""More heights than these, 8 GiB, are not made at once."""
+
+_WHOLE = 1e-6
+"""A quotient this near to a whole number of pixels is one."""
+
+_NEAR = 1e-9
+"""A centre that is no farther than this from a triangle, in pixels, belongs to it."""
+
+_FAR = 0.1
+"""… nor one that is farther than this, however coarse doubles are there."""
+
+_SAME = 1e-6
+"""Two surfaces this near to each other, in parts of the relief, are one."""
+
+
+def read_mesh(
+    path: str | Path,
+    resolution: float | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+    bounds: Bounds | None = None,
+    progress: Progress | None = None,
+) -> SampledHeights:
+    """The heights of a mesh in a file, as seen from above.
+
+    Args:
+        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl or .wrz file.
+        resolution: side of a pixel; a 512th of the longer side or a little more, if None.
+        up: the axis that points up, "y" or "z"; what the format is known for, if None.
+        scale: a factor on all coordinates.
+        bounds: west, south, east, north of what is wanted, in the coordinates that `up` and `scale`
+            lead to; the whole mesh, if None.
+        progress: is told in words what is being done.
+
+    Raises:
+        ReadError: the file cannot be read, or has no face that is seen from above.
+        RequestError: a resolution, axis, scale or bounds that make no sense for this mesh.
+    """
+    from terratool.importing.meshes import read_triangles
+
+    if progress:
+        progress("Reading the mesh")
+    triangles = read_triangles(path, up, scale)
+    if progress:
+        progress(f"Sampling {len(triangles.faces):,} faces")
+    return sample(triangles, resolution, bounds, name=str(path))
+
+
+def sample(
+    triangles: Triangles,
+    resolution: float | None = None,
+    bounds: Bounds | None = None,
+    name: str = "the mesh",
+) -> SampledHeights:
+    """The highest surface of a mesh at the centres of square pixels.
+
+    Pixels count from the south-west corner of the mesh or of the bounds. A centre on an edge
+    belongs to the face, as does one within 1e-9 of a pixel (or a few spacings of doubles, where
+    coordinates are large). The notes say what cannot be seen from above.
+
+    Args:
+        triangles: finite vertices, z up.
+        resolution: side of a pixel; a 512th of the longer side or a little more, if None.
+        bounds: west, south, east, north of what is wanted; the whole mesh, if None.
+        name: what messages call the mesh.
+
+    Raises:
+        ReadError: there is no face that is seen from above, or a corner is no place.
+        RequestError: a resolution or bounds that make no sense for this mesh.
+    """
+    vertices = np.ascontiguousarray(triangles.vertices, np.float64)
+    faces = np.ascontiguousarray(triangles.faces, np.int32)
+    if len(faces) == 0:
+        raise ReadError(f"{name}: there are no faces.", "Give a mesh that has some.")
+    if faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices).all():
+        raise ReadError(
+            f"{name}: faces have corners that are not there, or are no numbers.",
+            "Check how the mesh was made.",
+        )
+    (low_x, low_y, low_z), (high_x, high_y, high_z) = kernels.find_extent(vertices, faces).tolist()
+    extent = low_x, low_y, high_x, high_y
+    bounds = extent if bounds is None else _checked(bounds, extent, name)
+    upright, kinds = kernels.survey_faces(vertices, faces, *bounds)
+    seen, vertical, flat, outside = kinds.tolist()
+    if vertical and not seen and not outside:
+        raise ReadError(
+            f"{name}: all faces are vertical, so that there is nothing to see from above.",
+            "Say which axis points up: y or z.",
+        )
+    if flat == len(faces):
+        raise ReadError(f"{name}: no face has an area.", "Check the coordinates of the mesh.")
+    lattice, why = _lattice(bounds, resolution)
+    # the origin is taken off first, so that coordinates as large as those of UTM lose nothing
+    points = kernels.to_pixels(vertices, lattice.west, lattice.south, lattice.dx, lattice.dy)
+    spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / lattice.dx
+    try:
+        heights = np.full((lattice.rows, lattice.columns), np.nan)
+        counts = np.zeros(heights.shape, np.uint8)
+        kernels.paint_faces(points, faces, min(max(_NEAR, 4 * spacing), _FAR), heights, counts)
+        near = _SAME * (high_z - low_z)
+        hidden = kernels.count_overhangs(points, faces, near, heights, counts)
+        missing = kernels.count_holes(heights)
+    except MemoryError as error:
+        raise RequestError(
+            f"{lattice.columns:,} × {lattice.rows:,} heights do not fit into memory.",
+            "Give a coarser resolution or smaller bounds.",
+        ) from error
+    if sum(missing) == heights.size:
+        raise RequestError(
+            f"At a resolution of {lattice.dx:g} no pixel has its centre on the mesh.",
+            f"It lies in {_text(extent)}; give a finer resolution or other bounds.",
+        )
+    lost = _Lost(upright, vertical, flat, outside, len(faces), hidden, *missing)
+    notes = (*triangles.notes, *why, *_sentences(lost, lattice))
+    return SampledHeights(lattice, heights, notes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Lost:
+    """What pixels cannot show of a mesh.
+
+    Attributes:
+        upright: area of vertical faces, but for those on the rim.
+        vertical, flat, outside, faces: vertical faces, those without area, those outside of the
+            bounds, all of them.
+        hidden: pixels with a surface below the highest one that is open to the air.
+        holes, beyond: pixels without a height within the outline of the mesh, and beyond it.
+    """
+
+    upright: float
+    vertical: int
+    flat: int
+    outside: int
+    faces: int
+    hidden: int
+    holes: int
+    beyond: int
+
+
+def _sentences(lost: _Lost, lattice: PixelLattice) -> Iterator[str]:
+    """What is lost, in numbers."""
+    pixels = lattice.rows * lattice.columns
+
+    def part(count: int) -> str:
+        words = f"{count:,} of {pixels:,} pixels"
+        return f"{words} ({100 * count / pixels:.2g} %, {count * lattice.dx * lattice.dy:.4g} m²)"
+
+    if lost.upright:
+        yield (
+            f"{lost.upright:,.4g} m² of vertical faces are not seen from above; each becomes a "
+            "step within one pixel."
+        )
+    if lost.hidden:
+        yield (
+            f"In {part(lost.hidden)} a surface lies below the highest one, under an overhang; only "
+            "the highest is kept."
+        )
+    if lost.holes:
+        yield f"The mesh has holes: {part(lost.holes)} within its outline have no height."
+    if lost.beyond:
+        yield f"{part(lost.beyond)} lie beyond the outline of the mesh and have no height."
+    if lost.outside:
+        yield f"{lost.outside:,} of {lost.faces:,} faces lie outside of the bounds."
+    if lost.flat:
+        yield f"{lost.flat:,} of {lost.faces:,} faces have no area and count for nothing."
+
+
+def _checked(bounds: Bounds, extent: Bounds, name: str) -> Bounds:
+    """Bounds that are not empty and have something in common with a mesh.
+
+    Raises:
+        RequestError: they have not.
+    """
+    check_overlap(bounds, extent, name)
+    west, south, east, north = bounds
+    return float(west), float(south), float(east), float(north)
+
+
+def _lattice(bounds: Bounds, resolution: float | None) -> tuple[PixelLattice, tuple[str, ...]]:
+    """Square pixels that cover the bounds, and a sentence if their size was left to us.
+
+    Raises:
+        RequestError: no resolution above 0, or too many pixels.
+    """
+    west, south, east, north = bounds
+    width, depth = east - west, north - south
+    why: tuple[str, ...] = ()
+    if resolution is None:
+        resolution = _default_resolution(width, depth)
+        why = (
+            f"No resolution was given: a pixel is {resolution:.6g} m, a "
+            f"{max(width, depth) / resolution:.4g}th of the longer side.",
+        )
+    elif not (math.isfinite(resolution) and resolution > 0):
+        raise RequestError(
+            f"The resolution is {resolution:g}.", "Give the side of a pixel, a number above 0."
+        )
+    columns, rows = (max(1.0, math.ceil(s / resolution - _WHOLE)) if s / resolution < 1e18 else 1e18
+                     for s in (width, depth))  # fmt: skip
+    if columns * rows > MAX_PIXELS:
+        raise RequestError(
+            f"A resolution of {resolution:g} makes {columns:.4g} × {rows:.4g} pixels, more than "
+            f"{MAX_PIXELS:,}.",
+            "Give a coarser resolution or smaller bounds.",
+        )
+    return PixelLattice(west, south, resolution, resolution, int(columns), int(rows)), why
+
+
+def _default_resolution(width: float, depth: float) -> float:
+    """At most 512 pixels on the longer side, if possible so that the shorter has whole ones."""
+    longest, shortest = max(width, depth), min(width, depth)
+    if longest * NARROWEST <= shortest < longest / DEFAULT_PIXELS:
+        return shortest
+    for pixels in range(DEFAULT_PIXELS, DEFAULT_PIXELS // 2, -1):
+        across = pixels * (shortest / longest)
+        if abs(across - round(across)) < _WHOLE:
+            return longest / pixels
+    return longest / DEFAULT_PIXELS
+
+
+def _text(bounds: Bounds) -> str:
+    return " ".join(f"{side:.12g}" for side in bounds)

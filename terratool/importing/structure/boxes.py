@@ -1,0 +1,246 @@
+"""Boxes, from the four spikes at their corners; parts that are one are merged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.importing.structure.residual import Floats, Residual
+from terratool.importing.structure.types import Axis, PixelPart
+from terratool.kernels import importing as kernels
+
+SPIKES = 20_000
+"""So many of the largest differences are looked at."""
+
+NEAREST = 12
+"""Corners are sought among so many in each direction."""
+
+PATIENCE = 200
+"""So many spikes in a row may lead to nothing."""
+
+STICKS_OUT = 2.0
+"""A spike is so much larger than what is next to it."""
+
+SIDES = {4: 3, 3: 2, 2: 3, 1: 3}
+"""By corners that lie open, on how many sides there have to be walls of the box's height."""
+
+EVEN = 0.3
+"""How far the jump along a wall may be off, in heights of the box, where corners say too little."""
+
+
+def find_boxes(
+    residual: Residual, noise: float, height: float, least_corners: int = 1
+) -> list[PixelPart]:
+    """Take away all boxes that are found.
+
+    Args:
+        residual: what is left; changed.
+        noise: how far mixed differences may be off.
+        height: boxes that are lower are not wanted.
+        least_corners: boxes of which fewer corners lie open are not wanted; if 4, neither are those
+            with other walls on any side, such as the stairs of a turned rim.
+    """
+    found: list[PixelPart] = []
+    # boxes with more clean corners first, as what they leave makes others clean
+    for wanted in range(4, least_corners - 1, -1):
+        failures = 0
+        for row, column in _spikes(residual, max(4.0 * noise, height)):
+            value = residual.mixed[row, column]
+            if abs(value) <= max(4.0 * noise, height) or not _sticks_out(residual, row, column):
+                continue
+            box = _best(
+                residual, row, column, noise, wanted, SIDES[wanted] if least_corners < 4 else 4
+            )
+            if box is None:
+                failures += 1
+                if failures >= PATIENCE:
+                    break
+                continue
+            residual.subtract(box)
+            found.append(box)
+            failures = 0
+    return found
+
+
+def _spikes(residual: Residual, least: float) -> list[tuple[int, int]]:
+    """Gaps with the largest differences, the largest first."""
+    sizes = np.abs(residual.mixed).ravel()
+    places = np.flatnonzero(sizes > least)
+    if len(places) > SPIKES:
+        places = places[np.argpartition(-sizes[places], SPIKES)[:SPIKES]]
+    places = places[np.lexsort((places, -sizes[places]))]
+    columns = residual.mixed.shape[1]
+    return list(zip((places // columns).tolist(), (places % columns).tolist(), strict=True))
+
+
+def _sticks_out(residual: Residual, row: int, column: int) -> bool:
+    """Whether a difference is larger by far than those around it: else it is a part of a curve.
+
+    The next corner of a box that is one pixel wide has the opposite sign.
+    """
+    value = residual.mixed[row, column]
+    south, west = max(0, row - 1), max(0, column - 1)
+    around = residual.mixed[south : row + 2, west : column + 2]
+    large = np.abs(around) * STICKS_OUT > abs(value)
+    across = (np.add.outer(np.arange(around.shape[0]), np.arange(around.shape[1]))) % 2
+    # at odd steps from the spike itself
+    odd = across != (row - south + column - west) % 2
+    return bool((around[large & odd] * value < 0.0).all() and np.count_nonzero(large) <= 4)
+
+
+def _best(
+    residual: Residual, row: int, column: int, noise: float, wanted: int, sides: int
+) -> PixelPart | None:
+    """The smallest box with a corner here that explains so many corners."""
+    cells = list(_cells(residual, row, column, noise, wanted))
+    cells.sort(key=lambda cell: (cell[1] - cell[0]) * (cell[3] - cell[2]))
+    for south, north, west, east in cells:
+        box = _box(residual, row, column, south, north, west, east)
+        cleaned, corners = _cleaned(residual, box, noise)
+        if cleaned < min(wanted, corners) or (corners < wanted and wanted > 2):
+            continue
+        if _stands(residual, box, sides):
+            return box
+    return None
+
+
+def _box(
+    residual: Residual, row: int, column: int, south: int, north: int, west: int, east: int
+) -> PixelPart:
+    """A box on whole pixels, as high as the difference at its corner says."""
+    value = float(residual.mixed[row, column])
+    sign = (1.0 if row + 1 == south else -1.0) * (1.0 if column + 1 == west else -1.0)
+    x, y = Axis(kernels.FLAT, 2 * west, 2 * east), Axis(kernels.FLAT, 2 * south, 2 * north)
+    return PixelPart(x, y, sign * value)
+
+
+def _cells(
+    residual: Residual, row: int, column: int, noise: float, wanted: int
+) -> Iterator[tuple[int, int, int, int]]:
+    """South, north, west and east edges, in pixels, of cells that may have a corner here."""
+    mixed = residual.mixed
+    value = mixed[row, column]
+    near = 2.0 * noise
+    columns = _nearest(np.abs(mixed[row] + value) <= near, column)
+    rows = _nearest(np.abs(mixed[:, column] + value) <= near, row)
+    pairs = {(j, i): None for j in rows for i in columns}
+    if wanted < 4:
+        for j in rows:
+            pairs.update({(j, i): None for i in _nearest(np.abs(mixed[j] - value) <= near, column)})
+        for i in columns:
+            hits = _nearest(np.abs(mixed[:, i] - value) <= near, row)
+            pairs.update({(j, i): None for j in hits})
+    if wanted == 2:
+        for j in rows:
+            own = mixed[row]
+            both = (own * value < 0.0) & (np.abs(own + mixed[j]) <= near)
+            both &= np.abs(own) > 2.0 * near
+            pairs.update({(j, i): None for i in _nearest(both, column)})
+        for i in columns:
+            both = (mixed[:, column] * value < 0.0) & (
+                np.abs(mixed[:, column] + mixed[:, i]) <= near
+            )
+            both &= np.abs(mixed[:, column]) > 2.0 * near
+            pairs.update({(j, i): None for j in _nearest(both, row)})
+        borders_y = [-1, mixed.shape[0]]
+        borders_x = [-1, mixed.shape[1]]
+        pairs.update({(j, i): None for j in rows for i in borders_x})
+        pairs.update({(j, i): None for j in borders_y for i in columns})
+    if wanted == 1:
+        pairs.update({(j, i): None for j in (-1, mixed.shape[0]) for i in (-1, mixed.shape[1])})
+    for j, i in pairs:
+        if j != row and i != column:
+            south, north = sorted((row, j))
+            west, east = sorted((column, i))
+            yield south + 1, north + 1, west + 1, east + 1
+
+
+def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
+    found = np.flatnonzero(hits)
+    order = np.argsort(np.abs(found - place), kind="stable")[:NEAREST]
+    return [one for one in found[order].tolist() if one != place]
+
+
+def _cleaned(residual: Residual, box: PixelPart, noise: float) -> tuple[int, int]:
+    """How many of a box's corners it leaves without a difference, less those that it spoils.
+
+    Returns:
+        That, and how many corners lie within the DEM.
+    """
+    mixed = residual.mixed
+    cleaned = corners = 0
+    for j, rise_y in ((box.y.first - 1, 1.0), (box.y.stop - 1, -1.0)):
+        for i, rise_x in ((box.x.first - 1, 1.0), (box.x.stop - 1, -1.0)):
+            if not (0 <= j < mixed.shape[0] and 0 <= i < mixed.shape[1]):
+                continue
+            if not residual.known[j, i]:
+                continue
+            before = float(mixed[j, i])
+            after = before - box.scale * rise_y * rise_x
+            corners += 1
+            cleaned += int(abs(after) <= 2.0 * noise < abs(before))
+            cleaned -= 2 * int(abs(before) <= 2.0 * noise < abs(after))
+    return cleaned, corners
+
+
+def jumps(residual: Residual, box: PixelPart) -> list[Floats]:
+    """Heights of a box's walls above the neighbouring pixels, for each side within the DEM."""
+    heights = residual.heights
+    rows, columns = slice(box.y.first, box.y.stop), slice(box.x.first, box.x.stop)
+    sides = []
+    if box.x.first > 0:
+        sides.append(heights[rows, box.x.first] - heights[rows, box.x.first - 1])
+    if box.x.stop < heights.shape[1]:
+        sides.append(heights[rows, box.x.stop - 1] - heights[rows, box.x.stop])
+    if box.y.first > 0:
+        sides.append(heights[box.y.first, columns] - heights[box.y.first - 1, columns])
+    if box.y.stop < heights.shape[0]:
+        sides.append(heights[box.y.stop - 1, columns] - heights[box.y.stop, columns])
+    return [side[np.isfinite(side)] for side in sides]
+
+
+def _stands(residual: Residual, box: PixelPart, sides_wanted: int) -> bool:
+    """Whether there are walls of the box's height on so many sides, or on all that there are."""
+    sides = [side for side in jumps(residual, box) if len(side)]
+    good = [abs(_median(side) - box.scale) <= EVEN * abs(box.scale) for side in sides]
+    return bool(good) and sum(good) >= min(len(good), sides_wanted)
+
+
+def _median(values: Floats) -> float:
+    """The median, without what NumPy spends on arrays of more dimensions."""
+    values, middle = np.sort(values), len(values) // 2
+    return float(values[middle] + values[(len(values) - 1) // 2]) / 2.0
+
+
+CLOSE = 1e-3
+"""How far heights may be apart, in steps of a ramp."""
+
+
+def merged(parts: list[PixelPart]) -> list[PixelPart]:
+    """Parts without the boxes that are the high end of a ramp.
+
+    Where a ramp leads up to a platform of its own height, its high end has no wall, so that it
+    could as well be one pixel shorter and have a box of one pixel beside it.
+    """
+    places = {(part.x, part.y): index for index, part in enumerate(parts)}
+    out: list[PixelPart | None] = list(parts)
+    for index, part in enumerate(parts):
+        for along_x in (True, False):
+            ramp, across = (part.x, part.y) if along_x else (part.y, part.x)
+            if ramp.code not in (kernels.RAMP, kernels.FALL) or across.code != kernels.FLAT:
+                continue
+            step = part.scale / (ramp.stop - ramp.first)
+            end = ramp.end if ramp.code == kernels.RAMP else ramp.begin - 2
+            last = Axis(kernels.FLAT, end, end + 2)
+            place = places.get((last, across) if along_x else (across, last))
+            box = None if place is None else out[place]
+            if place is None or box is None:
+                continue
+            if abs(box.scale - part.scale - step / 2.0) > CLOSE * abs(step):
+                continue
+            longer = Axis(ramp.code, min(ramp.begin, end), max(ramp.end, end + 2))
+            x, y = (longer, across) if along_x else (across, longer)
+            out[index], out[place] = PixelPart(x, y, part.scale + step), None
+    return [part for part in out if part is not None]

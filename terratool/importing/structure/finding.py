@@ -1,0 +1,286 @@
+"""The structures of a DEM: which there are, how sure, how spelled, and what lies below."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from terratool.importing.structure.boxes import jumps, merged
+from terratool.importing.structure.peeling import Limits, is_quiet, peel
+from terratool.importing.structure.residual import (
+    BLOCKS,
+    Floats,
+    Residual,
+    islands,
+    noise_level,
+    residual_of,
+)
+from terratool.importing.structure.spelling import (
+    deviation,
+    named,
+    shortest,
+    with_flanks,
+    with_walls,
+)
+from terratool.importing.structure.turned import disc_of, turned_box_of
+from terratool.importing.structure.types import Axis, CurveText, PixelPart, Structure
+from terratool.kernels import importing as kernels
+
+SHARE = 0.5
+"""A slope has to explain so much of the DEM where there are structures on it."""
+
+SHARE_ALONE = 0.98
+"""So much where there are none."""
+
+ROUNDS = 6
+_SAMPLED = 1 << 16
+
+
+def twist_of(residual: Residual) -> PixelPart | None:
+    """The product of two ramps over all of the DEM, whose mixed difference is the same all over."""
+    known = residual.mixed[residual.known]
+    if not len(known):
+        return None
+    every = max(1, len(known) // _SAMPLED) | 1
+    level = float(np.median(known[::every]))
+    near = np.abs(known[::every] - level) <= residual.rounding
+    if abs(level) <= residual.rounding or near.mean() < SHARE:
+        return None
+    level = float(np.mean(known[::every][near]))
+    rows, columns = residual.heights.shape
+    ramp_x, ramp_y = Axis(kernels.RAMP, 0, 2 * columns), Axis(kernels.RAMP, 0, 2 * rows)
+    return PixelPart(ramp_x, ramp_y, level * rows * columns)
+
+
+def ground_of(
+    residual: Residual,
+    max_error: float,
+    structured: bool,
+    twist: PixelPart | None,
+    precision: float,
+    walls: bool,
+) -> tuple[Structure, ...]:
+    """The slope that is left, if one is, and its twist.
+
+    Args:
+        residual: heights without the structures on the slope; changed.
+        max_error: how far off the slope may be.
+        structured: whether there are structures on it.
+        twist: what was taken away of it already.
+        precision: how far numbers may be rounded.
+        walls: whether it may go on to the edges; if not, it is level in the outer half pixels.
+    """
+    heights = residual.heights
+    rows, columns = heights.shape
+    down, across = (max(1, side // 256) for side in (rows, columns))
+    j, i = np.mgrid[0:rows:down, 0:columns:across]
+    some = heights[::down, ::across]
+    finite = np.isfinite(some)
+    x, y, z = i[finite] + 0.5, j[finite] + 0.5, some[finite]
+    if len(z) < 16:
+        return ()
+    terms = np.column_stack([np.ones(len(z)), x, y, x * y])
+    if twist is None:
+        terms = terms[:, :3]
+    keep = np.ones(len(z), np.bool_)
+    tolerance = 0.25 * max_error
+    for _ in range(ROUNDS):
+        found, *_rest = np.linalg.lstsq(terms[keep], z[keep], rcond=None)
+        off = np.abs(z - terms @ found)
+        keep = off <= max(2.0 * float(np.median(off)), tolerance, residual.rounding)
+    share = float((off <= tolerance).mean())
+    rise_x, rise_y = float(found[1]) * columns, float(found[2]) * rows
+    if share < (SHARE if structured else SHARE_ALONE):
+        return ()
+    steep = max(abs(rise_x), abs(rise_y)) >= max_error
+    low = float(found[0])
+    span = (2 * columns, 2 * rows)
+    out = []
+
+    def curve(first: float, rise: float, count: int) -> CurveText:
+        last = shortest(first + rise, precision)
+        first = shortest(first, precision)
+        return (first, last) if walls else _level_at_ends(first, last, count)
+
+    if steep:
+        x, y = curve(low, rise_x, columns), curve(0.0, rise_y, rows)
+        out.append(Structure("slope", "slope", x, y, "sum", 0, 0, span, 1.0))
+    if twist is not None:
+        scale = shortest(twist.scale + float(found[3]) * rows * columns, precision)
+        x, y = ("ramp" if walls else _level_at_ends(0.0, 1.0, count) for count in (columns, rows))
+        out.append(Structure("twist", "twist", x, y, "product", 0, 0, span, scale))
+    return tuple(out)
+
+
+def _level_at_ends(first: float, last: float, count: int) -> tuple[tuple[float, float], ...]:
+    """A straight line as knots, level before the first and after the last of `count` centres."""
+    half = 0.5 / count
+    low, high = first + (last - first) * half, last - (last - first) * half
+    return (0.0, low), (half, low), (1.0 - half, high), (1.0, high)
+
+
+MOST_PIXELS = 32_768
+"""A grid has at most 65,536 cells along each axis, two for each pixel."""
+
+PRECISION = 1e-3
+"""Numbers are rounded to this share of the error that is allowed."""
+
+SPARE = 0.25
+"""Smooth curves may use up this share of the error between the centres of pixels."""
+
+
+def find_structures(
+    heights: Floats, max_error: float, walls: bool = False
+) -> tuple[Structure, ...]:
+    """Find boxes, ramps, ridges and hills in a DEM.
+
+    Where a DEM is free of noise, but for the rounding to single precision, nearly all of these are
+    found; under noise, those whose mixed differences stand out of it, which boxes do first. Natural
+    ground has none.
+
+    Args:
+        heights: (rows, columns) float64 at the centres of pixels, row 0 the southernmost, NaN for
+            none.
+        max_error: what is lower is not looked for, in units of the heights.
+        walls: whether structures may have upright walls, half way between centres of pixels; if
+            not, none is farther from its bilinear surface than a part of `max_error`.
+
+    Returns:
+        The structures, the ground first. What they do not explain is left, a constant among it.
+    """
+    rows, columns = heights.shape
+    if min(rows, columns) < 3 or max(rows, columns) > MOST_PIXELS:
+        return ()
+    if not np.isfinite(heights).any():
+        return ()
+    residual = residual_of(heights)
+    if residual.rounding == 0.0:
+        return ()  # all heights are 0
+    twist = twist_of(residual)
+    if twist is not None:
+        residual.subtract(twist)
+    precision = PRECISION * max_error
+    level = noise_level(residual)
+    parts: list[PixelPart] = []
+    others: list[Structure] = []
+    # hills all over leave nothing that would show the noise, so the rounding is tried first
+    visible = residual.coarse or (
+        level > residual.rounding and is_quiet(residual, residual.rounding)
+    )
+    if not visible:
+        parts, others = _peeled(residual, residual.rounding, max_error, precision)
+    noise = residual.rounding
+    if not parts and not others and level < np.inf and (visible or level > noise):
+        noise = level
+        parts, others = _peeled(residual, noise, max_error, precision)
+    explained = bool(parts or others)
+    parts = merged(refined(residual, parts, noise))
+    if visible or noise > residual.rounding:
+        parts = [leveled(residual, part) for part in parts]
+    ground = ground_of(residual, max_error, explained, twist, precision, walls)
+    structures = [*ground]
+    # one for all, so that curves of equal parts are spelled alike
+    fineness = precision / max([1.0, *(abs(part.scale) for part in parts)])
+    if walls:
+        walled = [with_walls(part, precision, fineness) for part in parts]
+        return named([*structures, *walled, *others])
+    return named([*structures, *_flanked(parts, others, (rows, columns), max_error, fineness)])
+
+
+def _flanked(
+    parts: list[PixelPart],
+    others: list[Structure],
+    shape: tuple[int, int],
+    max_error: float,
+    fineness: float,
+) -> list[Structure]:
+    """Structures without walls, all of which together stay close enough to bilinear."""
+    structures = []
+    left = np.full(shape, SPARE * max_error)  # how much of the error is not used up
+    for part in parts:
+        reach = (
+            slice(max(0, part.y.first - 1), part.y.stop + 1),
+            slice(max(0, part.x.first - 1), part.x.stop + 1),
+        )
+        spare = float(left[reach].min())
+        structure = with_flanks(part, shape, PRECISION * max_error, fineness, spare)
+        left[reach] -= deviation(structure, shape)
+        structures.append(structure)
+    for other in others:
+        # what is turned is never bilinear; it is kept where it is smooth enough
+        first = max(0, other.row // 2 - 1), max(0, other.column // 2 - 1)
+        stop = (other.row + other.span[1]) // 2 + 2, (other.column + other.span[0]) // 2 + 2
+        reach = slice(first[0], stop[0]), slice(first[1], stop[1])
+        bound = deviation(other, shape)
+        if bound <= left[reach].min():
+            left[reach] -= bound
+            structures.append(other)
+    return structures
+
+
+def _peeled(
+    residual: Residual, noise: float, max_error: float, precision: float
+) -> tuple[list[PixelPart], list[Structure]]:
+    """Parts along the axes, and what is turned; both are taken away."""
+    limits = Limits(noise, max_error)
+    # what is turned goes first wherever it stands alone, as its rim could be had from boxes as well
+    others = _turned(residual, noise, max_error, precision, loose=False)
+    parts = peel(residual, limits, hidden=False)
+    if not parts and not is_quiet(residual, noise):
+        return parts, others
+    for loose in (False, True):
+        turned = _turned(residual, noise, max_error, precision, loose)
+        more = peel(residual, limits, hidden=True)
+        others += turned
+        parts += more
+        if not turned and not more:
+            break
+    return parts, others
+
+
+def _turned(
+    residual: Residual, noise: float, max_error: float, precision: float, loose: bool
+) -> list[Structure]:
+    """Turned boxes and turned profiles, which are taken away."""
+    if not is_quiet(residual, noise):
+        return []
+    found = []
+    for block in BLOCKS:
+        for island in islands(residual, noise, block):
+            one = turned_box_of(island, noise, max_error, precision)
+            one = one or disc_of(island, noise, max_error, precision, loose)
+            if one is not None:
+                structure, values = one
+                residual.subtract_values(
+                    island.row - island.south, island.column - island.west, values
+                )
+                found.append(structure)
+    return found
+
+
+def refined(residual: Residual, parts: list[PixelPart], noise: float) -> list[PixelPart]:
+    """Scales once more, from all places where everything is explained; `residual` is changed."""
+    out = list(parts)
+    for _ in range(2):
+        for at, part in enumerate(out):
+            rows, columns, dy, dx = residual.window(part)
+            here = residual.mixed[rows, columns]
+            shape = np.multiply.outer(dy, dx)
+            clean = residual.known[rows, columns] & (np.abs(here) <= 2.0 * noise)
+            power = float((shape[clean] ** 2).sum())
+            if power > 0.0:
+                more = float((here[clean] * shape[clean]).sum()) / power
+                residual.subtract(PixelPart(part.x, part.y, more))
+                out[at] = PixelPart(part.x, part.y, part.scale + more)
+    return out
+
+
+def leveled(residual: Residual, part: PixelPart) -> PixelPart:
+    """A box as high as its walls are on average, which noise says less of than of its corners."""
+    if part.x.code != kernels.FLAT or part.y.code != kernels.FLAT:
+        return part
+    residual.subtract(PixelPart(part.x, part.y, -part.scale))
+    sides = [side for side in jumps(residual, part) if len(side)]
+    height = float(np.median(np.concatenate(sides))) if sides else part.scale
+    better = PixelPart(part.x, part.y, height)
+    residual.subtract(better)
+    return better

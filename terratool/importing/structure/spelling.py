@@ -1,0 +1,406 @@
+"""Parts on pixels become structures as a definition spells them, and what these add there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from terratool.definition.curves import FormulaCurve, KnotCurve, SampledCurve, read_curve
+from terratool.definition.model import Definition, Element, Primitive
+from terratool.importing.structure.types import VECTOR, Axis, CurveText, PixelPart, Structure
+from terratool.kernels import importing as kernels
+
+NAMES = (
+    "flat", "ramp", "fall", "tent", "cos", "cosbell", "dome", "gauss", "rise", "sink",
+)  # fmt: skip
+"""What the known curves are called in names of primitives."""
+
+SPELLINGS: tuple[CurveText, ...] = (
+    "flat", "ramp", (1.0, 0.0), "tent", "cos", "cosbell", "dome", "gauss", "smoothstep",
+    "1 - t**2*(3 - 2*t)",
+)  # fmt: skip
+"""The known curves as a definition spells them."""
+
+_KINDS = {
+    "flat-flat": "box",
+    "ramp-flat": "ramp-e", "fall-flat": "ramp-w", "flat-ramp": "ramp-n", "flat-fall": "ramp-s",
+    "rise-flat": "rise-e", "sink-flat": "rise-w", "flat-rise": "rise-n", "flat-sink": "rise-s",
+    "tent-tent": "tent", "cos-cos": "cos-hill", "cosbell-cosbell": "cosbell-hill",
+    "dome-dome": "dome", "gauss-gauss": "gauss-hill",
+}  # fmt: skip
+
+_CURVATURE = {
+    kernels.COS: math.pi**2,
+    kernels.COSBELL: 2 * math.pi**2,
+    kernels.GAUSS: 36.0,
+    kernels.RISE: 6.0,
+    kernels.SINK: 6.0,
+}
+"""The largest second derivative of each of the smooth curves."""
+
+_STRAIGHT = 1e-9
+"""A knot is left out where a curve bends by less than this."""
+
+_MOST_KNOTS = 8
+
+
+def kind_of(part: PixelPart) -> str:
+    """What a part is called, such as "box", "ramp-e", "cosbell-hill" or "tent-flat"."""
+    x, y = ("curve" if axis.code == VECTOR else NAMES[axis.code] for axis in (part.x, part.y))
+    pair = f"{x}-{y}"
+    return _KINDS.get(pair, pair)
+
+
+def with_walls(part: PixelPart, precision: float, fineness: float) -> Structure:
+    """A part as a structure with upright walls, exact at the centres of pixels.
+
+    Args:
+        part: the part.
+        precision: how far factors may be rounded, in units of the heights.
+        fineness: how far values of curves may be.
+    """
+    axes = (part.x, part.y)
+    curves = [_walled(axis, fineness) for axis in axes]
+    return _placed(part, curves, [(axis.begin, axis.end) for axis in axes], precision)
+
+
+def with_flanks(
+    part: PixelPart, shape: tuple[int, int], precision: float, fineness: float, spare: float
+) -> Structure:
+    """A part as a structure without walls, nearly bilinear between the centres of pixels.
+
+    Args:
+        part: the part.
+        shape: rows and columns of the DEM.
+        precision: how far factors may be rounded, in units of the heights.
+        fineness: how far values of curves may be.
+        spare: how far the structure may lie from its bilinear surface, by its named curves.
+    """
+    axes = (part.x, part.y)
+    bends = [departure(axis) * abs(part.scale) for axis in axes]
+    smooth = [False, False]
+    for i in np.argsort(bends).tolist():
+        # a product of curves, each at most 1, is off by at most the sum
+        if axes[i].code in _CURVATURE and bends[i] <= spare:
+            smooth[i] = True
+            spare -= bends[i]
+    curves: list[CurveText] = []
+    cells: list[tuple[int, int]] = []
+    for axis, whole, name in zip(axes, shape[::-1], smooth, strict=True):
+        # a ramp would go on in the outer half pixels
+        if name or (axis.code == kernels.FLAT and axis.begin == 0 and axis.end == 2 * whole):
+            curves.append(SPELLINGS[axis.code])
+            cells.append((axis.begin, axis.end))
+        else:
+            curve, cell = _flanked(axis, whole, fineness)
+            curves.append(curve)
+            cells.append(cell)
+    return _placed(part, curves, cells, precision)
+
+
+def _placed(
+    part: PixelPart, curves: list[CurveText], cells: list[tuple[int, int]], precision: float
+) -> Structure:
+    """A product of curves along x and y, each from one half pixel to another."""
+    (west, east), (south, north) = cells
+    kind = kind_of(part)
+    return Structure(
+        kind=kind,
+        name=kind,
+        x=curves[0],
+        y=curves[1],
+        combine="product",
+        column=west,
+        row=south,
+        span=(east - west, north - south),
+        v_scale=shortest(part.scale, precision),
+    )
+
+
+def named(structures: Iterable[Structure]) -> tuple[Structure, ...]:
+    """Structures with a name for each pair of curves: the kind, and a number where it has several.
+
+    Structures of one kind whose curves say how many pixels they take have many: "box-1", "box-2", …
+    """
+    structures = tuple(structures)
+    shapes: dict[str, dict[tuple[object, ...], int]] = {}
+    for one in structures:
+        known = shapes.setdefault(one.kind, {})
+        known.setdefault((one.x, one.y, one.combine), len(known) + 1)
+    out = []
+    for one in structures:
+        known = shapes[one.kind]
+        number = known[(one.x, one.y, one.combine)]
+        out.append(replace(one, name=one.kind if len(known) == 1 else f"{one.kind}-{number}"))
+    return tuple(out)
+
+
+def departure(axis: Axis) -> float:
+    """How far a known curve may lie from straight lines between the centres of pixels.
+
+    Within the cell that is at most the largest second derivative times an eighth of the square of
+    a pixel; at its ends the curve rises from 0 to its value at the first centre, by less than that.
+    """
+    length = (axis.end - axis.begin) / 2.0  # in pixels
+    values = np.abs(axis.samples())
+    if axis.code not in _CURVATURE or not len(values):
+        return 1.0
+    ends = float(max(values[0], values[-1]))
+    return max(ends, _CURVATURE[axis.code] / (8.0 * length * length))
+
+
+def shortest(value: float, precision: float) -> float:
+    """The decimal number with the fewest digits that is near enough."""
+    if not precision > 0.0:
+        return value
+    for digits in range(16):
+        rounded = round(value, digits)
+        if abs(rounded - value) <= precision:
+            return rounded + 0.0  # never −0
+    return value
+
+
+def _walled(axis: Axis, precision: float) -> CurveText:
+    """A curve over its own cell, level for half a pixel at each end if it has no name."""
+    if axis.code != VECTOR:
+        return SPELLINGS[axis.code]
+    values = axis.samples()
+    count = len(values)
+    times = (np.arange(count) + 0.5) / count
+    times, values = np.concatenate([[0.0], times, [1.0]]), values[[0, *range(count), -1]]
+    return _knots(times, values, precision)
+
+
+def _flanked(axis: Axis, whole: int, precision: float) -> tuple[CurveText, tuple[int, int]]:
+    """A curve that is straight between centres of pixels, and its cell in half pixels."""
+    values, first, stop = axis.samples(), axis.first, axis.stop
+    centres = 2 * np.arange(first, stop) + 1
+    if first > 0:
+        values, centres = np.append(0.0, values), np.append(2 * first - 1, centres)
+    if stop < whole:
+        values, centres = np.append(values, 0.0), np.append(centres, 2 * stop + 1)
+    begin = 0 if first == 0 else int(centres[0])
+    end = 2 * whole if stop == whole else int(centres[-1])
+    times = (centres - begin) / (end - begin)
+    if times[0] > 0.0:
+        times, values = np.append(0.0, times), np.append(values[0], values)
+    if times[-1] < 1.0:
+        times, values = np.append(times, 1.0), np.append(values, values[-1])
+    return _knots(times, values, precision), (begin, end)
+
+
+def _knots(times: NDArray[np.float64], values: NDArray[np.float64], precision: float) -> CurveText:
+    """The shortest spelling of a curve that is straight between given points."""
+    bends = _bends(times, values)
+    even = np.allclose(np.diff(times), 1.0 / (len(times) - 1), rtol=1e-9, atol=0.0)
+    if np.count_nonzero(bends) > _MOST_KNOTS and even:
+        return tuple(shortest(value, precision) for value in values.tolist())
+    times, values = times[bends], values[bends]
+    if len(times) == 2 and values[0] == values[1] == 1.0:
+        return "flat"
+    # a knot that is off by so much, of a slope, is off in height by the precision
+    lengths = np.diff(times)
+    steepest = float(np.abs(np.diff(values) / lengths).max())
+    apart = precision / max(steepest, 1e-300)
+    return tuple(
+        (shortest(t, apart), shortest(value, precision))
+        for t, value in zip(times.tolist(), values.tolist(), strict=True)
+    )
+
+
+def _bends(times: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points are ends, or lie off the line between those that are kept beside them."""
+    keep = np.ones(len(times), np.bool_)
+    slopes = np.diff(values) / np.diff(times)
+    # slopes are compared by what they make of one step, so that nothing creeps along a curve
+    keep[1:-1] = np.abs(np.diff(slopes)) * np.diff(times)[1:] > _STRAIGHT
+    return keep
+
+
+Floats = NDArray[np.float64]
+
+
+def primitive_of(structure: Structure) -> Primitive:
+    """The primitive of a structure."""
+    combine = UNSET if structure.combine == "product" else structure.combine
+    y = UNSET if structure.y is None else structure.y
+    return Primitive(x=structure.x, y=y, combine=combine)
+
+
+def element_of(structure: Structure) -> Element:
+    """The element of a structure, in a parent with a grid of half pixels."""
+    return Element(
+        type=structure.name,
+        cell_x=structure.column,
+        cell_y=structure.row,
+        span=structure.span,
+        v_scale=structure.v_scale,
+        v_offset=structure.v_offset or UNSET,
+        turn_deg=structure.turn_deg or UNSET,
+    )
+
+
+def definition_of(structures: Iterable[Structure], shape: tuple[int, int]) -> Definition:
+    """A definition of these structures alone, one unit to a pixel.
+
+    Args:
+        structures: the structures, in the order of the elements.
+        shape: rows and columns of the DEM.
+    """
+    structures = tuple(structures)
+    primitives = {structure.name: primitive_of(structure) for structure in structures}
+    ground = "ground"
+    while ground in primitives:
+        ground += "-"
+    rows, columns = shape
+    return Definition(
+        size=(float(columns), float(rows)),
+        elem_types={ground: Primitive(x=(0.0,)), **primitives},
+        elem_tree=Element(
+            type=ground,
+            v_scale=1.0,
+            cells=(2 * columns, 2 * rows),
+            children=tuple(element_of(structure) for structure in structures),
+        ),
+    )
+
+
+def evaluate(
+    structures: Iterable[Structure],
+    shape: tuple[int, int],
+    first: int = 0,
+    count: int | None = None,
+) -> Floats:
+    """What structures add at the centres of pixels, by the compiled field.
+
+    Args:
+        structures: the structures.
+        shape: rows and columns of the DEM.
+        first: the first row that is wanted, from the south.
+        count: how many are; None for all from there on.
+
+    Returns:
+        (count, columns) float64, row 0 the southernmost of those wanted.
+    """
+    from terratool.field.terrain import Terrain
+    from terratool.raster.grid import Grid, Window
+    from terratool.raster.painter import Painter
+
+    rows, columns = shape
+    count = rows - first if count is None else count
+    structures = tuple(structures)
+    if not structures or not count:
+        return np.zeros((count, columns))
+    painter = Painter(
+        Terrain(definition_of(structures, shape)),
+        Grid(0.0, 0.0, 1.0, rows, columns),
+        np.float64,
+        surfaces=False,
+    )
+    planes = painter.paint(Window(rows - first - count, 0, count, columns))
+    return np.ascontiguousarray(planes.heights[::-1])
+
+
+def subtract(heights: Floats, structures: Iterable[Structure]) -> Floats:
+    """What is left of a DEM without structures, (rows, columns) float64; NaN stays."""
+    return heights - evaluate(structures, (heights.shape[0], heights.shape[1]))
+
+
+def deviation(structure: Structure, shape: tuple[int, int]) -> float:
+    """How far a structure may lie from the bilinear surface through its own values at the centres.
+
+    That surface goes on level in the outer half pixels; walls count in full.
+
+    Args:
+        structure: the structure.
+        shape: rows and columns of the DEM.
+
+    Returns:
+        A bound in units of the heights; 0 for what is bilinear, up to the rounding of numbers in
+        the definition, which is included.
+    """
+    if structure.y is None:
+        return _bound_of_disc(structure)
+    if structure.turn_deg:
+        return abs(structure.v_scale) * _largest(structure.x) * _largest(structure.y)
+    x = _bound(structure.x, structure.column, structure.span[0], shape[1])
+    y = _bound(structure.y, structure.row, structure.span[1], shape[0])
+    if structure.combine == "sum":
+        return abs(structure.v_scale) * (x[0] + y[0])
+    return abs(structure.v_scale) * (x[0] * y[1] + x[1] * y[0])
+
+
+def _largest(text: CurveText | None) -> float:
+    """The largest size of a curve's values; named curves stay within 1."""
+    if text is None or isinstance(text, str):
+        return 1.0
+    return float(np.abs(np.array(text, np.float64).reshape(len(text), -1)[:, -1]).max())
+
+
+def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float, float]:
+    """How far a curve is from straight between centres of pixels, and its largest size."""
+    if isinstance(text, str):
+        return _bound_of_name(text, begin, length, count)
+    curve = read_curve(text, "x")
+    assert not isinstance(curve, FormulaCurve)
+    points = (
+        np.array(curve.points)
+        if isinstance(curve, KnotCurve)
+        else np.column_stack([np.linspace(0.0, 1.0, len(curve.values)), curve.values])
+    )
+    where = begin + points[:, 0] * length  # in half pixels
+    centres = np.arange(1, 2 * count, 2).astype(np.float64)
+    values = np.where(
+        (centres < begin - 1e-6) | (centres > begin + length + 1e-6),
+        0.0,
+        np.interp(centres, where, points[:, 1]),
+    )
+    inside = (where >= 1.0) & (where <= 2.0 * count - 1.0)
+    straight = np.interp(where, centres, values)
+    # beyond its cell a curve is 0, so a value at its end is a wall
+    bends = np.abs(points[:, 1] - straight)
+    walls = [
+        max(abs(value), abs(value - straight[at]), abs(straight[at]))
+        for at, value in ((0, points[0, 1]), (-1, points[-1, 1]))
+        if inside[at] and abs(value) > 0.0 and where[at] % 2.0 != 1.0
+    ]
+    return max([*bends.tolist(), *walls, 0.0]), _largest(text)
+
+
+def _bound_of_name(text: str, begin: int, length: int, count: int) -> tuple[float, float]:
+    code = SPELLINGS.index(text)
+    axis = Axis(code, begin, begin + length)
+    whole = begin <= 1 and begin + length >= 2 * count - 1
+    if text == "flat" and whole:
+        return 0.0, 1.0
+    return departure(axis), 1.0
+
+
+_ROUND = {"cosbell": (math.pi**2 / 2, 0.0), "gauss": (9.0, math.exp(-4.5))}
+"""Of named curves that are smooth when turned: the largest curvature, in radii, and the rim."""
+
+
+def _bound_of_disc(structure: Structure) -> float:
+    """The same for a turned profile.
+
+    Linear interpolation along one axis and then along the other is off by at most an eighth of the
+    largest second derivative along each, and of what is no steeper than L along any line by at most
+    L times the mean distance of four centres from a point between them.
+    """
+    radii = (structure.span[0] / 4.0, structure.span[1] / 4.0)  # in pixels
+    scale = abs(structure.v_scale)
+    if isinstance(structure.x, str):
+        if structure.x not in _ROUND:
+            return scale
+        bend, rim = _ROUND[structure.x]
+        return scale * (rim + bend * (radii[0] ** -2 + radii[1] ** -2) / 8.0)
+    curve = read_curve(structure.x, "x")
+    assert isinstance(curve, SampledCurve)
+    half = np.array(curve.values[len(curve.values) // 2 :])
+    steepest = float(np.abs(np.diff(half)).max()) * (len(half) - 1) / min(radii)
+    return scale * (abs(float(half[-1])) + steepest * math.sqrt(0.5))

@@ -1,0 +1,213 @@
+"""The text of an imported definition, written piece by piece."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, Protocol
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import WriteError
+from terratool.importing.terrain.rows import RowElement
+from terratool.kernels import importing as kernels
+
+_PIECE = 1 << 22
+"""Bytes of text that are compressed at a time."""
+_SMALL = 1 << 21
+"""DEMs of up to this many pixels are compressed as well as possible, larger ones quickly."""
+_PROMPT = 1 << 16
+"""Text of up to this many bytes is compressed as well as possible to see how small it gets."""
+_BEST, _QUICK = 11, 7
+
+
+class TextSink(Protocol):
+    """What text is written to."""
+
+    def write(self, text: bytes, /) -> object: ...  # noqa: D102
+
+
+def curve(values: NDArray[np.int64] | str) -> bytes:
+    """A curve as JSON."""
+    if isinstance(values, str):
+        return values.encode()
+    return kernels.write_integers(np.ascontiguousarray(values))
+
+
+def primitive(entry: RowElement) -> bytes:
+    """An entry's primitive as a member of the dictionary."""
+    curves = [
+        b'"%s":%s' % (axis, curve(values))
+        for axis, values in ((b"x", entry.x), (b"y", entry.y))
+        if values is not None
+    ]
+    return b'"%s":{%s}' % (entry.name.encode(), b",".join(curves))
+
+
+def element(name: str, cell: tuple[int, int], span: tuple[int, int], **more: Any) -> bytes:
+    """An element on one line."""
+    members = {"type": name, "cellX": cell[0], "cellY": cell[1]}
+    if span != (1, 1):
+        members["span"] = list(span)
+    return msgspec.json.encode(members | more)
+
+
+class Elements:
+    """Elements that wait in a temporary file until what stands before them is written."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.SpooledTemporaryFile(_PIECE)  # noqa: SIM115, see __del__
+        self.count = 0
+
+    def __del__(self) -> None:
+        self._file.close()
+
+    def add(self, text: bytes) -> None:
+        """Append an element.
+
+        Raises:
+            WriteError: the folder for temporary files is full, or there is none.
+        """
+        try:
+            self._file.write(b",\n" + text if self.count else text)
+        except OSError as error:
+            raise WriteError(
+                "The folder for temporary files cannot be written "
+                f"({(error.strerror or str(error)).lower()}).",
+                "Make room in it, or name another one in the variable TMPDIR.",
+            ) from error
+        self.count += 1
+
+    def copy_to(self, sink: TextSink) -> None:
+        """Write all of them, with commas between."""
+        self._file.seek(0)
+        while piece := self._file.read(_PIECE):
+            sink.write(piece)
+
+
+class Writer:
+    """Writes a definition: what comes before, primitives and, once these are done, the rest."""
+
+    def __init__(self, sink: TextSink, head: dict[str, Any]) -> None:
+        self._sink = sink
+        self._elements = Elements()
+        self._first = True
+        self.beyond = False
+        """Whether curves leave the range from 0 to 1."""
+        text = json.dumps(head, ensure_ascii=False, indent=1)
+        sink.write(text.removesuffix("\n}").encode() + b',\n "elemTypes": {')
+
+    @property
+    def count(self) -> int:
+        """Elements so far."""
+        return self._elements.count
+
+    def primitive(self, text: bytes) -> None:
+        """Write a primitive."""
+        self._sink.write((b"\n" if self._first else b",\n") + text)
+        self._first = False
+
+    def element(self, text: bytes) -> None:
+        """Have an element written after all primitives."""
+        self._elements.add(text)
+
+    def pair(self, texts: tuple[bytes, bytes]) -> None:
+        """Write a primitive and elements; either may be missing."""
+        if texts[0]:
+            self.primitive(texts[0])
+        if texts[1]:
+            self.element(texts[1])
+
+    def finish(self, surfaces: dict[str, Any], root: dict[str, Any], cover: Elements) -> None:
+        """Write surfaces and the tree: the root, its elements, and what covers them.
+
+        Args:
+            surfaces: by name.
+            root: the root's members, but for its children.
+            cover: elements in a grid of pixels, which decide the surface.
+        """
+        sink = self._sink
+        sink.write(b"\n },\n")
+        if surfaces:
+            sink.write(b' "surfTypes": %s,\n' % msgspec.json.encode(surfaces))
+        overlaps = self._elements.count + bool(cover.count) > 1
+        warned = {
+            "TT208": overlaps,
+            "TT210": bool(cover.count) or not root["vScale"],
+            "TT306": self.beyond,
+        }
+        if any(warned.values()):
+            codes = [code for code, is_so in warned.items() if is_so]
+            sink.write(b' "x-ignore": %s,\n' % msgspec.json.encode(codes))
+        sink.write(b' "elemTree": %s,"children":[\n' % msgspec.json.encode(root).removesuffix(b"}"))
+        if cover.count:
+            columns, rows = root["cells"]
+            group = element(
+                root["type"], (0, 0), (columns, rows), vScale=0, cells=[columns // 2, rows // 2]
+            )
+            self.element(group.removesuffix(b"}") + b',"children":[')
+        self._elements.copy_to(sink)
+        if cover.count:
+            sink.write(b"\n")
+            cover.copy_to(sink)
+            sink.write(b"]}")
+        sink.write(b"]}\n}\n")
+
+
+class Counter:
+    """A sink that only counts what it would be compressed."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def write(self, text: bytes) -> None:
+        """Take some text."""
+        self._parts.append(text)
+
+    @property
+    def size(self) -> int:
+        """Bytes when compressed."""
+        import deflate
+
+        text = b"".join(self._parts)
+        return len(deflate.gzip_compress(text, _BEST if len(text) <= _PROMPT else _QUICK))
+
+
+@contextmanager
+def sink_for(path: Path, name: str, pixels: int) -> Iterator[TextSink]:
+    """A file that is compressed if its name ends in .gz; the same bytes each time."""
+    with open(path, "wb") as file:
+        if not name.endswith(".gz"):
+            yield file
+            return
+        packed = _Packed(file, _BEST if pixels <= _SMALL else _QUICK)
+        yield packed
+        packed.finish()
+
+
+class _Packed:
+    """Compresses text piece by piece; each is a member of the gzip file."""
+
+    def __init__(self, file: BinaryIO, level: int) -> None:
+        self._file = file
+        self._level = level
+        self._text = bytearray()
+
+    def write(self, text: bytes) -> None:
+        """Take some text."""
+        self._text += text
+        if len(self._text) >= _PIECE:
+            self.finish()
+
+    def finish(self) -> None:
+        """Write what is left."""
+        import deflate
+
+        if self._text:
+            self._file.write(deflate.gzip_compress(bytes(self._text), self._level))
+        self._text = bytearray()

@@ -1,0 +1,184 @@
+"""The triangles of a 3MF, in metres: an archive of XML in which objects are made of objects.
+
+After the 3MF Core Specification 1.3; parts in files of their own are those of its Production
+Extension.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+from xml.parsers import expat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import ReadError
+from terratool.importing.headers import check_archive
+from terratool.importing.triangles import Triangles
+
+MAX_FACES = 2**26
+"""Objects within objects that come to more faces than these are refused."""
+
+_PART = 100
+
+_METRES = {
+    "micron": ("micrometres", 1e-6),
+    "millimeter": ("millimetres", 0.001),
+    "centimeter": ("centimetres", 0.01),
+    "inch": ("inches", 0.0254),
+    "foot": ("feet", 0.3048),
+    "meter": ("metres", 1.0),
+}
+"""Units by name, and in metres (section 3.4)."""
+
+_PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
+
+Key = tuple[str, str]
+"""The file of an object, and its number there."""
+
+Matrix = NDArray[np.float64]
+"""(4, 3) float64: a row of x, y, z, 1 is multiplied by it from the left (section 3.3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    """An object and where it stands."""
+
+    key: Key
+    matrix: Matrix
+
+
+@dataclass(frozen=True, slots=True)
+class _Object:
+    """A mesh as flat lists of coordinates and corners, or other objects."""
+
+    points: list[float] = field(default_factory=list)
+    corners: list[int] = field(default_factory=list)
+    components: list[_Placed] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Model:
+    """What a file of the archive says."""
+
+    objects: dict[Key, _Object]
+    items: list[_Placed]
+    unit: str = "millimeter"
+
+
+def read_3mf(path: Path) -> Triangles:
+    """The triangles of all items that are to be built, each in its place.
+
+    Raises:
+        ReadError: the archive is too large, an object holds itself or is not there, or there are
+            too many faces.
+        Exception: whatever zipfile and expat raise where the file is no 3MF.
+    """
+    check_archive(path)
+    with zipfile.ZipFile(path) as archive:
+        names = [name for name in archive.namelist() if name.lower().endswith(".model")]
+        first = min(names, key=lambda name: not name.lower().endswith("3d/3dmodel.model"))
+        model = _Model({}, [])
+        pending, seen = [first], {first}
+        while pending:
+            name = pending.pop()
+            with archive.open(name) as file:
+                _parse(file, name, model, main=name == first)
+            for key in [part.key for item in model.objects.values() for part in item.components]:
+                if key[0] not in seen:
+                    seen.add(key[0])
+                    pending.append(key[0])
+    if model.unit not in _METRES:
+        raise ReadError(f"{path}: {model.unit!r} is no unit of 3MF.", "Export it again.")
+    unit, factor = _METRES[model.unit]
+    sizes: dict[Key, int] = {}
+    if sum(_size(item.key, model, sizes, path) for item in model.items) > MAX_FACES:
+        raise ReadError(
+            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
+        )
+    points, corners, count = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
+    meshes = {
+        key: (np.array(item.points).reshape(-1, 3), np.array(item.corners, np.int32).reshape(-1, 3))
+        for key, item in model.objects.items()
+    }
+    for placed in _spread(model.items, model):
+        own, faces = meshes[placed.key]
+        if len(faces) and (faces.min() < 0 or faces.max() >= len(own)):
+            raise ReadError(
+                f"{path}: a face refers to a vertex that is not there.", "Export it again."
+            )
+        points.append(own @ placed.matrix[:3] + placed.matrix[3])
+        corners.append(faces + np.int32(count))
+        count += len(own)
+    vertices = np.concatenate(points)
+    notes: tuple[str, ...] = ()
+    if factor != 1.0:
+        vertices *= factor
+        notes = (f"The file is in {unit}; metres were made of them.",)
+    return Triangles(vertices, np.concatenate(corners), notes)
+
+
+def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:
+    """All objects with a mesh, in order, each as often as it is placed."""
+    for item in items:
+        own = model.objects[item.key]
+        if own.corners:
+            yield item
+        for part in _spread(own.components, model):
+            matrix = part.matrix @ item.matrix[:3]
+            matrix[3] += item.matrix[3]
+            yield _Placed(part.key, matrix)
+
+
+def _size(key: Key, model: _Model, sizes: dict[Key, int], path: Path) -> int:
+    """How many faces an object comes to; a part counts for as many as take its time.
+
+    Raises:
+        ReadError: it holds itself, or is not there.
+    """
+    if key not in sizes:
+        if key not in model.objects:
+            raise ReadError(f"{path}: there is no object {key[1]}.", "Export it again.")
+        sizes[key] = -1  # until it is known
+        item = model.objects[key]
+        inner = sum(_size(part.key, model, sizes, path) for part in item.components)
+        sizes[key] = _PART + len(item.corners) // 3 + inner
+    if sizes[key] < 0:
+        raise ReadError(f"{path}: object {key[1]} holds itself.", "Export it again.")
+    return sizes[key]
+
+
+def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
+    """Add what a file of the archive says to a model; items and the unit from the main one."""
+    current = _Object()
+
+    def begin(tag: str, words: dict[str, str]) -> None:
+        nonlocal current
+        tag = tag.rpartition(" ")[2]
+        if tag == "vertex":
+            current.points.extend((float(words["x"]), float(words["y"]), float(words["z"])))
+        elif tag == "triangle":
+            current.corners.extend((int(words["v1"]), int(words["v2"]), int(words["v3"])))
+        elif tag == "object":
+            current = model.objects[name, words["id"]] = _Object()
+        elif tag == "component":
+            current.components.append(_placed(words, name))
+        elif main and tag == "item":
+            model.items.append(_placed(words, name))
+        elif main and tag == "model":
+            model.unit = words.get("unit", model.unit)
+
+    parser = expat.ParserCreate(namespace_separator=" ")
+    parser.StartElementHandler = begin
+    parser.ParseFile(file)
+
+
+def _placed(words: dict[str, str], name: str) -> _Placed:
+    """An object as a component or an item names it."""
+    numbers = [float(word) for word in words.get("transform", "1 0 0 0 1 0 0 0 1 0 0 0").split()]
+    key = words.get(_PATH, name).lstrip("/"), words["objectid"]
+    return _Placed(key, np.array(numbers).reshape(4, 3))

@@ -1,0 +1,192 @@
+"""The outlines of ruts on the lattice: what lies within half a width of a track's path.
+
+Sides of ruts are straight where the path is, round ends and joins become chords, and a path of many
+short pieces has fewer on its outline, as far as it may be off.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.records import TrackArrays
+from terratool.kernels import mesh as kernels
+from terratool.mesh.loss import RutLoss
+from terratool.mesh.types import MeshPlan, RutOutlines
+
+_WIDEST = 0.15
+"""An outline may be off by so much of half the width of its track, however large the error."""
+_LEAST = 2.0
+"""It may be off by so many points of the lattice, however small the error."""
+_SHARES = 0.05, 0.65, 0.3
+"""The parts of that for fewer pieces of the path, fewer sides of the outline, and for chords."""
+_CHORDS = 2, 1024
+"""At least and at most so many chords for a quarter of a circle."""
+_STRAIGHT = 0.5
+"""What is off by no more, in points of the lattice, is a straight line."""
+_ROWS = 4.0
+"""Edges pass about so many rows of the index, each."""
+
+Floats = NDArray[np.float64]
+
+NO_OUTLINES = RutOutlines(
+    np.empty((0, 4), np.int64),
+    np.empty(0, np.uint32),
+    np.zeros(2),
+    np.zeros(1, np.int64),
+    np.empty(0, np.uint32),
+)
+"""Those of a terrain without tracks."""
+
+
+def outlines_of(plan: MeshPlan, least: float, narrowest: float) -> tuple[RutOutlines, RutLoss]:
+    """The outlines of the tracks of a plan, and what of them is lost.
+
+    Args:
+        plan: the plan, for its lattice, bounds and error.
+        least: tracks that by themselves make ruts no deeper than this are left out, unless it is 0.
+        narrowest: so are those with fewer points of the lattice in their width.
+    """
+    tracks = plan.arrays.tracks
+    if not len(tracks.passes):
+        return NO_OUTLINES, RutLoss()
+    boxes = _boxes(plan)
+    west, south, east, north = plan.bounds
+    near = (boxes[0] < east) & (boxes[2] > west) & (boxes[1] < north) & (boxes[3] > south)
+    deepest = largest_depths(tracks)
+    if not deepest.any():  # nothing sinks anywhere
+        near &= tracks.surface >= 0
+    narrow = near & (2.0 * _reaches(tracks) / plan.pitch < narrowest)
+    shallow = near & ~narrow & (deepest <= least) if least > 0.0 else np.zeros_like(near)
+    chosen = np.flatnonzero(near & ~narrow & ~shallow)
+    edges, owners, beside = _edges(plan, chosen)
+    return _indexed(edges, owners), RutLoss(
+        beside=beside * plan.pitch,
+        narrow=int(narrow.sum()),
+        shallow=int(shallow.sum()),
+        deepest=float(deepest[shallow].max(initial=0.0)),
+    )
+
+
+def left_tracks(plan: MeshPlan) -> NDArray[np.int64]:
+    """Indices of the tracks of which nothing is drawn: left out, or far from what is meshed."""
+    every = np.arange(len(plan.arrays.tracks.passes))
+    return np.setdiff1d(every, plan.outlines.owners)
+
+
+def without(tracks: TrackArrays, out: NDArray[np.int64]) -> TrackArrays:
+    """The tracks, some of which leave no rut."""
+    level = np.where(np.isnan(tracks.depths[:1]), np.nan, 0.0)
+    law, passes = tracks.law.copy(), tracks.passes.copy()
+    law[out], passes[out] = len(tracks.depths), 0.0
+    return tracks._replace(law=law, passes=passes, depths=np.concatenate([tracks.depths, level]))
+
+
+def largest_depths(tracks: TrackArrays) -> Floats:
+    """Depth of the deepest rut that each track makes by itself, (tracks,)."""
+    depths = np.where(np.isnan(tracks.depths), 0.0, tracks.depths).max(axis=1)[tracks.law]
+    return np.asarray(depths * tracks.passes**tracks.power)
+
+
+def _reaches(tracks: TrackArrays) -> Floats:
+    """Half the width of each track."""
+    return np.asarray(tracks.segments["reach"][tracks.first[:-1]], np.float64)
+
+
+def _boxes(plan: MeshPlan) -> list[Floats]:
+    """West, south, east and north of each track, on the lattice."""
+    segments, begins = plan.arrays.tracks.segments, plan.arrays.tracks.first[:-1].astype(np.int64)
+    reach = _reaches(plan.arrays.tracks)
+    low = [np.minimum(segments[axis], segments[f"end_{axis}"]) for axis in "xy"]
+    high = [np.maximum(segments[axis], segments[f"end_{axis}"]) for axis in "xy"]
+    sides = [np.minimum.reduceat(side, begins) - reach for side in low]
+    sides += [np.maximum.reduceat(side, begins) + reach for side in high]
+    return [(side - plan.origin[k % 2]) / plan.pitch for k, side in enumerate(sides)]
+
+
+def _edges(
+    plan: MeshPlan, chosen: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.uint32], float]:
+    """Edges of the outlines of tracks, whose each is, and how far they are off; on the lattice."""
+    import shapely
+
+    tracks = plan.arrays.tracks
+    reaches = _reaches(tracks) / plan.pitch
+    around = shapely.box(*plan.bounds)
+    edges, owners = [np.empty((0, 4), np.int64)], [np.empty(0, np.uint32)]
+    beside = 0.0
+    for track in chosen.tolist():
+        reach = float(reaches[track])
+        allowed = max(min(plan.error / plan.pitch, _WIDEST * reach), _LEAST)
+        of_path, of_outline, of_arcs = (share * allowed for share in _SHARES)
+        quarter = 0.25 * math.pi / math.acos(1.0 - min(of_arcs / reach, 1.0))
+        chords = min(max(math.ceil(quarter), _CHORDS[0]), _CHORDS[1])
+        path, off_path = _leaner(_path(plan, track), of_path)
+        # piece by piece: the outline of a whole path would be simplified by more than is allowed
+        outline = shapely.buffer(_pieces(plan, path, reach), reach, quad_segs=chords)
+        outline, off_outline = _leaner(shapely.set_precision(outline, 1.0), of_outline)
+        found = _sides(shapely.intersection(outline, around, grid_size=1.0))
+        if len(found):
+            arc = reach * (1.0 - math.cos(0.25 * math.pi / chords))
+            beside = max(beside, arc + off_path + off_outline)
+        edges.append(found)
+        owners.append(np.full(len(found), track, np.uint32))
+    return np.concatenate(edges), np.concatenate(owners), beside
+
+
+def _path(plan: MeshPlan, track: int) -> Any:
+    """The path of a track as a line on the lattice."""
+    import shapely
+
+    tracks = plan.arrays.tracks
+    segments = tracks.segments[tracks.first[track] : tracks.first[track + 1]]
+    x, y = (np.append(segments[axis], segments[f"end_{axis}"][-1]) for axis in "xy")
+    return shapely.linestrings((np.column_stack([x, y]) - plan.origin) / plan.pitch)
+
+
+def _pieces(plan: MeshPlan, path: Any, reach: float) -> Any:
+    """The straight pieces of a path that come near to what is meshed, each a line of its own."""
+    import shapely
+
+    points = shapely.get_coordinates(path)
+    ends = np.stack([points[:-1], points[1:]], axis=1)
+    low, high = ends.min(axis=1) - 2.0 * reach, ends.max(axis=1) + 2.0 * reach
+    near = (low < plan.bounds[2:]).all(axis=1) & (high > plan.bounds[:2]).all(axis=1)
+    return shapely.multilinestrings(shapely.linestrings(ends[near]))
+
+
+def _leaner(shape: Any, tolerance: float) -> tuple[Any, float]:
+    """A line or an area with fewer corners, and how far it is off: the tolerance or nothing."""
+    import shapely
+
+    plain = shapely.simplify(shape, _STRAIGHT)
+    lean = shapely.simplify(plain, tolerance)
+    fewer = shapely.get_num_coordinates(lean) < shapely.get_num_coordinates(plain)
+    return lean, tolerance if fewer else 0.0
+
+
+def _sides(area: Any) -> NDArray[np.int64]:
+    """The edges around an area, (n, 4) int64."""
+    import shapely
+
+    parts = shapely.get_parts(area)
+    rings = shapely.get_rings(parts[shapely.get_dimensions(parts) == 2])
+    points, of = shapely.get_coordinates(rings, return_index=True)
+    points = np.rint(points).astype(np.int64)
+    edges = np.hstack([points[:-1], points[1:]])[of[1:] == of[:-1]]
+    return np.asarray(edges[(edges[:, :2] != edges[:, 2:]).any(axis=1)])
+
+
+def _indexed(edges: NDArray[np.int64], owners: NDArray[np.uint32]) -> RutOutlines:
+    """Edges with an index of the rows that they pass."""
+    if not len(edges):
+        return NO_OUTLINES
+    low, high = float(edges[:, [1, 3]].min()), float(edges[:, [1, 3]].max())
+    tall = max(high - low, 1.0)
+    passed = float(np.abs(edges[:, 3] - edges[:, 1]).sum())
+    rows = int(min(len(edges), _ROWS * len(edges) * tall / max(passed, 1.0))) + 1
+    frame = np.array([low, rows / tall])
+    return RutOutlines(edges, owners, frame, *kernels.index_rows(edges, frame, rows))

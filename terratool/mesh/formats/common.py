@@ -1,0 +1,226 @@
+"""What the formats have in common: surfaces, names, colours, comments, numbers."""
+
+from __future__ import annotations
+
+import json
+import math
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.kernels import mesh as kernels
+from terratool.mesh.types import HeightGrid, Mesh
+
+NO_COLOR = (128, 128, 128)
+"""Colour of faces without a surface."""
+
+NO_NAME = "none"
+"""Name of what is made of them, where there must be one."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurfacePart:
+    """The faces of one surface, at least one.
+
+    Attributes:
+        surface: index into the names of the mesh; -1 for none.
+        name: of the surface, as in the definition; `NO_NAME` for none.
+        color: of the surface.
+        faces: (m, 3) int32 indices of vertices of the mesh.
+    """
+
+    surface: int
+    name: str
+    color: tuple[int, int, int]
+    faces: NDArray[np.int32]
+
+
+def points_of(mesh: Mesh) -> NDArray[np.float32]:
+    """Vertices as all files have them: (n, 3) float32, relative to the origin of the mesh."""
+    return np.ascontiguousarray(mesh.vertices, np.float32)
+
+
+def world_points_of(mesh: Mesh) -> NDArray[np.float64]:
+    """The same vertices where they are in the world: (n, 3) float64."""
+    return points_of(mesh) + mesh.origin
+
+
+def surface_parts(mesh: Mesh) -> list[SurfacePart]:
+    """A mesh by its surfaces, in their order; what has none comes last."""
+    count = len(mesh.names)
+    # -1 is the last of so many
+    places = np.where(mesh.surfaces < 0, np.int32(count), mesh.surfaces)
+    counts = np.bincount(places, minlength=count + 1)
+    ends = np.cumsum(counts)
+    faces = mesh.faces
+    if np.count_nonzero(counts) > 1:
+        faces = kernels.sort_faces(faces, places, counts)
+    parts = []
+    for place in range(count + 1):
+        own = faces[ends[place] - counts[place] : ends[place]]
+        if not len(own):
+            continue
+        if place == count:
+            parts.append(SurfacePart(-1, NO_NAME, NO_COLOR, own))
+        else:
+            red, green, blue = mesh.colors[place].tolist()
+            parts.append(SurfacePart(place, mesh.names[place], (red, green, blue), own))
+    return parts
+
+
+def shape_of(
+    points: NDArray[np.float32], part: SurfacePart
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """A part with vertices of its own, (n, 3), and faces of these, (m, 3).
+
+    Programs that take parts for separate meshes copy all vertices that a part can see.
+    """
+    return kernels.take_vertices(points, part.faces)
+
+
+def face_colors(mesh: Mesh) -> NDArray[np.uint8]:
+    """Colour of each face, (m, 3)."""
+    # -1 is the last one
+    table = np.concatenate([mesh.colors.reshape(-1, 3), np.array([NO_COLOR], np.uint8)])
+    return table[mesh.surfaces]
+
+
+_BLOCK = 1 << 15
+"""Lines that are made at a time: few enough for their text to stay in the cache."""
+
+
+def write_points(
+    file: BinaryIO, points: NDArray[Any], before: bytes = b"", after: bytes = b"\n"
+) -> None:
+    """Write points, (n, 3), as lines.
+
+    Each float32 is the shortest number that reads back as the same, each float64 has 15 digits.
+    """
+    _write(file, points, kernels.put_points, (), before, after)
+
+
+def write_faces(
+    file: BinaryIO,
+    faces: NDArray[np.int32],
+    first: int = 0,
+    before: bytes = b"",
+    after: bytes = b"\n",
+) -> None:
+    """Write faces, (m, 3), as lines; the first vertex has the number `first`."""
+    _write(file, faces, kernels.put_faces, (first,), before, after)
+
+
+def _write(
+    file: BinaryIO,
+    rows: NDArray[Any],
+    put: Callable[..., int],
+    extra: tuple[Any, ...],
+    before: bytes,
+    after: bytes,
+) -> None:
+    rows = np.ascontiguousarray(rows)
+    size = 3 * kernels.NUMBER_BYTES + 2 + len(before) + len(after)
+    out = np.empty(min(_BLOCK, len(rows)) * size, np.uint8)
+    texts = [np.frombuffer(text, np.uint8) for text in (before, after)]
+    for begin in range(0, len(rows), _BLOCK):
+        end = put(out, rows[begin : begin + _BLOCK], *extra, *texts)
+        file.write(out[:end].data)
+
+
+def plain_names(names: Iterable[str], allowed: Callable[[str], bool], other: str) -> list[str]:
+    """Different names of allowed characters only, as close to `names` as they allow.
+
+    Letters lose their accents where only so they are allowed, and runs of others become one `_`;
+    where nothing is left it is `other`; and equal ones are numbered.
+    """
+    taken: set[str] = set()
+    found = []
+    for name in names:
+        plain = _plain(name, allowed)
+        unique = plain = plain if plain.strip("_") else other
+        count = 1
+        while unique in taken:
+            count += 1
+            unique = f"{plain}_{count}"
+        taken.add(unique)
+        found.append(unique)
+    return found
+
+
+def _plain(name: str, allowed: Callable[[str], bool]) -> str:
+    """A name of allowed characters only."""
+    letters: list[str] = []
+    replaced = False
+    for character in name:
+        bare = character
+        if not allowed(character):
+            bare = unicodedata.normalize("NFKD", character)[:1]
+        known = allowed(bare)
+        if known or not replaced:
+            letters.append(bare if known else "_")
+        replaced = not known
+    return "".join(letters)
+
+
+def ascii_word(character: str) -> bool:
+    """Whether a character may stand in identifiers everywhere."""
+    return character.isascii() and (character.isalnum() or character == "_")
+
+
+def quoted(text: str) -> str:
+    """A text as a JSON string on one line, readable, of characters that can be seen and encoded."""
+    return "".join(
+        letter if letter.isprintable() else json.dumps(letter)[1:-1]
+        for letter in json.dumps(text, ensure_ascii=False)
+    )
+
+
+def lines_of(descr: str) -> Iterator[str]:
+    """The lines of a description, of characters that can be seen and encoded."""
+    for line in descr.splitlines():
+        yield "".join(letter if letter.isprintable() else "\ufffd" for letter in line).rstrip()
+
+
+def encodable(text: str) -> str:
+    """A text as it is, but for halves of characters, which JSON may hold and UTF-8 may not."""
+    return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in text)
+
+
+def origin_of(mesh: Mesh | HeightGrid) -> str:
+    """World position of the local zero, each number as the shortest that reads back as the same."""
+    return " ".join(repr(number).removesuffix(".0") for number in mesh.origin.tolist())
+
+
+def color_text(color: tuple[int, int, int]) -> str:
+    """A colour as three numbers from 0 to 1.
+
+    They are rounded up, so that a reader finds the same byte again, be it by rounding or cutting.
+    """
+    return " ".join(f"{math.ceil(shade / 255 * 1e4) / 1e4:g}" for shade in color)
+
+
+def linear(color: tuple[int, int, int]) -> tuple[float, float, float]:
+    """A colour in linear light, as IEC 61966-2-1 (sRGB) has it."""
+    red, green, blue = (
+        shade / 255 / 12.92 if shade <= 10 else ((shade / 255 + 0.055) / 1.055) ** 2.4
+        for shade in color
+    )
+    return red, green, blue
+
+
+def overview(points: NDArray[np.float32]) -> tuple[str, str]:
+    """Where a camera sees all points, from the south and above; and its turn about x from down.
+
+    Cameras of VRML and X3D look along -z, and z is up here: so that is a look at the ground.
+    """
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    # their field of view is an eighth of a circle
+    distance = 0.5 / math.sin(math.pi / 8) * float(np.linalg.norm(high - low))
+    tilt = math.pi / 3
+    x, y, z = ((low + high) / 2).tolist()
+    place = (x, y - distance * math.sin(tilt), z + distance * math.cos(tilt))
+    return " ".join(f"{number:.6g}" for number in place), f"{tilt:.6g}"

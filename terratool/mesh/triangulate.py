@@ -1,0 +1,188 @@
+"""The plane, cut along segments into triangles, and these grouped into regions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.kernels import mesh as kernels
+from terratool.mesh.types import COVER, MeshPlan, Regions, TileBoundary
+
+
+def regions_of(
+    plan: MeshPlan,
+    points: NDArray[np.int64],
+    triangles: NDArray[np.int32],
+    keys: NDArray[np.int64],
+) -> tuple[Regions, NDArray[np.int32]]:
+    """The regions of triangles with numbers, each as it is in its first triangle; which is whose.
+
+    Args:
+        plan: the plan.
+        points: (n, 2) on the lattice.
+        triangles: (m, 3).
+        keys: (m,) their numbers.
+
+    Returns:
+        The regions, and (m,) the index of each triangle's.
+    """
+    _, chosen, of = np.unique(keys, return_index=True, return_inverse=True)
+    offsets, covers, surfaces, voids, plane, asides, drops = kernels.describe_regions(
+        plan.kept, points, triangles, chosen
+    )
+    parts = Regions(
+        offsets, covers.view(COVER), surfaces, voids.view(bool), plane.view(bool), asides, drops
+    )
+    return parts, of.reshape(-1).astype(np.int32)
+
+
+Ints = NDArray[np.int64]
+_ROUNDS = 8
+_NEAR = 1.5
+"""Vertices this near to a segment, in points of the lattice, are on it."""
+_ATTEMPTS = 8
+"""So often crossings are looked for, each time in another order, with twice the distance."""
+_NONE = 0xFFFFFFFF
+
+
+class Triangulation(NamedTuple):
+    """Triangles in the plane.
+
+    Attributes:
+        points: (n, 2) int64 on the lattice.
+        triangles: (m, 3) int32, counter-clockwise.
+        neighbours: (m, 3) int32, the triangle beyond the edge from corner c to the next; -1: none.
+    """
+
+    points: Ints
+    triangles: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
+
+
+def triangulate(
+    segments: Ints,
+    limits: Ints,
+    keys_of: Callable[[Ints, NDArray[np.int32]], Ints],
+    rim: TileBoundary,
+) -> tuple[Triangulation, Ints]:
+    """Cut a rectangle along segments.
+
+    Args:
+        segments: (n, 4) int64 x, y, x, y on the lattice, in the rectangle.
+        limits: (4,) west, south, east, north of the rectangle.
+        keys_of: answers (m,) numbers for points and triangles, the same wherever no edge is needed
+            between two triangles.
+        rim: its seams; they meet segments at their vertices only.
+
+    Returns:
+        The triangles and their numbers.
+    """
+    west, south, east, north = limits.tolist()
+    around = [[west, south, west, north], [west, south, east, south]]
+    around += [[east, south, east, north], [west, north, east, north]]
+    outer = np.array(around, np.int64)[rim.sides < 0]
+    points, edges = _index(np.concatenate([segments, outer, rim.edges]))
+    for near in range(2, 2 + _ROUNDS):
+        points, edges = _weld(points, edges, limits, rim.sides, near)
+        found, triangles, neighbours = delaunay(points.astype(np.float64), edges)
+        points = np.rint(found).astype(np.int64)
+        keys = keys_of(points, triangles)
+        if kernels.thinnest(points, triangles) >= _NEAR:
+            break
+        edges = _bend(points, triangles, _borders(triangles, neighbours, keys))
+    return Triangulation(points, triangles, neighbours), keys
+
+
+def _index(segments: Ints) -> tuple[Ints, Ints]:
+    """Vertices of segments, each once, and the segments as (n, 2) indices, each once."""
+    ends = segments.reshape(-1, 2)
+    # one number sorts faster than two
+    packed, index = np.unique((ends[:, 0] << 31) | ends[:, 1], return_inverse=True)
+    points = np.column_stack([packed >> 31, packed & ((1 << 31) - 1)])
+    return points, _unique_edges(index.reshape(-1, 2), len(points))
+
+
+def _unique_edges(edges: Ints, count: int) -> Ints:
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    packed = np.unique((low * count + high)[low != high])
+    return np.column_stack([packed // count, packed % count])
+
+
+def _weld(points: Ints, edges: Ints, limits: Ints, seams: Ints, near: int) -> tuple[Ints, Ints]:
+    """Make vertices that are next to each other on the lattice one."""
+    order = np.lexsort((points[:, 1], points[:, 0]))
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    points = points[order]
+    roots = kernels.weld(points, limits, seams, near)
+    edges = roots[rank[edges]]
+    used = np.zeros(len(points), bool)
+    used[edges] = True
+    index = np.cumsum(used) - 1
+    return points[used], _unique_edges(index[edges], int(used.sum()))
+
+
+def delaunay(
+    points: NDArray[np.float64], edges: Ints, within: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
+    """Constrained Delaunay triangulation of the convex hull; crossings become vertices.
+
+    If `within`, edges do not cross, and the triangles lie within loops of them: on one side of each
+    edge. Then no vertex is added.
+
+    Returns:
+        As in Triangulation, but the points are not rounded.
+    """
+    import pythoncdt
+
+    crossing = pythoncdt.IntersectingConstraintEdges
+    resolve = crossing.NOT_ALLOWED if within else crossing.TRY_RESOLVE
+    # its stubs know buffers from Python 3.12 on only
+    vertex_buffer: Any = np.ascontiguousarray(points)
+    for attempt in range(_ATTEMPTS):
+        near = 0.0 if within else _NEAR * 2**attempt
+        cdt = pythoncdt.Triangulation(pythoncdt.VertexInsertionOrder.AUTO, resolve, near)
+        cdt.insert_vertices(vertex_buffer)
+        order = np.random.default_rng(attempt).permutation(edges) if attempt else edges
+        edge_buffer: Any = order.astype(np.uint32)
+        try:
+            cdt.insert_edges(edge_buffer)
+            break
+        except RuntimeError:  # edges at tiny angles: hardly any room beside a crossing
+            if within or attempt == _ATTEMPTS - 1:
+                raise
+    if within:
+        cdt.erase_outer_triangles_and_holes()
+    else:
+        cdt.erase_super_triangle()
+    vertices, triangles = cdt.vertices_array(), cdt.triangles_array()
+    neighbours = triangles["neighbors"]
+    return (
+        np.column_stack([vertices["x"], vertices["y"]]),
+        triangles["vertices"].astype(np.int32),
+        np.where(neighbours == _NONE, -1, neighbours.astype(np.int64)).astype(np.int32),
+    )
+
+
+def _borders(triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keys: Ints) -> Ints:
+    """Edges between triangles with different keys, and of the hull: (n, 2)."""
+    beyond = np.where(neighbours < 0, keys[:, None] ^ 1, keys[neighbours])
+    border = keys[:, None] != beyond
+    border &= (neighbours < 0) | (np.arange(len(triangles))[:, None] < neighbours)
+    t, c = np.nonzero(border)
+    return np.column_stack([triangles[t, c], triangles[t, (c + 1) % 3]]).astype(np.int64)
+
+
+def _bend(points: Ints, triangles: NDArray[np.int32], edges: Ints) -> Ints:
+    """Lead edges through vertices that are next to them: thin triangles have none for a side."""
+    a, b, c = kernels.find_thin(points, triangles, _NEAR).T
+    count = len(points)
+    keys = edges.min(axis=1) * count + edges.max(axis=1)
+    long = np.minimum(a, b) * count + np.maximum(a, b)
+    bent = np.isin(keys, long)
+    halves = np.isin(long, keys)
+    a, b, c = a[halves], b[halves], c[halves]
+    return np.concatenate([edges[~bent], np.column_stack([a, c]), np.column_stack([c, b])])

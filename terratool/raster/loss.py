@@ -1,0 +1,480 @@
+"""What a grid of pixels cannot keep of a terrain: walls, and what is narrow; and how it is said."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from terratool.field.bounds import finest_details, largest_heights, nonzero_edges
+from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
+from terratool.raster.grid import Grid, Window
+from terratool.raster.painter import Planes
+
+_NOISE = 1e-6
+"""Differences from here on are worth a word, in parts of a pixel."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A wall between two neighbouring pixels: its size, and the middle between the two."""
+
+    size: float
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class SubpixelFeature:
+    """An element, or a detail of its curves, that is narrower than a pixel."""
+
+    element: str
+    width: float
+
+
+@dataclass(frozen=True, slots=True)
+class SubpixelFeatures:
+    """How many there are, and the first of them."""
+
+    count: int
+    first: tuple[SubpixelFeature, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class InterpolationError:
+    """How far bilinear interpolation between the pixels is from the terrain.
+
+    Attributes:
+        points: at how many points it was measured.
+        largest: the largest difference, without sign.
+        rms: the root of the mean of their squares.
+        x, y: where the largest one is.
+        element: JSON pointer of the element there, or None.
+    """
+
+    points: int
+    largest: float
+    rms: float
+    x: float
+    y: float
+    element: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class RasterLoss:
+    """What a grid loses. Lengths are in units of the terrain.
+
+    Attributes:
+        resolution: side of a pixel.
+        wall_length: length, seen from above, of the walls that became ramps. A wall between two
+            pixels counts by the direction it runs in, so turned and round walls have their length.
+        wall_pairs: number of pairs of neighbours with a wall between them.
+        estimated: whether these two numbers are estimates, from a part of the walls; `highest` is
+            then the highest of that part.
+        steepest: the steepest ramp that a wall became, its size the difference of the two pixels as
+            stored; None without walls that are at least half of such a difference.
+        highest: the highest wall between two pixels; None without walls.
+        narrow: elements whose cells are narrower than a pixel.
+        details: other elements with a straight stretch of a curve narrower than a pixel.
+        nodata: pixels without a height.
+        misfit: what lies between the pixels; None where no four of them have heights.
+    """
+
+    resolution: float
+    wall_length: float
+    wall_pairs: int
+    estimated: bool
+    steepest: Wall | None
+    highest: Wall | None
+    narrow: SubpixelFeatures
+    details: SubpixelFeatures
+    nodata: int
+    misfit: InterpolationError | None
+
+    @property
+    def steepest_degrees(self) -> float:
+        """Slope of the steepest ramp that a wall became; 0 without walls."""
+        rise = self.steepest.size if self.steepest else 0.0
+        return math.degrees(math.atan2(rise, self.resolution))
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values, ready for JSON."""
+
+        def narrows(found: SubpixelFeatures) -> dict[str, Any]:
+            return {"count": found.count, "first": [asdict(one) for one in found.first]}
+
+        steepest, highest = self.steepest, self.highest
+        return {
+            "walls": {
+                "length": self.wall_length,
+                "pairs": self.wall_pairs,
+                "estimated": self.estimated,
+                "steepest_ramp": steepest
+                and {
+                    "degrees": self.steepest_degrees,
+                    "rise": steepest.size,
+                    "x": steepest.x,
+                    "y": steepest.y,
+                },
+                "largest_jump": highest
+                and {"height": highest.size, "x": highest.x, "y": highest.y},
+            },
+            "narrow_elements": narrows(self.narrow),
+            "narrow_details": narrows(self.details),
+            "nodata": self.nodata,
+            "interpolation": self.misfit and asdict(self.misfit),
+        }
+
+    def sentence(self) -> str:
+        """All of it in a line of text."""
+        parts = []
+        if self.highest:
+            about = "about " if self.estimated else ""
+            slope = f" of up to {self.steepest_degrees:.1f}°" if self.steepest else ""
+            parts.append(
+                f"{about}{_length(self.wall_length)} of wall became ramps{slope} "
+                f"({_length(self.highest.size)} in one pixel)"
+            )
+        if self.narrow.count:
+            parts.append(
+                _counted(self.narrow.count, "element is", "elements are") + " narrower than a pixel"
+            )
+        if self.details.count:
+            parts.append(
+                _counted(self.details.count, "element has", "elements have")
+                + " details narrower than a pixel"
+            )
+        if self.misfit and self.misfit.largest > _NOISE * self.resolution:
+            parts.append(f"pixels differ from the model by up to {_length(self.misfit.largest)}")
+        if not parts:
+            return "Lost: nothing; no walls, nothing narrower than a pixel."
+        return f"Lost: {'; '.join(parts)}."
+
+
+def _length(value: float) -> str:
+    return f"{value:.3g} m" if abs(value) < 1000 else f"{value:,.0f} m"
+
+
+def _counted(count: int, one: str, several: str) -> str:
+    return f"{count:,} {one if count == 1 else several}"
+
+
+FIRST = 20
+"""So many are named."""
+
+
+def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, SubpixelFeatures]:
+    """Elements and tracks within the grid that are narrower than a pixel; others with such details.
+
+    An element is as wide as the shorter side of its block of cells. Details are those of
+    `finest_details`.
+    """
+    west, south, east, north = terrain.cells()
+    low_x, low_y, high_x, high_y = grid.bounds
+    within = (west < high_x) & (east > low_x) & (south < high_y) & (north > low_y)
+    wide, tall = east - west, north - south
+    # as far as the edges of far cells can be told
+    side = grid.resolution * (1 - 1e-9) - 4 * np.spacing(np.abs(terrain.bounds).max())
+    widths = np.minimum(wide, tall)
+    narrow = within & (widths < side)
+    details = finest_details(terrain.arrays, wide, tall)
+    detailed = within & ~narrow & (details < side)
+    slim, track_widths = _tracks(terrain, grid)
+    narrow, widths = (
+        np.append(narrow, slim & (track_widths < side)),
+        np.append(widths, track_widths),
+    )
+    return _named(terrain, narrow, widths), _named(terrain, detailed, details)
+
+
+def _tracks(terrain: Terrain, grid: Grid) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Which tracks may reach the grid, by the rectangles around their segments; their widths."""
+    tracks = terrain.arrays.tracks
+    segments, reach = tracks.segments, tracks.segments["reach"]
+    west, south, east, north = grid.bounds
+    within = (
+        (np.minimum(segments["x"], segments["end_x"]) - reach < east)
+        & (np.maximum(segments["x"], segments["end_x"]) + reach > west)
+        & (np.minimum(segments["y"], segments["end_y"]) - reach < north)
+        & (np.maximum(segments["y"], segments["end_y"]) + reach > south)
+    )
+    reached = np.zeros(terrain.tracks, np.bool_)
+    reached[segments["track"][within]] = True
+    return reached, 2.0 * reach[tracks.first[:-1]]
+
+
+def _named(
+    terrain: Terrain, which: NDArray[np.bool_], widths: NDArray[np.float64]
+) -> SubpixelFeatures:
+    indices = np.flatnonzero(which)
+    first = tuple(
+        SubpixelFeature(str(terrain.pointer(index)), float(widths[index]))
+        for index in indices[:FIRST].tolist()
+    )
+    return SubpixelFeatures(len(indices), first)
+
+
+POINTS = 100_000
+_PLASTIC = 1.32471795724474602596
+"""The plastic number spreads points over a square as the golden section does over a line."""
+
+Floats = NDArray[np.float64]
+
+
+def interpolation_error(
+    terrain: Terrain, grid: Grid, dtype: np.dtype[Any]
+) -> InterpolationError | None:
+    """Compare at up to POINTS points; None where no four pixels with heights lie around one.
+
+    Half of the points are evenly spread, half are the middles of elements. Pixels are worth what
+    the queries say at their centres, rounded to `dtype`.
+    """
+    columns = grid.columns(Window(0, 0, 1, grid.width))
+    rows = grid.rows(Window(0, 0, grid.height, 1))[::-1]
+    x, y = _points(terrain, columns, rows)
+    at_x, part_x = _between(columns, x)
+    at_y, part_y = _between(rows, y)
+    next_x, next_y = np.minimum(at_x + 1, grid.width - 1), np.minimum(at_y + 1, grid.height - 1)
+
+    def pixels(i: NDArray[np.int64], j: NDArray[np.int64]) -> Floats:
+        with np.errstate(over="ignore"):
+            stored = terrain.height(columns[i], rows[j]).astype(dtype)
+        return np.asarray(stored, np.float64)
+
+    south = (1 - part_x) * pixels(at_x, at_y) + part_x * pixels(next_x, at_y)
+    north = (1 - part_x) * pixels(at_x, next_y) + part_x * pixels(next_x, next_y)
+    off = np.abs((1 - part_y) * south + part_y * north - terrain.height(x, y))
+    known = np.flatnonzero(np.isfinite(off))
+    if not len(known):
+        return None
+    worst = known[off[known].argmax()]
+    largest = float(off[worst])
+    scaled = off[known] / largest if largest else off[known]
+    return InterpolationError(
+        points=len(known),
+        largest=largest,
+        rms=largest * float(np.sqrt(np.mean(scaled**2))),
+        x=float(x[worst]),
+        y=float(y[worst]),
+        element=terrain.locate(x[worst], y[worst]),
+    )
+
+
+def _points(terrain: Terrain, columns: Floats, rows: Floats) -> tuple[Floats, Floats]:
+    """Points between the outermost centres, on the terrain."""
+    west, south, east, north = terrain.bounds
+    low_x, high_x = max(west, columns[0]), min(east, columns[-1])
+    low_y, high_y = max(south, rows[0]), min(north, rows[-1])
+    half = min(POINTS, 4 * len(columns) * len(rows)) // 2
+    steps = np.arange(1, half + 1)
+    x = low_x + np.mod(steps / _PLASTIC, 1.0) * (high_x - low_x)
+    y = low_y + np.mod(steps / _PLASTIC**2, 1.0) * (high_y - low_y)
+    left, bottom, right, top = terrain.cells()
+    middle_x, middle_y = left + (right - left) / 2, bottom + (top - bottom) / 2
+    inside = np.flatnonzero(
+        (low_x <= middle_x) & (middle_x <= high_x) & (low_y <= middle_y) & (middle_y <= high_y)
+    )
+    if len(inside) > half:
+        inside = inside[np.arange(half) * len(inside) // half]
+    return np.concatenate([x, middle_x[inside]]), np.concatenate([y, middle_y[inside]])
+
+
+def _between(centres: Floats, at: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The last centre at or before each place, and how far on to the next it is, from 0 to 1."""
+    i = np.clip(np.searchsorted(centres, at, side="right") - 1, 0, max(0, len(centres) - 2))
+    if len(centres) == 1:
+        return i, np.zeros(len(at))
+    gap = centres[i + 1] - centres[i]
+    part = np.divide(at - centres[i], gap, out=np.zeros(len(at)), where=gap > 0)
+    return i, np.clip(part, 0.0, 1.0)
+
+
+_LEVEL = 1e-7
+"""A jump is one from here on, in parts of what any one element is worth …"""
+_LOW = 1e-3
+"""… and of a pixel: what is lower makes a ramp of less than 0.06°."""
+
+_SHARE = 0.5
+"""A ramp between two pixels is that of the wall between them if so much of it is."""
+
+_TESTS = 1 << 15
+_PIXELS_PER_TEST = 1 << 14
+_LEAST_TESTS = 32
+"""So many pairs are tested, or one for so many pixels if these are more. A window has its share of
+them by its pixels, but no fewer than the last."""
+
+_UNIT = 1 << 20
+"""Lengths are added as whole numbers of such parts of a pixel: in any order they are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class LossCounts:
+    """What is lost in a part of a grid; parts add up, in any order, to that of the whole.
+
+    Attributes:
+        candidates: pairs of neighbours that may have a wall between them.
+        tested: how many of them were looked at.
+        pairs: how many have a wall, as far as the tested ones tell.
+        length: of these walls, in parts of a pixel.
+        steepest: the largest difference of heights in a pair with a wall, and the pair, negative.
+        highest: the highest wall that was looked at, and its pair, negative.
+    """
+
+    candidates: int = 0
+    tested: int = 0
+    pairs: int = 0
+    length: int = 0
+    steepest: tuple[float, int] = (0.0, 0)
+    highest: tuple[float, int] = (0.0, 0)
+
+    def __add__(self, other: LossCounts) -> LossCounts:
+        return LossCounts(
+            self.candidates + other.candidates,
+            self.tested + other.tested,
+            self.pairs + other.pairs,
+            self.length + other.length,
+            max(self.steepest, other.steepest),
+            max(self.highest, other.highest),
+        )
+
+
+class LossFinder:
+    """Looks for what a grid loses, window by window; may be used by several threads at a time.
+
+    A window with more candidates than can be looked at has some of them tested, evenly spread, and
+    the rest estimated; which ones depends on the window and on nothing else. The steepest ramp is
+    exact even so: whatever is steeper than the steepest so far is tested too, up to as many pairs
+    again. A ramp is a wall's if the wall is at least half of it.
+
+    Args:
+        terrain: the terrain.
+        grid: the pixels.
+        dtype: of the heights in the file.
+    """
+
+    def __init__(self, terrain: Terrain, grid: Grid, dtype: DTypeLike = np.float32) -> None:
+        self._terrain = terrain
+        self._grid = grid
+        self._dtype = np.dtype(dtype)
+        self._edges = nonzero_edges(terrain.arrays)
+        self._idle: deque[kernels.WallFinder] = deque()
+        largest = float(largest_heights(terrain.arrays).max())
+        self._level = max(_LEVEL * largest, _LOW * grid.resolution)
+
+    def margins(self, window: Window) -> Window:
+        """The window, and one more row to the south and column to the east if the grid has them."""
+        return Window(
+            window.row,
+            window.column,
+            min(window.height + 1, self._grid.height - window.row),
+            min(window.width + 1, self._grid.width - window.column),
+        )
+
+    def of(self, window: Window, planes: Planes) -> LossCounts:
+        """What is lost between the pixels of a window and their neighbours to the east and south.
+
+        Args:
+            window: the window.
+            planes: heights and labels of its margins.
+        """
+        whole, resolution = self.margins(window), self._grid.resolution
+        heights, labels = planes.heights, planes.labels
+        if labels is None or not labels.shape == heights.shape == (whole.height, whole.width):
+            raise ValueError(f"heights and labels of {whole.height} × {whole.width} are wanted")
+        pairs, rises = kernels.find_candidates(labels, heights, window.height, window.width)
+        count = len(pairs)
+        if not count:
+            return LossCounts()
+        pixels, all_pixels = window.height * window.width, self._grid.height * self._grid.width
+        tests = max(_TESTS, all_pixels // _PIXELS_PER_TEST)
+        chosen = _spread(count, max(_LEAST_TESTS, tests * pixels // all_pixels))
+
+        try:
+            finder = self._idle.pop()
+        except IndexError:
+            finder = kernels.WallFinder(self._terrain.field, self._edges)
+        x, y = self._grid.columns(whole), self._grid.rows(whole)
+        jumps, lengths = np.empty(len(chosen)), np.empty(len(chosen))
+        kernels.measure_walls(finder, pairs[chosen], x, y, resolution, self._level, jumps, lengths)
+        share = count / len(chosen)
+        steepest, highest = (0.0, 0), (0.0, 0)
+        if jumps.any():
+            at = int(jumps.argmax())
+            highest = float(jumps[at]), -self._name(whole, int(pairs[chosen[at]]))
+            risen = np.where(jumps >= _SHARE * rises[chosen], rises[chosen], -1.0)
+            at = int(risen.argmax())
+            if risen[at] > 0:
+                steepest = float(risen[at]), -self._name(whole, int(pairs[chosen[at]]))
+        if len(chosen) < count:
+            steeper = np.flatnonzero(rises > steepest[0])
+            steeper = steeper[np.argsort(-rises[steeper], kind="stable")][: len(chosen)]
+            at, jump = kernels.first_wall(
+                finder, pairs[steeper], _SHARE * rises[steeper], x, y, resolution, self._level
+            )
+            if at >= 0:
+                name = -self._name(whole, int(pairs[steeper[at]]))
+                steepest = float(rises[steeper[at]]), name
+                highest = max(highest, (float(jump), name))
+        self._idle.append(finder)
+        return LossCounts(
+            candidates=count,
+            tested=len(chosen),
+            pairs=round(share * int((jumps > 0).sum())),
+            length=round(share * math.fsum(lengths) * _UNIT),
+            steepest=steepest,
+            highest=highest,
+        )
+
+    def statement(self, part: LossCounts, nodata: int) -> RasterLoss:
+        """What the whole grid loses.
+
+        Args:
+            part: the sum of those of its windows.
+            nodata: pixels without a height.
+        """
+        resolution = self._grid.resolution
+        narrow, details = subpixel_features(self._terrain, self._grid)
+        return RasterLoss(
+            resolution=resolution,
+            wall_length=part.length / _UNIT * resolution,
+            wall_pairs=part.pairs,
+            estimated=part.tested < part.candidates,
+            steepest=self._wall(part.steepest),
+            highest=self._wall(part.highest),
+            narrow=narrow,
+            details=details,
+            nodata=nodata,
+            misfit=interpolation_error(self._terrain, self._grid, self._dtype),
+        )
+
+    def _name(self, window: Window, pair: int) -> int:
+        """The number of a pair of a window in the grid, counted from 1."""
+        row, column = divmod(pair >> 1, window.width)
+        pixel = (window.row + row) * self._grid.width + window.column + column
+        return 2 * pixel + (pair & 1) + 1
+
+    def _wall(self, found: tuple[float, int]) -> Wall | None:
+        size, name = found
+        if not name:
+            return None
+        pair = -name - 1
+        row, column = divmod(pair >> 1, self._grid.width)
+        two = Window(row, column, 1 + (pair & 1), 2 - (pair & 1))
+        x, y = float(self._grid.columns(two).mean()), float(self._grid.rows(two).mean())
+        return Wall(size, x, y)
+
+
+def _spread(count: int, limit: int) -> NDArray[np.int64]:
+    """At most `limit` of `count` indices, one from each of as many stretches, ascending."""
+    if count <= limit:
+        return np.arange(count)
+    stretches = np.arange(limit + 1) * count // limit
+    # multiples of the golden section fall in step with nothing
+    places = np.mod(np.arange(limit) * 0.6180339887498949, 1.0)
+    indices: NDArray[np.int64] = stretches[:-1] + (places * np.diff(stretches)).astype(np.int64)
+    return indices

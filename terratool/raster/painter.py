@@ -1,0 +1,147 @@
+"""Heights, surfaces, slopes and labels over windows of a grid."""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from terratool.field.bounds import nonzero_edges
+from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
+from terratool.raster.grid import Grid, Window
+
+
+def id_type(terrain: Terrain) -> np.dtype[Any]:
+    """The smallest unsigned type that holds 0 for no surface, and one more than each index."""
+    return np.min_scalar_type(len(terrain.surfaces))
+
+
+@dataclass(frozen=True, slots=True)
+class Planes:
+    """What is painted over a window: (height, width), C-contiguous, rows from the north.
+
+    All but the heights are None where not asked for.
+
+    Attributes:
+        heights: float32 or float64, NaN outside and in the void.
+        surfaces: of `id_type(terrain)`, the index of the surface and one, 0 where there is none.
+        slope_x, slope_y: dz/dx to the east and dz/dy to the north, analytic, in the type of the
+            heights; NaN where these are.
+        labels: uint32; two neighbours of one label have no wall between them, but for a feature
+            that lies wholly between their centres. Where labels differ there may be one.
+    """
+
+    heights: NDArray[Any]
+    surfaces: NDArray[Any] | None = None
+    slope_x: NDArray[Any] | None = None
+    slope_y: NDArray[Any] | None = None
+    labels: NDArray[np.uint32] | None = None
+
+    def rows(self, begin: int, end: int) -> Planes:
+        """Some of the rows, not copied."""
+        heights, *others = (None if p is None else p[begin:end] for p in self._all())
+        assert heights is not None
+        return Planes(heights, *others)
+
+    def cropped(self, height: int, width: int) -> Planes:
+        """The first rows and columns, not copied."""
+        heights, *others = (None if p is None else p[:height, :width] for p in self._all())
+        assert heights is not None
+        return Planes(heights, *others)
+
+    def _all(self) -> tuple[Any, ...]:
+        return self.heights, self.surfaces, self.slope_x, self.slope_y, self.labels
+
+
+class Painter:
+    """Paints windows of a grid over a terrain; may be used by several threads at a time.
+
+    At every pixel centre the same elements as the queries find, the same heights and slopes but for
+    the rounding of sums in double precision and then to the type of the planes. What a pixel is
+    worth depends neither on the window nor on the planes that are asked for.
+
+    Args:
+        terrain: the terrain.
+        grid: the pixels.
+        dtype: float32 or float64, of heights and slopes.
+        surfaces, slopes, labels: which planes there are besides the heights.
+    """
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        grid: Grid,
+        dtype: DTypeLike = np.float32,
+        surfaces: bool = True,
+        slopes: bool = False,
+        labels: bool = False,
+    ) -> None:
+        self._field = terrain.field
+        self._grid = grid
+        dtype = np.dtype(dtype)
+        self._dtypes = (
+            dtype,
+            id_type(terrain) if surfaces else None,
+            dtype if slopes else None,
+            dtype if slopes else None,
+            np.dtype(np.uint32) if labels else None,
+        )
+        kinds = terrain.arrays.kinds
+        self._voids = np.zeros(len(terrain.surfaces) + 1, np.bool_)
+        self._voids[kinds["surface"] + 1] = kinds["is_void"] != 0
+        self._slopes = slopes
+        self._edges = nonzero_edges(terrain.arrays) if labels else None
+        self._idle: deque[kernels.Painter] = deque()
+
+    def blank(self, window: Window) -> Planes:
+        """Planes for a window, their contents undefined."""
+        shape = (window.height, window.width)
+        heights, *others = self._dtypes
+        return Planes(np.empty(shape, heights), *(d and np.empty(shape, d) for d in others))
+
+    def paint(self, window: Window, planes: Planes | None = None) -> Planes:
+        """Paint a window, on one thread, into the planes given or new ones.
+
+        Memory beside the planes is that of a tile.
+        """
+        if planes is None:
+            planes = self.blank(window)
+        else:
+            self._check(window, planes)
+        x = self._grid.columns(window)
+        y = np.ascontiguousarray(self._grid.rows(window)[::-1])
+        try:
+            painter = self._idle.pop()
+        except IndexError:
+            painter = kernels.Painter(self._field, self._voids, self._slopes, self._edges)
+        kernels.paint(painter, x, y, self._grid.resolution, window.row, window.column, planes)
+        self._idle.append(painter)
+        return planes
+
+    def paint_bands(self, window: Window, planes: Planes, threads: int) -> None:
+        """As `paint`, bands of rows on several threads; makes no other difference."""
+        self._check(window, planes)
+
+        def paint_band(row: int) -> None:
+            height = min(kernels.TILE_HEIGHT, window.height - row)
+            part = Window(window.row + row, window.column, height, window.width)
+            self.paint(part, planes.rows(row, row + height))
+
+        with ThreadPoolExecutor(threads) as pool:
+            for _ in pool.map(paint_band, range(0, window.height, kernels.TILE_HEIGHT)):
+                pass
+
+    def _check(self, window: Window, planes: Planes) -> None:
+        shape = (window.height, window.width)
+        for plane, dtype in zip(planes._all(), self._dtypes, strict=True):
+            if (plane is None) != (dtype is None) or not (
+                plane is None
+                or (plane.shape == shape and plane.dtype == dtype and plane.flags.c_contiguous)
+            ):
+                wanted = "nothing" if dtype is None else f"{dtype}"
+                raise ValueError(f"{wanted} of {shape[0]} × {shape[1]}, contiguous, is wanted")

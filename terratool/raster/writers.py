@@ -1,0 +1,266 @@
+"""Where the windows of a file go: GeoTIFFs, arrays, and by way of GeoTIFFs all other formats."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import rasterio
+import rasterio.shutil
+from numpy.typing import NDArray
+from rasterio.errors import NotGeoreferencedWarning
+
+from terratool.errors import WriteError
+from terratool.field.terrain import Terrain
+from terratool.raster.formats import Coding, RasterFormat
+from terratool.raster.geotiff import (
+    CACHE_BYTES,
+    MOST_COLORS,
+    Compression,
+    check_blocks,
+    cog_options,
+    complaints,
+    geotiff,
+    name_surfaces,
+)
+from terratool.raster.grid import Grid, Window
+from terratool.raster.layers import Bands
+from terratool.raster.statistics import BandStatistics
+
+_TRUSTED = frozenset(["COG", "PNG", "AAIGrid", "XYZ", "SRTMHGT"])
+_HINT = "Ask for a .tif, or for a layer or type that this format holds."
+
+
+def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threads: int) -> None:
+    """Write a raster once more, by another driver of GDAL; in bounded memory where that can.
+
+    Raises:
+        WriteError: the driver cannot write it.
+    """
+    if driver in _TRUSTED:
+        if driver == "COG":
+            options = {**options, "num_threads": str(threads)}
+        _copy(source, path, driver, options)
+        if driver == "COG":
+            check_blocks(path)
+        return
+    done = subprocess.run(
+        [sys.executable, "-c", f"from {__name__} import main; main()",
+         str(source), str(path), driver, json.dumps(options)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False,
+    )  # fmt: skip
+    if done.returncode:
+        told = done.stdout.strip()
+        message = told or f"{path.name}: cannot be written (GDAL's driver {driver} crashed)."
+        raise WriteError(message, _HINT)
+
+
+def main() -> None:
+    """Copy as the command line says; on failure say why on standard output."""
+    source, path, driver, options = sys.argv[1:]
+    try:
+        _copy(Path(source), Path(path), driver, json.loads(options))
+    except WriteError as error:
+        sys.stdout.write(error.message)
+        sys.stdout.flush()
+        os._exit(1)  # what is left of the driver's memory is nobody's concern
+
+
+def _copy(source: Path, path: Path, driver: str, options: dict[str, Any]) -> None:
+    with complaints(path, _HINT), rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
+        rasterio.shutil.copy(source, path, driver=driver, strict=True, **options)
+
+
+_ASIDE = 1e-3
+"""So far, in pixels, a raster may have moved: coordinates are rounded where they are text."""
+
+
+def difference(one: Path, other: Path, bands: Bands, nodata: float) -> float:
+    """The largest difference between the numbers of two rasters, in units of the numbers.
+
+    Args:
+        one: a GeoTIFF.
+        other: what was made of it.
+        bands: what both hold, as coded.
+        nodata: what stands for none in the other one, if it cannot say so itself; or NaN.
+
+    Raises:
+        WriteError: the other one has other pixels, another place in the world, other surfaces, or
+            cannot be read.
+    """
+    largest = 0.0
+    with complaints(other, "Ask for a .tif instead."), contextlib.ExitStack() as stack:
+        stack.enter_context(warnings.catch_warnings())
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        if bands.dtype == np.float64:  # text is read as single precision, if nothing else is said
+            stack.enter_context(rasterio.Env(AAIGRID_DATATYPE="Float64"))
+        a, b = stack.enter_context(rasterio.open(one)), stack.enter_context(rasterio.open(other))
+        _compare_places(a, b, other)
+        for _, window in a.block_windows(1):
+            for band in range(1, a.count + 1):
+                first = _numbers(a.read(band, window=window), a.nodata)
+                second = _numbers(b.read(band, window=window), b.nodata, nodata)
+                if not np.array_equal(np.isnan(first), np.isnan(second)):
+                    raise _unfit(other, "pixels that hold nothing")
+                apart = np.abs(first - second)
+                if not np.isnan(apart).all():
+                    largest = max(largest, float(np.nanmax(apart)) * abs(a.scales[band - 1]))
+    if largest and bands.kind != "number":
+        raise _unfit(other, f"the {bands.kind}s")
+    return largest
+
+
+def _numbers(pixels: NDArray[Any], *nothing: float | None) -> NDArray[np.float64]:
+    numbers = pixels.astype(np.float64)
+    for nodata in nothing:
+        if nodata is not None and not math.isnan(nodata):
+            numbers[numbers == nodata] = np.nan
+    return numbers
+
+
+def _compare_places(a: Any, b: Any, path: Path) -> None:
+    if (a.count, a.width, a.height) != (b.count, b.width, b.height):
+        raise _unfit(path, f"{a.count} × {a.height} × {a.width} pixels")
+    nowhere = b.transform.is_identity and b.crs is None
+    if not nowhere and any(
+        abs(p - q) > _ASIDE * a.transform.a for p, q in zip(a.bounds, b.bounds, strict=True)
+    ):
+        raise _unfit(path, "where the pixels are")
+    # many formats write a reference system in their own words, which have no number
+    codes = {crs.to_epsg() for crs in (a.crs, b.crs) if crs is not None} - {None}
+    if len(codes) > 1:
+        raise _unfit(path, "the coordinate reference system")
+
+
+def _unfit(path: Path, what: str) -> WriteError:
+    return WriteError(f"{path.name}: its format does not keep {what}.", "Ask for a .tif instead.")
+
+
+Pixels = NDArray[Any]
+
+
+class RasterWriter(Protocol):
+    """Where the windows of one file go.
+
+    Attributes:
+        difference: how far the numbers of the file may be from those that were written to it.
+    """
+
+    difference: float
+
+    def write(self, window: Window, pixels: Pixels) -> None:
+        """Take the bands of a window, (bands, height, width)."""
+
+    def finish(self, statistics: Sequence[BandStatistics], counts: NDArray[np.int64], /) -> None:
+        """Take what is known when all windows are written."""
+
+
+@contextlib.contextmanager
+def open_writer(
+    path: Path,
+    form: RasterFormat,
+    terrain: Terrain,
+    grid: Grid,
+    bands: Bands,
+    compression: Compression,
+    coding: Coding | None,
+    threads: int,
+    window: Window | None = None,
+) -> Iterator[RasterWriter]:
+    """A file of a format to be written; complete when the block has ended.
+
+    A GeoTIFF may hold a `window` of the grid; the names of its surfaces do not stand beside it, but
+    in the index of the mosaic that it is a tile of.
+    """
+    if form.driver == "NPY":
+        yield _Array(path, bands, grid)
+        return
+    direct = form.driver == "GTiff"
+    first = path if direct else path.with_name(f"{path.stem}.first.tif")
+    # what is copied is not compressed for long, and loses nothing on the way
+    first_compression = compression if direct else Compression("zstd")
+    coded = bands if coding is None else replace(bands, dtype=coding.dtype)
+    nodata = None if coding is None else coding.nodata
+    tiff = form.driver in ("GTiff", "COG")
+    colors = MOST_COLORS if tiff else 256
+    with geotiff(
+        first, terrain, grid, coded, first_compression, threads, nodata, window, colors
+    ) as file:
+        if coding is not None and not coding.exact:
+            file.file.scales = (coding.scale,) * bands.count
+            file.file.offsets = (coding.offset,) * bands.count
+        into = _Raster(file, None if window else first, terrain, bands, coding)
+        if tiff and bands.kind == "number":
+            into.difference = compression.max_z_error
+        yield into
+    if direct:
+        return
+    options = cog_options(bands, compression) if form.driver == "COG" else dict(form.options)
+    if form.driver == "AAIGrid" and bands.kind == "number":
+        options["significant_digits"] = 9 if bands.dtype == np.float32 else 17
+    copied(first, path, form.driver, options, threads)
+    if form.driver != "COG":
+        nothing = form.nodata if bands.kind == "number" else math.nan
+        into.difference += difference(first, path, coded, nothing)
+    first.unlink()
+    first.with_name(first.name + ".aux.xml").unlink(missing_ok=True)
+
+
+class _Array:
+    """A .npy file: (height, width), or (bands, height, width) if there are several."""
+
+    difference = 0.0
+
+    def __init__(self, path: Path, bands: Bands, grid: Grid) -> None:
+        shape: tuple[int, ...] = (bands.count, grid.height, grid.width)
+        shape = shape[1:] if bands.count == 1 else shape
+        header = {"descr": bands.dtype.str, "fortran_order": False, "shape": shape}
+        with open(path, "wb") as file:
+            np.lib.format.write_array_header_1_0(file, header)
+            begin = file.tell()
+            size = begin + bands.pixel_bytes * grid.height * grid.width
+            # a process that writes to memory for which the disk has no room is ended by the system
+            allocate = getattr(os, "posix_fallocate", lambda file, _, size: os.truncate(file, size))
+            allocate(file.fileno(), 0, size)
+        self._array = np.memmap(path, bands.dtype, "r+", begin, shape)
+
+    def write(self, window: Window, pixels: Pixels) -> None:
+        rows = slice(window.row, window.row + window.height)
+        columns = slice(window.column, window.column + window.width)
+        self._array.reshape((-1, *self._array.shape[-2:]))[:, rows, columns] = pixels
+
+    def finish(self, _statistics: Sequence[BandStatistics], _counts: NDArray[np.int64]) -> None:
+        self._array.flush()
+
+
+class _Raster:
+    """A GeoTIFF, the file itself or what it is copied from."""
+
+    def __init__(
+        self, file: Any, named: Path | None, terrain: Terrain, bands: Bands, coding: Coding | None
+    ) -> None:
+        self._file, self._named, self._terrain, self._bands = file, named, terrain, bands
+        self._coding = coding
+        self.difference = 0.0
+        if coding is not None:
+            self.difference = coding.difference
+
+    def write(self, window: Window, pixels: Pixels) -> None:
+        self._file.write(window, pixels if self._coding is None else self._coding.encode(pixels))
+
+    def finish(self, statistics: Sequence[BandStatistics], counts: NDArray[np.int64]) -> None:
+        if not self.difference:  # or they would be those of other numbers
+            self._file.finish(statistics)
+        if self._bands.kind == "surface" and self._named:
+            name_surfaces(self._named, self._terrain, counts)

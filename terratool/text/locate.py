@@ -1,0 +1,202 @@
+"""Where the values of a text stand: looked up for those few that there is something to say about.
+
+Values that no pointer leads into are skipped at the speed of C.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import msgspec
+from msgspec import Raw
+
+from terratool.text import scan
+from terratool.text.display import Excerpt, unescape
+
+_ABOUT = 60
+"""Characters shown before and behind the one at fault."""
+
+_SHORT = 500
+"""Bytes up to which brackets are counted; longer values are skipped by decoding."""
+_LINE_ENDS = (b"\n", b"\r", b"\r\n")
+
+_gap = re.compile(rb"[ \t\n\r,]*").match
+_key = re.compile(rb'[ \t\n\r,]*("(?:[^"\\]++|\\.)*+")[ \t\n\r]*:[ \t\n\r]*').match
+_text = re.compile(rb'"(?:[^"\\]++|\\.)*+"').match
+_scalar = re.compile(rb"[^,\]} \t\n\r]+").match
+_bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]"]').finditer
+
+
+class Address(NamedTuple):
+    """A value, or its key, to be found: see `findings.Remark`."""
+
+    pointer: str
+    on_key: bool = False
+    occurrence: int = 1
+
+
+class Position(NamedTuple):
+    """Line and column, both from 1, and the text around."""
+
+    line: int
+    column: int
+    excerpt: Excerpt
+
+
+def locate(data: bytes, spots: Sequence[Address], repeated: bool = False) -> list[Position]:
+    """Where values stand in a JSON text in UTF-8; that of what is absent is its parent's.
+
+    Args:
+        data: the text.
+        spots: what is looked for.
+        repeated: keys may stand twice in an object; the last one counts.
+    """
+    return positions_of(data, offsets(data, spots, repeated))
+
+
+def offsets(data: bytes, spots: Sequence[Address], repeated: bool = False) -> list[int]:
+    """The same as offsets in bytes."""
+    try:
+        root = _Value(data, _gap(data, 0).end(), Raw(data))  # type: ignore[union-attr]
+        return [_offset(root, spot, repeated) for spot in spots]
+    except RecursionError:  # nested too deep for skipping
+        text = scan.parse(data.decode("utf-8"))
+        return [len(text.text[: text.offset(*spot)].encode()) for spot in spots]
+
+
+def positions_of(data: bytes, at: Sequence[int]) -> list[Position]:
+    """Line, column and surroundings of offsets in bytes; CRLF, LF and CR end a line."""
+    found = {}
+    line, column, before = 1, 1, 0
+    for offset in sorted(set(at)):
+        begin = 1 + max(data.rfind(b"\n", before, offset), data.rfind(b"\r", before, offset))
+        if begin:
+            feeds, returns, pairs = (data.count(end, before, begin) for end in _LINE_ENDS)
+            line, column = line + feeds + returns - pairs, 1
+        column += _characters(data[begin or before : offset])
+        before = offset
+        found[offset] = Position(line, column, _excerpt(data, offset))
+    return [found[offset] for offset in at]
+
+
+def _characters(data: bytes) -> int:
+    return len(data) if data.isascii() else len(data.decode("utf-8", "replace"))
+
+
+def _excerpt(data: bytes, offset: int) -> Excerpt:
+    size = 4 * _ABOUT + 4  # bytes that surely hold as many characters, and one more
+    before = re.split(rb"[\r\n]", data[max(0, offset - size) : offset])[-1].decode(
+        "utf-8", "ignore"
+    )
+    behind = re.split(rb"[\r\n]", data[offset : offset + size])[0].decode("utf-8", "replace")
+    if len(before) > _ABOUT:
+        before = "…" + before[1 - _ABOUT :]
+    if len(behind) > _ABOUT:
+        behind = behind[: _ABOUT - 1] + "…"
+    before = _printable(before.lstrip())
+    return Excerpt(before + _printable(behind.rstrip()), len(before))
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)
+
+
+class _Value:
+    """A value at its place; what is in it is looked up as far as it is asked for."""
+
+    __slots__ = ("_begins", "_data", "_found", "_inner", "_raw", "_raws", "_rest", "start")
+
+    def __init__(self, data: bytes, start: int, raw: Raw) -> None:
+        self._data = data
+        self.start = start
+        self._raw = raw
+        # of a list: its items, where those begin that were looked at, and the values among them
+        self._raws: list[Raw] | None = None
+        self._begins: list[int] = []
+        self._inner: dict[int, _Value] = {}
+        # of an object: the members so far, and the others
+        self._found: dict[str, list[tuple[int, _Value]]] = {}
+        self._rest: Iterator[tuple[str, int, _Value]] | None = None
+
+    def find(self, token: str, occurrence: int) -> tuple[int, _Value] | None:
+        """Where the member of this key, or the item of this index, begins, and its value.
+
+        The occurrence counts from 1; 0 is the last one.
+        """
+        first = self._data[self.start : self.start + 1]
+        if first == b"[":
+            return self._item(int(token)) if token.isdigit() else None
+        if first != b"{":
+            return None
+        key = unescape(token)
+        self._rest = self._rest or self._members()
+        while occurrence == 0 or len(self._found.get(key, ())) < occurrence:
+            following = next(self._rest, None)
+            if following is None:
+                break
+            name, at, value = following
+            self._found.setdefault(name, []).append((at, value))
+        found = self._found.get(key, ())
+        return found[occurrence - 1] if len(found) >= max(1, occurrence) else None
+
+    def _item(self, index: int) -> tuple[int, _Value] | None:
+        if self._raws is None:
+            self._raws = msgspec.json.decode(self._raw, type=list[Raw])
+        if index >= len(self._raws):
+            return None
+        begins = self._begins
+        while len(begins) <= index:
+            behind = begins[-1] + len(memoryview(self._raws[len(begins) - 1])) if begins else 0
+            begins.append(_gap(self._data, behind or self.start + 1).end())  # type: ignore[union-attr]
+        if index not in self._inner:
+            self._inner[index] = _Value(self._data, begins[index], self._raws[index])
+        return begins[index], self._inner[index]
+
+    def _members(self) -> Iterator[tuple[str, int, _Value]]:
+        raws: dict[str, Raw] = {}
+        at = self.start + 1
+        while (match := _key(self._data, at)) is not None:
+            key: str = msgspec.json.decode(match[1])
+            begin = match.end()
+            raw = self._short(begin, begin + _SHORT)
+            if raw is None:
+                raws = raws or msgspec.json.decode(self._raw, type=dict[str, Raw])
+                raw = raws[key]
+                if not self._data.startswith(bytes(raw), begin):
+                    # of a repeated key only the last value is known
+                    raw = self._short(begin, len(self._data))
+                    assert raw is not None
+            yield key, match.start(1), _Value(self._data, begin, raw)
+            at = begin + len(memoryview(raw))
+
+    def _short(self, begin: int, end: int) -> Raw | None:
+        """The value that begins there, if it ends soon enough."""
+        if self._data.startswith(b'"', begin):
+            match = _text(self._data, begin, end)
+            return None if match is None else Raw(match.group())
+        if self._data[begin : begin + 1] not in b"{[":
+            return Raw(_scalar(self._data, begin).group())  # type: ignore[union-attr]
+        depth = 0
+        for match in _bracket(self._data, begin, end):
+            if match.group() == b'"':  # this text does not end here, whatever is in it
+                return None
+            depth += (match.group() in (b"{", b"[")) - (match.group() in (b"}", b"]"))
+            if depth == 0:
+                return Raw(self._data[begin : match.end()])
+        return None
+
+
+def _offset(root: _Value, spot: Address, repeated: bool) -> int:
+    value, offset = root, root.start
+    tokens = spot.pointer.split("/")[1:]
+    for depth, token in enumerate(tokens, 1):
+        last = depth == len(tokens)
+        wanted = spot.occurrence if last and spot.occurrence > 1 else 0 if repeated else 1
+        found = value.find(token, wanted)
+        if found is None:
+            break
+        key_at, value = found
+        offset = key_at if last and spot.on_key else value.start
+    return offset

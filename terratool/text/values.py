@@ -1,0 +1,116 @@
+"""The values of a JSON text, read at the speed of C where that can be."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import msgspec
+
+from terratool.text.display import escape
+
+_LONG = 100_000
+"""Bytes of a text that is read sooner than the kernels are loaded."""
+
+Repeated = tuple[str, int]
+"""A key that stood in its object before: its pointer, and the how-many-th it is."""
+
+_CONTAINERS = frozenset([dict, list])
+
+_decoder = msgspec.json.Decoder(float_hook=float)  # numbers beyond floats are infinite
+
+
+def read_values(data: bytes) -> Any:
+    """Plain dicts, lists, strings, numbers, booleans and None; the last of repeated keys.
+
+    Raises:
+        jsontext.MisspeltError: at the first character that RFC 8259 does not allow.
+        UnicodeDecodeError: the bytes are no UTF-8.
+    """
+    if not data.isascii():
+        data.decode("utf-8")
+    try:
+        return _decoder.decode(data)
+    except (msgspec.MsgspecError, RecursionError):  # or whole numbers longer than Python reads
+        from terratool.text import scan
+
+        text = data.decode("utf-8")
+        scan.explain(text)
+        return scan.parse(text).value
+
+
+def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
+    """The keys that stood in their object before, so many of them at most, and how many there are.
+
+    Args:
+        data: a JSON text in UTF-8 without errors of syntax.
+        limit: how many are wanted.
+    """
+    if len(data) > _LONG:
+        from terratool.kernels import definition as kernels
+
+        if not kernels.may_repeat_keys(data):  # type: ignore[arg-type]  # bytes are an array, too
+            return [], 0
+    count = 0
+    found: dict[int, tuple[Any, list[Repeated]]] = {}
+
+    def look(pairs: list[tuple[str, Any]]) -> dict[str, Any] | None:
+        nonlocal count
+        members = dict(pairs)
+        lost = len(pairs) - len(members)
+        if lost:
+            count += lost
+            if count - lost < limit:
+                # what it is of is kept alive, so that its id stays its own
+                found[id(members)] = members, list(_repeated(key for key, _ in pairs))
+                return members
+        # one with nothing more in it leads nowhere
+        return None if _CONTAINERS.isdisjoint(map(type, members.values())) else members
+
+    try:
+        value = json.loads(data, object_pairs_hook=look)
+    except (ValueError, RecursionError):
+        from terratool.text import scan
+
+        keys = [pointer for pointer, _ in scan.parse(data.decode("utf-8")).duplicates]
+        first = dict.fromkeys(keys)
+        return list(_repeated([*first, *keys]))[:limit], len(keys)
+    repeated = [each for _, each in zip(range(limit), _pointed(value, found), strict=False)]
+    if count <= limit:  # those not found are in values that another of their key replaced
+        count = len(repeated)
+    return repeated, count
+
+
+def _repeated(keys: Iterable[str]) -> Iterator[Repeated]:
+    counts: dict[str, int] = {}
+    for key in keys:
+        counts[key] = counts.get(key, 0) + 1
+        if counts[key] > 1:
+            yield key, counts[key]
+
+
+def _pointed(value: Any, found: dict[int, tuple[Any, list[Repeated]]]) -> Iterator[Repeated]:
+    # each container with the place of the one that it is in, and its key there
+    containers: list[tuple[int, str | int, Any]] = [(-1, "", value)]
+    for place, (_, _, container) in enumerate(containers):  # grows while we go
+        if not found:
+            break
+        if isinstance(container, dict):
+            for key, occurrence in found.pop(id(container), (None, ()))[1]:
+                yield f"{_pointer(containers, place)}/{escape(key)}", occurrence
+            for key, inner in container.items():
+                if type(inner) in _CONTAINERS:
+                    containers.append((place, key, inner))
+        elif isinstance(container, list):
+            for index, inner in enumerate(container):
+                if type(inner) in _CONTAINERS:
+                    containers.append((place, index, inner))
+
+
+def _pointer(containers: list[tuple[int, str | int, Any]], place: int) -> str:
+    tokens = []
+    while place > 0:
+        place, key, _ = containers[place]
+        tokens.append(f"/{escape(str(key))}")
+    return "".join(reversed(tokens))

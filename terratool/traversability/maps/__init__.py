@@ -1,1 +1,0 @@
-"""A vehicle at every place of a grid, heading by heading."""

@@ -1,0 +1,224 @@
+"""A way as samples: where the vehicle stands and looks, what the survey says there, what it costs.
+
+Between two samples lies a leg: a stretch that is driven, or a turn on the spot from one heading to
+the next.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.field.terrain import Terrain
+from terratool.traversability.results import (
+    Extreme,
+    Location,
+    Reason,
+    RouteProfile,
+    Survey,
+    Verdict,
+)
+from terratool.traversability.route.graph import (
+    Graph,
+    between,
+    drivable,
+    offsets,
+    pace,
+    turning_arc,
+    work,
+)
+from terratool.traversability.vehicle import Vehicle
+
+_PER_CELL = 2
+"""Samples for each cell's side along a straight leg."""
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """Samples along a way, (n,) each.
+
+    Attributes:
+        x, y: world.
+        height: of the ground, NaN where there is none.
+        row, column: of the survey, int64.
+        heading: index of the heading that the vehicle looks to, int64.
+        judged: index of the heading by which it is judged, int64: the opposite one where it has
+            backed up to the sample.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    height: NDArray[np.float64]
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    heading: NDArray[np.int64]
+    judged: NDArray[np.int64]
+
+    @property
+    def runs(self) -> NDArray[np.float64]:
+        """Length of each leg seen from above, (n − 1,); 0 for turns."""
+        return np.hypot(np.diff(self.x), np.diff(self.y))
+
+    def said(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """What a plane of the survey says at the samples, by the heading that is judged."""
+        return np.asarray(plane[self.judged, self.row, self.column])
+
+
+@dataclass(frozen=True, slots=True)
+class DrivingCost:
+    """What a path costs: metres over ground, seconds, joules."""
+
+    length: float
+    time: float
+    energy: float
+
+
+def along(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
+    """The samples of a way through the graph, with one for each cell that a long move passes.
+
+    Where a move passes between two cells, the one that cannot be driven is its sample, if any.
+    """
+    towards, can = offsets(survey.headings), drivable(survey)
+    places: list[tuple[float, float]] = []
+    samples: list[tuple[int, int, int, int]] = []
+    last = (0, 0)
+    for heading, row, column in zip(*(part.tolist() for part in graph.place(states)), strict=True):
+        move = (row - last[0], column - last[1]) if samples else (0, 0)
+        backing = move not in ((0, 0), towards[heading])
+        judged = (heading + survey.headings // 2 * backing) % survey.headings
+        passed = between(move)
+        for step, (near, aside) in enumerate(passed, 1):
+            share = step / (len(passed) + 1)
+            places.append((last[0] + share * move[0], last[1] + share * move[1]))
+            beside = (last[0] + aside[0], last[1] + aside[1])
+            cell = (last[0] + near[0], last[1] + near[1]) if can[judged, *beside] else beside
+            samples.append((*cell, heading, judged))
+        places.append((row, column))
+        samples.append((row, column, heading, judged))
+        last = (row, column)
+    exact = np.array(places, np.float64)
+    rows, columns, headings, judgements = np.array(samples, np.int64).T
+    window, grid = survey.window, survey.grid
+    x = grid.west + (window.column + exact[:, 1] + 0.5) * grid.resolution
+    y = grid.bounds[3] - (window.row + exact[:, 0] + 0.5) * grid.resolution
+    height = survey.heights[rows, columns].astype(np.float64)
+    return Path(x, y, height, rows, columns, headings, judgements)
+
+
+def straight(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> Path:
+    """The samples of straight legs between points, (n, 2), each unlike the one before.
+
+    A leg is driven by the heading of the survey that is nearest to its direction; between two legs
+    the vehicle turns on the spot, the shorter way round.
+    """
+    east, north = np.diff(points, axis=0).T
+    count = survey.headings
+    towards = np.round(np.arctan2(east, north) * (count / (2.0 * math.pi))).astype(np.int64) % count
+    samples: list[tuple[float, float, int]] = []
+    looks = int(towards[0])
+    for n, heading in enumerate(towards.tolist()):
+        (x, y), (to_x, to_y) = points[n].tolist(), points[n + 1].tolist()
+        samples.append((x, y, looks))
+        side = 1 if (heading - looks) % count < count / 2 else -1
+        while looks != heading:
+            looks = (looks + side) % count
+            samples.append((x, y, looks))
+        steps = math.ceil(_PER_CELL * math.hypot(to_x - x, to_y - y) / survey.grid.resolution)
+        for step in range(1, steps):
+            share = step / steps
+            samples.append((x + share * (to_x - x), y + share * (to_y - y), looks))
+    samples.append((*points[-1].tolist(), looks))
+    x, y, headings = (np.array(part) for part in zip(*samples, strict=True))
+    row, column = cells(survey, x, y)
+    return Path(x, y, terrain.height(x, y), row, column, headings, headings)
+
+
+def cells(survey: Survey, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Rows and columns of the survey that hold points; beyond its edges, the nearest ones."""
+    grid, window = survey.grid, survey.window
+    column = np.floor((np.asarray(x) - grid.west) / grid.resolution) - window.column
+    row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution) - window.row
+    return (
+        np.clip(row, 0, window.height - 1).astype(np.int64),
+        np.clip(column, 0, window.width - 1).astype(np.int64),
+    )
+
+
+def driving_cost(path: Path, survey: Survey, vehicle: Vehicle) -> DrivingCost:
+    """What a path costs.
+
+    Of each leg one half is driven as at its beginning, the other as at its end. Over ground it is
+    as long as the height between its ends makes it. A turn takes as long as its arc, and the work
+    of driving so far; what skidding sideways takes is not known.
+    """
+    run = path.runs
+    rise = np.nan_to_num(np.diff(path.height))
+    length = np.where(run > 0.0, np.hypot(run, rise), 0.0)
+    way = np.where(run > 0.0, length, turning_arc(survey, vehicle))
+    begins = np.where(run > 0.0, path.judged[1:], path.heading[:-1])
+
+    def mean(plane: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        begin = plane[begins, path.row[:-1], path.column[:-1]]
+        return begin, path.said(plane)[1:]
+
+    seconds = [pace(slip, vehicle) for slip in mean(survey.slip)]
+    joules = [work(energy) for energy in mean(survey.energy)]
+    time = float((0.5 * way * (seconds[0] + seconds[1])).sum())
+    energy = float((0.5 * way * (joules[0] + joules[1])).sum()) + vehicle.power * time
+    return DrivingCost(float(length.sum()), time, energy)
+
+
+def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
+    """What a report shows of a path."""
+    names = ("", *terrain.surfaces)
+    facing = path.heading, path.row, path.column
+    return RouteProfile(
+        path.x,
+        path.y,
+        path.heading.astype(np.float64) * (360.0 / survey.headings),
+        np.r_[0.0, np.cumsum(path.runs)],
+        path.height,
+        path.said(survey.sinkage).astype(np.float64),
+        survey.pitch[facing].astype(np.float64),
+        survey.roll[facing].astype(np.float64),
+        path.said(survey.slip).astype(np.float64),
+        path.said(survey.utilisation).astype(np.float64),
+        path.said(survey.verdict),
+        path.said(survey.reason),
+        tuple(names[i] for i in survey.surfaces[path.row, path.column].tolist()),
+    )
+
+
+def largest(
+    terrain: Terrain, values: NDArray[np.float64], profile: RouteProfile, *, of_size: bool = False
+) -> Extreme | None:
+    """Where a measure, or its size, is largest along a profile; None where it is known nowhere."""
+    if np.all(np.isnan(values)):
+        return None
+    n = int(np.nanargmax(np.abs(values) if of_size else values))
+    place = place_at(terrain, float(profile.x[n]), float(profile.y[n]))
+    return Extreme(float(values[n]), place, Reason(int(profile.reason[n])))
+
+
+def worst(verdicts: NDArray[np.uint8]) -> Verdict:
+    """Of the verdicts along a way: no-go if any is, else unknown if any is, else the worse one."""
+    if np.any(verdicts == Verdict.NO_GO):
+        return Verdict.NO_GO
+    return Verdict(int(verdicts.max())) if np.all(verdicts) else Verdict.UNKNOWN
+
+
+def place_at(terrain: Terrain, x: float, y: float) -> Location:
+    """What lies at a point."""
+    found = terrain.sample(x, y)
+    height, surface = float(found.height), int(found.surface)
+    return Location(
+        x,
+        y,
+        None if math.isnan(height) else height,
+        terrain.surfaces[surface] if surface >= 0 else "",
+        terrain.pointer(int(found.element)) or "",
+    )

@@ -1,0 +1,530 @@
+"""Routes: is there a way, what does it cost, and if there is none, what bars it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
+from terratool.raster.grid import Grid, grid_over
+from terratool.text.display import shown
+from terratool.traversability.figures import level_demand
+from terratool.traversability.results import (
+    HEADINGS,
+    Barrier,
+    Location,
+    Reach,
+    Reason,
+    Route,
+    Survey,
+    Verdict,
+)
+from terratool.traversability.route.graph import (
+    TURN_LENGTH,
+    Preference,
+    build,
+    cheapest,
+    drivable,
+    needs_scipy,
+    rates,
+    reached,
+    trace,
+    turning_arc,
+)
+from terratool.traversability.route.paths import (
+    Path,
+    along,
+    cells,
+    driving_cost,
+    largest,
+    place_at,
+    profile,
+    straight,
+    worst,
+)
+from terratool.traversability.soil import soils
+from terratool.traversability.vehicle import Vehicle
+
+_PER_RADIUS = 4.0
+"""Places that are looked at for each wheel radius …"""
+_MOST = 256
+"""… and along each side of the rectangle at most."""
+
+_SHAPES = frozenset(
+    {Reason.STEP, Reason.HIGH_CENTRED, Reason.APPROACH, Reason.ROUGHNESS, Reason.TIP_OVER}
+)
+
+_SLOPES = frozenset(
+    {Reason.TRACTION, Reason.TORQUE, Reason.SLIP, Reason.SIDE_SLIP, Reason.TIP_OVER}
+)
+_HALVINGS = 40
+_LEVEL = 1.0
+"""Degrees below which a slope is not worth a word."""
+
+
+def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> tuple[Barrier, ...]:
+    """The stretches of a path that cannot be driven, in its order.
+
+    Of a leg with one end that cannot be driven a half counts; of a turn, its arc. Where it is too
+    steep for the soil, the motors or the vehicle's balance, `bars` says how steep, too.
+    """
+    no_ground = np.isnan(path.height)
+    blocked = no_ground | ~path.said(drivable(survey))
+    reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.said(survey.reason))
+    run = path.runs
+    way = np.where(run > 0.0, run, turning_arc(survey, vehicle))
+    width = 0.5 * (np.r_[0.0, way] + np.r_[way, 0.0])
+    edges = np.flatnonzero(np.diff(np.r_[False, blocked, False].astype(np.int8)))
+    found = []
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        reason = Reason(int(reasons[first]))
+        x, y = float(path.x[first]), float(path.y[first])
+        heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
+        name = bars(terrain, vehicle, reason, x, y, heading, survey.grid.resolution)
+        slope = _slope(survey, path, first) if reason in _SLOPES else 0.0
+        found.append(
+            Barrier(
+                place_at(terrain, x, y),
+                reason,
+                f"{name}, on a slope of {slope:.0f}°" if slope >= _LEVEL else name,
+                float(width[first:end].sum()),
+            )
+        )
+    return tuple(found)
+
+
+def bars(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    reason: Reason,
+    x: float,
+    y: float,
+    heading: float,
+    cell: float,
+) -> str:
+    """What decides the ground that bars a vehicle, for people: element and surface, and how high.
+
+    For steps, and whatever else the shape of the ground does, it is the element of the higher side
+    where heights differ most under the vehicle's rectangle, with half a cell around it and a wheel
+    radius (a cell, if that is more) ahead; unless the lower side's element is one of the higher
+    one's children, and so a hole in it. For soil it is the weakest that a wheel stands on.
+
+    Args:
+        terrain: the terrain.
+        vehicle: the vehicle.
+        reason: what binds.
+        x: of its middle.
+        y: of its middle.
+        heading: clockwise from north, rad.
+        cell: side of the survey's cells, m.
+    """
+    if reason == Reason.EDGE:
+        return "the edge of the terrain"
+    rise = 0.0
+    if reason in _SHAPES:
+        element, rise = _rising(terrain, vehicle, x, y, heading, cell)
+    elif reason == Reason.NO_GROUND:
+        element = _missing(terrain, vehicle, x, y, heading, cell)
+    else:
+        element = _weakest(terrain, vehicle, reason, x, y, heading)
+    if element < 0:
+        return "ground without an element" if reason != Reason.NO_GROUND else "no element"
+    surface = int(terrain.surface_of(np.array([element]))[0])
+    name = f"surface {shown(terrain.surfaces[surface])}" if surface >= 0 else "no surface"
+    size = f", {abs(rise):.2g} m {'high' if rise > 0.0 else 'deep'}" if rise else ""
+    return f"{terrain.pointer(element)} ({name})" + size * (reason == Reason.STEP)
+
+
+def _slope(survey: Survey, path: Path, sample: int) -> float:
+    """How far the vehicle is tilted, degrees, whichever way; 0 where it has no pose."""
+    at = path.judged[sample], path.row[sample], path.column[sample]
+    tilt = math.hypot(math.tan(float(survey.pitch[at])), math.tan(float(survey.roll[at])))
+    return 0.0 if math.isnan(tilt) else math.degrees(math.atan(tilt))
+
+
+def _rectangle(
+    vehicle: Vehicle, x: float, y: float, heading: float, cell: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """World x and y of a lattice over what the vehicle covers, and what it drives against."""
+    front, rear, side = vehicle.rectangle
+    front += max(cell, vehicle.wheel.radius)
+    rear, side = rear + 0.5 * cell, side + 0.5 * cell
+    step = max(vehicle.wheel.radius / _PER_RADIUS, max(front + rear, 2.0 * side) / _MOST)
+    along = np.arange(-rear, front + step, step)
+    across = np.arange(-side, side + step, step)
+    return _turned(x, y, heading, along[:, None], across[None, :])
+
+
+def _turned(
+    x: float, y: float, heading: float, along: NDArray[np.float64], across: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """World x and y of places ahead and to the right of a vehicle."""
+    sine, cosine = math.sin(heading), math.cos(heading)
+    return x + along * sine + across * cosine, y + along * cosine - across * sine
+
+
+def _rising(
+    terrain: Terrain, vehicle: Vehicle, x: float, y: float, heading: float, cell: float
+) -> tuple[int, float]:
+    """The element that decides the higher side of the largest difference of heights, and the wall.
+
+    Of a hole it is the lower side's, and the height of the wall is below 0; 0 where there is none.
+    """
+    xs, ys = _rectangle(vehicle, x, y, heading, cell)
+    found = terrain.sample(xs, ys)
+    height, element = found.height, found.element
+    rises = [np.abs(np.diff(height, axis=axis)) for axis in (0, 1)]
+    largest = [0.0 if np.all(np.isnan(rise)) else float(np.nanmax(rise)) for rise in rises]
+    axis = int(largest[1] > largest[0])
+    if largest[axis] == 0.0:
+        return int(element[element.shape[0] // 2, element.shape[1] // 2]), 0.0
+    row, column = np.unravel_index(int(np.nanargmax(rises[axis])), rises[axis].shape)
+    one, other = (row, column), (row + (axis == 0), column + (axis == 1))
+    high, low = (one, other) if height[one] > height[other] else (other, one)
+    higher, lower = int(element[high]), int(element[low])
+    hole = f"{terrain.pointer(lower) or ''}/".startswith(f"{terrain.pointer(higher) or ''}/")
+    wall = _wall(terrain, np.array([xs[high], ys[high]]), np.array([xs[low], ys[low]]))
+    return (lower, -wall) if hole else (higher, wall)
+
+
+def _wall(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.float64]) -> float:
+    """Height of the wall between two places, found by halving; 0 where the ground just slopes."""
+    top, foot = float(terrain.height(*high)), float(terrain.height(*low))
+    rise = top - foot
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (high + low)
+        between = float(terrain.height(*middle))
+        if top - between >= between - foot:
+            low, foot = middle, between
+        else:
+            high, top = middle, between
+    return top - foot if top - foot > 0.5 * rise else 0.0
+
+
+def _missing(
+    terrain: Terrain, vehicle: Vehicle, x: float, y: float, heading: float, cell: float
+) -> int:
+    """Index of the element of the nearest place on the terrain that has no ground; -1 for none."""
+    xs, ys = _rectangle(vehicle, x, y, heading, cell)
+    found = terrain.sample(xs, ys)
+    void = np.isnan(found.height) & (found.element >= 0)
+    if not void.any():
+        return -1
+    distance = np.where(void, np.hypot(xs - x, ys - y), np.inf)
+    return int(found.element.ravel()[int(np.argmin(distance))])
+
+
+def _weakest(
+    terrain: Terrain, vehicle: Vehicle, reason: Reason, x: float, y: float, heading: float
+) -> int:
+    """Index of the element under the wheel on the soil that bears least; -1 for none."""
+    offset, side = vehicle.middle, 0.5 * vehicle.track
+    along = np.array([axle.x - offset for axle in vehicle.axles for _ in (0, 1)])
+    across = np.array([side * sign for _ in vehicle.axles for sign in (-1.0, 1.0)])
+    found = terrain.sample(*_turned(x, y, heading, along, across))
+    known = soils(terrain, vehicle)
+
+    def weakness(surface: int) -> float:
+        soil = known[surface + 1]
+        if soil is None:
+            return math.inf
+        if reason == Reason.SIDE_SLIP:
+            return -float(soil.friction)
+        need = level_demand(vehicle, soil)
+        return float(need.sinkage if reason == Reason.SINKAGE else need.utilisation)
+
+    weakest = max(range(len(along)), key=lambda n: weakness(int(found.surface[n])))
+    return int(found.element[weakest])
+
+
+MOST_STATES = 6_000_000
+"""Headings times cells of a route's grid at most."""
+
+_FINE, _COARSE = 6.0, 3.0
+"""A vehicle is so many pixels wide where there is room, and so many at least if that can be."""
+_COARSER = 1.01
+"""Where rows and columns that only cover the rest make it too many, pixels get wider by this."""
+
+_BARRED = 1e6
+"""A metre that cannot be driven weighs so many that can, on the way of least resistance."""
+
+Cell = tuple[int, int]
+
+
+def route_grid(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    *,
+    headings: int = HEADINGS,
+    bounds: Bounds | None = None,
+    most: int = MOST_STATES,
+) -> tuple[Grid, str]:
+    """The grid for a route: a sixth of the vehicle's width, or as fine as `most` states allow.
+
+    Returns:
+        The grid, and a sentence where its pixels are wider than a third of the vehicle; else empty.
+
+    Raises:
+        RequestError: the bounds are empty or miss the terrain.
+    """
+    width = max(2.0 * vehicle.rectangle[2], vehicle.wheel.radius)
+    if bounds is not None:
+        check_bounds(bounds, terrain)
+    west, south, east, north = clip_bounds(terrain, bounds)
+    shorter = min(east - west, north - south)
+    least = math.sqrt((east - west) * (north - south) * headings / most)
+    resolution = min(max(width / _FINE, least), shorter)
+    grid = grid_over(terrain, resolution, bounds)
+    while headings * grid.height * grid.width > most and resolution < shorter:
+        resolution = min(_COARSER * resolution, shorter)
+        grid = grid_over(terrain, resolution, bounds)
+    said = ""
+    if resolution > width / _COARSE:
+        said = (
+            f"The route's grid has pixels of {resolution:.3g} m for a vehicle {width:.3g} m wide: "
+            "narrow passages may seem closed; smaller bounds would make it finer."
+        )
+    return grid, said
+
+
+def plan(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    survey: Survey,
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    prefer: Preference = "time",
+) -> Route:
+    """The best way from a start to a goal through the cells of a survey, or what bars it.
+
+    The vehicle may begin and end with any heading, moves to the cell that it looks to, backs up,
+    and turns on the spot; it is where the survey says go or caution. Its energy is the sum over
+    legs of energy per metre × length over ground, plus the vehicle's power × time; the time that of
+    length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run.
+
+    Args:
+        terrain: the terrain.
+        vehicle: that of the survey.
+        survey: all that is looked at.
+        start: x and y.
+        goal: x and y.
+        prefer: what the way is the least of, see `costs.rates`.
+
+    Raises:
+        RequestError: start or goal is outside the terrain or the survey, or on no ground; the
+            vehicle cannot stand at the start; there is no such preference; SciPy is missing.
+    """
+    needs_scipy()
+    begin = _cell(terrain, survey, start, "The route's start")
+    end = _cell(terrain, survey, goal, "The route's goal")
+    can = drivable(survey)
+    _refuse_standing(terrain, vehicle, survey, can, start, begin, "The route's start")
+    rate, arc = rates(survey, vehicle, prefer), turning_arc(survey, vehicle)
+    scale = TURN_LENGTH if prefer == "length" else 1.0
+    graph = build(rate, can, can, survey.heights, survey.grid.resolution, scale * arc)
+    cost, before = cheapest(graph, graph.at(*begin))
+    route = Route(place_at(terrain, *start), place_at(terrain, *goal), False, True, Verdict.NO_GO)
+    goals = graph.at(*end)
+    if len(goals) and np.isfinite(cost[goals]).any():
+        last = int(goals[np.argmin(cost[goals])])
+        path = along(graph, trace(before, last), survey)
+        return _driven(route, path, terrain, vehicle, survey)
+    nearest = _nearest(terrain, survey, graph.cells(np.isfinite(cost)), end)
+    del graph, cost, before, rate  # the next graph has all states
+    found = barriers(
+        terrain, vehicle, survey, _least_resistance(terrain, survey, can, begin, end, arc)
+    )
+    note = ""
+    if not can[:, *end].any():
+        why = _why(terrain, vehicle, survey, goal, end)
+        note = f"The vehicle cannot stand at the goal, whatever its heading: {why}."
+    return _barred(route, found, nearest, note)
+
+
+def check(terrain: Terrain, vehicle: Vehicle, survey: Survey, waypoints: ArrayLike) -> Route:
+    """Drive the straight legs between waypoints, (n, 2), and say what they cost or what bars them.
+
+    Samples are at most half a cell apart; each is judged by the heading of the survey that is
+    nearest to its leg's direction. Between two legs the vehicle turns on the spot.
+
+    Raises:
+        RequestError: fewer than two different waypoints, one that is outside the terrain or the
+            survey, or a first one where the vehicle cannot stand.
+    """
+    points = np.asarray(waypoints, np.float64).reshape(-1, 2)
+    points = points[np.r_[True, np.any(np.diff(points, axis=0) != 0.0, axis=1)][: len(points)]]
+    if len(points) < 2:
+        raise RequestError("The route has no two different waypoints.", "Give two at least.")
+    places = [(float(x), float(y)) for x, y in points]
+    begin = _cell(terrain, survey, places[0], "Waypoint 1")
+    for number, place in enumerate(places[1:], 2):
+        _inside(terrain, survey, place, f"Waypoint {number}")
+    _refuse_standing(terrain, vehicle, survey, drivable(survey), places[0], begin, "Waypoint 1")
+    path = straight(terrain, survey, points)
+    start, goal = place_at(terrain, *places[0]), place_at(terrain, *places[-1])
+    route = Route(start, goal, False, False, Verdict.NO_GO)
+    found = barriers(terrain, vehicle, survey, path)
+    if not found:
+        return _driven(route, path, terrain, vehicle, survey)
+    at = (found[0].place.x, found[0].place.y)
+    first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
+    before = place_at(terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)]))
+    return replace(_barred(route, found, before), profile=profile(path, survey, terrain))
+
+
+def reach(terrain: Terrain, vehicle: Vehicle, survey: Survey, start: tuple[float, float]) -> Reach:
+    """What can be reached from a start by the moves of `plan`, and what can be returned from.
+
+    Raises:
+        RequestError: the start is outside the terrain or the survey, or the vehicle cannot stand
+            there; SciPy is missing.
+    """
+    needs_scipy()
+    what = "The place to start from"
+    begin = _cell(terrain, survey, start, what)
+    can = drivable(survey)
+    _refuse_standing(terrain, vehicle, survey, can, start, begin, what)
+    even = np.ones(can.shape, np.float32)
+    graph = build(even, can, can, survey.heights, survey.grid.resolution, 0.0)
+    starts = graph.at(*begin)
+    there = reached(graph, starts)
+    returning = there & reached(graph, starts, back=True)
+    whole = graph.cells(there)
+    ground = int(np.count_nonzero(np.isfinite(survey.heights)))
+    return Reach(
+        place_at(terrain, *start),
+        np.count_nonzero(whole) / ground,
+        np.count_nonzero(graph.cells(returning)) / ground,
+        whole,
+    )
+
+
+def _driven(route: Route, path: Path, terrain: Terrain, vehicle: Vehicle, survey: Survey) -> Route:
+    """The route with what a way costs, and where it is steepest, softest and tightest."""
+    along_it, cost = profile(path, survey, terrain), driving_cost(path, survey, vehicle)
+    steepest = largest(terrain, along_it.pitch, along_it, of_size=True)
+    softest = largest(terrain, along_it.sinkage, along_it)
+    tightest = largest(terrain, along_it.utilisation, along_it)
+    return replace(
+        route,
+        found=True,
+        verdict=worst(along_it.verdict),
+        length=cost.length,
+        energy=cost.energy,
+        time=cost.time,
+        steepest=steepest and replace(steepest, reason=Reason.NONE),
+        softest=softest and replace(softest, reason=Reason.NONE),
+        tightest=tightest and replace(tightest, value=1.0 - tightest.value),
+        profile=along_it,
+    )
+
+
+def _barred(route: Route, found: tuple[Barrier, ...], nearest: Location, note: str = "") -> Route:
+    """The route with what bars it; unknown where nothing but unknown soil does."""
+    unknown = all(barrier.reason == Reason.SOIL_UNKNOWN for barrier in found)
+    verdict = Verdict.UNKNOWN if unknown else Verdict.NO_GO
+    return replace(route, verdict=verdict, barriers=found, reached=nearest, note=note)
+
+
+def _least_resistance(
+    terrain: Terrain, survey: Survey, can: NDArray[np.bool_], begin: Cell, end: Cell, arc: float
+) -> Path:
+    """The way with the fewest metres that cannot be driven, as seen from above; then the shortest.
+
+    Only where it can be driven does the vehicle back up on it.
+    """
+    rate = np.where(can, np.float32(1.0), np.float32(_BARRED))
+    west, south, east, north = terrain.bounds
+    x, y = survey.grid.columns(survey.window), survey.grid.rows(survey.window)
+    inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))
+    inside[end] = True  # a goal at the very edge may be in a cell whose centre is beyond it
+    level = np.zeros(inside.shape, np.float32)
+    allowed = np.broadcast_to(inside, can.shape)
+    graph = build(rate, allowed, can, level, survey.grid.resolution, arc)
+    starts = graph.number[can[:, *begin], *begin]
+    cost, before = cheapest(graph, starts)
+    goals = graph.at(*end)
+    return along(graph, trace(before, int(goals[np.argmin(cost[goals])])), survey)
+
+
+def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: Cell) -> Location:
+    """The middle of the marked cell that is nearest to another one."""
+    rows, columns = np.nonzero(marked)
+    n = int(np.argmin((rows - end[0]) ** 2 + (columns - end[1]) ** 2))
+    x = survey.grid.columns(survey.window)[columns[n]]
+    y = survey.grid.rows(survey.window)[rows[n]]
+    return place_at(terrain, float(x), float(y))
+
+
+def _inside(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
+    """The cell of a place; refuses what lies outside."""
+    x, y = place
+    name = f"{what}, {x:.12g} {y:.12g},"
+    west, south, east, north = terrain.bounds
+    if not (west <= x <= east and south <= y <= north):
+        raise RequestError(
+            f"{name} lies outside the terrain.",
+            "Give x and y within west south east north "
+            f"{' '.join(f'{side:.12g}' for side in terrain.bounds)}.",
+        )
+    grid, window = survey.grid, survey.window
+    left, top = grid.west + window.column * grid.resolution, grid.bounds[3]
+    top -= window.row * grid.resolution
+    right, low = left + window.width * grid.resolution, top - window.height * grid.resolution
+    if not (left <= x <= right and low <= y <= top):
+        raise RequestError(
+            f"{name} lies outside the part of the terrain that is looked at.",
+            f"Give x and y within west south east north {left:.12g} {low:.12g} {right:.12g} "
+            f"{top:.12g}.",
+        )
+    row, column = cells(survey, x, y)
+    return int(row), int(column)
+
+
+def _cell(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
+    """The cell of a place; refuses what lies outside or on no ground."""
+    cell = _inside(terrain, survey, place, what)
+    if math.isnan(terrain.height(*place)):
+        raise RequestError(
+            f"{what}, {place[0]:.12g} {place[1]:.12g}, is on no ground.",
+            "Give a place that is not in the void.",
+        )
+    return cell
+
+
+def _refuse_standing(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    survey: Survey,
+    can: NDArray[np.bool_],
+    place: tuple[float, float],
+    cell: Cell,
+    what: str,
+) -> None:
+    """Refuse a start where the vehicle cannot be, whatever its heading."""
+    if not can[:, *cell].any():
+        why = _why(terrain, vehicle, survey, place, cell)
+        hint = "Start where the map says go or caution."
+        if why.startswith(Reason.SOIL_UNKNOWN.label):
+            hint = "Give the surface cohesion, fricAngle and sinkage, or start elsewhere."
+        raise RequestError(
+            f"The vehicle cannot stand at {what[0].lower()}{what[1:]}, {place[0]:.12g} "
+            f"{place[1]:.12g}, whatever its heading: {why}.",
+            hint,
+        )
+
+
+def _why(
+    terrain: Terrain, vehicle: Vehicle, survey: Survey, place: tuple[float, float], cell: Cell
+) -> str:
+    """What binds at a cell at the heading that is best there, and what decides the ground."""
+    used = np.nan_to_num(survey.utilisation[:, *cell], nan=np.inf, posinf=np.inf)
+    heading = int(np.argmin(used))
+    reason = Reason(int(survey.reason[heading, *cell]))
+    angle = 2.0 * math.pi * heading / survey.headings
+    by = bars(terrain, vehicle, reason, *place, angle, survey.grid.resolution)
+    return reason.label if reason == Reason.EDGE else f"{reason.label}, by {by}"

@@ -1,0 +1,127 @@
+"""Waypoints of a route, from a CSV or GeoJSON file."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import ReadError
+from terratool.text.display import shown
+
+_LINE = "Write one point a line, as 12.5,7.25."
+
+
+def read_waypoints(path: str | Path) -> NDArray[np.float64]:
+    """Points to drive through, in the terrain's coordinates: (n, 2) float64, n ≥ 2.
+
+    A CSV file has two columns, or the columns x and y of a header, separated by commas, semicolons,
+    tabs or blanks; empty lines, and those that begin with #, are passed over. What begins with a
+    brace is GeoJSON: one LineString, by itself or as the only one of the features; its coordinates
+    are taken as they are, in whatever reference system.
+
+    Raises:
+        ReadError: the file cannot be read, a line holds no two numbers, or there are fewer than two
+            points.
+    """
+    name = str(path)
+    try:
+        text = Path(path).read_text("utf-8-sig")
+    except OSError as error:
+        raise ReadError(
+            f"{name}: cannot be read ({(error.strerror or str(error)).lower()}).",
+            "Check the path and its permissions.",
+        ) from error
+    except UnicodeDecodeError as error:
+        raise ReadError(f"{name}: is no UTF-8 text.", "Save it as UTF-8 CSV or GeoJSON.") from error
+    points = _geojson(name, text) if text.lstrip().startswith("{") else _csv(name, text)
+    if len(points) < 2:
+        count = "one waypoint" if points else "no waypoints"
+        raise ReadError(f"{name}: holds {count}.", "A route needs two at least.")
+    return np.array(points, np.float64)
+
+
+def _csv(name: str, text: str) -> list[tuple[float, float]]:
+    points: list[tuple[float, float]] = []
+    columns: tuple[int, int] | None = None
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            cells = _cells(line)
+        except csv.Error as error:
+            raise ReadError(f"{name}:{number}: is no CSV line ({error}).", _LINE) from error
+        names = [cell.lower() for cell in cells]
+        if columns is None and "x" in names and "y" in names:
+            columns = names.index("x"), names.index("y")
+            continue
+        columns = columns or (0, 1)
+        x, y = (_number(cells[i]) if i < len(cells) else None for i in columns)
+        if x is None or y is None:
+            raise ReadError(
+                f"{name}:{number}: {shown(line.strip())} holds no two numbers x and y.", _LINE
+            )
+        points.append((x, y))
+    return points
+
+
+def _cells(line: str) -> list[str]:
+    for delimiter in "\t;,":
+        if delimiter in line:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    return line.split()
+
+
+def _number(value: str | float) -> float | None:
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):
+        return None
+    return number if math.isfinite(number) and "_" not in str(value) else None
+
+
+def _geojson(name: str, text: str) -> list[tuple[float, float]]:
+    try:
+        lines = _lines(json.loads(text))
+    except json.JSONDecodeError as error:
+        raise ReadError(
+            f"{name}:{error.lineno}: is no JSON ({error.msg.lower()}).", "Write GeoJSON, or CSV."
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise ReadError(f"{name}: is no GeoJSON.", "Write one LineString, or CSV.") from error
+    if len(lines) != 1:
+        raise ReadError(
+            f"{name}: holds {len(lines) or 'no'} LineStrings.", "A route is one LineString."
+        )
+    given = lines[0].get("coordinates")
+    if not isinstance(given, list):
+        raise ReadError(f"{name}: the LineString has no coordinates.", "Write [[x, y], [x, y]].")
+    points: list[tuple[float, float]] = []
+    for position in given:
+        pair = position[:2] if isinstance(position, list) else []
+        x, y = [_number(v) if type(v) in (int, float) else None for v in (*pair, None, None)][:2]
+        if x is None or y is None:
+            raise ReadError(
+                f"{name}: position {len(points)} of the LineString, {shown(json.dumps(position))}, "
+                "holds no two numbers x and y.",
+                "Write [x, y] for each point.",
+            )
+        points.append((x, y))
+    return points
+
+
+def _lines(value: Any) -> list[dict[str, Any]]:
+    """The LineStrings of a GeoJSON object."""
+    if not isinstance(value, dict):
+        return []
+    if value.get("type") == "LineString":
+        return [value]
+    if value.get("type") == "Feature":
+        return _lines(value.get("geometry"))
+    inner = value.get("features") or value.get("geometries")
+    return [line for one in inner for line in _lines(one)] if isinstance(inner, list) else []

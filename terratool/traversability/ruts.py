@@ -1,0 +1,376 @@
+"""A vehicle drives along a path, and its wheels leave tracks in the definition."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from terratool.definition.model import Definition, Track
+from terratool.definition.presets import preset_of
+from terratool.definition.reader import CheckOptions, check
+from terratool.errors import DefinitionError, MissedError, RequestError
+from terratool.field.terrain import Terrain
+from terratool.text.display import shown
+from terratool.text.edit import set_member
+from terratool.text.source import Source, read_source, write_source
+from terratool.traversability.loads import wheel_layout, wheel_loads
+from terratool.traversability.soil import bekker_sinkage
+from terratool.traversability.vehicle import Vehicle
+
+SHARPEST = math.radians(20.0)
+"""A turn of the path up to this is driven through, a sharper one is made on the spot …"""
+STEP = math.radians(10.0)
+"""… in steps of at most this."""
+
+Points = NDArray[np.float64]
+
+
+def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[int, Points]]:
+    """The line that each wheel rolls along, seen from above.
+
+    The vehicle is a rigid body that turns by skidding: its middle stays on the path, and it looks
+    along the path, at a point where the path bends a little halfway between the two directions.
+
+    Args:
+        vehicle: the vehicle; wheels of one axle are spread evenly over the track.
+        path: (n, 2) world, without repeated points.
+        tolerance: the lines are simplified by no more than this.
+
+    Returns:
+        For each wheel its index in the `wheel_layout` and its line, (m, 2); of wheels
+        that the layout has at one place only the first.
+    """
+    places, headings = _poses(path)
+    ahead = np.column_stack([np.sin(headings), np.cos(headings)])
+    right = np.column_stack([ahead[:, 1], -ahead[:, 0]])
+    wheels = wheel_layout(vehicle)
+    first: dict[tuple[float, float], int] = {}
+    for index, place in enumerate(zip(wheels.x.tolist(), wheels.y.tolist(), strict=True)):
+        first.setdefault(place, index)
+    return [
+        (index, simplified(places + (x - vehicle.middle) * ahead - y * right, tolerance))
+        for (x, y), index in first.items()
+    ]
+
+
+def _poses(path: Points) -> tuple[Points, Points]:
+    """Places (n, 2), and headings (n,) in radians clockwise from north, one after another."""
+    legs = np.diff(path, axis=0)
+    headings = np.arctan2(legs[:, 0], legs[:, 1])
+    places, looks = [path[0]], [headings[0]]
+    for at, before, after in zip(path[1:-1], headings[:-1], headings[1:], strict=True):
+        turn = math.remainder(after - before, 2 * math.pi)
+        if abs(turn) <= SHARPEST:
+            angles = [before + 0.5 * turn]
+        else:
+            angles = (before + np.linspace(0.0, turn, math.ceil(abs(turn) / STEP) + 1)).tolist()
+        places += [at] * len(angles)
+        looks += angles
+    return np.array([*places, path[-1]]), np.array([*looks, headings[-1]])
+
+
+def simplified(line: Points, tolerance: float) -> Points:
+    """A polyline with fewer vertices, none of the others farther from it than the tolerance.
+
+    The algorithm of Ramer (1972) and of Douglas and Peucker (1973); the ends stay.
+    """
+    keep = np.zeros(len(line), np.bool_)
+    keep[[0, -1]] = True
+    pending = [(0, len(line) - 1)]
+    while pending:
+        first, last = pending.pop()
+        if last - first < 2:
+            continue
+        away = distances(line[first + 1 : last], line[first], line[last])
+        farthest = int(away.argmax())
+        if away[farthest] > tolerance:
+            middle = first + 1 + farthest
+            keep[middle] = True
+            pending += [(first, middle), (middle, last)]
+    return line[keep]
+
+
+def distances(points: Points, begin: Points, end: Points) -> Points:
+    """Distances of points, (n, 2), from a segment, (n,)."""
+    along = end - begin
+    length = float(along @ along)
+    t = ((points - begin) @ along) / length if length else np.zeros(len(points))
+    nearest = begin + np.clip(t, 0.0, 1.0)[:, None] * along
+    return np.asarray(np.hypot(*(points - nearest).T), np.float64)
+
+
+SHARE = 0.2
+"""Wheel lines are simplified by this share of a wheel's width."""
+_SAMPLES = 2_000_000
+"""So many places along the wheels' lines are looked at, and no more."""
+_DIGITS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Rut:
+    """What wheels do to a surface.
+
+    Attributes:
+        surface: its name.
+        length: m of the wheels' lines on it.
+        depth: of the deepest first pass, m.
+    """
+
+    surface: str
+    length: float
+    depth: float
+
+
+@dataclass(frozen=True, slots=True)
+class Deformed:
+    """What a drive leaves.
+
+    Attributes:
+        tracks: all tracks of the definition, those that were there first.
+        added: number of new ones.
+        again: number of those that were there already and have been driven along again.
+        length: m of the wheels' lines.
+        points: their vertices.
+        ruts: a row for each surface.
+    """
+
+    tracks: tuple[Track, ...]
+    added: int
+    again: int
+    length: float
+    points: int
+    ruts: tuple[Rut, ...]
+
+
+def deform(
+    definition: Definition,
+    vehicle: Vehicle,
+    path: NDArray[np.float64],
+    *,
+    passes: int = 1,
+    surface: str | None = None,
+    multipass: float | None = None,
+    tolerance: float | None = None,
+) -> Deformed:
+    """Drive a vehicle along a path.
+
+    Each wheel bears the load that it has on level ground, and its track is as wide as it is. The
+    depth is z = k·W by the surface, as docs/format.md says; where the soil is a preset, k is that
+    of the preset for this wheel and load, and stands in the track.
+
+    Args:
+        definition: the terrain.
+        vehicle: the vehicle.
+        path: (n, 2) world, where its middle drives.
+        passes: how many times.
+        surface: that the ruts get; none if None.
+        multipass: exponent of the multipass law; that of the format if None.
+        tolerance: by which wheel lines are simplified, m; a fifth of a wheel's width if None.
+
+    Raises:
+        RequestError: the path is too short, leaves the terrain or its ground, or lies on a surface
+            of which nobody knows how deep wheels sink.
+        MissedError: a wheel would sink by its radius.
+    """
+    path = _distinct(path)
+    tolerance = SHARE * vehicle.wheel.width if tolerance is None else tolerance
+    if surface is not None and surface not in definition.surfaces:
+        raise RequestError(
+            f"There is no surface {shown(surface)} for the ruts.", "Name one of surfTypes."
+        )
+    ground = Terrain(msgspec.structs.replace(definition, tracks=UNSET))
+    loads = wheel_loads(vehicle)
+    lengths: dict[str, float] = {}
+    deepest: dict[str, float] = {}
+    fresh: list[Track] = []
+    for wheel, line in wheel_paths(vehicle, path, tolerance):
+        load = float(loads[wheel])
+        found = _surfaces_along(ground, line, 0.5 * vehicle.wheel.width)
+        presets: dict[str, float] = {}
+        for name, length in found.items():
+            depth, is_preset = _depth(definition, name, vehicle, load)
+            if is_preset:
+                presets[name] = _rounded(depth)
+            lengths[name] = lengths.get(name, 0.0) + length
+            deepest[name] = max(deepest.get(name, 0.0), depth)
+        fresh.append(
+            Track(
+                path=_written(line, min(tolerance, SHARE * vehicle.wheel.width)),
+                width=vehicle.wheel.width,
+                load=_rounded(load * 1e-3),
+                depth=presets or UNSET,
+                passes=UNSET if passes == 1 else passes,
+                multipass=UNSET if multipass is None else multipass,
+                surface=UNSET if surface is None else surface,
+            )
+        )
+    known = () if definition.tracks is UNSET else definition.tracks
+    tracks, added, again = _together(known, fresh)
+    return Deformed(
+        tracks,
+        added,
+        again,
+        length=sum(lengths.values()),
+        points=sum(len(track.path) for track in fresh),  # type: ignore[arg-type, misc]
+        ruts=tuple(Rut(name, lengths[name], deepest[name]) for name in sorted(lengths)),
+    )
+
+
+def _distinct(path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A path without repeated points."""
+    moved = np.concatenate([[True], (np.diff(path, axis=0) != 0.0).any(axis=1)])
+    if np.count_nonzero(moved) < 2:
+        raise RequestError(
+            "The path has fewer than two different points.", "Give where it begins and ends."
+        )
+    out: NDArray[np.float64] = path[moved]
+    return out
+
+
+def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) -> dict[str, float]:
+    """Metres of a line on each surface, looked at in steps of about `spacing`."""
+    lengths = np.hypot(*np.diff(line, axis=0).T)
+    if lengths.sum() / spacing > _SAMPLES:
+        spacing = lengths.sum() / _SAMPLES
+    counts = np.maximum(1, np.ceil(lengths / spacing)).astype(np.int64)
+    leg = np.repeat(np.arange(len(lengths)), counts)
+    within = np.arange(len(leg)) - np.repeat(np.cumsum(counts) - counts, counts)
+    t = ((within + 0.5) / counts[leg])[:, None]
+    places = np.concatenate([line[leg] * (1 - t) + line[leg + 1] * t, line[[0, -1]]])
+    x, y = places.T
+    samples = ground.sample(x, y)
+    bare = np.flatnonzero(np.isnan(samples.height))
+    if len(bare):
+        at = places[bare[0]]
+        outside = samples.element[bare[0]] == -2
+        raise RequestError(
+            f"A wheel would run {'outside of the terrain' if outside else 'over no ground'} at "
+            f"{at[0]:.6g} {at[1]:.6g}.",
+            "Give a path that stays on the terrain by half the vehicle's width."
+            if outside
+            else "Lead the path around it.",
+        )
+    nowhere = np.flatnonzero(samples.surface < 0)
+    if len(nowhere):
+        at = places[nowhere[0]]
+        raise RequestError(
+            f"The ground at {at[0]:.6g} {at[1]:.6g} has no surface, so nothing says how deep a "
+            "wheel sinks.",
+            'Give the root element a "surface".',
+        )
+    metres = np.bincount(
+        samples.surface[: len(leg)], lengths[leg] / counts[leg], len(ground.surfaces)
+    )
+    seen = np.unique(samples.surface)
+    return {ground.surfaces[i]: float(metres[i]) for i in seen.tolist()}
+
+
+def _depth(definition: Definition, name: str, vehicle: Vehicle, load: float) -> tuple[float, bool]:
+    """How deep a wheel sinks, m, and whether a preset says so.
+
+    Raises:
+        RequestError: nothing says how deep.
+        MissedError: deeper than its radius.
+    """
+    surface = definition.surfaces[name]
+    preset = preset_of(surface)
+    if surface.sinkage is not UNSET:
+        depth = load * 1e-3 * surface.sinkage
+    elif preset is not None:
+        depth = float(bekker_sinkage(preset, vehicle.wheel, load))
+    else:
+        raise RequestError(
+            f'The surface {shown(name)} has no "sinkage", so nothing says how deep a wheel sinks.',
+            'Give it "sinkage" in m/kN, 0 for rigid ground, or a "preset".',
+        )
+    if depth >= vehicle.wheel.radius:
+        raise MissedError(
+            f"A wheel with {load:.4g} N sinks {depth:.3g} m in {shown(name)}, and its radius is "
+            f"{vehicle.wheel.radius:.3g} m: it cannot drive there.",
+            "Lead the path around it, or take larger wheels.",
+        )
+    return depth, surface.sinkage is UNSET
+
+
+def _written(line: NDArray[np.float64], tolerance: float) -> tuple[tuple[float, float], ...]:
+    """A line with as many decimals as it needs: rounding moves x and y by a quarter at most."""
+    decimals = max(0, math.ceil(-math.log10(0.5 * tolerance)))
+    rounded = [(round(x, decimals) + 0.0, round(y, decimals) + 0.0) for x, y in line.tolist()]
+    kept = [rounded[0]]
+    kept += [point for before, point in pairwise(rounded) if point != before]
+    return tuple(kept)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _together(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, ...], int, int]:
+    """Old tracks and new ones; what has the same path and wheel is one track with more passes."""
+    tracks = list(known)
+    places = {_alike(track): i for i, track in enumerate(tracks)}
+    again: set[int] = set()
+    for track in fresh:
+        at = places.setdefault(_alike(track), len(tracks))
+        if at == len(tracks):
+            tracks.append(track)
+            continue
+        old = tracks[at]
+        tracks[at] = msgspec.structs.replace(old, passes=_passes(old) + _passes(track))
+        if at < len(known):
+            again.add(at)
+    return tuple(tracks), len(tracks) - len(known), len(again)
+
+
+def _alike(track: Track) -> Any:
+    """What two tracks have in common that are driven in the same line."""
+    depth = track.depth
+    depths = tuple(sorted(depth.items())) if isinstance(depth, dict) else depth
+    return track.path, track.width, track.load, depths, track.multipass, track.surface
+
+
+def _passes(track: Track) -> int:
+    return 1 if track.passes is UNSET else track.passes
+
+
+def write_deformed(
+    path: str, output: str | Path, deformed: Deformed, overwrite: bool = False
+) -> int:
+    """Write a definition's text with other tracks; all else in it stays byte for byte.
+
+    Args:
+        path: of the definition.
+        output: where it goes, gzipped if the name ends with .gz.
+        deformed: the tracks.
+        overwrite: whether the output may be there already.
+
+    Returns:
+        By how many bytes the text has grown.
+
+    Raises:
+        DefinitionError: with the tracks it would not be valid.
+        WriteError: it cannot be written.
+    """
+    source = read_source(path)
+    tracks = msgspec.to_builtins(deformed.tracks)
+    data = set_member(source.data, "", "tracks", tracks).applied(source.data)
+    packed = Path(output).name.lower().endswith(".gz")
+    result = Source(str(path), data, packed, source.marked)
+    checked = check(result, CheckOptions(warnings=False))
+    if checked.definition is None:
+        first = checked.findings[0]
+        raise DefinitionError(
+            f"{path}: with the tracks, it would be invalid: {first.code}: {first.message}",
+            first.hint,
+            checked.findings,
+        )
+    write_source(result, output, overwrite)
+    return len(data) - len(source.data)

@@ -1,1 +1,0 @@
-"""What wheels leave behind."""

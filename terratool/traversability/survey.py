@@ -1,0 +1,504 @@
+"""A vehicle at every pixel of a grid, by heading: how it stands there, and whether it can."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
+from terratool.kernels import traversability as kernels
+from terratool.raster.export import checked_threads
+from terratool.raster.grid import Grid, Window
+from terratool.raster.prefetch import prefetch
+from terratool.traversability.arrays import SoilArrays
+from terratool.traversability.footprint import Footprint, Offsets, Pose, footprint
+from terratool.traversability.ground import Ground, Grounds
+from terratool.traversability.limits import slip_limit, step_of
+from terratool.traversability.loads import WheelLayout, tip_edges, wheel_layout
+from terratool.traversability.results import HEADINGS, Survey
+from terratool.traversability.soil import soils
+from terratool.traversability.vehicle import Vehicle, Wheel
+
+ROUGH = 0.5
+"""Share of the wheel's radius, or of the clearance if that is less, that roughness may take."""
+
+_ANY = 1e9
+"""A friction that ends no climb."""
+
+
+class VehicleParams(NamedTuple):
+    """A vehicle in SI units, its margins taken off.
+
+    Attributes:
+        layout: of its wheels.
+        fit_along, fit_across: (wheels,) how much a metre under each wheel tilts the body, ahead and
+            to the left.
+        wheel: each of its wheels.
+        weight, max_torque, max_slip: of the vehicle and its wheels.
+        slip: the slip that is no-go.
+        slope_margin: rad.
+        clearance, front, rear: what ground and sinkage may take under the body and its overhangs.
+        roughness: m.
+        go_traction, go_slip, go_torque, go_geometry: shares up to which it is go.
+    """
+
+    layout: WheelLayout
+    fit_along: NDArray[np.float64]
+    fit_across: NDArray[np.float64]
+    wheel: Wheel
+    weight: float
+    max_torque: float
+    max_slip: float
+    slip: float
+    slope_margin: float
+    clearance: float
+    front: float
+    rear: float
+    roughness: float
+    go_traction: float
+    go_slip: float
+    go_torque: float
+    go_geometry: float
+
+
+def vehicle_params(vehicle: Vehicle) -> VehicleParams:
+    """A vehicle for the kernels."""
+    wheels, wheel = wheel_layout(vehicle), vehicle.wheel
+    limits, margins = vehicle.thresholds, vehicle.margins
+    slip, ahead = slip_limit(vehicle), wheels.x - wheels.x.mean()
+    lengths, widths = float(np.sum(ahead**2)), float(np.sum(wheels.y**2))
+    return VehicleParams(
+        layout=replace(wheels, edges=tip_edges(vehicle, wheels)),
+        fit_along=ahead / lengths if lengths > 0.0 else np.zeros_like(ahead),
+        fit_across=wheels.y / widths if widths > 0.0 else np.zeros_like(ahead),
+        wheel=wheel, weight=vehicle.weight, max_torque=wheel.max_torque, max_slip=wheel.max_slip,
+        slip=slip, slope_margin=margins.slope,
+        clearance=vehicle.clearance - margins.clearance,
+        front=vehicle.front.height - margins.clearance,
+        rear=vehicle.rear.height - margins.clearance,
+        roughness=ROUGH * min(wheel.radius, vehicle.clearance),
+        go_traction=limits.utilisation, go_slip=limits.slip / slip,
+        go_torque=limits.torque, go_geometry=limits.geometry,
+    )  # fmt: skip
+
+
+def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[np.float64]]:
+    """Soils by id, the index of the surface and one, and the highest step on each, m.
+
+    That of a soil that is not known is the highest that any would permit.
+    """
+    rows = []
+    for soil in soils(terrain, vehicle):
+        if soil is None:
+            rows.append((math.nan, math.nan, 0.0, 0.0, step_of(vehicle, _ANY)[0]))
+        else:
+            friction = math.tan(soil.friction)
+            step, _ = step_of(vehicle, friction)
+            rows.append((soil.cohesion, friction, soil.sinkage, soil.shear_modulus, step))
+    *members, steps = np.array(rows, np.float64).T.copy()
+    return SoilArrays(*members), steps
+
+
+_FINE = 0.5
+"""Ground has pixels no larger than this share of the wheel's radius …"""
+_MOST_PARTS = 65
+"""… so many for a pixel of the grid, along each side, but no more."""
+_MOST_ACROSS = 512
+"""A vehicle covers no more pixels than that from end to end."""
+_LEAST = 0.02
+"""Walls lower than this share of the wheel's radius are roughness."""
+_DETREND = 1.5
+"""A step is what a wheel rises within so many radii before and behind a wall."""
+
+_BLOCK = (128, 512)
+_FINE_PIXELS = 1 << 22
+"""Pixels of ground that are swept at a time; with what is found out of them some 200 MB."""
+
+MOST_HEADINGS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class WindowMeasures:
+    """All that is found out about a window, (headings, height, width) but for the first two.
+
+    Attributes:
+        heights: (height, width) float32, NaN where there is no ground.
+        surfaces: (height, width) index of the surface and one, 0 for none.
+        verdict, reason: uint8 `Verdict` and `Reason`.
+        numbers: (headings, kernels.PLANES, height, width) float32.
+        step: float32, highest ahead of a wheel, m.
+        rough: float32, RMS distance of the ground from its plane, m; NaN where it is not known.
+        clearance: float32, left under the body, m; infinity where nothing can touch, NaN where
+            there is no pose.
+        overhang: float32, left under the overhangs, m; likewise.
+    """
+
+    heights: NDArray[np.float32]
+    surfaces: NDArray[Any]
+    verdict: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    numbers: NDArray[np.float32]
+    step: NDArray[np.float32]
+    rough: NDArray[np.float32]
+    clearance: NDArray[np.float32]
+    overhang: NDArray[np.float32]
+
+
+class Stance(NamedTuple):
+    """What a vehicle with a heading stands on at the reference points of a window.
+
+    Attributes:
+        plane: (3, height, width) float32: height of the plane through the wheels' supports, NaN
+            where one has none, and its slopes to the east and the north.
+        bump: (height, width) float32, how far the ground stands above that under the body, m.
+        front: likewise under its front overhang.
+        rear: likewise under its rear overhang.
+        rough: RMS distance of the ground from its plane, m; NaN where it is not known.
+        step: highest step ahead of the wheels, m.
+        beyond: (height, width) bool, whether the vehicle reaches beyond the terrain.
+        surfaces: of the ground, (rows, phases, columns) as in kernels/traversability/sweeps.hpp.
+        first: row of the first reference points in these.
+        wheels: (wheels, 3) where these stand in them.
+    """
+
+    plane: NDArray[np.float32]
+    bump: NDArray[np.float32]
+    front: NDArray[np.float32]
+    rear: NDArray[np.float32]
+    rough: NDArray[np.float32]
+    step: NDArray[np.float32]
+    beyond: NDArray[np.bool_]
+    surfaces: NDArray[Any]
+    first: int
+    wheels: Offsets
+
+
+class Verdicts(NamedTuple):
+    """What `judge_cells` finds out: `WindowMeasures` of one heading."""
+
+    verdict: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    numbers: NDArray[np.float32]
+
+
+def survey(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    grid: Grid,
+    window: Window | None = None,
+    headings: int = HEADINGS,
+    *,
+    threads: int | None = None,
+) -> Survey:
+    """A vehicle at the pixel centres of a window, or the whole, of a grid.
+
+    Memory is that of the result (26 bytes for each pixel and heading) and of some blocks of ground.
+    A window has the pixels of the whole to the last bit.
+
+    Args:
+        terrain: the terrain.
+        vehicle: the vehicle.
+        grid: the pixels.
+        window: of the grid; all of it, if not said.
+        headings: a multiple of 4 from 4 to 64.
+        threads: number of threads; as many as there are processors, if not said.
+
+    Raises:
+        RequestError: the resolution does not go with the vehicle, or the number of headings or of
+            threads makes no sense, or a surface has figures that are too large.
+    """
+    surveyor = Surveyor(terrain, vehicle, grid, headings)
+    window = window or grid.whole
+    flat, deep = (window.height, window.width), (headings, window.height, window.width)
+    verdict, reason = np.empty(deep, np.uint8), np.empty(deep, np.uint8)
+    names = (
+        kernels.UTILISATION, kernels.PITCH, kernels.ROLL, kernels.SINKAGE, kernels.SLIP,
+        kernels.ENERGY,
+    )  # fmt: skip
+    numbers = [np.empty(deep, np.float32) for _ in names]
+    heights, surfaces = np.empty(flat, np.float32), np.empty(flat, surveyor.ids)
+    blocks = list(surveyor.blocks(window))
+    made = prefetch(surveyor.measure, blocks, checked_threads(threads))
+    for block, found in zip(blocks, made, strict=True):
+        row, column = block.row - window.row, block.column - window.column
+        part = np.s_[row : row + block.height, column : column + block.width]
+        heights[part], surfaces[part] = found.heights, found.surfaces
+        verdict[:, *part], reason[:, *part] = found.verdict, found.reason
+        for plane, name in zip(numbers, names, strict=True):
+            plane[:, *part] = found.numbers[:, name]
+    return Survey(grid, window, heights, surfaces, verdict, reason, *numbers)
+
+
+def coarsest_resolution(vehicle: Vehicle) -> float:
+    """The largest side of a pixel that a vehicle can be judged on."""
+    return _MOST_PARTS * _FINE * vehicle.wheel.radius
+
+
+def parts_of(vehicle: Vehicle, resolution: float) -> int:
+    """Pixels of ground for one of a grid along each side: odd, so that their centres agree.
+
+    Raises:
+        RequestError: the resolution is too coarse or too fine for the vehicle.
+    """
+    radius = vehicle.wheel.radius
+    front, rear, _ = vehicle.rectangle
+    parts = max(1, math.ceil(resolution / (_FINE * radius) - 1e-9))
+    parts += 1 - parts % 2
+    if parts > _MOST_PARTS:
+        raise RequestError(
+            f"A resolution of {resolution:g} is too coarse for wheels of radius {radius:g}.",
+            f"Give at most {coarsest_resolution(vehicle):g}.",
+        )
+    least = (front + rear) / _MOST_ACROSS
+    if resolution / parts < least:
+        raise RequestError(
+            f"A resolution of {resolution:g} is too fine for a vehicle {front + rear:g} long: it "
+            f"would cover more than {_MOST_ACROSS} pixels.",
+            f"Give at least {least:.4g}.",
+        )
+    return parts
+
+
+class Surveyor:
+    """Finds out about windows of a grid; may be used by several threads at a time.
+
+    Args:
+        terrain: the terrain.
+        vehicle: the vehicle.
+        grid: the pixels.
+        headings: a multiple of 4 from 4 to 64.
+
+    Raises:
+        RequestError: as `survey`.
+    """
+
+    def __init__(
+        self, terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int = HEADINGS
+    ) -> None:
+        if not (4 <= headings <= MOST_HEADINGS and headings % 4 == 0):
+            raise RequestError(
+                f"The number of headings is {headings}.",
+                f"Give a multiple of 4 from 4 to {MOST_HEADINGS}.",
+            )
+        self.headings = headings
+        self._terrain, self._vehicle, self._grid = terrain, vehicle, grid
+        self._parts = parts = parts_of(vehicle, grid.resolution)
+        self._fine = Grid(
+            grid.west, grid.south, grid.resolution / parts, grid.height * parts, grid.width * parts
+        )
+        radius = vehicle.wheel.radius
+        self._footprint: Footprint = footprint(
+            vehicle, self._fine.resolution, grid.resolution, headings
+        )
+        self._margin = math.ceil(self._footprint.margin / parts)
+        slopes = vehicle.wheelbase == 0.0 or vehicle.track == 0.0
+        self._grounds = Grounds(terrain, self._fine, _LEAST * radius, slopes, radius)
+        self._on_soils = kernels.VehicleOnSoils(
+            vehicle_params(vehicle), *soil_table(terrain, vehicle)
+        )
+
+    @property
+    def ids(self) -> np.dtype[Any]:
+        """Type of the surfaces."""
+        return np.min_scalar_type(len(self._terrain.surfaces))
+
+    def blocks(self, window: Window) -> Iterator[Window]:
+        """Windows that cover a larger one, each not too large to be measured at once."""
+        side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._margin, 16)
+        return window.cut(min(_BLOCK[0], side), min(_BLOCK[1], side))
+
+    def measure(self, window: Window) -> WindowMeasures:
+        """All that is found out about a window of the grid."""
+        parts, margin = self._parts, self._margin
+        around = Window(
+            parts * (window.row - margin), parts * (window.column - margin),
+            parts * (window.height + 2 * margin), parts * (window.width + 2 * margin),
+        )  # fmt: skip
+        ground = self._grounds.of(around)
+        swept = _Swept(self, window, ground)
+        flat, deep = (window.height, window.width), (self.headings, window.height, window.width)
+        numbers = np.empty((self.headings, kernels.PLANES, *flat), np.float32)
+        verdict, reason = np.empty(deep, np.uint8), np.empty(deep, np.uint8)
+        step, rough, clearance, overhang = (np.empty(deep, np.float32) for _ in range(4))
+        half = self.headings // 2
+        for turn in range(half):
+            supports = swept.supports(self._footprint.poses[turn])
+            steps = swept.steps(self._footprint.poses[turn], supports)
+            stand = None
+            for heading in (turn, turn + half):
+                pose = self._footprint.poses[heading]
+                if stand is None or not self._footprint.shared:
+                    stand = swept.stand(pose, supports)
+                plane, bump, ragged = stand
+                front, rear = (swept.bump(offsets, plane) for offsets in (pose.front, pose.rear))
+                step[heading], rough[heading] = swept.ahead(pose, steps), ragged
+                stance = Stance(
+                    plane, bump, front, rear, ragged, step[heading], self._beyond(window, heading),
+                    swept.ids, swept.first, swept.placed(pose.wheels),
+                )  # fmt: skip
+                out = Verdicts(verdict[heading], reason[heading], numbers[heading])
+                kernels.judge_cells(self._on_soils, stance, *pose.ahead, out)
+                left = self._left(plane, bump, front, rear, numbers[heading])
+                clearance[heading], overhang[heading] = left
+        return WindowMeasures(
+            swept.heights,
+            swept.surfaces,
+            verdict,
+            reason,
+            numbers,
+            step,
+            rough,
+            clearance,
+            overhang,
+        )
+
+    def _left(
+        self, plane: Any, bump: Any, front: Any, rear: Any, numbers: Any
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What is left of the clearance, and of that under the overhangs, m."""
+        vehicle = self._vehicle
+        down = 1.0 / np.sqrt(1.0 + plane[1] ** 2 + plane[2] ** 2)
+        sunk = np.nan_to_num(numbers[kernels.SINKAGE], nan=0.0)
+        nowhere = np.isnan(numbers[kernels.PITCH])
+        left = []
+        for height, under in (
+            (vehicle.clearance, bump), (vehicle.front.height, front), (vehicle.rear.height, rear)
+        ):  # fmt: skip
+            ground = np.where(np.isneginf(under), -np.inf, np.maximum(under, 0.0) * down + sunk)
+            left.append(np.where(nowhere, np.nan, height - ground).astype(np.float32))
+        return left[0], np.minimum(left[1], left[2])
+
+    def _beyond(self, window: Window, heading: int) -> NDArray[np.bool_]:
+        """Where the vehicle reaches beyond the terrain."""
+        west, south, east, north = self._terrain.bounds
+        to_west, to_south, to_east, to_north = self._footprint.sides[heading]
+        x, y = self._grid.columns(window), self._grid.rows(window)
+        near = 1e-9 * max(abs(west), abs(south), abs(east), abs(north), east - west, north - south)
+        out_x = (x - to_west < west - near) | (x + to_east > east + near)
+        out_y = (y - to_south < south - near) | (y + to_north > north + near)
+        return np.asarray(out_y[:, None] | out_x[None, :])
+
+
+class _Swept:
+    """The ground of a window, laid out for sweeps."""
+
+    def __init__(self, surveyor: Surveyor, window: Window, ground: Ground) -> None:
+        self._parts, self._margin = surveyor._parts, surveyor._margin
+        self._surveyor, self._ground = surveyor, ground
+        self._shape = (window.height, window.width)
+        self.first = self._parts * self._margin + self._parts // 2
+        self._heights = self._phased(ground.heights)
+        self.ids = self._phased(ground.surfaces)
+        middle = np.zeros((1, 2), np.int64)
+        self.surfaces = self._at(self.ids, middle[0])
+        heights = self._at(self._heights, middle[0])
+        self.heights = np.where(np.isneginf(heights), np.float32(np.nan), heights)
+
+    def _phased(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """(rows, phases, columns) of (rows, columns)."""
+        rows, columns = plane.shape
+        return np.ascontiguousarray(
+            plane.reshape(rows, columns // self._parts, self._parts).transpose(0, 2, 1)
+        )
+
+    def placed(self, offsets: Offsets) -> Offsets:
+        """Rows, phases and columns of offsets."""
+        column = self._parts // 2 + offsets[:, 1]
+        return np.column_stack(
+            [offsets[:, 0], column % self._parts, self._margin + column // self._parts]
+        )
+
+    def _at(self, plane: NDArray[Any], offset: Offsets) -> NDArray[Any]:
+        """What lies at one offset of all reference points."""
+        row, phase, column = self.placed(offset[None])[0]
+        height, width = self._shape
+        first = self.first + row
+        return plane[
+            first : first + self._parts * height : self._parts, phase, column : column + width
+        ].copy()
+
+    def _empty(self) -> NDArray[np.float32]:
+        return np.empty(self._shape, np.float32)
+
+    def _shifts(self, offsets: Offsets) -> NDArray[np.float32]:
+        """How far east and north offsets are, m, (n, 2)."""
+        resolution = self._surveyor._fine.resolution
+        return np.asarray(offsets[:, ::-1] * (resolution, -resolution), np.float32)
+
+    def stand(
+        self, pose: Pose, supports: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], Any, Any]:
+        """The plane that the vehicle stands on, what rises above it under the body, roughness."""
+        plane = np.zeros((3, *self._shape), np.float32)
+        phased = self._phased(supports)
+        total = np.zeros((3, *self._shape))
+        for n, wheel in enumerate(pose.wheels):
+            support = self._at(phased, wheel)
+            support[np.isneginf(self._at(self._heights, wheel))] = np.nan
+            total += pose.fit[:, n, None, None] * support
+        plane[:] = total
+        if self._ground.slope_x is not None and self._ground.slope_y is not None:
+            # wheels in a row say nothing of a plane: they take the ground's own slope under them
+            treads = np.concatenate([self.placed(wheel + pose.tread) for wheel in pose.wheels])
+            for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
+                kernels.mean(self._phased(slope), self.first, treads, plane[axis])
+        places = self._shifts(pose.places)
+        rough = self._empty()
+        kernels.roughness(
+            phased, self.first, self.placed(pose.places), places, plane, _spread(places), rough
+        )
+        return plane, self.bump(pose.body, plane), rough
+
+    def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
+        """How far the ground stands above the plane under offsets, m."""
+        out = self._empty()
+        kernels.bumps(
+            self._heights, self.first, self.placed(offsets), self._shifts(offsets), plane, out
+        )
+        return out
+
+    def supports(self, pose: Pose) -> NDArray[np.float32]:
+        """How high a wheel's lowest point stands at every pixel of the ground, m.
+
+        Minus infinity where there is no ground, and along the edges, where not all of it is known.
+        """
+        out = np.empty_like(self._ground.heights)
+        kernels.supports(self._ground.heights, pose.tread, pose.lift, out)
+        return out
+
+    def steps(self, pose: Pose, supports: NDArray[np.float32]) -> NDArray[np.float32] | None:
+        """Steps that wheels with a heading, or its opposite, meet; None for none, else phased."""
+        if not len(self._ground.pairs):
+            return None
+        steps = np.zeros(supports.shape, np.float32)
+        radius = self._surveyor._vehicle.wheel.radius
+        strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
+        kernels.raise_steps(
+            supports, self._ground.pairs, self._ground.jumps, *pose.ahead, strides, steps
+        )
+        return self._phased(steps)
+
+    def ahead(self, pose: Pose, steps: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """The highest step ahead of the wheels, m."""
+        if steps is None:
+            return np.zeros(self._shape, np.float32)
+        out = self._empty()
+        level = np.zeros(len(pose.lane), np.float32)
+        kernels.highest(steps, self.first, self.placed(pose.lane), level, out)
+        return out
+
+
+def _spread(places: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The inverse of the second moments of places about the middle: xx, xy, yy; 0 for a line."""
+    moments = places.astype(np.float64).T @ places
+    if np.linalg.matrix_rank(moments) < 2:
+        largest = np.linalg.pinv(moments)
+    else:
+        largest = np.linalg.inv(moments)
+    return np.array([largest[0, 0], largest[0, 1], largest[1, 1]], np.float32)

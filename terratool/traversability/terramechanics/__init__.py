@@ -1,1 +1,0 @@
-"""The wheel on soil: formulas, and what they say of a vehicle."""

@@ -1,0 +1,301 @@
+"""A rigid wheel on soil: contact, stresses, traction, and what it needs to push."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.kernels import traversability as kernels
+from terratool.traversability.arrays import (
+    DEMAND,
+    TRACTION,
+    Numbers,
+    flat,
+    flat_soils,
+    members,
+    shaped,
+)
+from terratool.traversability.vehicle import Soil, Wheel
+
+LARGEST = 1e30
+"""No size, load or property of a soil may be larger, no size or mass smaller than 1/LARGEST."""
+STEEP_FRICTION = math.radians(50.0)
+"""Friction angles above it are unusual."""
+DEEP = 0.15
+"""z/D up to which the model is accurate."""
+SHORT = 0.4
+"""If no slip mobilises more than this share, the law of slip is stretched too far."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Where a wheel touches the soil, in the shape that loads and soils broadcast to.
+
+    Attributes:
+        sinkage: z = k·W, m.
+        half_angle: h, rad: the wheel enters the soil at θ1 = 2h from the downward vertical.
+        effective_area: Q, m².
+        length: l = r sin θ1, of the ground that it touches, m.
+        area: l·b, m²; 0 where `rigid`, where there is none.
+        pressure: mean, W/area, Pa; 0 where `rigid`, where there is none.
+        rigid: whether the ground is rigid: k = 0, or z below 1e-6 m.
+    """
+
+    sinkage: Numbers
+    half_angle: Numbers
+    effective_area: Numbers
+    length: Numbers
+    area: Numbers
+    pressure: Numbers
+    rigid: NDArray[np.bool_] | np.bool_
+
+    @property
+    def entry_angle(self) -> Numbers:
+        """θ1, rad."""
+        return 2.0 * self.half_angle
+
+
+@dataclass(frozen=True, slots=True)
+class Traction:
+    """A driven wheel at its limit, in the shape that loads, soils and limits broadcast to.
+
+    Attributes:
+        mobilised: A, share of the strength that the slip mobilises.
+        normal_stress: σm, Pa; 0 on rigid ground, where there is none.
+        shear_stress: τm, Pa; likewise.
+        thrust: forward part of the shear stress, N.
+        resistance: backward part of the normal stress, N.
+        drawbar: DP, thrust less resistance, N.
+        torque: N m.
+        motor: whether the motor limits it, not the soil.
+    """
+
+    mobilised: Numbers
+    normal_stress: Numbers
+    shear_stress: Numbers
+    thrust: Numbers
+    resistance: Numbers
+    drawbar: Numbers
+    torque: Numbers
+    motor: NDArray[np.bool_] | np.bool_
+
+
+def contact(load: Any, soil: Soil, wheel: Wheel) -> Contact:
+    """Sinkage and contact: z = k·W, sin h = √(z/D), Q = 8 r b sin²(h/2)/θ1.
+
+    From the geometry of Iagnemma, Shibly and Dubowsky 2002. Where z is beyond r it is given as it
+    is, but the angle not beyond π/4.
+    """
+    shape, (weights, rate) = flat(load, soil.sinkage)
+    sinkage, half, effective = kernels.contacts(weights, rate, wheel).T
+    length = wheel.radius * np.sin(2.0 * half)
+    area = length * wheel.width
+    rigid = half == 0.0
+    pressure = np.divide(weights, area, out=np.zeros_like(area), where=~rigid)
+    return Contact(
+        sinkage=shaped(sinkage, shape),
+        half_angle=shaped(half, shape),
+        effective_area=shaped(effective, shape),
+        length=shaped(length, shape),
+        area=shaped(area, shape),
+        pressure=shaped(pressure, shape),
+        rigid=rigid.reshape(shape)[()],
+    )
+
+
+def mobilised(
+    half_angle: Any, shear_modulus: Any, slip: Any, radius: float
+) -> tuple[Numbers, Numbers]:
+    """Shear displacement j and share A of the strength that it mobilises.
+
+    j = r [h − (1 − s)(sin θ1 − sin h)] at the peak; A = 1 − exp(−j/K) (Janosi and Hanamoto, "The
+    analytical determination of drawbar pull as a function of slip", 1961); A = 1 where K is 0,
+    not known, and on rigid ground.
+    """
+    shape, (half, modulus, slips) = flat(half_angle, shear_modulus, slip)
+    displacement, share = kernels.mobilisations(half, modulus, slips, radius).T
+    return shaped(displacement, shape), shaped(share, shape)
+
+
+def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Traction:
+    """What a driven wheel can do at a slip, its `max_slip` if none is given.
+
+    τm = A (c + σm tan φ), σm = (W/Q − A c sin h)/(cos h + A tan φ sin h), T = ½ r² b θ1 τm and
+    DP = Q (τm cos h − σm sin h), by Iagnemma, Shibly and Dubowsky 2002. A motor that is too weak
+    for T gives τm = 2 Tmax/(r² b θ1) and σm = (W/Q − τm sin h)/cos h. On rigid ground the thrust is
+    W tan φ and T = r W tan φ. σm is never below 0: where cohesion alone would bear the wheel, only
+    as much of it acts as bears the load.
+
+    Returns:
+        The wheel at its limit; nothing in it is NaN.
+    """
+    shape, soils, (weights, slips, torque) = flat_soils(
+        soil, load, wheel.max_slip if slip is None else slip, wheel.max_torque
+    )
+    out = np.empty(len(weights), TRACTION)
+    kernels.tractions(weights, soils, slips, torque, wheel, out)
+    return Traction(**members(out, shape))
+
+
+def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
+    """What a wheel without torque resists, R = W tan h, N: DP at τm = 0."""
+    shape, (weights, rate) = flat(load, soil.sinkage)
+    return shaped(kernels.towing(weights, rate, wheel), shape)
+
+
+def lateral_grip(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
+    """What holds a wheel against a push from the side, c b l + W tan φ with l = r sin θ1, N."""
+    shape, soils, (weights,) = flat_soils(replace(soil, shear_modulus=0.0), load)
+    return shaped(kernels.grips(weights, soils, wheel), shape)
+
+
+def forces_from(
+    normal_stress: Any, shear_stress: Any, entry_angle: Any, wheel: Wheel
+) -> tuple[Numbers, Numbers, Numbers]:
+    """W, T and DP from peak stresses and θ1, above 0 (Iagnemma, Shibly and Dubowsky 2002).
+
+    W = Q (σm cos h + τm sin h), T = ½ r² b θ1 τm, DP = Q (τm cos h − σm sin h).
+    """
+    shape, (normal, shear, entry) = flat(normal_stress, shear_stress, entry_angle)
+    load, torque, drawbar = kernels.measured_forces(normal, shear, 0.5 * entry, wheel).T
+    return shaped(load, shape), shaped(torque, shape), shaped(drawbar, shape)
+
+
+def stresses_from(
+    load: Any, torque: Any, entry_angle: Any, wheel: Wheel
+) -> tuple[Numbers, Numbers]:
+    """σm and τm from what is measured on a wheel, W, T and θ1, above 0: `forces_from` inverted.
+
+    τm = 2 T/(r² b θ1), σm = (W/Q − τm sin h)/cos h.
+    """
+    shape, (weights, torques, entry) = flat(load, torque, entry_angle)
+    normal, shear = kernels.measured_stresses(weights, torques, 0.5 * entry, wheel).T
+    return shaped(normal, shape), shaped(shear, shape)
+
+
+def identify(normal_stress: Any, shear_stress: Any, mobilised: Any = 1.0) -> tuple[float, float]:
+    """Cohesion (Pa) and friction angle (rad) from peak stresses, by least squares.
+
+    The rows are [A, A σm]·[c, tan φ] = τm, as in Iagnemma, Shibly and Dubowsky 2002.
+
+    Args:
+        normal_stress: (n,) σm, Pa.
+        shear_stress: (n,) τm, Pa.
+        mobilised: (n,) or one A; 1 where all of the strength acts.
+
+    Raises:
+        RequestError: fewer than two different normal stresses, or a number that is not finite.
+    """
+    _, (normal, shear, share) = flat(normal_stress, shear_stress, mobilised)
+    if not np.isfinite([normal, shear, share]).all():
+        raise RequestError(
+            "A measured stress is not finite.", "Leave out measurements without a value."
+        )
+    scale = float(np.abs(normal).max(initial=0.0)) or 1.0  # columns of like size
+    found, _, rank, _ = np.linalg.lstsq(np.stack([share, share * normal / scale], 1), shear)
+    if rank < 2:
+        raise RequestError(
+            "Cohesion and friction cannot be told apart from these stresses.",
+            "Measure at two or more different loads.",
+        )
+    return float(found[0]), math.atan(found[1] / scale)
+
+
+def check(load: Any, soil: Soil, wheel: Wheel) -> None:
+    """Refuse what the formulas do not hold for.
+
+    Raises:
+        RequestError: a number is not finite, out of its range, or beyond 1e30 in size.
+    """
+    for name, value, words, low, inside in (
+        ("wheel's radius", wheel.radius, "above 0", 1.0 / LARGEST, True),
+        ("wheel's width", wheel.width, "above 0", 1.0 / LARGEST, True),
+        ("load", load, "0 or more", 0.0, True),
+        ("cohesion", soil.cohesion, "0 or more", 0.0, True),
+        ("friction angle", soil.friction, "from 0 to below 90°", 0.0, soil.friction < math.pi / 2),
+        ("sinkage", soil.sinkage, "0 or more", 0.0, True),
+        ("shear modulus", soil.shear_modulus, "above 0, or 0 if it is not known", 0.0, True),
+    ):  # fmt: skip
+        numbers = np.asarray(value, np.float64)
+        if not np.all(inside & np.isfinite(numbers) & (numbers >= low) & (numbers <= LARGEST)):
+            raise RequestError(
+                f"The {name} is out of its range.", f"It must be finite, {words}, and up to 1e30."
+            )
+    if not wheel.max_torque >= 0.0:
+        raise RequestError("The largest torque is below 0.", "Give N m, 0 or more.")
+    if not 0.0 < wheel.max_slip <= 1.0:
+        raise RequestError("The largest slip is out of its range.", "Give a share up to 1.")
+
+
+def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
+    """Sentences on what lies beyond what the model is made for."""
+    found = []
+    here = contact(load, soil, wheel)
+    depth = float(here.sinkage) / (2.0 * wheel.radius)
+    if soil.friction > STEEP_FRICTION:
+        found.append(
+            f"A friction angle of {math.degrees(soil.friction):.3g}° is unusual: soils and tyres "
+            "have less than 50°."
+        )
+    if depth >= 0.5:
+        found.append("The wheel sinks in to its axle; the model ends before that.")
+    elif depth > DEEP:
+        found.append(
+            f"The wheel sinks in {depth:.2g} of its diameter; the model is accurate up to {DEEP}."
+        )
+    most = float(mobilised(here.half_angle, soil.shear_modulus, 1.0, wheel.radius)[1])
+    if most < SHORT:
+        found.append(
+            f"The wheel touches so little of this hard ground that even at slip 1 only {most:.0%} "
+            "of its strength acts; with sinkage 0 it counts as rigid, and all of it does."
+        )
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What a wheel needs, in the shape that loads, soils and pulls broadcast to.
+
+    Attributes:
+        torque: N m; below 0 where it is held back.
+        utilisation: U, the share of the soil's strength that is used: 1 and more is immobile,
+            infinity where no strength would do.
+        slip: s; above 1 is immobile. 0 where K is not known (the rule is A = 1), on rigid ground
+            and for a wheel that is held back.
+        sinkage: m.
+    """
+
+    torque: Numbers
+    utilisation: Numbers
+    slip: Numbers
+    sinkage: Numbers
+
+
+def demand(load: Any, soil: Soil, wheel: Wheel, pull: Any = 0.0) -> Demand:
+    """What a wheel under a load needs to push with a force along its heading.
+
+    τ = (F cos h + W sin h)/Q and σ = (W cos h − F sin h)/Q from the equilibrium of the wheel,
+    T = r (F cos h + W sin h)(h/2)²/sin²(h/2), U = τ/(c + σ tan φ), and the slip s at which
+    Janosi and Hanamoto's law mobilises U. On rigid ground (k = 0 or z below 1e-6 m) T = r F,
+    U = F/(W tan φ) and no slip. Derived from the model of Iagnemma, Shibly and Dubowsky 2002.
+
+    The motor does not count here: compare `torque` with `wheel.max_torque`.
+
+    Args:
+        load: W, N, 0 or more.
+        soil: numbers or arrays.
+        wheel: radius and width.
+        pull: F, N: 0 on the level; m g sin α/N on a slope; more with wheels to tow.
+
+    Returns:
+        What it needs; nothing in it is NaN.
+    """
+    shape, soils, (weights, pulls) = flat_soils(soil, load, pull)
+    out = np.empty(len(weights), DEMAND)
+    kernels.demands(weights, soils, pulls, wheel, out)
+    return Demand(**members(out, shape))
