@@ -7,10 +7,10 @@ TESTS ?= tests
 PIP := -m pip install -qq --disable-pip-version-check
 CONFIG ?=
 TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))$(1), sep="\n")'
-KERNEL_TESTS := tests/test_kernels.py tests/test_field.py tests/test_painting.py tests/test_tracks.py \
-  tests/test_losses.py tests/test_mesh_building.py tests/test_mesh_solid.py tests/test_mesh_tracks.py \
-  tests/test_zbuffer.py tests/test_import_structure.py tests/test_vrml_numbers.py \
-  tests/test_vrml_polygons.py tests/test_terramechanics.py tests/test_traversability_map.py
+KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/raster/test_painter.py tests/field/test_tracks.py \
+  tests/raster/test_loss.py tests/mesh/test_build.py tests/mesh/test_solid.py tests/mesh/test_tracks.py \
+  tests/importing/test_zbuffer.py tests/importing/test_structure.py tests/importing/test_vrml_numbers.py \
+  tests/importing/test_vrml_polygons.py tests/traversability/test_terramechanics.py tests/traversability/test_map.py
 KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/python/*.cpp)
 
 .DEFAULT_GOAL := help
@@ -81,7 +81,7 @@ docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 	$(BIN)/terratool rules --markdown > docs/rules.md
 
 fuzz: $(VENV)/.installed-test  ## Compare thousands of random terrains with the slow reading
-	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/test_field_properties.py
+	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/field/test_properties.py
 
 fuzz-expressions: $(VENV)/.installed-test  ## Try 100,000 strings as curves, each in 50 ms at most
 	$(BIN)/python benchmarks/expressions.py

@@ -44,7 +44,7 @@ def test_the_wheel_has_the_schemas_and_nothing_stray(unpacked: Path) -> None:
     assert tops == {"terratool"}
     for path in (ROOT / "schemas").iterdir():
         assert (unpacked / "terratool" / "schemas" / path.name).read_bytes() == path.read_bytes()
-    style = Path("terratool") / "traversability" / "reporting" / "style.css"  # of the HTML report
+    style = Path("terratool") / "traversability" / "report" / "style.css"  # of the HTML report
     assert (unpacked / style).read_bytes() == (ROOT / style).read_bytes()
 
 

@@ -12,7 +12,7 @@ from terratool.definition.rules import all_rules
 from terratool.text.format import canonical
 from terratool.text.source import read_source
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]
 VALID = sorted((HERE / "example-files" / "valid").glob("*.json"))
 SAMPLES = sorted((HERE.parent / "samples").glob("*.json"))
 VEHICLES = sorted((HERE.parent / "samples" / "vehicles").glob("*.json"))

@@ -475,7 +475,7 @@ def test_the_terrains_of_the_benchmarks(
     name: str, pixels: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At every pixel the elements of the query; S3 with 33,000 elements, most below a pixel."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent.parent / "benchmarks"))
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
     import terrains
 
     definition = terrains.s3((6, 6, 6)) if name == "s3" else getattr(terrains, name)()

@@ -21,7 +21,7 @@ from terratool.traversability.route.routes import check, plan, reach, route_grid
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level
-from tests.test_route_graph import slow
+from tests.traversability.test_route_graph import slow
 
 DIAGONAL = math.sqrt(2.0)
 

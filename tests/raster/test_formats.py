@@ -20,7 +20,7 @@ from terratool.raster.geotiff import COMPRESSIONS, Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.mosaic import export_mosaic
 from tests.conftest import terrain_of
-from tests.test_layers import SITE
+from tests.raster.test_layers import SITE
 
 needs_gdalinfo = pytest.mark.skipif(
     not shutil.which("gdalinfo"), reason="gdalinfo is not installed"

@@ -70,7 +70,7 @@ NAMES = {
     "TT605": "track-without-sinkage",
     "TT606": "void-track",
 }
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 INVALID = sorted((ROOT / "samples" / "invalid").glob("*.json"))
 
 

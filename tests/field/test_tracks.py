@@ -342,7 +342,7 @@ def test_a_thousand_metres_cost_a_few_kilobytes() -> None:
 
 def test_the_example_of_the_format() -> None:
     """The table of docs/format.md about tracks is what its text gives."""
-    page = (Path(__file__).parents[1] / "docs" / "format.md").read_text("utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "format.md").read_text("utf-8")
     text, rest = page.partition("Save this as `tracks.json`")[2].split("```")[1:3]
     terrain = terrain_of(json.loads(text.removeprefix("json")))
     rows = [line.strip("| ").split(" | ") for line in rest.strip().splitlines()[2:]]

@@ -23,7 +23,7 @@ from tests.strategies import Json, definitions
 
 SCHEMA = terratool.schema()
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]
 STRUCTURAL = {"TT103", "TT104", "TT105", "TT106", "TT110", "TT303", "TT305", "TT405"}
 STRUCTURAL |= {"TT601", "TT602"}
 """Codes of what a schema can see: not names, grids, formulas or the order of knots."""

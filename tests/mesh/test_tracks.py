@@ -23,6 +23,7 @@ from terratool.mesh.tiles import lay_out
 from terratool.mesh.types import BuiltMesh, Mesh
 from tests import strategies
 from tests.conftest import terrain_of
+from tests.mesh.test_tiles import check_seams, tiles_of, union
 from tests.meshes import (
     CURVED,
     STRAIGHT,
@@ -34,7 +35,6 @@ from tests.meshes import (
     flat_areas,
     random_definition,
 )
-from tests.test_mesh_tiling import check_seams, tiles_of, union
 
 Json = dict[str, Any]
 

@@ -17,8 +17,7 @@ from terratool.errors import MissedError, RequestError
 from terratool.field.terrain import Terrain, load
 from terratool.traversability.ruts import deform, simplified, wheel_paths, write_deformed
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
-
-from .commands import run
+from tests.commands import run
 
 WHEEL = Wheel(radius=0.2, width=0.1)
 
@@ -272,7 +271,7 @@ class TestText:
     def test_what_is_read_is_not_overwritten(self, tmp_path: Path, which: str) -> None:
         path, route, rover = flat(tmp_path), tmp_path / "path.csv", tmp_path / "rover.json"
         route.write_text("4,10\n12,10\n", encoding="utf-8")
-        sample = Path(__file__).parents[1] / "samples" / "vehicles" / "husky-a200.json"
+        sample = Path(__file__).parents[2] / "samples" / "vehicles" / "husky-a200.json"
         rover.write_bytes(sample.read_bytes())
         out = {"path": route, "vehicle": rover}[which]
         before = out.read_bytes()

@@ -31,8 +31,8 @@ from terratool.raster.loss import (
 from terratool.raster.painter import Painter
 from tests.brute import walls
 from tests.conftest import terrain_of
+from tests.raster.test_painter import EXAMPLES, crowded
 from tests.strategies import definitions
-from tests.test_painting import EXAMPLES, crowded
 
 TYPES: dict[str, Any] = {
     "nothing": {"x": [0]},

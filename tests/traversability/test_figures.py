@@ -24,9 +24,9 @@ from terratool.traversability.soil import bekker_sinkage, governing_load, missin
 from terratool.traversability.vehicle import Axle, Margins, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import demand
 from tests.conftest import terrain_of
-from tests.test_terramechanics import E1, E2, ROVER, WHEEL, printed
+from tests.traversability.test_terramechanics import E1, E2, ROVER, WHEEL, printed
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 BOX = {"size": 4, "elemTypes": {"box": {"x": [1]}}}
 
 
