@@ -1,10 +1,12 @@
 """Record what every command writes and what the library answers, to compare two states of the code.
 
-    python benchmarks/freeze.py record DIR [--only WORD,...] [DEM ...]    files, texts, exit codes, arrays
-    python benchmarks/freeze.py compare DIR OTHER    names what is not the same byte by byte
+    python benchmarks/freeze.py record DIR [--only WORD,...] [DEM ...]
+        files, texts, exit codes and arrays
+    python benchmarks/freeze.py compare DIR OTHER
+        names what is not the same byte by byte
 
-With --only, just commands whose names begin with one of the words, and `arrays` if that is one; what
-only the first of two recordings has is then no difference.
+With --only, just commands whose names begin with one of the words, and the arrays if `arrays` is
+one; what only the first of two recordings has is then no difference.
 
 A recording compares only with one made by the same versions of NumPy, GDAL and Hypothesis.
 """
