@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import terratool.traversability.arrays  # noqa: F401, it declares records
+import terratool.traversability.wheel  # noqa: F401, it declares records
 from terratool import kernels
 from terratool.field.bounds import nonzero_edges
 from terratool.mesh.plan import plan_of

@@ -118,9 +118,6 @@ def measured_stresses(
     Shapes: load[n], torque[n], half[n].
     """
 
-def slip_for(half: float, radius: float, shear_modulus: float, utilisation: float) -> float:
-    """Slip that mobilises a share of the strength."""
-
 def wheel_loads(
     layout: Any, weight: float, pitch: NDArray[np.float64], roll: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -129,9 +126,6 @@ def wheel_loads(
 
     Shapes: pitch[n], roll[n].
     """
-
-def gravity(along: float, across: float) -> dict[str, Any]:
-    """Direction of gravity on a plane with two tangents."""
 
 def tipping(layout: Any, along: float, across: float) -> float:
     """The share of a tip-over angle that is used."""
@@ -162,13 +156,13 @@ def judge(
     Shapes: shares[m,n], go[m], strict[m], reasons[m].
     """
 
-def find_stand(
+def tabulated_state(
     vehicle: VehicleOnSoils, soil: int, along: float, across: float
 ) -> dict[str, Any] | None:
-    """How a vehicle stands on a slope, if that is in its tables."""
+    """What a slope and a soil ask of a vehicle, if its tables have it."""
 
-def stand(vehicle: VehicleOnSoils, soil: int, along: float, across: float) -> dict[str, Any]:
-    """How a vehicle stands on a slope."""
+def slope_state(vehicle: VehicleOnSoils, soil: int, along: float, across: float) -> dict[str, Any]:
+    """What a slope and a soil ask of a vehicle."""
 
 def judge_cells(vehicle: VehicleOnSoils, stance: Any, east: float, north: float, out: Any) -> None:
     """Judge a vehicle with a heading at every reference point."""

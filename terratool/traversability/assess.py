@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, clip_bounds
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, grid_over
-from terratool.traversability.figures import ASSUMPTIONS, all_figures
 from terratool.traversability.map import default_resolution, map_to_tif
 from terratool.traversability.report import wording
 from terratool.traversability.results import (
@@ -29,6 +28,7 @@ from terratool.traversability.results import (
 )
 from terratool.traversability.route.graph import PREFERENCES, Preference
 from terratool.traversability.route.routes import MOST_STATES, check, plan, reach, route_grid
+from terratool.traversability.soil import ASSUMPTIONS, all_figures
 from terratool.traversability.survey import survey
 from terratool.traversability.vehicle import Vehicle
 

@@ -1,4 +1,4 @@
-"""What a vehicle gets over and climbs, and the share that each measure takes of its limit."""
+"""The limits of a vehicle: loads of its wheels, tip-over, steps, slopes, and verdicts by these."""
 
 from __future__ import annotations
 
@@ -10,15 +10,147 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
-from terratool.traversability.arrays import Numbers, flat, flat_soils, shaped
-from terratool.traversability.loads import wheel_layout
 from terratool.traversability.results import Reason
-from terratool.traversability.vehicle import Overhang, Soil, Vehicle
-from terratool.traversability.wheel import Demand
+from terratool.traversability.vehicle import Soil, Vehicle
+from terratool.traversability.wheel import Demand, Numbers, flat, flat_soils, shaped
 
-NO_LIMIT = math.pi
-"""The angle of a crest that nothing can touch."""
+
+@dataclass(frozen=True, slots=True)
+class WheelLayout:
+    """The wheels of a vehicle, one by one: axles from the front, on each from left to right.
+
+    Attributes:
+        x: (n,) m ahead of the centre of gravity.
+        y: (n,) m to the left of it.
+        driven: (n,) bool.
+        shares: (n, 3) of the weight that a wheel bears for each part of gravity's direction, down,
+            forward and to the left.
+        edges: (m, 3) of the polygon of the supports: direction outwards, forward and to the left,
+            and the angle (rad) at which the vehicle tips over it.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    driven: NDArray[np.bool_]
+    shares: NDArray[np.float64]
+    edges: NDArray[np.float64]
+
+
+def wheel_layout(vehicle: Vehicle) -> WheelLayout:
+    """The wheels of a vehicle and how they share its weight.
+
+    A rigid body on equal springs: loads differ linearly from wheel to wheel, along and across. For
+    two axles that is W_front = (m g/L)(l_r cos α − h_cg sin α) and W_rear = (m g/L)(l_f cos α +
+    h_cg sin α), which is statics; for more it is an assumption. Half of an axle's wheels stand on
+    each side, and one in the middle where their number is odd.
+
+    Returns:
+        The layout. All loads are those of level ground where nothing can differ (one axle, or
+        no track).
+
+    Raises:
+        RequestError: it has no wheels.
+    """
+    x, y, driven = [], [], []
+    for axle in vehicle.axles:
+        side = axle.wheels // 2
+        x += [axle.x] * axle.wheels
+        y += (
+            [0.5 * vehicle.track] * side + [0.0] * (axle.wheels % 2) + [-0.5 * vehicle.track] * side
+        )
+        driven += [axle.driven] * axle.wheels
+    if not x:
+        raise RequestError("The vehicle has no wheels.", "Give it an axle with a wheel or more.")
+    xs, ys = np.array(x, np.float64), np.array(y, np.float64)
+    count = len(xs)
+    mean = xs.mean()
+    spread, sides = float(np.sum((xs - mean) ** 2)), float(np.sum(ys**2))
+    shares = np.zeros((count, 3))
+    shares[:, 0] = 1.0 / count
+    if spread > 0.0:
+        lever = (xs - mean) / spread
+        shares[:, 0] -= lever * mean  # the centre of gravity is where x = 0
+        shares[:, 1] = lever * vehicle.cog_height
+    if sides > 0.0:
+        shares[:, 2] = ys / sides * vehicle.cog_height
+    return WheelLayout(xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height))
+
+
+def wheel_loads(vehicle: Vehicle, pitch: Any = 0.0, roll: Any = 0.0) -> NDArray[np.float64]:
+    """Loads of all wheels, N, (..., n), where pitch and roll (rad) broadcast to (...).
+
+    The body stands on a plane that rises at `pitch` where it heads (nose up) and at `roll` to its
+    left (left side up). A wheel that would be pulled up bears 0.
+    """
+    wheels = wheel_layout(vehicle)
+    shape, (pitches, rolls) = flat(pitch, roll)
+    loads = kernels.wheel_loads(wheels, vehicle.weight, pitches, rolls)
+    return loads.reshape(*shape, len(wheels.x))
+
+
+def tip_over(vehicle: Vehicle) -> tuple[float, float, float]:
+    """The slopes (rad) at which it tips over: to a side, backwards when nose up, forwards.
+
+    atan((track/2)/h_cg) and atan(x/h_cg), x from the centre of gravity to the axle downhill; where
+    supports are no rectangle, about the edge that is nearest. π/2 where it never does.
+    """
+    if vehicle.is_single:
+        return (math.pi / 2,) * 3
+    edges = wheel_layout(vehicle).edges
+    found = []
+    for forward, left in ((0.0, 1.0), (-1.0, 0.0), (1.0, 0.0)):
+        towards = edges[:, 0] * forward + edges[:, 1] * left
+        # on a slope β gravity leans towards the edge by tan β times the cosine between them
+        limits = np.arctan2(np.sin(edges[:, 2]), np.cos(edges[:, 2]) * towards)
+        found.append(float(np.min(limits, where=towards > 1e-12, initial=math.pi / 2)))
+    return found[0], found[1], found[2]
+
+
+def tip_edges(vehicle: Vehicle, wheels: WheelLayout) -> NDArray[np.float64]:
+    """The edges of a layout with what the vehicle keeps in reserve taken off, for `tipping`."""
+    edges = wheels.edges.copy()
+    edges[:, 2] -= vehicle.margins.tip
+    return edges
+
+
+def _edges(x: NDArray[np.float64], y: NDArray[np.float64], height: float) -> NDArray[np.float64]:
+    """The edges of the convex hull of the supports, (m, 3); none for a wheel by itself.
+
+    Supports in a row can only tip over its ends: the rest is up to who balances it.
+    """
+    points = sorted(set(zip(x.tolist(), y.tolist(), strict=True)))
+    if len(points) < 2:
+        return np.empty((0, 3))
+    hull: list[tuple[float, float]] = []
+    for run in (points, points[::-1]):  # the lower and the upper chain
+        start = len(hull)
+        for point in run:
+            while len(hull) - start >= 2 and _turn(hull[-2], hull[-1], point) <= 0.0:
+                hull.pop()
+            hull.append(point)
+        hull.pop()
+    if len(hull) == 2:
+        (x0, y0), (x1, y1) = hull
+        length = math.hypot(x1 - x0, y1 - y0)
+        ahead = ((x1 - x0) / length, (y1 - y0) / length)
+        sides = [((-ahead[0], -ahead[1]), hull[0]), (ahead, hull[1])]
+    else:
+        sides = []
+        for (x0, y0), (x1, y1) in zip(hull, [*hull[1:], hull[0]], strict=True):
+            length = math.hypot(x1 - x0, y1 - y0)
+            sides.append((((y1 - y0) / length, (x0 - x1) / length), (x0, y0)))
+    edges = []
+    for outwards, corner in sides:
+        distance = outwards[0] * corner[0] + outwards[1] * corner[1]
+        edges.append((*outwards, math.atan2(distance, height)))
+    return np.array(edges, np.float64)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Above 0 where the way from a over b to c turns to the left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def step_height(radius: Any, angle: Any) -> Numbers:
@@ -27,16 +159,6 @@ def step_height(radius: Any, angle: Any) -> Numbers:
         angle >= np.pi / 2, radius, 2.0 * radius * np.sin(0.5 * np.minimum(angle, np.pi / 2)) ** 2
     )[()]
     return height
-
-
-def step_alone(radius: Any, friction: Any) -> Numbers:
-    """Step that a driven wheel by itself rolls up: r (1 − cos δ), δ = atan μ.
-
-    Args:
-        radius: r, m.
-        friction: μ, tan φ of the surface.
-    """
-    return step_height(radius, np.arctan(friction))
 
 
 def step_pushed(radius: Any, friction: Any, push: Any, driven: Any = True) -> Numbers:
@@ -99,50 +221,6 @@ def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
             limits.append((lifted, "motor torque"))
     height, limit = min(limits, key=lambda each: each[0])
     return max(0.0, height - vehicle.margins.step), limit
-
-
-def clearance_left(clearance: Any, sinkage: Any) -> Numbers:
-    """Clearance under the body of wheels that have sunk in, m; 0 and less is high-centred."""
-    left: Numbers = np.subtract(clearance, sinkage, dtype=np.float64)
-    return left
-
-
-def breakover(wheelbase: Any, radius: Any, clearance: Any) -> Numbers:
-    """The sharpest crest that passes between two axles, rad: the angle that the ground turns.
-
-    Exact for wheels: 2 [asin(r/d) − atan((r − hc)/(L/2))], d = √((L/2)² + (r − hc)²). 0 where the
-    body lies on the ground, `NO_LIMIT` where there is none, or no wheelbase.
-    """
-    half, size, free = np.broadcast_arrays(
-        *(np.asarray(v, np.float64) for v in (0.5 * np.asarray(wheelbase), radius, clearance))
-    )
-    drop = size - np.where(np.isfinite(free), free, size)
-    reach = np.hypot(half, drop)
-    bound = np.isfinite(free) & (half > 0.0) & (reach > size)
-    lean = np.arcsin(np.divide(size, reach, out=np.ones_like(reach), where=bound))
-    angle = 2.0 * (lean - np.arctan2(drop, half))
-    return np.where(bound, np.clip(angle, 0.0, NO_LIMIT), np.where(free > 0.0, NO_LIMIT, 0.0))[()]
-
-
-def approach(radius: Any, length: Any, height: Any) -> Numbers:
-    """The steepest ramp that an overhang does not touch when its wheels stand at its foot, rad.
-
-    asin(r/d) + atan2(y − r, o), d = √(o² + (y − r)²), for the body's end at the length o beyond the
-    axle and at the height y. `NO_LIMIT` where d ≤ r or nothing can touch.
-    """
-    size, ahead, above = np.broadcast_arrays(
-        *(np.asarray(v, np.float64) for v in (radius, length, height))
-    )
-    rise = np.where(np.isfinite(above), above, size) - size
-    reach = np.hypot(ahead, rise)
-    bound = np.isfinite(above) & (reach > size)
-    lean = np.arcsin(np.divide(size, reach, out=np.ones_like(reach), where=bound))
-    return np.where(bound, np.clip(lean + np.arctan2(rise, ahead), 0.0, NO_LIMIT), NO_LIMIT)[()]
-
-
-def overhang_angle(radius: float, overhang: Overhang) -> float:
-    """`approach` of a vehicle's overhang; the angle of departure if it is the rear one."""
-    return float(approach(radius, overhang.length, overhang.height))
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from terratool.field.terrain import Terrain
 from terratool.text.display import shown
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
-from terratool.traversability.loads import wheel_layout, wheel_loads
+from terratool.traversability.limits import wheel_layout, wheel_loads
 from terratool.traversability.soil import bekker_sinkage
 from terratool.traversability.vehicle import Vehicle
 

@@ -16,14 +16,18 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import Grid, Window
 from terratool.raster.prefetch import prefetch
-from terratool.traversability.arrays import SoilArrays
-from terratool.traversability.footprint import Footprint, Offsets, Pose, footprint
-from terratool.traversability.ground import Ground, Grounds
-from terratool.traversability.limits import slip_limit, step_of
-from terratool.traversability.loads import WheelLayout, tip_edges, wheel_layout
+from terratool.traversability.limits import (
+    WheelLayout,
+    slip_limit,
+    step_of,
+    tip_edges,
+    wheel_layout,
+)
 from terratool.traversability.results import HEADINGS, Survey
 from terratool.traversability.soil import soils
+from terratool.traversability.stance import Footprint, Ground, Grounds, Offsets, Pose, footprint
 from terratool.traversability.vehicle import Vehicle, Wheel
+from terratool.traversability.wheel import SoilArrays
 
 ROUGH = 0.5
 """Share of the wheel's radius, or of the clearance if that is less, that roughness may take."""

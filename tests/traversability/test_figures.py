@@ -18,9 +18,17 @@ from terratool.definition.model import Surface
 from terratool.definition.presets import PRESETS, property_of
 from terratool.errors import RequestError
 from terratool.raster.layers import LAYERS, SurfaceValues
-from terratool.traversability.figures import ASSUMPTIONS, all_figures, surface_figures
 from terratool.traversability.results import Reason, Verdict
-from terratool.traversability.soil import bekker_sinkage, governing_load, missing_of, soil_of, soils
+from terratool.traversability.soil import (
+    ASSUMPTIONS,
+    all_figures,
+    bekker_sinkage,
+    governing_load,
+    missing_of,
+    soil_of,
+    soils,
+    surface_figures,
+)
 from terratool.traversability.vehicle import Axle, Margins, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import demand
 from tests.conftest import terrain_of

@@ -16,9 +16,9 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.traversability import limits
-from terratool.traversability.footprint import directions
-from terratool.traversability.loads import wheel_loads
+from terratool.traversability.limits import wheel_loads
 from terratool.traversability.results import Reason, Survey, Verdict
+from terratool.traversability.stance import directions
 from terratool.traversability.survey import (
     Surveyor,
     WindowMeasures,
@@ -595,11 +595,11 @@ class TestTables:
         on_soils = kernels.VehicleOnSoils(vehicle_params(vehicle), *table)
         shares, slips, direct = [], [], 0
         for along, across in np.random.default_rng(1).uniform(-0.5, 0.5, (1500, 2)):
-            found = kernels.find_stand(on_soils, 1, along, across)
+            found = kernels.tabulated_state(on_soils, 1, along, across)
             if found is None:
                 direct += 1
                 continue
-            want = kernels.stand(on_soils, 1, along, across)
+            want = kernels.slope_state(on_soils, 1, along, across)
             moves = want["energy"] < math.inf
             assert (found["energy"] < math.inf) == moves
             if moves:

@@ -12,7 +12,6 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
 from terratool.raster.grid import Grid, grid_over
 from terratool.text.display import shown
-from terratool.traversability.figures import level_demand
 from terratool.traversability.results import (
     HEADINGS,
     Barrier,
@@ -46,7 +45,7 @@ from terratool.traversability.route.paths import (
     straight,
     worst,
 )
-from terratool.traversability.soil import soils
+from terratool.traversability.soil import level_demand, soils
 from terratool.traversability.vehicle import Vehicle
 
 _PER_RADIUS = 4.0
