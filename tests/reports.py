@@ -143,7 +143,6 @@ def report(**changes: Any) -> TraversabilityReport:
         "surfaces": (SAND, ROCK, BOG, BARE),
         "summary": SUMMARY,
         "verdict": Verdict.NO_GO,
-        "sentence": "There is no way: step at (121, 208), /elemTree/children/3, for 0.4 m.",
         "routes": (WAY, NO_WAY, WAYPOINTS),
         "reach": Reach(place(105.0, 202.0), 0.625, 0.5, best_cells()),
         "preview": survey(),

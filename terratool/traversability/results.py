@@ -100,11 +100,11 @@ class Figures:
         utilisation: of the strength on the level.
         slip: on the level; None where it is not known.
         climb: largest slope, rad; None where it cannot even drive on the level.
-        climb_limit: what binds there.
+        climb_binding: what binds there.
         cross_slope: largest, rad.
-        cross_limit: what binds there.
+        cross_slope_binding: what binds there.
         step: highest, m.
-        step_limit: what binds there, in words.
+        step_binding: what binds there, in words.
         gap: widest, m.
         verdict: on level ground.
         reason: what binds on level ground.
@@ -132,11 +132,11 @@ class Figures:
     utilisation: float | None = None
     slip: float | None = None
     climb: float | None = None
-    climb_limit: Reason = Reason.NONE
+    climb_binding: Reason = Reason.NONE
     cross_slope: float | None = None
-    cross_limit: Reason = Reason.NONE
+    cross_slope_binding: Reason = Reason.NONE
     step: float | None = None
-    step_limit: str = ""
+    step_binding: str = ""
     gap: float | None = None
     verdict: Verdict = Verdict.UNKNOWN
     reason: Reason = Reason.NONE
@@ -374,7 +374,6 @@ class TraversabilityReport:
         summary: of the map.
         verdict: of the whole: of the route if there is one, else of the map's best cells: GO where
             all is, NO_GO where nothing is better than that, CAUTION in between.
-        sentence: the verdict for people, and what binds most.
         routes: as asked for.
         reach: if asked for.
         preview: a survey on a grid coarse enough for a picture; None where no picture is wanted.
@@ -389,7 +388,6 @@ class TraversabilityReport:
     surfaces: tuple[Figures, ...]
     summary: MapSummary
     verdict: Verdict
-    sentence: str
     routes: tuple[Route, ...] = ()
     reach: Reach | None = None
     preview: Survey | None = None

@@ -23,6 +23,7 @@ from terratool.traversability import assess as assessing
 from terratool.traversability.assess import Request, assess, planned
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
+from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import Verdict
 from terratool.traversability.route import graph
 from terratool.traversability.vehicle import Vehicle, load_vehicle
@@ -342,14 +343,14 @@ class TestAssess:
         inner = Request(bounds=(104, 52, 108, 56), resolution=0.2)
         report = assess(terrain_of(flat), vehicle, inner)
         assert report.verdict == Verdict.GO
-        assert report.sentence.startswith("All of the ground is go")
+        assert conclusion(report).startswith("All of the ground is go")
         barred = assess(
             terrain_of(CLOSED),
             vehicle,
             Request(routes=(WAY,), resolution=0.1),  # type: ignore[arg-type]
         )
         assert barred.verdict == Verdict.NO_GO
-        assert "/elemTree/children/0" in barred.sentence
+        assert "/elemTree/children/0" in conclusion(barred)
         bare = {**flat, "surfTypes": {"floor": {}}}
         unknown = assess(terrain_of(bare), vehicle, inner)
         assert unknown.verdict == Verdict.UNKNOWN

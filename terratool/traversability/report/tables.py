@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,8 +11,9 @@ from terratool.traversability.report import wording
 from terratool.traversability.results import Figures, Route, TraversabilityReport, Verdict
 from terratool.traversability.vehicle import Axle, Vehicle
 
-VERDICTS = (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
-"""In the order in which people are told of them."""
+WIDTH = 80
+_NAME = 16
+"""Columns for names of surfaces; longer ones are cut."""
 
 Cell = str | Verdict
 
@@ -45,9 +45,9 @@ def abilities(report: TraversabilityReport) -> Table:
     rows = (
         (
             title(figures), figures.verdict, what_binds(figures),
-            wording.degrees(figures.climb), wording.because(figures.climb_limit),
-            wording.degrees(figures.cross_slope), wording.because(figures.cross_limit),
-            wording.length(figures.step), figures.step_limit or wording.NOTHING,
+            wording.degrees(figures.climb), wording.because(figures.climb_binding),
+            wording.degrees(figures.cross_slope), wording.because(figures.cross_slope_binding),
+            wording.length(figures.step), figures.step_binding or wording.NOTHING,
             wording.length(figures.gap),
         )
         for figures in report.surfaces
@@ -115,7 +115,7 @@ def shares(report: TraversabilityReport) -> Table:
             wording.share(summary.fraction(verdict)),
             wording.share(_fraction(summary.worst_counts, verdict)),
         )
-        for verdict in VERDICTS
+        for verdict in wording.VERDICTS
     )
     return Table(columns, tuple(rows))
 
@@ -136,14 +136,14 @@ def grounds(report: TraversabilityReport) -> Table:
     """How much of each surface's ground is what, by the best heading."""
     columns = (
         Column("surface", False), Column("share of the ground"),
-        *(Column(verdict.label) for verdict in VERDICTS),
+        *(Column(verdict.label) for verdict in wording.VERDICTS),
     )  # fmt: skip
     pixels = report.summary.pixels
     rows = (
         (
             printable(name) or "(no surface)",
             wording.share(sum(counts.values()) / pixels),
-            *(wording.share(_fraction(counts, verdict)) for verdict in VERDICTS),
+            *(wording.share(_fraction(counts, verdict)) for verdict in wording.VERDICTS),
         )
         for name, counts in report.summary.by_surface.items()
         if sum(counts.values())
@@ -287,106 +287,15 @@ def warnings(report: TraversabilityReport) -> tuple[tuple[str, str], ...]:
     )
 
 
-MARKS = {Verdict.GO: "✔", Verdict.CAUTION: "!", Verdict.NO_GO: "✘", Verdict.UNKNOWN: "?"}
-
-# what begins markup anywhere in a line, a cell of a table and HTML included
-_MARKUP = re.compile(r"([\\`*_{}\[\]<>&|~#$])")
-
-
-def as_markdown(report: TraversabilityReport) -> str:
-    """A report as the text of a Markdown file (GitHub's flavour, for its tables)."""
-    return "\n".join(_lines(report)) + "\n"
-
-
-def escaped(text: str) -> str:
-    """A text of the user's on one line, none of it markup."""
-    return _MARKUP.sub(r"\\\1", printable(text))
-
-
-def _lines(report: TraversabilityReport) -> Iterator[str]:
-    yield f"# {_cell(report.verdict)}: {escaped(report.terrain)}"
-    yield ""
-    yield f"**{escaped(report.sentence)}**"
-    yield ""
-    vehicle = escaped(report.vehicle.name) or "a wheel"
-    descr = f" ({escaped(report.descr)})" if report.descr else ""
-    yield f"Terrain {escaped(report.terrain)}{descr}, driven by {vehicle}."
-    yield ""
-    for route in report.routes:
-        yield f"## {'Route' if route.planned else 'Waypoints'} {escaped(wording.ends(route))}"
-        yield ""
-        yield f"{_cell(route.verdict)}. {escaped(wording.route_line(route))}"
-        yield ""
-        for title, text in journey(route):
-            yield f"- {title}: {escaped(text)}"
-        yield ""
-    if report.reach:
-        yield "## Reach"
-        yield ""
-        yield escaped(wording.reach_line(report.reach))
-        yield ""
-    yield "## Surfaces"
-    yield ""
-    yield "What the vehicle can do on each."
-    yield ""
-    yield from _table(abilities(report))
-    yield "The wheel that bears most, and the soil under it."
-    yield ""
-    yield from _table(contact(report))
-    yield "What each was taken for."
-    yield ""
-    yield from _table(soils(report))
-    for name, warning in warnings(report):
-        yield f"- {escaped(name)}: {escaped(warning)}"
-    yield from [""] if warnings(report) else []
-    yield "## Map"
-    yield ""
-    for note in report.notes:
-        yield f"- {escaped(note)}"
-    yield from [""] if report.notes else []
-    for table in (shares(report), reasons(report), grounds(report)):
-        yield from _table(table)
-    yield "## Vehicle"
-    yield ""
-    yield from _table(properties(report.vehicle))
-    yield "## Limits and assumptions"
-    yield ""
-    for sentence in report.assumptions:
-        yield f"- {escaped(sentence)}"
-
-
-def _table(table: Table) -> Iterator[str]:
-    if not table.rows:
-        return
-    yield _row([column.title for column in table.columns])
-    yield _row(["--:" if column.numeric else ":--" for column in table.columns], plain=True)
-    for row in table.rows:
-        yield _row(row)
-    yield ""
-
-
-def _row(cells: tuple[Cell, ...] | list[str], plain: bool = False) -> str:
-    return f"| {' | '.join(str(cell) if plain else _cell(cell) for cell in cells)} |"
-
-
-def _cell(cell: Cell) -> str:
-    return f"{MARKS[cell]} {cell.label}" if isinstance(cell, Verdict) else escaped(cell)
-
-
-WIDTH = 80
-_NAME = 16
-"""Columns for names of surfaces; longer ones are cut."""
-
-
 def as_lines(report: TraversabilityReport) -> Iterator[str]:
     """A report in lines of at most 80 columns.
 
     What cannot be broken, as a JSON pointer, may be longer.
     """
-    yield from _wrapped(f"{report.verdict.label}: {printable(report.sentence)}", "")
+    yield from _wrapped(f"{report.verdict.label}: {printable(wording.conclusion(report))}", "")
     for route in report.routes:
         line = printable(wording.route_line(route))
-        if line not in printable(report.sentence):
+        if line not in printable(wording.conclusion(report)):
             yield from _wrapped(f"{route.verdict.label}: {line}")
     if report.reach:
         yield from _wrapped(printable(wording.reach_line(report.reach)))
@@ -419,7 +328,7 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
 
 def _map(report: TraversabilityReport) -> Iterator[Sequence[str]]:
     summary = report.summary
-    yield "ground", *(verdict.label for verdict in VERDICTS), "what binds"
+    yield "ground", *(verdict.label for verdict in wording.VERDICTS), "what binds"
     ranked = reasons(report).rows
     binding = ", ".join(f"{reason} {part}" for reason, part in ranked[:2])
     for title, counts, why in (
@@ -427,7 +336,7 @@ def _map(report: TraversabilityReport) -> Iterator[Sequence[str]]:
         ("worst heading", summary.worst_counts, ""),
     ):
         total = sum(counts.values())
-        parts = (counts.get(verdict, 0) / total if total else 0.0 for verdict in VERDICTS)
+        parts = (counts.get(verdict, 0) / total if total else 0.0 for verdict in wording.VERDICTS)
         yield title, *map(wording.share, parts), why
 
 
