@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, clip_bounds
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, grid_over
-from terratool.traversability.map import default_resolution, map_to_tif
+from terratool.traversability.map import default_resolution, write_map
 from terratool.traversability.results import (
     HEADINGS,
     RANKS,
@@ -29,7 +29,7 @@ from terratool.traversability.results import (
 from terratool.traversability.route.graph import PREFERENCES, Preference
 from terratool.traversability.route.routes import MOST_STATES, check, plan, reach, route_grid
 from terratool.traversability.soil import ASSUMPTIONS, all_figures
-from terratool.traversability.survey import survey
+from terratool.traversability.survey import Surveyor, survey
 from terratool.traversability.vehicle import Vehicle
 
 MOST_PIXELS = 1024
@@ -59,10 +59,10 @@ class Request:
     Attributes:
         routes: x and y of the start and of the goal of each.
         waypoints: (n, 2) float64 of each way that is to be checked.
-        reachable: from where.
+        reachable: the place from which reach is wanted.
         prefer: what routes are to be the least of.
         resolution: of the map, and of routes where that is not too fine; chosen if None.
-        bounds: west, south, east, north of what is looked at; all if None.
+        bounds: west, south, east, north of the part that counts; all if None.
         headings: at each place.
     """
 
@@ -81,16 +81,22 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Grids:
-    """The grids of an assessment.
+class AssessmentPlan:
+    """A request that has been checked, and the grids for it.
 
     Attributes:
+        terrain, vehicle, request: what is to be found out.
+        pictured: whether the report has a picture.
         grid: of the map.
-        route: of routes; None where there are none.
-        picture: of the picture; None for that of the routes, or for none.
+        route: grid of routes; None where there are none.
+        picture: grid of the picture; None for that of the routes, or for none.
         notes: sentences on how they were chosen.
     """
 
+    terrain: Terrain
+    vehicle: Vehicle
+    request: Request
+    pictured: bool
     grid: Grid
     route: Grid | None
     picture: Grid | None
@@ -103,14 +109,14 @@ class Grids:
         return sum(grid.width * grid.height for grid in grids if grid is not None)
 
 
-def planned(
+def plan_assessment(
     terrain: Terrain, vehicle: Vehicle, request: Request, *, mapped: bool, pictured: bool
-) -> Grids:
+) -> AssessmentPlan:
     """Check a request, and choose its grids, before any long work.
 
     Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
+        terrain: where.
+        vehicle: or a wheel.
         request: what is to be found out.
         mapped: whether the map goes into a file.
         pictured: whether the report has a picture.
@@ -155,62 +161,50 @@ def planned(
         coarse = max(grid.resolution, max(part[2] - part[0], part[3] - part[1]) / _PICTURE)
         shorter = min(part[2] - part[0], part[3] - part[1])
         picture = grid_over(terrain, min(coarse, shorter), request.bounds)
-    return Grids(grid, route, picture, tuple(notes))
+    return AssessmentPlan(terrain, vehicle, request, pictured, grid, route, picture, tuple(notes))
 
 
 def assess(
-    terrain: Terrain,
-    vehicle: Vehicle,
-    request: Request | None = None,
+    planned: AssessmentPlan,
     *,
     name: str = "",
     map_path: str | Path | None = None,
-    pictured: bool = False,
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[int], object] | None = None,
-    grids: Grids | None = None,
     stack: ExitStack | None = None,
 ) -> TraversabilityReport:
     """Find out whether, where and why not a vehicle can drive on a terrain.
 
     Args:
-        terrain: the terrain.
-        vehicle: the vehicle, or a wheel.
-        request: what is to be found out; the surfaces and the map, if not said.
+        planned: what is to be found out, from `plan_assessment`.
         name: of the terrain, for people.
         map_path: a .tif for the map; its numbers go to a second file beside it.
-        pictured: whether the report is to have a survey for a picture.
         overwrite: whether files may be there already.
-        threads: number of threads; as many as there are processors, if not said.
-        progress: is told the number of pixels that are done, of `Grids.pixels`.
-        grids: what `planned` made of the same request, if it was asked.
-        stack: the map's files take their places when it ends, if said.
+        threads: number of threads; as many as there are processors if None.
+        progress: called with the number of pixels that are done, of `planned.pixels`.
+        stack: the map's files take their places when it ends, if given.
 
     Raises:
-        RequestError: what is asked for lies outside the terrain, or makes no sense.
+        RequestError: a figure of a surface is too large, or the vehicle cannot stand at a start.
         WriteError: the map exists already, or cannot be written.
     """
-    request = request or Request()
-    grids = grids or planned(
-        terrain, vehicle, request, mapped=map_path is not None, pictured=pictured
-    )
-    told = progress or (lambda _: None)
+    terrain, vehicle, request = planned.terrain, planned.vehicle, planned.request
     figures = all_figures(terrain, vehicle)
-    summary = map_to_tif(
-        terrain, vehicle, grids.grid, map_path,
-        headings=request.headings, threads=threads, overwrite=overwrite, progress=progress,
-        stack=stack,
-    )  # fmt: skip
-    seen = picture = None
-    if grids.route is not None:
-        seen = survey(terrain, vehicle, grids.route, headings=request.headings, threads=threads)
-        told(grids.route.width * grids.route.height)
-    if grids.picture is not None:
-        picture = survey(
-            terrain, vehicle, grids.picture, headings=request.headings, threads=threads
-        )
-        told(grids.picture.width * grids.picture.height)
+    surveyor = Surveyor(terrain, vehicle, planned.grid, request.headings)
+    summary = write_map(
+        surveyor, map_path, threads=threads, overwrite=overwrite, progress=progress, stack=stack
+    )
+
+    def surveyed(grid: Grid | None) -> Survey | None:
+        if grid is None:
+            return None
+        found = survey(terrain, vehicle, grid, headings=request.headings, threads=threads)
+        if progress:
+            progress(grid.width * grid.height)
+        return found
+
+    seen, picture = surveyed(planned.route), surveyed(planned.picture)
     routes = tuple(_routes(terrain, vehicle, request, seen)) if seen else ()
     reached: Reach | None = None
     if request.reachable is not None and seen:
@@ -225,9 +219,9 @@ def assess(
         verdict=verdict_of(summary, routes),
         routes=routes,
         reach=reached,
-        preview=(picture or seen) if pictured else None,
+        preview=(picture or seen) if planned.pictured else None,
         assumptions=(*ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
-        notes=grids.notes,
+        notes=planned.notes,
     )
 
 

@@ -291,7 +291,7 @@ class Surveyor:
                 f"Give a multiple of 4 from 4 to {MOST_HEADINGS}.",
             )
         self.headings = headings
-        self._terrain, self._vehicle, self._grid = terrain, vehicle, grid
+        self.terrain, self.grid, self._vehicle = terrain, grid, vehicle
         self._parts = parts = parts_of(vehicle, grid.resolution)
         self._fine = Grid(
             grid.west, grid.south, grid.resolution / parts, grid.height * parts, grid.width * parts
@@ -310,7 +310,7 @@ class Surveyor:
     @property
     def ids(self) -> np.dtype[Any]:
         """Type of the surfaces."""
-        return np.min_scalar_type(len(self._terrain.surfaces))
+        return np.min_scalar_type(len(self.terrain.surfaces))
 
     def blocks(self, window: Window) -> Iterator[Window]:
         """Windows that cover a larger one, each not too large to be measured at once."""
@@ -380,9 +380,9 @@ class Surveyor:
 
     def _beyond(self, window: Window, heading: int) -> NDArray[np.bool_]:
         """Where the vehicle reaches beyond the terrain."""
-        west, south, east, north = self._terrain.bounds
+        west, south, east, north = self.terrain.bounds
         to_west, to_south, to_east, to_north = self._footprint.sides[heading]
-        x, y = self._grid.columns(window), self._grid.rows(window)
+        x, y = self.grid.columns(window), self.grid.rows(window)
         near = 1e-9 * max(abs(west), abs(south), abs(east), abs(north), east - west, north - south)
         out_x = (x - to_west < west - near) | (x + to_east > east + near)
         out_y = (y - to_south < south - near) | (y + to_north > north + near)

@@ -18,13 +18,13 @@ import terratool
 from terratool.cli import main
 from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
-from terratool.field.terrain import load
+from terratool.field.terrain import Terrain, load
 from terratool.traversability import assess as assessing
-from terratool.traversability.assess import Request, assess, planned
+from terratool.traversability.assess import Request, assess, plan_assessment
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
 from terratool.traversability.report.wording import conclusion
-from terratool.traversability.results import Verdict
+from terratool.traversability.results import TraversabilityReport, Verdict
 from terratool.traversability.route import graph
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, run
@@ -284,7 +284,7 @@ def test_the_example_of_the_help_runs() -> None:
     terrain = load(ROOT / words[2])
     vehicle = load_vehicle(ROOT / words[words.index("--vehicle") + 1])
     x0, y0, x1, y1 = map(float, words[at + 1 : at + 5])
-    planned(
+    plan_assessment(
         terrain, vehicle, Request(routes=((x0, y0, x1, y1),)), mapped=False, pictured=True
     )  # its places lie on the terrain
 
@@ -294,16 +294,20 @@ def vehicle(saved: Saved) -> Vehicle:
     return load_vehicle(saved(VEHICLE, "v.json"))
 
 
+def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
+    return assess(plan_assessment(terrain, vehicle, request, mapped=False, pictured=False))
+
+
 class TestAssess:
     def test_without_a_map_it_is_coarser_and_says_so(
         self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
         terrain = terrain_of(WALLED)
-        grids = planned(terrain, vehicle, Request(), mapped=False, pictured=True)
+        grids = plan_assessment(terrain, vehicle, Request(), mapped=False, pictured=True)
         assert (grids.grid.width, grids.grid.height) == (60, 40)
         assert "60 on the longer side" in grids.notes[0]
-        full = planned(terrain, vehicle, Request(), mapped=True, pictured=True)
+        full = plan_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
         assert full.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in full.notes[0]
 
@@ -313,14 +317,14 @@ class TestAssess:
         length = sum(vehicle.rectangle[:2])
         for factor, gaps in ((0.9, False), (1.1, True)):
             request = Request(resolution=factor * length)
-            notes = planned(terrain, vehicle, request, mapped=False, pictured=False).notes
+            notes = plan_assessment(terrain, vehicle, request, mapped=False, pictured=False).notes
             assert any("is not looked at" in note for note in notes) == gaps
 
     def test_bounds_decide_the_resolution(self, vehicle: Vehicle) -> None:
         terrain = terrain_of(WALLED | {"size": [240000, 160000]})
         west, south, _, _ = terrain.bounds
         request = Request(bounds=(west, south, west + 10, south + 5))
-        grids = planned(terrain, vehicle, request, mapped=False, pictured=False)
+        grids = plan_assessment(terrain, vehicle, request, mapped=False, pictured=False)
         assert grids.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in grids.notes[0]
 
@@ -329,22 +333,22 @@ class TestAssess:
         terrain = terrain_of(WALLED)
         told: list[int] = []
         request = Request(routes=(tuple(map(float, WAY)),), resolution=0.2)  # type: ignore[arg-type]
-        report = assess(terrain, vehicle, request, pictured=True, progress=told.append)
+        planned = plan_assessment(terrain, vehicle, request, mapped=False, pictured=True)
+        report = assess(planned, progress=told.append)
         assert report.preview is not None
         assert report.preview.grid.resolution == 0.2
-        grids = planned(terrain, vehicle, request, mapped=False, pictured=True)
-        assert grids.picture is None
-        assert sum(told) == grids.pixels == 2 * 60 * 40
-        assert assess(terrain, vehicle, Request(resolution=0.2)).preview is None
+        assert planned.picture is None
+        assert sum(told) == planned.pixels == 2 * 60 * 40
+        assert assessed(terrain, vehicle, Request(resolution=0.2)).preview is None
 
     def test_verdict_and_sentence_follow(self, vehicle: Vehicle) -> None:
         """Go in the open, no-go where the wall stands across, unknown without a soil."""
         flat = {**WALLED, "elemTree": {"type": "flat", "surface": "floor"}}
         inner = Request(bounds=(104, 52, 108, 56), resolution=0.2)
-        report = assess(terrain_of(flat), vehicle, inner)
+        report = assessed(terrain_of(flat), vehicle, inner)
         assert report.verdict == Verdict.GO
         assert conclusion(report).startswith("All of the ground is go")
-        barred = assess(
+        barred = assessed(
             terrain_of(CLOSED),
             vehicle,
             Request(routes=(WAY,), resolution=0.1),  # type: ignore[arg-type]
@@ -352,6 +356,6 @@ class TestAssess:
         assert barred.verdict == Verdict.NO_GO
         assert "/elemTree/children/0" in conclusion(barred)
         bare = {**flat, "surfTypes": {"floor": {}}}
-        unknown = assess(terrain_of(bare), vehicle, inner)
+        unknown = assessed(terrain_of(bare), vehicle, inner)
         assert unknown.verdict == Verdict.UNKNOWN
         assert unknown.surfaces[0].missing

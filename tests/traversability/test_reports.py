@@ -220,7 +220,7 @@ class TestPage:
             assert image.get("alt")
         for svg in root.iter(f"{SVG}svg"):
             assert svg.get("aria-hidden") == "true" or (
-                svg.get("role") == "img" and drawing.get("aria-label")
+                svg.get("role") == "img" and svg.get("aria-label")
             )
         rows = 0
         for table in root.iter(f"{XHTML}table"):
