@@ -115,8 +115,8 @@ void bind_traversability(nb::module_ m) {
     );
 
     def<&wheel_loads>(
-        m, "wheel_loads", "Loads of a vehicle's wheels at angles, one after the other.",
-        {"layout", "weight", "pitch[n]", "roll[n]"}
+        m, "wheel_loads", "Loads of a vehicle's wheels on a slope.",
+        {"layout", "weight", "pitch", "roll"}
     );
     def<&tipping_on>(
         m, "tipping", "The share of a tip-over angle that is used.", {"layout", "along", "across"}
@@ -126,12 +126,12 @@ void bind_traversability(nb::module_ m) {
         {"layout", "load[w]", "soil", "pull", "wheel", "max_torque"}
     );
     def<&steepest>(
-        m, "steepest", "The largest slope on each soil, and the reason that limits it.",
-        {"across", "layout", "weight", "soils", "slip", "wheel", "max_torque"}
+        m, "steepest", "The largest slope on a soil, and the reason that limits it.",
+        {"across", "layout", "weight", "soil", "slip", "wheel", "max_torque"}
     );
     def<&judge>(
         m, "judge", "Verdict, reason and largest share of measures.",
-        {"shares[m,n]", "go[m]", "strict[m]", "reasons[m]"}
+        {"shares[m]", "go[m]", "strict[m]", "reasons[m]"}
     );
 
     def<&find_state>(

@@ -126,16 +126,14 @@ inline Sinkage sink_wheels(LoadedWheels wheels, const Wheel& wheel) {
     return sunk;
 }
 
-// Loads of a vehicle's wheels, N, at (n,) angles: the body stands on a plane that rises at `pitch`
-// where it heads and at `roll` to its left.
-inline std::vector<double> wheel_loads(const Layout& layout, double weight, In pitch, In roll) {
+// Loads of a vehicle's wheels, N: the body stands on a plane that rises at the angle `pitch` where
+// it heads and at `roll` to its left.
+inline std::vector<double> wheel_loads(
+    const Layout& layout, double weight, double pitch, double roll
+) {
     auto wheels = wheels_on(layout, {});
-    std::vector<double> out;
-    for (std::size_t n = 0; n < pitch.size(); ++n) {
-        load_wheels(wheels, layout, weight, gravity(tan(pitch[n]), tan(roll[n])));
-        for (const LoadedWheel& f : wheels) out.push_back(f.load);
-    }
-    return out;
+    load_wheels(wheels, layout, weight, gravity(tan(pitch), tan(roll)));
+    return each(wheels.size(), [&](std::size_t n) { return wheels[n].load; });
 }
 
 struct Pull {
@@ -305,8 +303,12 @@ inline Reserve cross_reserve(
 
 struct Slope {
     double angle;  // rad; below 0 where it cannot even be on the level
-    Reason limit;
+    u8 reason;     // `Reason`, what limits it
 };
+
+template <class Visit> void visit_members(Slope& s, Visit visit) {
+    visit("angle", s.angle), visit("reason", s.reason);
+}
 
 // The largest angle with something in `reserve`, and what limits it.
 // The first root going up counts: beyond it none does. It is looked for in steps, and then between
@@ -321,7 +323,7 @@ template <class ReserveAt> Slope steepest_slope(ReserveAt reserve_at) {
         if (reserve.force > 0.0) {
             low = high;
         } else {
-            if (high == 0.0) return {-1.0, reserve.limit};
+            if (high == 0.0) return {-1.0, u8(reserve.limit)};
             limit = reserve.limit, top = high, done = true;
         }
         if (done) {
@@ -333,27 +335,20 @@ template <class ReserveAt> Slope steepest_slope(ReserveAt reserve_at) {
             high = min(high + step, upright);
         }
     }
-    return {low >= upright ? PI / 2.0 : low, limit};
+    return {low >= upright ? PI / 2.0 : low, u8(limit)};
 }
 
-// For each soil (n,) the largest slope, and the number of what limits it.
-// `slip` is the largest when climbing; across nothing turns.
-inline std::tuple<std::vector<double>, std::vector<i64>> steepest(
-    bool across, const Layout& layout, double weight, const Soils& soils, double slip,
+// The largest slope, and what limits it, on one soil. `slip` is the largest when climbing; across
+// nothing turns.
+inline Slope steepest(
+    bool across, const Layout& layout, double weight, const Soils& soil, double slip,
     const Wheel& wheel, double max_torque
 ) {
-    std::vector<double> angles;
-    std::vector<i64> limits;
-    for (i64 n = 0; n < soils.size(); ++n) {
-        auto wheels = wheels_on(layout, soils[n]);
-        Slope found = steepest_slope([&](double angle) {
-            return across ? cross_reserve(wheels, layout, weight, angle, wheel)
-                          : climb_reserve(wheels, layout, weight, angle, slip, wheel, max_torque);
-        });
-        angles.push_back(found.angle);
-        limits.push_back(i64(found.limit));
-    }
-    return {angles, limits};
+    auto wheels = wheels_on(layout, soil[0]);
+    return steepest_slope([&](double angle) {
+        return across ? cross_reserve(wheels, layout, weight, angle, wheel)
+                      : climb_reserve(wheels, layout, weight, angle, slip, wheel, max_torque);
+    });
 }
 
 }  // namespace terratool::traversability

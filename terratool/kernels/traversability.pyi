@@ -118,14 +118,8 @@ def measured_stresses(
     Shapes: load[n], torque[n], half[n].
     """
 
-def wheel_loads(
-    layout: Any, weight: float, pitch: NDArray[np.float64], roll: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """
-    Loads of a vehicle's wheels at angles, one after the other.
-
-    Shapes: pitch[n], roll[n].
-    """
+def wheel_loads(layout: Any, weight: float, pitch: float, roll: float) -> NDArray[np.float64]:
+    """Loads of a vehicle's wheels on a slope."""
 
 def tipping(layout: Any, along: float, across: float) -> float:
     """The share of a tip-over angle that is used."""
@@ -140,20 +134,20 @@ def drive(
     """
 
 def steepest(
-    across: bool, layout: Any, weight: float, soils: Any, slip: float, wheel: Any, max_torque: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The largest slope on each soil, and the reason that limits it."""
+    across: bool, layout: Any, weight: float, soil: Any, slip: float, wheel: Any, max_torque: float
+) -> dict[str, Any]:
+    """The largest slope on a soil, and the reason that limits it."""
 
 def judge(
     shares: NDArray[np.float64],
     go: NDArray[np.float64],
     strict: NDArray[np.bool_],
     reasons: NDArray[np.uint8],
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float64]]:
+) -> tuple[int, int, float]:
     """
     Verdict, reason and largest share of measures.
 
-    Shapes: shares[m,n], go[m], strict[m], reasons[m].
+    Shapes: shares[m], go[m], strict[m], reasons[m].
     """
 
 def tabulated_state(

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
-from terratool.traversability.results import Reason
+from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.vehicle import Soil, Vehicle
-from terratool.traversability.wheel import Demand, Numbers, flat, flat_soils, shaped
+from terratool.traversability.wheel import contact, one_soil
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,16 +78,13 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
     return WheelLayout(xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height))
 
 
-def wheel_loads(vehicle: Vehicle, pitch: Any = 0.0, roll: Any = 0.0) -> NDArray[np.float64]:
-    """Loads of all wheels, N, (..., n), where pitch and roll (rad) broadcast to (...).
+def wheel_loads(vehicle: Vehicle, pitch: float = 0.0, roll: float = 0.0) -> NDArray[np.float64]:
+    """Loads of all wheels, N, (n,), as in the layout.
 
-    The body stands on a plane that rises at `pitch` where it heads (nose up) and at `roll` to its
-    left (left side up). A wheel that would be pulled up bears 0.
+    The body stands on a plane that rises at `pitch` (rad) where it heads (nose up) and at `roll` to
+    its left (left side up). A wheel that would be pulled up bears 0.
     """
-    wheels = wheel_layout(vehicle)
-    shape, (pitches, rolls) = flat(pitch, roll)
-    loads = kernels.wheel_loads(wheels, vehicle.weight, pitches, rolls)
-    return loads.reshape(*shape, len(wheels.x))
+    return kernels.wheel_loads(wheel_layout(vehicle), vehicle.weight, pitch, roll)
 
 
 def tip_over(vehicle: Vehicle) -> tuple[float, float, float]:
@@ -153,16 +150,15 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def step_height(radius: Any, angle: Any) -> Numbers:
+def step_height(radius: float, angle: float) -> float:
     """H = r (1 − cos α), the step that a wheel touches at α from the downward vertical, up to r."""
-    height: Numbers = np.where(
-        angle >= np.pi / 2, radius, 2.0 * radius * np.sin(0.5 * np.minimum(angle, np.pi / 2)) ** 2
-    )[()]
-    return height
+    if angle >= math.pi / 2:
+        return radius
+    return float(2.0 * radius * np.sin(0.5 * angle) ** 2)
 
 
-def step_pushed(radius: Any, friction: Any, push: Any, driven: Any = True) -> Numbers:
-    """Step of a wheel that the others push.
+def step_pushed(radius: float, friction: float, push: float, driven: bool = True) -> float:
+    """Step of a wheel that the others push; 0 for one by itself that is not driven.
 
     The force in its contact lies within δ of the normal (on it if the wheel is not driven), and
     the push leans its load by atan(push), so α = δ + atan(push). For the front wheels of an equally
@@ -174,21 +170,19 @@ def step_pushed(radius: Any, friction: Any, push: Any, driven: Any = True) -> Nu
         push: forward force of the other wheels, in loads of this one.
         driven: whether it is.
     """
-    own = np.where(driven, np.arctan(friction), 0.0)
+    own = np.arctan(friction) if driven else 0.0
     return step_height(radius, own + np.arctan(push))
 
 
-def step_torque(radius: Any, load: Any, max_torque: Any) -> Numbers:
+def step_torque(radius: float, load: float, max_torque: float) -> float:
     """Step that a motor lifts a wheel up: r (1 − cos α), α = asin(min(1, Tmax/(W r)))."""
-    needed = np.maximum(np.asarray(load, np.float64) * radius, 1e-300)
-    return step_height(radius, np.arcsin(np.minimum(1.0, max_torque / needed)))
+    return step_height(radius, np.arcsin(min(1.0, max_torque / max(load * radius, 1e-300))))
 
 
-def gap_width(radius: Any, step: Any) -> Numbers:
+def gap_width(radius: float, step: float) -> float:
     """Gap over which a wheel rolls that climbs a step: 2 r sin α, α that of the step."""
-    share = np.clip(np.asarray(step, np.float64) / radius, 0.0, 1.0)
-    width: Numbers = 2.0 * radius * np.sqrt(share * (2.0 - share))
-    return width
+    share = min(max(step / radius, 0.0), 1.0)
+    return 2.0 * radius * math.sqrt(share * (2.0 - share))
 
 
 def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
@@ -215,46 +209,46 @@ def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
             continue
         driven = bool(wheels.driven[here].any())
         push = float(force[~here].sum()) / load
-        limits.append((float(step_pushed(wheel.radius, friction, push, driven)), "friction"))
+        limits.append((step_pushed(wheel.radius, friction, push, driven), "friction"))
         if driven and math.isfinite(wheel.max_torque):
-            lifted = float(step_torque(wheel.radius, load / count, wheel.max_torque))
+            lifted = step_torque(wheel.radius, load / count, wheel.max_torque)
             limits.append((lifted, "motor torque"))
     height, limit = min(limits, key=lambda each: each[0])
     return max(0.0, height - vehicle.margins.step), limit
 
 
 @dataclass(frozen=True, slots=True)
-class Steepest:
-    """The largest slopes, in the shape that the soil's figures broadcast to.
+class SteepestSlope:
+    """The largest slope.
 
     Attributes:
         angle: rad; 0 where it cannot even be on the level.
         possible: whether it can be on the level.
-        reason: int `Reason`, what binds there; what forbids it where it is not possible.
+        reason: what binds there; what forbids it where it is not possible.
     """
 
-    angle: Numbers
-    possible: NDArray[np.bool_] | np.bool_
-    reason: NDArray[np.int64] | np.int64
+    angle: float
+    possible: bool
+    reason: Reason
 
 
-def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> Steepest:
+def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> SteepestSlope:
     """The largest slope that it climbs straight up: the root of Σ DP − Σ R = m g sin α.
 
-    Loads are those of the slope (`loads.layout`). Each driven wheel pushes with the same share of
-    the soil's strength: all of it where K is not known, else what `max_slip` mobilises in the one
-    that mobilises least; with its motor's limit where that is less. Each towed wheel resists.
+    Loads are those of the slope. Each driven wheel pushes with the same share of the soil's
+    strength: all of it where K is not known, else what `max_slip` mobilises in the one that
+    mobilises least; with its motor's limit where that is less. Each towed wheel resists.
     A wheel that lifts ends the search, and so does one that sinks in to its axle.
 
     Args:
-        vehicle: what climbs; its margins are not taken off.
-        soil: numbers or arrays.
-        max_slip: the largest slip; that of the wheel if it is not given.
+        vehicle: its margins are not taken off.
+        soil: under all wheels.
+        max_slip: the largest slip; that of the wheel if None.
     """
     return _steepest(vehicle, soil, False, vehicle.wheel.max_slip if max_slip is None else max_slip)
 
 
-def side_slip(vehicle: Vehicle, soil: Soil) -> Steepest:
+def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
     """The largest slope across which it does not slip: Σ (c b l + W tan φ) = m g sin β.
 
     l = r sin θ1, from the loads on the slope; with equal loads that is N c b l + m g cos β tan φ =
@@ -263,63 +257,53 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> Steepest:
     return _steepest(vehicle, soil, True, 1.0)
 
 
-def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> Steepest:
-    wheel = vehicle.wheel
-    shape, soils, _ = flat_soils(soil)
-    angle, reason = kernels.steepest(
-        across, wheel_layout(vehicle), vehicle.weight, soils, slip, wheel, wheel.max_torque
+def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
+    wheel, layout = vehicle.wheel, wheel_layout(vehicle)
+    found = kernels.steepest(
+        across, layout, vehicle.weight, one_soil(soil), slip, wheel, wheel.max_torque
     )
-    return Steepest(
-        shaped(np.maximum(angle, 0.0), shape),
-        (angle >= 0.0).reshape(shape)[()],
-        reason.reshape(shape)[()],
-    )
+    angle = found["angle"]
+    return SteepestSlope(max(angle, 0.0), angle >= 0.0, Reason(found["reason"]))
 
 
-@dataclass(frozen=True, slots=True)
-class Measure:
+class Measure(NamedTuple):
     """One thing that may bind.
 
     Attributes:
         reason: what it is.
-        share: of its limit, numbers or arrays, not NaN; infinity where nothing would help.
+        share: of its limit, not NaN; infinity where nothing would help.
         go: up to this share it is go.
         strict: whether the limit itself is no-go.
     """
 
     reason: Reason
-    share: Any
+    share: float
     go: float
     strict: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Classes:
-    """What follows from measures, in the shape that they broadcast to.
+class Judgement(NamedTuple):
+    """What follows from measures.
 
     Attributes:
-        verdict: uint8 `Verdict`.
-        reason: uint8 `Reason`, of the measure that binds most.
+        verdict: the worst.
+        reason: the measure that binds: of those with that verdict, the largest share.
         utilisation: the largest share that any measure takes of its limit.
     """
 
-    verdict: NDArray[np.uint8] | np.uint8
-    reason: NDArray[np.uint8] | np.uint8
-    utilisation: Numbers
+    verdict: Verdict
+    reason: Reason
+    utilisation: float
 
 
-def classify(measures: Sequence[Measure]) -> Classes:
-    """The worst verdict of measures, and the one that binds: of those the largest share."""
-    shape, shares = flat(*(measure.share for measure in measures))
+def judge(measures: Sequence[Measure]) -> Judgement:
+    """The worst verdict of measures, and the one that binds."""
+    reasons, shares, go, strict = zip(*measures, strict=True)
     verdict, reason, utilisation = kernels.judge(
-        np.stack(shares),
-        np.array([measure.go for measure in measures], np.float64),
-        np.array([measure.strict for measure in measures], np.bool_),
-        np.array([measure.reason for measure in measures], np.uint8),
-    )
-    return Classes(
-        verdict.reshape(shape)[()], reason.reshape(shape)[()], shaped(utilisation, shape)
-    )
+        np.array(shares, np.float64), np.array(go, np.float64), np.array(strict, np.bool_),
+        np.array(reasons, np.uint8),
+    )  # fmt: skip
+    return Judgement(Verdict(verdict), Reason(reason), utilisation)
 
 
 def slip_limit(vehicle: Vehicle) -> float:
@@ -327,34 +311,47 @@ def slip_limit(vehicle: Vehicle) -> float:
     return min(vehicle.wheel.max_slip, vehicle.thresholds.caution_slip)
 
 
-def wheel_measures(vehicle: Vehicle, need: Demand) -> tuple[Measure, ...]:
-    """What a wheel may fail by: traction U < 1, slip, torque ≤ Tmax, sinkage < r."""
-    limits = vehicle.thresholds
-    slip = slip_limit(vehicle)
-    return (
+class LevelDemand(NamedTuple):
+    """What the wheels of a vehicle need to roll on the level, the largest of all each.
+
+    Attributes:
+        torque: N m.
+        utilisation: of the soil's strength.
+        slip: 0 where it is not known.
+        sinkage: m.
+    """
+
+    torque: float
+    utilisation: float
+    slip: float
+    sinkage: float
+
+
+def level_demand(vehicle: Vehicle, soil: Soil) -> LevelDemand:
+    """What the wheels need to roll on the level."""
+    wheel, loads = vehicle.wheel, wheel_loads(vehicle)
+    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, wheel, wheel.max_torque)
+    sinkage = float(np.max(contact(loads, soil, wheel).sinkage))
+    return LevelDemand(need["torque"], need["utilisation"], need["slip"], sinkage)
+
+
+def judge_level(vehicle: Vehicle, need: LevelDemand) -> Judgement:
+    """The verdict on level ground: of the wheels, and of the body over wheels that have sunk in."""
+    wheel, limits, slip = vehicle.wheel, vehicle.thresholds, slip_limit(vehicle)
+    measures = [
         Measure(Reason.TRACTION, need.utilisation, limits.utilisation, True),
-        Measure(Reason.SLIP, np.divide(need.slip, slip), limits.slip / slip, True),
-        Measure(Reason.TORQUE, torque_share(need.torque, vehicle.wheel.max_torque), limits.torque),
-        Measure(
-            Reason.SINKAGE, np.divide(need.sinkage, vehicle.wheel.radius), limits.geometry, True
-        ),
-    )  # fmt: skip
+        Measure(Reason.SLIP, need.slip / slip, limits.slip / slip, True),
+        Measure(Reason.TORQUE, share_of(abs(need.torque), wheel.max_torque), limits.torque),
+        Measure(Reason.SINKAGE, need.sinkage / wheel.radius, limits.geometry, True),
+    ]
+    if math.isfinite(vehicle.clearance):
+        share = share_of(need.sinkage, vehicle.clearance - vehicle.margins.clearance)
+        measures.append(Measure(Reason.HIGH_CENTRED, share, limits.geometry, True))
+    return judge(measures)
 
 
-def torque_share(torque: Any, max_torque: float) -> Numbers:
-    """|T|/Tmax; 0 where no torque is needed, infinity where there is none to give it."""
-    size = np.abs(np.asarray(torque, np.float64))
-    share = np.full_like(size, np.inf)
-    if max_torque > 0.0:
-        share = size / max_torque
-    return np.where(size == 0.0, 0.0, share)[()]
-
-
-def limit_share(value: Any, limit: Any) -> Numbers:
+def share_of(size: float, limit: float) -> float:
     """The share that a size takes of a limit: 0 where it is 0 or less, infinity beyond no limit."""
-    sizes, limits = np.broadcast_arrays(
-        np.asarray(value, np.float64), np.asarray(limit, np.float64)
-    )
-    share = np.full(sizes.shape, np.inf)
-    np.divide(sizes, limits, out=share, where=limits > 0.0)
-    return np.where(sizes <= 0.0, 0.0, share)[()]
+    if size <= 0.0:
+        return 0.0
+    return size / limit if limit > 0.0 else math.inf

@@ -12,27 +12,22 @@ from terratool.definition.model import Surface
 from terratool.definition.presets import Preset, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.kernels import traversability as kernels
 from terratool.traversability import wheel as wheels
 from terratool.traversability.limits import (
-    Classes,
-    Measure,
-    Steepest,
-    classify,
+    SteepestSlope,
     climb,
     gap_width,
-    limit_share,
+    judge_level,
+    level_demand,
     side_slip,
     slip_limit,
     step_of,
     tip_over,
     wheel_layout,
-    wheel_loads,
-    wheel_measures,
 )
 from terratool.traversability.results import Figures, Reason, Verdict
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
-from terratool.traversability.wheel import LARGEST, Demand, Numbers, one_soil
+from terratool.traversability.wheel import LARGEST, Numbers
 
 _NEEDED = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))
 
@@ -168,7 +163,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     contact = wheels.contact(load, soil, vehicle.wheel)
     best = wheels.traction(load, soil, vehicle.wheel, slip_limit(vehicle))
     need = level_demand(vehicle, soil)
-    classes = level_classes(vehicle, need)
+    verdict, reason, _ = judge_level(vehicle, need)
     to_side, backwards, _ = tip_over(vehicle)
     up, up_limit = _largest(climb(vehicle, soil, slip_limit(vehicle)), backwards, vehicle)
     across, across_limit = _largest(side_slip(vehicle, soil), to_side, vehicle)
@@ -192,18 +187,18 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         thrust=float(best.thrust),
         resistance=float(best.resistance),
         drawbar=float(best.drawbar),
-        torque=float(need.torque),
-        utilisation=float(need.utilisation) if math.isfinite(need.utilisation) else None,
-        slip=float(need.slip) if known else None,
+        torque=need.torque,
+        utilisation=need.utilisation if math.isfinite(need.utilisation) else None,
+        slip=need.slip if known else None,
         climb=up,
         climb_binding=up_limit,
         cross_slope=across,
         cross_slope_binding=across_limit,
         step=step,
         step_binding=step_limit,
-        gap=float(gap_width(vehicle.wheel.radius, step)),
-        verdict=Verdict(int(classes.verdict)),
-        reason=Reason(int(classes.reason)),
+        gap=gap_width(vehicle.wheel.radius, step),
+        verdict=verdict,
+        reason=reason,
         warnings=(*wheels.remarks(load, soil, vehicle.wheel), *_remarks(vehicle, soil, load)),
     )
 
@@ -215,32 +210,12 @@ def all_figures(terrain: Terrain, vehicle: Vehicle) -> tuple[Figures, ...]:
     )
 
 
-def level_demand(vehicle: Vehicle, soil: Soil) -> Demand:
-    """What its wheels need to roll on the level: the largest torque, share, slip and sinkage."""
-    tyre, loads = vehicle.wheel, wheel_loads(vehicle)
-    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, tyre, tyre.max_torque)
-    sinkage = np.max(wheels.contact(loads, soil, tyre).sinkage)
-    return Demand(*map(np.float64, (need["torque"], need["utilisation"], need["slip"], sinkage)))
-
-
-def level_classes(vehicle: Vehicle, need: Demand) -> Classes:
-    """The verdict on level ground: of the wheels, and of the body over wheels that have sunk in."""
-    measures = list(wheel_measures(vehicle, need))
-    if math.isfinite(vehicle.clearance):
-        share = limit_share(need.sinkage, vehicle.clearance - vehicle.margins.clearance)
-        measures.append(Measure(Reason.HIGH_CENTRED, share, vehicle.thresholds.geometry, True))
-    return classify(measures)
-
-
-def _largest(found: Steepest, tips: float, vehicle: Vehicle) -> tuple[float | None, Reason]:
+def _largest(found: SteepestSlope, tips: float, vehicle: Vehicle) -> tuple[float | None, Reason]:
     """A slope less its margins, or that at which it tips over; None if not even the level."""
-    reason = Reason(int(found.reason))
     if not found.possible:
-        return None, reason
-    angle, tips = float(found.angle) - vehicle.margins.slope, tips - vehicle.margins.tip
-    if tips < angle:
-        angle, reason = tips, Reason.TIP_OVER
-    return max(angle, 0.0), reason
+        return None, found.reason
+    angle, tips = found.angle - vehicle.margins.slope, tips - vehicle.margins.tip
+    return (max(tips, 0.0), Reason.TIP_OVER) if tips < angle else (max(angle, 0.0), found.reason)
 
 
 def _remarks(vehicle: Vehicle, soil: Soil, load: float) -> tuple[str, ...]:

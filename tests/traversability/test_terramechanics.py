@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.traversability import limits, wheel
-from terratool.traversability.limits import Measure, classify, torque_share
+from terratool.traversability.limits import Measure, judge, share_of
 from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import demand, one_soil
@@ -318,7 +318,7 @@ def test_nothing_that_is_accepted_gives_nan(
         ]  # fmt: skip
         singles = [
             wheel.towed_resistance(load, soil, tyre), wheel.lateral_grip(load, soil, tyre),
-            torque_share(found[2].torque, torque), limits.step_torque(radius, load, torque),
+            share_of(abs(found[2].torque), torque), limits.step_torque(radius, load, torque),
         ]  # fmt: skip
     for value in found:
         for name in value.__slots__:
@@ -637,29 +637,36 @@ def test_the_push_of_others_helps_over_a_step() -> None:
 
 def test_classes_of_one_measure() -> None:
     """Below the threshold go, up to the limit caution, beyond it no-go; strict ones at it."""
-    shares = np.array([0, 0.69, 0.7, 1, 1.001, np.inf])
-    loose = classify([Measure(Reason.STEP, shares, 0.7)])
-    strict = classify([Measure(Reason.TRACTION, shares, 0.7, True)])
     go, caution, no_go = Verdict.GO, Verdict.CAUTION, Verdict.NO_GO
-    assert loose.verdict.tolist() == [go, go, caution, caution, no_go, no_go]
-    assert strict.verdict.tolist() == [go, go, caution, no_go, no_go, no_go]
-    assert loose.utilisation.tolist() == shares.tolist()
+    shares = (0, 0.69, 0.7, 1, 1.001, math.inf)
+    loose = [judge([Measure(Reason.STEP, share, 0.7)]) for share in shares]
+    strict = [judge([Measure(Reason.TRACTION, share, 0.7, True)]) for share in shares]
+    assert [one.verdict for one in loose] == [go, go, caution, caution, no_go, no_go]
+    assert [one.verdict for one in strict] == [go, go, caution, no_go, no_go, no_go]
+    assert tuple(one.utilisation for one in loose) == shares
 
 
-def test_the_measure_that_binds_most_is_named() -> None:
+@pytest.mark.parametrize(
+    ("shares", "expected"),
+    [
+        ((0.5, 0.6, 0.1), (Verdict.CAUTION, Reason.SLIP, 0.6)),
+        ((0.5, 1.2, 1.1), (Verdict.NO_GO, Reason.TORQUE, 1.2)),
+        ((0.9, 0.95, 0.0), (Verdict.CAUTION, Reason.TORQUE, 0.95)),
+    ],
+)
+def test_the_measure_that_binds_most_is_named(
+    shares: tuple[float, ...], expected: tuple[Verdict, Reason, float]
+) -> None:
     """Of those with the worst verdict the largest share; not one that is larger, but go."""
-    found = classify([
-        Measure(Reason.SLIP, np.array([0.5, 0.5, 0.9]), 0.4),
-        Measure(Reason.TORQUE, np.array([0.6, 1.2, 0.95]), 0.7),
-        Measure(Reason.STEP, np.array([0.1, 1.1, 0.0]), 0.7),
-    ])  # fmt: skip
-    assert found.verdict.tolist() == [Verdict.CAUTION, Verdict.NO_GO, Verdict.CAUTION]
-    assert found.reason.tolist() == [Reason.SLIP, Reason.TORQUE, Reason.TORQUE]
-    assert found.utilisation.tolist() == [0.6, 1.2, 0.95]
+    limits = ((Reason.SLIP, 0.4), (Reason.TORQUE, 0.7), (Reason.STEP, 0.7))
+    measures = [
+        Measure(reason, share, go) for (reason, go), share in zip(limits, shares, strict=True)
+    ]
+    assert judge(measures) == expected
 
 
 def test_shares_of_torque() -> None:
     """A motor that gives nothing is enough for nothing; one without limit for anything."""
-    assert torque_share(np.array([0.0, -3.0]), 4.0).tolist() == [0.0, 0.75]
-    assert torque_share(np.array([0.0, 1.0]), 0.0).tolist() == [0.0, math.inf]
-    assert torque_share(1e9, math.inf) == 0
+    assert (share_of(0.0, 4.0), share_of(3.0, 4.0)) == (0.0, 0.75)
+    assert (share_of(0.0, 0.0), share_of(1.0, 0.0)) == (0.0, math.inf)
+    assert share_of(1e9, math.inf) == 0

@@ -12,6 +12,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
 from terratool.raster.grid import Grid, grid_over
 from terratool.text.display import shown
+from terratool.traversability.limits import level_demand
 from terratool.traversability.results import (
     HEADINGS,
     Barrier,
@@ -45,7 +46,7 @@ from terratool.traversability.route.paths import (
     straight,
     worst,
 )
-from terratool.traversability.soil import level_demand, soils
+from terratool.traversability.soil import soils
 from terratool.traversability.vehicle import Vehicle
 
 _PER_RADIUS = 4.0
@@ -234,7 +235,7 @@ def _weakest(
         if reason == Reason.SIDE_SLIP:
             return -float(soil.friction)
         need = level_demand(vehicle, soil)
-        return float(need.sinkage if reason == Reason.SINKAGE else need.utilisation)
+        return need.sinkage if reason == Reason.SINKAGE else need.utilisation
 
     weakest = max(range(len(along)), key=lambda n: weakness(int(found.surface[n])))
     return int(found.element[weakest])
