@@ -39,7 +39,6 @@ def site(pixels: int) -> Survey:
     grid = Grid(0.0, 0.0, 0.1, pixels, pixels)
     return Survey(
         grid,
-        grid.whole,
         (np.sin(x / 7) * np.cos(y / 11)).astype(np.float32),
         np.zeros(shape[1:], np.uint8),
         plane(np.where(barred, Verdict.NO_GO, Verdict.GO), np.uint8),

@@ -81,7 +81,7 @@ def survey(grid: Grid = GRID, headings: int = 8) -> Survey:
     stack = np.stack([verdict] * headings)
     stack[0][stack[0] == 1] = 2
     return Survey(
-        grid, grid.whole, heights, np.ones(shape, np.uint8), stack, np.stack([reason] * headings),
+        grid, heights, np.ones(shape, np.uint8), stack, np.stack([reason] * headings),
         every, every * 0, every * 0, every * 0.01, every * 0.1, every * 100,
     )  # fmt: skip
 

@@ -147,8 +147,8 @@ void bind_traversability(nb::module_ m) {
         {"vehicle", "stance", "east", "north", "out"}
     );
     def<&highest>(
-        m, "highest", "The highest ground under offsets, each raised.",
-        {"ground[_,_,_]", "first", "offsets[k,3]", "lift[k]", "out[_,_]"}
+        m, "highest", "The highest ground under offsets.",
+        {"ground[_,_,_]", "first", "offsets[k,3]", "out[_,_]"}
     );
     def<&supports>(
         m, "supports", "How high a wheel stands at every pixel.",

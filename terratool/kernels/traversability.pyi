@@ -162,16 +162,12 @@ def judge_cells(vehicle: VehicleOnSoils, stance: Any, east: float, north: float,
     """Judge a vehicle with a heading at every reference point."""
 
 def highest(
-    ground: NDArray[np.float32],
-    first: int,
-    offsets: NDArray[np.int64],
-    lift: NDArray[np.float32],
-    out: NDArray[np.float32],
+    ground: NDArray[np.float32], first: int, offsets: NDArray[np.int64], out: NDArray[np.float32]
 ) -> None:
     """
-    The highest ground under offsets, each raised.
+    The highest ground under offsets.
 
-    Shapes: ground[_,_,_], offsets[k,3], lift[k], out[_,_].
+    Shapes: ground[_,_,_], offsets[k,3], out[_,_].
     """
 
 def supports(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ from terratool.traversability.results import (
     Verdict,
 )
 from terratool.traversability.route.graph import PREFERENCES, Preference
+from terratool.traversability.route.paths import check_ground, check_inside
 from terratool.traversability.route.routes import MOST_STATES, check, plan, reach, route_grid
 from terratool.traversability.soil import ASSUMPTIONS, all_figures
 from terratool.traversability.survey import Surveyor, survey
@@ -131,7 +131,10 @@ def plan_assessment(
     grid, why = _map_grid(terrain, vehicle, request, mapped)
     part = clip_bounds(terrain, request.bounds)
     for what, place in _places(request):
-        _refuse_outside(terrain, part, what, place)
+        check_inside(terrain, what, place, part, "the bounds that were asked for")
+        # waypoints after the first may lie where nothing drives: that is what bars the way
+        if not what.startswith("Waypoint") or what == "Waypoint 1":
+            check_ground(terrain, what, place)
     notes = [
         f"The map has {grid.width} × {grid.height} pixels of {grid.resolution:.4g} m ({why}), "
         f"each looked at with {request.headings} headings."
@@ -273,23 +276,3 @@ def _places(request: Request) -> Iterator[tuple[str, Point]]:
             yield f"Waypoint {number}", (x, y)
     if request.reachable is not None:
         yield "The place to start from", request.reachable
-
-
-def _refuse_outside(terrain: Terrain, part: Bounds, what: str, place: Point) -> None:
-    """Refuse a place that nothing will be known of."""
-    x, y = place
-    for name, (west, south, east, north) in (
-        ("the terrain", terrain.bounds), ("the bounds that were asked for", part),
-    ):  # fmt: skip
-        if not (west <= x <= east and south <= y <= north):  # nor NaN
-            sides = " ".join(f"{side:.12g}" for side in (west, south, east, north))
-            raise RequestError(
-                f"{what}, {x:.12g} {y:.12g}, lies outside {name}.",
-                f"Give x and y within west south east north {sides}.",
-            )
-    # waypoints after the first may lie where nothing drives: that is what bars the way
-    if (what.startswith("The") or what == "Waypoint 1") and math.isnan(terrain.height(x, y)):
-        raise RequestError(
-            f"{what}, {x:.12g} {y:.12g}, is on no ground.",
-            "Give a place that is not in the void.",
-        )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.kernels import traversability as kernels
-from terratool.raster.grid import Grid, Window
+from terratool.raster.grid import Grid
 from terratool.traversability.vehicle import Vehicle
 
 
@@ -149,14 +149,13 @@ HEADINGS = 8
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """A vehicle at the pixel centres of a window, heading by heading.
+    """A vehicle at the pixel centres of a grid, heading by heading.
 
     Rows run from the north. What depends on the heading is (headings, height, width); heading i
     looks 360°·i/headings clockwise from north. At each pixel centre stands the vehicle's `middle`.
 
     Attributes:
         grid: the pixels.
-        window: of the grid.
         heights: (height, width) float32, NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
         verdict: uint8 `Verdict`.
@@ -173,7 +172,6 @@ class Survey:
     """
 
     grid: Grid
-    window: Window
     heights: NDArray[np.float32]
     surfaces: NDArray[Any]
     verdict: NDArray[np.uint8]

@@ -32,11 +32,11 @@ _WALLS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class HeadingFootprint:
     """A vehicle that looks in one direction; offsets are (n, 2), rows to the south and columns.
 
     Attributes:
-        ahead: unit vector of the heading, east and north.
+        direction: unit vector of the heading, east and north.
         wheels: middle of each wheel, at the nearest pixel.
         fit: (3, wheels) float64: what the ground under the wheels says of the plane that is fitted
             to it: its height at the reference point, dz/dx to the east, dz/dy to the north.
@@ -49,7 +49,7 @@ class Pose:
         places: where roughness is taken.
     """
 
-    ahead: tuple[float, float]
+    direction: tuple[float, float]
     wheels: Offsets
     fit: NDArray[np.float64]
     tread: Offsets
@@ -67,7 +67,7 @@ class Footprint:
 
     Attributes:
         resolution: of the ground, m.
-        poses: for each heading, clockwise from north; the second half looks back.
+        by_heading: for each heading, clockwise from north; the second half looks back.
         sides: (headings, 4) m, how far the vehicle reaches west, south, east and north of its
             reference point.
         margin: pixels beyond the outermost reference points that may matter.
@@ -75,7 +75,7 @@ class Footprint:
     """
 
     resolution: float
-    poses: tuple[Pose, ...]
+    by_heading: tuple[HeadingFootprint, ...]
     sides: NDArray[np.float64]
     margin: int
     shared: bool
@@ -96,22 +96,22 @@ def footprint(vehicle: Vehicle, resolution: float, apart: float, headings: int) 
     x, y = wheels.x - vehicle.middle, wheels.y
     # obliquely the next reference point is farther away, and what is between must be seen, too
     reaches = [max(vehicle.wheel.radius, apart / max(map(abs, d))) for d in directions(headings)]
-    poses = tuple(
-        _pose(vehicle, x, y, resolution, reach, direction)
+    by_heading = tuple(
+        _covered(vehicle, x, y, resolution, reach, direction)
         for reach, direction in zip(reaches, directions(headings), strict=True)
     )
     front, rear, side = vehicle.rectangle
     corners = np.array([(front, side), (front, -side), (-rear, side), (-rear, -side)])
     sides = []
-    for pose in poses:
-        east, north = _turned(corners, pose.ahead)
+    for covered in by_heading:
+        east, north = _turned(corners, covered.direction)
         sides.append((-east.min(), -north.min(), east.max(), north.max()))
     # wheels that look for steps, and what shows how high these are, reach farthest
     farthest = math.hypot(max(front, rear), side) + max(reaches) + 2.5 * vehicle.wheel.radius
     same = {(float(a), float(b)) for a, b in zip(x, y, strict=True)}
     shared = same == {(-a + 0.0, -b + 0.0) for a, b in same}
     return Footprint(
-        resolution, poses, np.array(sides), math.ceil(farthest / resolution) + 3, shared
+        resolution, by_heading, np.array(sides), math.ceil(farthest / resolution) + 3, shared
     )
 
 
@@ -127,47 +127,47 @@ def directions(headings: int) -> list[tuple[float, float]]:
 
 
 def _turned(
-    points: NDArray[np.float64], ahead: tuple[float, float]
+    points: NDArray[np.float64], direction: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """East and north of points given ahead and to the left."""
     along, left = points.T
-    return along * ahead[0] - left * ahead[1], along * ahead[1] + left * ahead[0]
+    return along * direction[0] - left * direction[1], along * direction[1] + left * direction[0]
 
 
-def _pose(
+def _covered(
     vehicle: Vehicle,
     x: NDArray[np.float64],
     y: NDArray[np.float64],
     resolution: float,
     reach: float,
-    ahead: tuple[float, float],
-) -> Pose:
+    direction: tuple[float, float],
+) -> HeadingFootprint:
     radius, width = vehicle.wheel.radius, vehicle.wheel.width
-    east, north = _turned(np.column_stack([x, y]), ahead)
+    east, north = _turned(np.column_stack([x, y]), direction)
     wheels = np.column_stack([_nearest(-north / resolution), _nearest(east / resolution)])
     # a lane is at least as wide as a line of pixels
-    side = max(0.5 * width, 0.5 * resolution * (abs(ahead[0]) + abs(ahead[1])) - _NEAR)
-    tread, along = _rectangle(-radius, radius, side, resolution, ahead)
-    strip, _ = _rectangle(0.0, reach, side, resolution, ahead)
+    side = max(0.5 * width, 0.5 * resolution * (abs(direction[0]) + abs(direction[1])) - _NEAR)
+    tread, along = _rectangle(-radius, radius, side, resolution, direction)
+    strip, _ = _rectangle(0.0, reach, side, resolution, direction)
     lane = np.unique((wheels[:, None] + strip[None]).reshape(-1, 2), axis=0)
     half, body = 0.5 * vehicle.wheelbase, 0.5 * vehicle.body_width
     nothing = np.empty((0, 2), np.int64)
     middle = front = rear = nothing
     if body > 0.0:
         if math.isfinite(vehicle.clearance):
-            middle, _ = _rectangle(-half, half, body, resolution, ahead)
+            middle, _ = _rectangle(-half, half, body, resolution, direction)
         if vehicle.front.length > 0.0 and math.isfinite(vehicle.front.height):
-            front, _ = _rectangle(half, half + vehicle.front.length, body, resolution, ahead)
+            front, _ = _rectangle(half, half + vehicle.front.length, body, resolution, direction)
         if vehicle.rear.length > 0.0 and math.isfinite(vehicle.rear.height):
-            rear, _ = _rectangle(-half - vehicle.rear.length, -half, body, resolution, ahead)
+            rear, _ = _rectangle(-half - vehicle.rear.length, -half, body, resolution, direction)
     # between the wheels' middles: what wheels would touch there reaches as far as they do
     length, across = half or radius, 0.5 * (vehicle.track or width)
-    places, _ = _rectangle(-length, length, across, resolution, ahead)
+    places, _ = _rectangle(-length, length, across, resolution, direction)
     apart = max(1, round(math.sqrt(len(places) / PLACES)))
     places = places[(places % apart == 0).all(axis=1)]
     lift = np.sqrt(np.maximum(radius**2 - along**2, 0.0)) - radius
-    return Pose(
-        ahead, wheels, _fit(vehicle, wheels, resolution), tread, lift.astype(np.float32), lane,
+    return HeadingFootprint(
+        direction, wheels, _fit(vehicle, wheels, resolution), tread, lift.astype(np.float32), lane,
         middle, front, rear, places,
     )  # fmt: skip
 
@@ -179,7 +179,7 @@ def _nearest(pixels: NDArray[np.float64]) -> Offsets:
 
 
 def _rectangle(
-    begin: float, end: float, side: float, resolution: float, ahead: tuple[float, float]
+    begin: float, end: float, side: float, resolution: float, direction: tuple[float, float]
 ) -> tuple[Offsets, NDArray[np.float64]]:
     """Pixels from `begin` to `end` ahead and up to `side` to each side, and how far ahead each is.
 
@@ -187,8 +187,8 @@ def _rectangle(
     """
     most = math.ceil((max(abs(begin), abs(end)) + side) / resolution) + 1
     rows, columns = np.mgrid[-most : most + 1, -most : most + 1]
-    along = columns * ahead[0] - rows * ahead[1]
-    left = -columns * ahead[1] - rows * ahead[0]
+    along = columns * direction[0] - rows * direction[1]
+    left = -columns * direction[1] - rows * direction[0]
     inside = (along >= begin / resolution - _NEAR) & (along <= end / resolution + _NEAR)
     inside &= np.abs(left) <= side / resolution + _NEAR
     return np.column_stack([rows[inside], columns[inside]]), along[inside] * resolution
@@ -224,10 +224,10 @@ class Ground:
     jumps: NDArray[np.float64]
 
 
-class Grounds:
+class GroundPainter:
     """Paints windows of ground; may be used by several threads at a time.
 
-    Windows may reach beyond the grid: what a pixel is worth depends on no window.
+    Windows may reach beyond the grid; no pixel depends on the window.
 
     Args:
         terrain: the terrain.
@@ -245,7 +245,7 @@ class Grounds:
         self._edges = nonzero_edges(terrain.arrays)
         self._idle: deque[kernels.WallFinder] = deque()
 
-    def of(self, window: Window) -> Ground:
+    def paint(self, window: Window) -> Ground:
         """The ground of a window."""
         planes = self._painter.paint(window)
         assert planes.surfaces is not None and planes.labels is not None

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terratool.field.terrain import Terrain
+from terratool.errors import RequestError
+from terratool.field.terrain import Bounds, Terrain
 from terratool.traversability.results import (
     Extreme,
     Location,
@@ -102,9 +103,9 @@ def along(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
         last = (row, column)
     exact = np.array(places, np.float64)
     rows, columns, headings, judgements = np.array(samples, np.int64).T
-    window, grid = survey.window, survey.grid
-    x = grid.west + (window.column + exact[:, 1] + 0.5) * grid.resolution
-    y = grid.bounds[3] - (window.row + exact[:, 0] + 0.5) * grid.resolution
+    grid = survey.grid
+    x = grid.west + (exact[:, 1] + 0.5) * grid.resolution
+    y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
     height = survey.heights[rows, columns].astype(np.float64)
     return Path(x, y, height, rows, columns, headings, judgements)
 
@@ -139,12 +140,12 @@ def straight(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> P
 
 def cells(survey: Survey, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
     """Rows and columns of the survey that hold points; beyond its edges, the nearest ones."""
-    grid, window = survey.grid, survey.window
-    column = np.floor((np.asarray(x) - grid.west) / grid.resolution) - window.column
-    row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution) - window.row
+    grid = survey.grid
+    column = np.floor((np.asarray(x) - grid.west) / grid.resolution)
+    row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution)
     return (
-        np.clip(row, 0, window.height - 1).astype(np.int64),
-        np.clip(column, 0, window.width - 1).astype(np.int64),
+        np.clip(row, 0, grid.height - 1).astype(np.int64),
+        np.clip(column, 0, grid.width - 1).astype(np.int64),
     )
 
 
@@ -222,3 +223,42 @@ def place_at(terrain: Terrain, x: float, y: float) -> Location:
         terrain.surfaces[surface] if surface >= 0 else "",
         terrain.pointer(int(found.element)) or "",
     )
+
+
+def check_inside(
+    terrain: Terrain, what: str, place: tuple[float, float], part: Bounds, part_name: str
+) -> None:
+    """Refuse a place that nothing is known of.
+
+    Args:
+        terrain: where.
+        what: the place is, for people.
+        place: x and y.
+        part: west, south, east and north of what else it must lie in.
+        part_name: what that is, for people.
+
+    Raises:
+        RequestError: the place lies outside the terrain or the part, or is no number.
+    """
+    x, y = place
+    for name, (west, south, east, north) in (("the terrain", terrain.bounds), (part_name, part)):
+        if not (west <= x <= east and south <= y <= north):
+            sides = " ".join(f"{side:.12g}" for side in (west, south, east, north))
+            raise RequestError(
+                f"{what}, {x:.12g} {y:.12g}, lies outside {name}.",
+                f"Give x and y within west south east north {sides}.",
+            )
+
+
+def check_ground(terrain: Terrain, what: str, place: tuple[float, float]) -> None:
+    """Refuse a place without ground.
+
+    Raises:
+        RequestError: there is none.
+    """
+    x, y = place
+    if math.isnan(terrain.height(x, y)):
+        raise RequestError(
+            f"{what}, {x:.12g} {y:.12g}, is on no ground.",
+            "Give a place that is not in the void.",
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +40,8 @@ from terratool.traversability.route.paths import (
     Path,
     along,
     cells,
+    check_ground,
+    check_inside,
     driving_cost,
     largest,
     place_at,
@@ -84,7 +87,7 @@ def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> 
         reason = Reason(int(reasons[first]))
         x, y = float(path.x[first]), float(path.y[first])
         heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
-        name = bars(terrain, vehicle, reason, x, y, heading, survey.grid.resolution)
+        name = bars(terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution)
         slope = _slope(survey, path, first) if reason in _SLOPES else 0.0
         found.append(
             Barrier(
@@ -97,15 +100,15 @@ def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> 
     return tuple(found)
 
 
-def bars(
-    terrain: Terrain,
-    vehicle: Vehicle,
-    reason: Reason,
-    x: float,
-    y: float,
-    heading: float,
-    cell: float,
-) -> str:
+class Pose(NamedTuple):
+    """Where a vehicle's middle is, and its heading, rad clockwise from north."""
+
+    x: float
+    y: float
+    heading: float
+
+
+def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: float) -> str:
     """What decides the ground that bars a vehicle, for people: element and surface, and how high.
 
     For steps, and whatever else the shape of the ground does, it is the element of the higher side
@@ -114,23 +117,21 @@ def bars(
     one's children, and so a hole in it. For soil it is the weakest that a wheel stands on.
 
     Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
+        terrain: where.
+        vehicle: or a wheel.
         reason: what binds.
-        x: of its middle.
-        y: of its middle.
-        heading: clockwise from north, rad.
+        pose: of the vehicle.
         cell: side of the survey's cells, m.
     """
     if reason == Reason.EDGE:
         return "the edge of the terrain"
     rise = 0.0
     if reason in _SHAPES:
-        element, rise = _rising(terrain, vehicle, x, y, heading, cell)
+        element, rise = _rising(terrain, vehicle, pose, cell)
     elif reason == Reason.NO_GROUND:
-        element = _missing(terrain, vehicle, x, y, heading, cell)
+        element = _missing(terrain, vehicle, pose, cell)
     else:
-        element = _weakest(terrain, vehicle, reason, x, y, heading)
+        element = _weakest(terrain, vehicle, reason, pose)
     if element < 0:
         return "ground without an element" if reason != Reason.NO_GROUND else "no element"
     surface = int(terrain.surface_of(np.array([element]))[0])
@@ -147,7 +148,7 @@ def _slope(survey: Survey, path: Path, sample: int) -> float:
 
 
 def _rectangle(
-    vehicle: Vehicle, x: float, y: float, heading: float, cell: float
+    vehicle: Vehicle, pose: Pose, cell: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """World x and y of a lattice over what the vehicle covers, and what it drives against."""
     front, rear, side = vehicle.rectangle
@@ -156,25 +157,23 @@ def _rectangle(
     step = max(vehicle.wheel.radius / _PER_RADIUS, max(front + rear, 2.0 * side) / _MOST)
     along = np.arange(-rear, front + step, step)
     across = np.arange(-side, side + step, step)
-    return _turned(x, y, heading, along[:, None], across[None, :])
+    return _turned(pose, along[:, None], across[None, :])
 
 
 def _turned(
-    x: float, y: float, heading: float, along: NDArray[np.float64], across: NDArray[np.float64]
+    pose: Pose, along: NDArray[np.float64], across: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """World x and y of places ahead and to the right of a vehicle."""
-    sine, cosine = math.sin(heading), math.cos(heading)
-    return x + along * sine + across * cosine, y + along * cosine - across * sine
+    sine, cosine = math.sin(pose.heading), math.cos(pose.heading)
+    return pose.x + along * sine + across * cosine, pose.y + along * cosine - across * sine
 
 
-def _rising(
-    terrain: Terrain, vehicle: Vehicle, x: float, y: float, heading: float, cell: float
-) -> tuple[int, float]:
+def _rising(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> tuple[int, float]:
     """The element that decides the higher side of the largest difference of heights, and the wall.
 
     Of a hole it is the lower side's, and the height of the wall is below 0; 0 where there is none.
     """
-    xs, ys = _rectangle(vehicle, x, y, heading, cell)
+    xs, ys = _rectangle(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     height, element = found.height, found.element
     rises = [np.abs(np.diff(height, axis=axis)) for axis in (0, 1)]
@@ -205,27 +204,23 @@ def _wall(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.float64])
     return top - foot if top - foot > 0.5 * rise else 0.0
 
 
-def _missing(
-    terrain: Terrain, vehicle: Vehicle, x: float, y: float, heading: float, cell: float
-) -> int:
+def _missing(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> int:
     """Index of the element of the nearest place on the terrain that has no ground; -1 for none."""
-    xs, ys = _rectangle(vehicle, x, y, heading, cell)
+    xs, ys = _rectangle(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     void = np.isnan(found.height) & (found.element >= 0)
     if not void.any():
         return -1
-    distance = np.where(void, np.hypot(xs - x, ys - y), np.inf)
+    distance = np.where(void, np.hypot(xs - pose.x, ys - pose.y), np.inf)
     return int(found.element.ravel()[int(np.argmin(distance))])
 
 
-def _weakest(
-    terrain: Terrain, vehicle: Vehicle, reason: Reason, x: float, y: float, heading: float
-) -> int:
+def _weakest(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> int:
     """Index of the element under the wheel on the soil that bears least; -1 for none."""
     offset, side = vehicle.middle, 0.5 * vehicle.track
     along = np.array([axle.x - offset for axle in vehicle.axles for _ in (0, 1)])
     across = np.array([side * sign for _ in vehicle.axles for sign in (-1.0, 1.0)])
-    found = terrain.sample(*_turned(x, y, heading, along, across))
+    found = terrain.sample(*_turned(pose, along, across))
     known = soils(terrain, vehicle)
 
     def weakness(surface: int) -> float:
@@ -439,7 +434,7 @@ def _least_resistance(
     """
     rate = np.where(can, np.float32(1.0), np.float32(_BARRED))
     west, south, east, north = terrain.bounds
-    x, y = survey.grid.columns(survey.window), survey.grid.rows(survey.window)
+    x, y = survey.grid.columns(survey.grid.whole), survey.grid.rows(survey.grid.whole)
     inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))
     inside[end] = True  # a goal at the very edge may be in a cell whose centre is beyond it
     level = np.zeros(inside.shape, np.float32)
@@ -455,44 +450,23 @@ def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: C
     """The middle of the marked cell that is nearest to another one."""
     rows, columns = np.nonzero(marked)
     n = int(np.argmin((rows - end[0]) ** 2 + (columns - end[1]) ** 2))
-    x = survey.grid.columns(survey.window)[columns[n]]
-    y = survey.grid.rows(survey.window)[rows[n]]
+    grid = survey.grid
+    x, y = grid.columns(grid.whole)[columns[n]], grid.rows(grid.whole)[rows[n]]
     return place_at(terrain, float(x), float(y))
 
 
 def _inside(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
     """The cell of a place; refuses what lies outside."""
-    x, y = place
-    name = f"{what}, {x:.12g} {y:.12g},"
-    west, south, east, north = terrain.bounds
-    if not (west <= x <= east and south <= y <= north):
-        raise RequestError(
-            f"{name} lies outside the terrain.",
-            "Give x and y within west south east north "
-            f"{' '.join(f'{side:.12g}' for side in terrain.bounds)}.",
-        )
-    grid, window = survey.grid, survey.window
-    left, top = grid.west + window.column * grid.resolution, grid.bounds[3]
-    top -= window.row * grid.resolution
-    right, low = left + window.width * grid.resolution, top - window.height * grid.resolution
-    if not (left <= x <= right and low <= y <= top):
-        raise RequestError(
-            f"{name} lies outside the part of the terrain that is looked at.",
-            f"Give x and y within west south east north {left:.12g} {low:.12g} {right:.12g} "
-            f"{top:.12g}.",
-        )
-    row, column = cells(survey, x, y)
+    part = "the part of the terrain that is looked at"
+    check_inside(terrain, what, place, survey.grid.bounds, part)
+    row, column = cells(survey, *place)
     return int(row), int(column)
 
 
 def _cell(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
     """The cell of a place; refuses what lies outside or on no ground."""
     cell = _inside(terrain, survey, place, what)
-    if math.isnan(terrain.height(*place)):
-        raise RequestError(
-            f"{what}, {place[0]:.12g} {place[1]:.12g}, is on no ground.",
-            "Give a place that is not in the void.",
-        )
+    check_ground(terrain, what, place)
     return cell
 
 
@@ -526,5 +500,5 @@ def _why(
     heading = int(np.argmin(used))
     reason = Reason(int(survey.reason[heading, *cell]))
     angle = 2.0 * math.pi * heading / survey.headings
-    by = bars(terrain, vehicle, reason, *place, angle, survey.grid.resolution)
+    by = bars(terrain, vehicle, reason, Pose(*place, angle), survey.grid.resolution)
     return reason.label if reason == Reason.EDGE else f"{reason.label}, by {by}"
