@@ -185,7 +185,7 @@ def assess(
         map_path: a .tif for the map; its numbers go to a second file beside it.
         overwrite: whether files may be there already.
         threads: number of threads; as many as there are processors if None.
-        progress: called with the number of pixels that are done, of `planned.pixels`.
+        progress: called with the number of pixels that are done, of the pixels of the plan.
         stack: the map's files take their places when it ends, if given.
 
     Raises:

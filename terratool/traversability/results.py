@@ -13,6 +13,9 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.traversability.vehicle import Vehicle
 
+HEADINGS = 8
+"""Headings of a survey if nobody says otherwise: 0 is north, then clockwise."""
+
 
 class Verdict(IntEnum):
     """Whether the vehicle can be driven; the larger, the worse."""
@@ -38,6 +41,12 @@ COLORS: dict[Verdict, tuple[int, int, int]] = {
     Verdict.NO_GO: (140, 28, 68),
 }
 """Told apart by any kind of colour vision, and in grey by lightness: L* 88, 65 and 31, grey 65."""
+
+_LABELS = (
+    "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
+    "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
+    "roughness",
+)  # fmt: skip
 
 
 class Reason(IntEnum):
@@ -65,12 +74,6 @@ class Reason(IntEnum):
 
 
 kernels.check_enumerations(Verdict, Reason)
-
-_LABELS = (
-    "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
-    "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +144,6 @@ class Figures:
     verdict: Verdict = Verdict.UNKNOWN
     reason: Reason = Reason.NONE
     warnings: tuple[str, ...] = ()
-
-
-HEADINGS = 8
-"""Headings of a survey if nobody says otherwise: 0 is north, then clockwise."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,12 @@ STEP = math.radians(10.0)
 
 Points = NDArray[np.float64]
 
+SHARE = 0.2
+"""Wheel lines are simplified by this share of a wheel's width."""
+_SAMPLES = 2_000_000
+"""So many places along the wheels' lines are looked at, and no more."""
+_DIGITS = 6
+
 
 def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[int, Points]]:
     """The line that each wheel rolls along, seen from above.
@@ -105,13 +111,6 @@ def distances(points: Points, begin: Points, end: Points) -> Points:
     t = ((points - begin) @ along) / length if length else np.zeros(len(points))
     nearest = begin + np.clip(t, 0.0, 1.0)[:, None] * along
     return np.asarray(np.hypot(*(points - nearest).T), np.float64)
-
-
-SHARE = 0.2
-"""Wheel lines are simplified by this share of a wheel's width."""
-_SAMPLES = 2_000_000
-"""So many places along the wheels' lines are looked at, and no more."""
-_DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ Numbers = NDArray[np.float64] | np.float64
 """An array, or a NumPy number where all that went in were numbers."""
 
 DEMAND = np.dtype([(name, np.float64) for name in ("torque", "utilisation", "slip", "sinkage")])
-"""A `demand.Demand`."""
+"""A `Demand`."""
 
 TRACTION = np.dtype(
     [
@@ -44,13 +44,13 @@ TRACTION = np.dtype(
     ],
     align=True,
 )
-"""A `wheel.Traction`."""
+"""A `Traction`."""
 
 kernels.check_records(TRACTION, DEMAND)
 
 
 class SoilArrays(NamedTuple):
-    """Members of a `types.Soil`, flat; the cohesion is NaN where a soil is not known."""
+    """Members of a `Soil`, flat; the cohesion is NaN where a soil is not known."""
 
     cohesion: NDArray[np.float64]
     tan_friction: NDArray[np.float64]

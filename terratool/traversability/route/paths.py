@@ -25,12 +25,12 @@ from terratool.traversability.results import (
 )
 from terratool.traversability.route.graph import (
     Graph,
-    between,
+    cells_between,
     drivable,
-    offsets,
-    pace,
+    heading_offsets,
+    joules_per_metre,
+    seconds_per_metre,
     turning_arc,
-    work,
 )
 from terratool.traversability.vehicle import Vehicle
 
@@ -60,11 +60,11 @@ class Path:
     judged: NDArray[np.int64]
 
     @property
-    def runs(self) -> NDArray[np.float64]:
+    def leg_lengths(self) -> NDArray[np.float64]:
         """Length of each leg seen from above, (n − 1,); 0 for turns."""
         return np.hypot(np.diff(self.x), np.diff(self.y))
 
-    def said(self, plane: NDArray[Any]) -> NDArray[Any]:
+    def sampled(self, plane: NDArray[Any]) -> NDArray[Any]:
         """What a plane of the survey says at the samples, by the heading that is judged."""
         return np.asarray(plane[self.judged, self.row, self.column])
 
@@ -78,12 +78,12 @@ class DrivingCost:
     energy: float
 
 
-def along(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
+def graph_path(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
     """The samples of a way through the graph, with one for each cell that a long move passes.
 
     Where a move passes between two cells, the one that cannot be driven is its sample, if any.
     """
-    towards, can = offsets(survey.headings), drivable(survey)
+    towards, can = heading_offsets(survey.headings), drivable(survey)
     places: list[tuple[float, float]] = []
     samples: list[tuple[int, int, int, int]] = []
     last = (0, 0)
@@ -91,7 +91,7 @@ def along(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
         move = (row - last[0], column - last[1]) if samples else (0, 0)
         backing = move not in ((0, 0), towards[heading])
         judged = (heading + survey.headings // 2 * backing) % survey.headings
-        passed = between(move)
+        passed = cells_between(move)
         for step, (near, aside) in enumerate(passed, 1):
             share = step / (len(passed) + 1)
             places.append((last[0] + share * move[0], last[1] + share * move[1]))
@@ -110,7 +110,7 @@ def along(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
     return Path(x, y, height, rows, columns, headings, judgements)
 
 
-def straight(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> Path:
+def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> Path:
     """The samples of straight legs between points, (n, 2), each unlike the one before.
 
     A leg is driven by the heading of the survey that is nearest to its direction; between two legs
@@ -156,7 +156,7 @@ def driving_cost(path: Path, survey: Survey, vehicle: Vehicle) -> DrivingCost:
     as long as the height between its ends makes it. A turn takes as long as its arc, and the work
     of driving so far; what skidding sideways takes is not known.
     """
-    run = path.runs
+    run = path.leg_lengths
     rise = np.nan_to_num(np.diff(path.height))
     length = np.where(run > 0.0, np.hypot(run, rise), 0.0)
     way = np.where(run > 0.0, length, turning_arc(survey, vehicle))
@@ -164,10 +164,10 @@ def driving_cost(path: Path, survey: Survey, vehicle: Vehicle) -> DrivingCost:
 
     def mean(plane: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         begin = plane[begins, path.row[:-1], path.column[:-1]]
-        return begin, path.said(plane)[1:]
+        return begin, path.sampled(plane)[1:]
 
-    seconds = [pace(slip, vehicle) for slip in mean(survey.slip)]
-    joules = [work(energy) for energy in mean(survey.energy)]
+    seconds = [seconds_per_metre(slip, vehicle) for slip in mean(survey.slip)]
+    joules = [joules_per_metre(energy) for energy in mean(survey.energy)]
     time = float((0.5 * way * (seconds[0] + seconds[1])).sum())
     energy = float((0.5 * way * (joules[0] + joules[1])).sum()) + vehicle.power * time
     return DrivingCost(float(length.sum()), time, energy)
@@ -181,38 +181,38 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
         path.x,
         path.y,
         path.heading.astype(np.float64) * (360.0 / survey.headings),
-        np.r_[0.0, np.cumsum(path.runs)],
+        np.r_[0.0, np.cumsum(path.leg_lengths)],
         path.height,
-        path.said(survey.sinkage).astype(np.float64),
+        path.sampled(survey.sinkage).astype(np.float64),
         survey.pitch[facing].astype(np.float64),
         survey.roll[facing].astype(np.float64),
-        path.said(survey.slip).astype(np.float64),
-        path.said(survey.utilisation).astype(np.float64),
-        path.said(survey.verdict),
-        path.said(survey.reason),
+        path.sampled(survey.slip).astype(np.float64),
+        path.sampled(survey.utilisation).astype(np.float64),
+        path.sampled(survey.verdict),
+        path.sampled(survey.reason),
         tuple(names[i] for i in survey.surfaces[path.row, path.column].tolist()),
     )
 
 
-def largest(
+def find_extreme(
     terrain: Terrain, values: NDArray[np.float64], profile: RouteProfile, *, of_size: bool = False
 ) -> Extreme | None:
     """Where a measure, or its size, is largest along a profile; None where it is known nowhere."""
     if np.all(np.isnan(values)):
         return None
     n = int(np.nanargmax(np.abs(values) if of_size else values))
-    place = place_at(terrain, float(profile.x[n]), float(profile.y[n]))
+    place = location_at(terrain, float(profile.x[n]), float(profile.y[n]))
     return Extreme(float(values[n]), place, Reason(int(profile.reason[n])))
 
 
-def worst(verdicts: NDArray[np.uint8]) -> Verdict:
+def worst_verdict(verdicts: NDArray[np.uint8]) -> Verdict:
     """Of the verdicts along a way: no-go if any is, else unknown if any is, else the worse one."""
     if np.any(verdicts == Verdict.NO_GO):
         return Verdict.NO_GO
     return Verdict(int(verdicts.max())) if np.all(verdicts) else Verdict.UNKNOWN
 
 
-def place_at(terrain: Terrain, x: float, y: float) -> Location:
+def location_at(terrain: Terrain, x: float, y: float) -> Location:
     """What lies at a point."""
     found = terrain.sample(x, y)
     height, surface = float(found.height), int(found.surface)

@@ -27,8 +27,8 @@ from terratool.traversability.results import (
 from terratool.traversability.route.graph import (
     TURN_LENGTH,
     Preference,
-    build,
-    cheapest,
+    build_graph,
+    cheapest_paths,
     drivable,
     needs_scipy,
     rates,
@@ -38,16 +38,16 @@ from terratool.traversability.route.graph import (
 )
 from terratool.traversability.route.paths import (
     Path,
-    along,
     cells,
     check_ground,
     check_inside,
     driving_cost,
-    largest,
-    place_at,
+    find_extreme,
+    graph_path,
+    location_at,
     profile,
-    straight,
-    worst,
+    straight_path,
+    worst_verdict,
 )
 from terratool.traversability.soil import soils
 from terratool.traversability.vehicle import Vehicle
@@ -68,6 +68,19 @@ _HALVINGS = 40
 _LEVEL = 1.0
 """Degrees below which a slope is not worth a word."""
 
+MOST_STATES = 6_000_000
+"""Headings times cells of a route's grid at most."""
+
+_FINE, _COARSE = 6.0, 3.0
+"""A vehicle is so many pixels wide where there is room, and so many at least if that can be."""
+_COARSER = 1.01
+"""Where rows and columns that only cover the rest make it too many, pixels get wider by this."""
+
+_BARRED = 1e6
+"""A metre that cannot be driven weighs so many that can, on the way of least resistance."""
+
+Cell = tuple[int, int]
+
 
 def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> tuple[Barrier, ...]:
     """The stretches of a path that cannot be driven, in its order.
@@ -76,9 +89,9 @@ def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> 
     steep for the soil, the motors or the vehicle's balance, `bars` says how steep, too.
     """
     no_ground = np.isnan(path.height)
-    blocked = no_ground | ~path.said(drivable(survey))
-    reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.said(survey.reason))
-    run = path.runs
+    blocked = no_ground | ~path.sampled(drivable(survey))
+    reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.sampled(survey.reason))
+    run = path.leg_lengths
     way = np.where(run > 0.0, run, turning_arc(survey, vehicle))
     width = 0.5 * (np.r_[0.0, way] + np.r_[way, 0.0])
     edges = np.flatnonzero(np.diff(np.r_[False, blocked, False].astype(np.int8)))
@@ -91,7 +104,7 @@ def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> 
         slope = _slope(survey, path, first) if reason in _SLOPES else 0.0
         found.append(
             Barrier(
-                place_at(terrain, x, y),
+                location_at(terrain, x, y),
                 reason,
                 f"{name}, on a slope of {slope:.0f}°" if slope >= _LEVEL else name,
                 float(width[first:end].sum()),
@@ -236,20 +249,6 @@ def _weakest(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> 
     return int(found.element[weakest])
 
 
-MOST_STATES = 6_000_000
-"""Headings times cells of a route's grid at most."""
-
-_FINE, _COARSE = 6.0, 3.0
-"""A vehicle is so many pixels wide where there is room, and so many at least if that can be."""
-_COARSER = 1.01
-"""Where rows and columns that only cover the rest make it too many, pixels get wider by this."""
-
-_BARRED = 1e6
-"""A metre that cannot be driven weighs so many that can, on the way of least resistance."""
-
-Cell = tuple[int, int]
-
-
 def route_grid(
     terrain: Terrain,
     vehicle: Vehicle,
@@ -307,7 +306,7 @@ def plan(
         survey: all that is looked at.
         start: x and y.
         goal: x and y.
-        prefer: what the way is the least of, see `costs.rates`.
+        prefer: what the way is the least of, see `graph.rates`.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey, or on no ground; the
@@ -320,13 +319,15 @@ def plan(
     _refuse_standing(terrain, vehicle, survey, can, start, begin, "The route's start")
     rate, arc = rates(survey, vehicle, prefer), turning_arc(survey, vehicle)
     scale = TURN_LENGTH if prefer == "length" else 1.0
-    graph = build(rate, can, can, survey.heights, survey.grid.resolution, scale * arc)
-    cost, before = cheapest(graph, graph.at(*begin))
-    route = Route(place_at(terrain, *start), place_at(terrain, *goal), False, True, Verdict.NO_GO)
+    graph = build_graph(rate, can, can, survey.heights, survey.grid.resolution, scale * arc)
+    cost, before = cheapest_paths(graph, graph.at(*begin))
+    route = Route(
+        location_at(terrain, *start), location_at(terrain, *goal), False, True, Verdict.NO_GO
+    )
     goals = graph.at(*end)
     if len(goals) and np.isfinite(cost[goals]).any():
         last = int(goals[np.argmin(cost[goals])])
-        path = along(graph, trace(before, last), survey)
+        path = graph_path(graph, trace(before, last), survey)
         return _driven(route, path, terrain, vehicle, survey)
     nearest = _nearest(terrain, survey, graph.cells(np.isfinite(cost)), end)
     del graph, cost, before, rate  # the next graph has all states
@@ -359,15 +360,17 @@ def check(terrain: Terrain, vehicle: Vehicle, survey: Survey, waypoints: ArrayLi
     for number, place in enumerate(places[1:], 2):
         _inside(terrain, survey, place, f"Waypoint {number}")
     _refuse_standing(terrain, vehicle, survey, drivable(survey), places[0], begin, "Waypoint 1")
-    path = straight(terrain, survey, points)
-    start, goal = place_at(terrain, *places[0]), place_at(terrain, *places[-1])
+    path = straight_path(terrain, survey, points)
+    start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
     route = Route(start, goal, False, False, Verdict.NO_GO)
     found = barriers(terrain, vehicle, survey, path)
     if not found:
         return _driven(route, path, terrain, vehicle, survey)
     at = (found[0].place.x, found[0].place.y)
     first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
-    before = place_at(terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)]))
+    before = location_at(
+        terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)])
+    )
     return replace(_barred(route, found, before), profile=profile(path, survey, terrain))
 
 
@@ -384,14 +387,14 @@ def reach(terrain: Terrain, vehicle: Vehicle, survey: Survey, start: tuple[float
     can = drivable(survey)
     _refuse_standing(terrain, vehicle, survey, can, start, begin, what)
     even = np.ones(can.shape, np.float32)
-    graph = build(even, can, can, survey.heights, survey.grid.resolution, 0.0)
+    graph = build_graph(even, can, can, survey.heights, survey.grid.resolution, 0.0)
     starts = graph.at(*begin)
     there = reached(graph, starts)
     returning = there & reached(graph, starts, back=True)
     whole = graph.cells(there)
     ground = int(np.count_nonzero(np.isfinite(survey.heights)))
     return Reach(
-        place_at(terrain, *start),
+        location_at(terrain, *start),
         np.count_nonzero(whole) / ground,
         np.count_nonzero(graph.cells(returning)) / ground,
         whole,
@@ -401,13 +404,13 @@ def reach(terrain: Terrain, vehicle: Vehicle, survey: Survey, start: tuple[float
 def _driven(route: Route, path: Path, terrain: Terrain, vehicle: Vehicle, survey: Survey) -> Route:
     """The route with what a way costs, and where it is steepest, softest and tightest."""
     along_it, cost = profile(path, survey, terrain), driving_cost(path, survey, vehicle)
-    steepest = largest(terrain, along_it.pitch, along_it, of_size=True)
-    softest = largest(terrain, along_it.sinkage, along_it)
-    tightest = largest(terrain, along_it.utilisation, along_it)
+    steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
+    softest = find_extreme(terrain, along_it.sinkage, along_it)
+    tightest = find_extreme(terrain, along_it.utilisation, along_it)
     return replace(
         route,
         found=True,
-        verdict=worst(along_it.verdict),
+        verdict=worst_verdict(along_it.verdict),
         length=cost.length,
         energy=cost.energy,
         time=cost.time,
@@ -439,11 +442,11 @@ def _least_resistance(
     inside[end] = True  # a goal at the very edge may be in a cell whose centre is beyond it
     level = np.zeros(inside.shape, np.float32)
     allowed = np.broadcast_to(inside, can.shape)
-    graph = build(rate, allowed, can, level, survey.grid.resolution, arc)
+    graph = build_graph(rate, allowed, can, level, survey.grid.resolution, arc)
     starts = graph.number[can[:, *begin], *begin]
-    cost, before = cheapest(graph, starts)
+    cost, before = cheapest_paths(graph, starts)
     goals = graph.at(*end)
-    return along(graph, trace(before, int(goals[np.argmin(cost[goals])])), survey)
+    return graph_path(graph, trace(before, int(goals[np.argmin(cost[goals])])), survey)
 
 
 def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: Cell) -> Location:
@@ -452,7 +455,7 @@ def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: C
     n = int(np.argmin((rows - end[0]) ** 2 + (columns - end[1]) ** 2))
     grid = survey.grid
     x, y = grid.columns(grid.whole)[columns[n]], grid.rows(grid.whole)[rows[n]]
-    return place_at(terrain, float(x), float(y))
+    return location_at(terrain, float(x), float(y))
 
 
 def _inside(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
