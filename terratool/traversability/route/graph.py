@@ -162,11 +162,11 @@ def cells_between(offset: Offset) -> list[tuple[Offset, Offset]]:
     for step in range(1, steps):
         exact = (row * step / steps, column * step / steps)
         near = (round(exact[0]), round(exact[1]))
-        aside = tuple(
+        other = tuple(
             math.floor(value) if math.floor(value) != rounded else math.ceil(value)
             for value, rounded in zip(exact, near, strict=True)
         )
-        passed.append((near, (aside[0], aside[1])))
+        passed.append((near, (other[0], other[1])))
     return passed
 
 
@@ -311,11 +311,11 @@ def _moves(
     passed = cells_between(move)
     stride = resolution * math.hypot(row, column) / (len(passed) + 1)
     can = shifted(free, (0, 0)) & shifted(free, move)
-    for near, aside in passed:
-        can &= shifted(free, near) & shifted(free, aside)
+    for near, other in passed:
+        can &= shifted(free, near) & shifted(free, other)
     total = np.zeros(can.shape)
     stops = [((0, 0), (0, 0)), *passed, (move, move)]
-    paid = [np.maximum(shifted(rate, near), shifted(rate, aside)) for near, aside in stops]
+    paid = [np.maximum(shifted(rate, near), shifted(rate, other)) for near, other in stops]
     level = [shifted(heights, near).astype(np.float64) for near, _ in stops]
     for n in range(len(passed) + 1):
         rise = np.nan_to_num(level[n + 1] - level[n])

@@ -92,11 +92,11 @@ def graph_path(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
         backing = move not in ((0, 0), towards[heading])
         judged = (heading + survey.headings // 2 * backing) % survey.headings
         passed = cells_between(move)
-        for step, (near, aside) in enumerate(passed, 1):
+        for step, (near, other) in enumerate(passed, 1):
             share = step / (len(passed) + 1)
             places.append((last[0] + share * move[0], last[1] + share * move[1]))
-            beside = (last[0] + aside[0], last[1] + aside[1])
-            cell = (last[0] + near[0], last[1] + near[1]) if can[judged, *beside] else beside
+            second = (last[0] + other[0], last[1] + other[1])
+            cell = (last[0] + near[0], last[1] + near[1]) if can[judged, *second] else second
             samples.append((*cell, heading, judged))
         places.append((row, column))
         samples.append((row, column, heading, judged))
