@@ -222,7 +222,7 @@ template <class Visit> void visit_arguments(Verdicts& v, Visit visit) {
     visit("numbers[8,h,w]", v.numbers);
 }
 
-// Judge a vehicle that looks to the unit vector `east`, `north` at every reference point.
+// Judge a vehicle with the heading of the unit vector `east`, `north` at every reference point.
 template <class Id>
 void judge_points(
     const VehicleOnSoils& on, const Stance& stance, Cube<const Id> surfaces, double east,
@@ -260,7 +260,7 @@ void judge_points(
             }
             SlopeState need{};
             if (!known) {
-                // only what its shape decides can be told
+                // only what the vehicle's shape decides is known
                 need.tipping = tipping(v.layout, g);
                 need.reserve = tip_reserve(v.layout, g);
             } else {

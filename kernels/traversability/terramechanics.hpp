@@ -264,7 +264,7 @@ inline void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Sp
         Soil soil = soils[n];
         Contact at = contact_under(load[n], soil.sinkage, wheel);
         Demand need = demand(load[n], at, soil, pull[n], wheel);
-        // a wheel that is held back is not said to slip
+        // a wheel that is held back does not slip
         double used = need.torque > 0.0 || need.utilisation >= 1.0 ? need.utilisation : 0.0;
         need.slip = slip_for(at, wheel.radius, soil.shear_modulus, used);
         out[n] = need;

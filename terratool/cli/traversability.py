@@ -166,7 +166,7 @@ def command(
             for line in tables.as_lines(report):
                 click.echo(line)
     except BrokenPipeError:
-        if not held:  # whoever reads no further must be told all the same
+        if not held:  # the conditions are named all the same
             raise
     for text, why in held:
         click.echo(f"terratool: --fail-on {printable(text.strip())}: {why}.", err=True)

@@ -54,7 +54,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is to be found out.
+    """What is wanted.
 
     Attributes:
         routes: x and y of the start and of the goal of each.
@@ -85,7 +85,7 @@ class AssessmentPlan:
     """A request that has been checked, and the grids for it.
 
     Attributes:
-        terrain, vehicle, request: what is to be found out.
+        terrain, vehicle, request: what is wanted.
         pictured: whether the report has a picture.
         grid: of the map.
         route: grid of routes; None where there are none.
@@ -110,14 +110,19 @@ class AssessmentPlan:
 
 
 def plan_assessment(
-    terrain: Terrain, vehicle: Vehicle, request: Request, *, mapped: bool, pictured: bool
+    terrain: Terrain,
+    vehicle: Vehicle,
+    request: Request,
+    *,
+    mapped: bool = False,
+    pictured: bool = False,
 ) -> AssessmentPlan:
     """Check a request, and choose its grids, before any long work.
 
     Args:
         terrain: where.
         vehicle: or a wheel.
-        request: what is to be found out.
+        request: what is wanted.
         mapped: whether the map goes into a file.
         pictured: whether the report has a picture.
 
@@ -151,11 +156,11 @@ def plan_assessment(
         if request.resolution is not None and fits:
             route = grid
         else:
-            route, said = route_grid(
+            route, note = route_grid(
                 terrain, vehicle, headings=request.headings, bounds=request.bounds
             )
             notes.append(
-                said
+                note
                 or f"Routes are looked for on {route.width} × {route.height} pixels of "
                 f"{route.resolution:.4g} m."
             )
@@ -180,7 +185,7 @@ def assess(
     """Find out whether, where and why not a vehicle can drive on a terrain.
 
     Args:
-        planned: what is to be found out, from `plan_assessment`.
+        planned: what is wanted, from `plan_assessment`.
         name: of the terrain, for people.
         map_path: a .tif for the map; its numbers go to a second file beside it.
         overwrite: whether files may be there already.
@@ -233,7 +238,7 @@ def verdict_of(summary: MapSummary, routes: Sequence[Route]) -> Verdict:
 
     That is go where all of the ground is, no-go where nothing is better than that, unknown where
     nothing is better than that, and caution in between. Where it would stand over the edge of the
-    terrain, nothing is said of the ground; that counts only where there is nothing else.
+    terrain, nothing is known of the ground; that counts only where there is nothing else.
     """
     if routes:
         return max((route.verdict for route in routes), key=RANKS.__getitem__)

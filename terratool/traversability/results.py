@@ -1,4 +1,4 @@
-"""What is found out about a vehicle on a terrain: verdicts, their reasons, routes, reports."""
+"""Results about a vehicle on a terrain: verdicts, their reasons, routes, reports."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from terratool.raster.grid import Grid
 from terratool.traversability.vehicle import Vehicle
 
 HEADINGS = 8
-"""Headings of a survey if nobody says otherwise: 0 is north, then clockwise."""
+"""Headings of a survey by default: 0 is north, then clockwise."""
 
 
 class Verdict(IntEnum):
@@ -40,7 +40,7 @@ COLORS: dict[Verdict, tuple[int, int, int]] = {
     Verdict.CAUTION: (224, 138, 30),
     Verdict.NO_GO: (140, 28, 68),
 }
-"""Told apart by any kind of colour vision, and in grey by lightness: L* 88, 65 and 31, grey 65."""
+"""Distinct for any kind of colour vision, and in grey by lightness: L* 88, 65 and 31, grey 65."""
 
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
@@ -151,7 +151,7 @@ class Survey:
     """A vehicle at the pixel centres of a grid, heading by heading.
 
     Rows run from the north. What depends on the heading is (headings, height, width); heading i
-    looks 360°·i/headings clockwise from north. At each pixel centre stands the vehicle's `middle`.
+    is 360°·i/headings clockwise from north. At each pixel centre stands the vehicle's `middle`.
 
     Attributes:
         grid: the pixels.
@@ -223,7 +223,7 @@ class Extreme:
 
 @dataclass(frozen=True, slots=True)
 class RouteProfile:
-    """Samples along a route, (n,) float64 each unless said otherwise.
+    """Samples along a route, (n,) float64 each where nothing else stands.
 
     Attributes:
         x, y: world.

@@ -35,14 +35,14 @@ Points = NDArray[np.float64]
 SHARE = 0.2
 """Wheel lines are simplified by this share of a wheel's width."""
 _SAMPLES = 2_000_000
-"""So many places along the wheels' lines are looked at, and no more."""
+"""Samples along the wheels' lines at most."""
 _DIGITS = 6
 
 
 def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[int, Points]]:
     """The line that each wheel rolls along, seen from above.
 
-    The vehicle is a rigid body that turns by skidding: its middle stays on the path, and it looks
+    The vehicle is a rigid body that turns by skidding: its middle stays on the path, and it heads
     along the path, at a point where the path bends a little halfway between the two directions.
 
     Args:
@@ -71,7 +71,7 @@ def _poses(path: Points) -> tuple[Points, Points]:
     """Places (n, 2), and headings (n,) in radians clockwise from north, one after another."""
     legs = np.diff(path, axis=0)
     headings = np.arctan2(legs[:, 0], legs[:, 1])
-    places, looks = [path[0]], [headings[0]]
+    places, turned = [path[0]], [headings[0]]
     for at, before, after in zip(path[1:-1], headings[:-1], headings[1:], strict=True):
         turn = math.remainder(after - before, 2 * math.pi)
         if abs(turn) <= SHARPEST:
@@ -79,8 +79,8 @@ def _poses(path: Points) -> tuple[Points, Points]:
         else:
             angles = (before + np.linspace(0.0, turn, math.ceil(abs(turn) / STEP) + 1)).tolist()
         places += [at] * len(angles)
-        looks += angles
-    return np.array([*places, path[-1]]), np.array([*looks, headings[-1]])
+        turned += angles
+    return np.array([*places, path[-1]]), np.array([*turned, headings[-1]])
 
 
 def simplified(line: Points, tolerance: float) -> Points:
@@ -235,7 +235,7 @@ def _distinct(path: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) -> dict[str, float]:
-    """Metres of a line on each surface, looked at in steps of about `spacing`."""
+    """Metres of a line on each surface, sampled in steps of about `spacing`."""
     lengths = np.hypot(*np.diff(line, axis=0).T)
     if lengths.sum() / spacing > _SAMPLES:
         spacing = lengths.sum() / _SAMPLES

@@ -33,7 +33,7 @@ _WALLS = 4
 
 @dataclass(frozen=True, slots=True)
 class HeadingFootprint:
-    """A vehicle that looks in one direction; offsets are (n, 2), rows to the south and columns.
+    """What a vehicle with a heading covers; offsets are (n, 2), rows to the south and columns.
 
     Attributes:
         direction: unit vector of the heading, east and north.
@@ -67,7 +67,7 @@ class Footprint:
 
     Attributes:
         resolution: of the ground, m.
-        by_heading: for each heading, clockwise from north; the second half looks back.
+        by_heading: for each heading, clockwise from north; the second half are the opposite ones.
         sides: (headings, 4) m, how far the vehicle reaches west, south, east and north of its
             reference point.
         margin: pixels beyond the outermost reference points that may matter.
@@ -327,7 +327,7 @@ def steps_met(
 def _rises(
     heights: NDArray[np.float32], labels: NDArray[np.uint32], least: float, resolution: float
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Pairs that rise enough to be looked at, ascending, and whether they are of one label."""
+    """Pairs that rise enough for a step, ascending, and whether they are of one label."""
     pairs, same = [], []
     for down in (0, 1):
         first = np.s_[:-1] if down else np.s_[:, :-1]

@@ -159,8 +159,15 @@ def contact(load: Any, soil: Soil, wheel: Wheel) -> Contact:
     area = length * wheel.width
     rigid = half == 0.0
     pressure = np.divide(weights, area, out=np.zeros_like(area), where=~rigid)
-    columns = (sinkage, half, effective, length, area, pressure)
-    return Contact(*(shaped(column, shape) for column in columns), rigid.reshape(shape)[()])
+    return Contact(
+        sinkage=shaped(sinkage, shape),
+        half_angle=shaped(half, shape),
+        effective_area=shaped(effective, shape),
+        length=shaped(length, shape),
+        area=shaped(area, shape),
+        pressure=shaped(pressure, shape),
+        rigid=rigid.reshape(shape)[()],
+    )
 
 
 def mobilised(

@@ -295,7 +295,7 @@ def vehicle(saved: Saved) -> Vehicle:
 
 
 def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
-    return assess(plan_assessment(terrain, vehicle, request, mapped=False, pictured=False))
+    return assess(plan_assessment(terrain, vehicle, request))
 
 
 class TestAssess:
@@ -304,7 +304,7 @@ class TestAssess:
     ) -> None:
         monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
         terrain = terrain_of(WALLED)
-        grids = plan_assessment(terrain, vehicle, Request(), mapped=False, pictured=True)
+        grids = plan_assessment(terrain, vehicle, Request(), pictured=True)
         assert (grids.grid.width, grids.grid.height) == (60, 40)
         assert "60 on the longer side" in grids.notes[0]
         full = plan_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
@@ -317,14 +317,14 @@ class TestAssess:
         length = sum(vehicle.rectangle[:2])
         for factor, gaps in ((0.9, False), (1.1, True)):
             request = Request(resolution=factor * length)
-            notes = plan_assessment(terrain, vehicle, request, mapped=False, pictured=False).notes
+            notes = plan_assessment(terrain, vehicle, request).notes
             assert any("is not looked at" in note for note in notes) == gaps
 
     def test_bounds_decide_the_resolution(self, vehicle: Vehicle) -> None:
         terrain = terrain_of(WALLED | {"size": [240000, 160000]})
         west, south, _, _ = terrain.bounds
         request = Request(bounds=(west, south, west + 10, south + 5))
-        grids = plan_assessment(terrain, vehicle, request, mapped=False, pictured=False)
+        grids = plan_assessment(terrain, vehicle, request)
         assert grids.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in grids.notes[0]
 
@@ -333,7 +333,7 @@ class TestAssess:
         terrain = terrain_of(WALLED)
         told: list[int] = []
         request = Request(routes=(tuple(map(float, WAY)),), resolution=0.2)  # type: ignore[arg-type]
-        planned = plan_assessment(terrain, vehicle, request, mapped=False, pictured=True)
+        planned = plan_assessment(terrain, vehicle, request, pictured=True)
         report = assess(planned, progress=told.append)
         assert report.preview is not None
         assert report.preview.grid.resolution == 0.2

@@ -23,7 +23,7 @@ NOTHING = "–"
 """Stands for what means nothing or is not known."""
 
 VERDICTS = (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
-"""In the order in which people are told of them."""
+"""In the order of reports."""
 
 
 def number(value: float | None, digits: int = 3) -> str:

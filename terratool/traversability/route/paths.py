@@ -1,4 +1,4 @@
-"""A way as samples: where the vehicle stands and looks, what the survey says there, what it costs.
+"""A path as samples of a survey: where the vehicle stands, its heading, and what driving costs.
 
 Between two samples lies a leg: a stretch that is driven, or a turn on the spot from one heading to
 the next.
@@ -46,7 +46,7 @@ class Path:
         x, y: world.
         height: of the ground, NaN where there is none.
         row, column: of the survey, int64.
-        heading: index of the heading that the vehicle looks to, int64.
+        heading: index of the heading of the vehicle, int64.
         judged: index of the heading by which it is judged, int64: the opposite one where it has
             backed up to the sample.
     """
@@ -120,19 +120,19 @@ def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64])
     count = survey.headings
     towards = np.round(np.arctan2(east, north) * (count / (2.0 * math.pi))).astype(np.int64) % count
     samples: list[tuple[float, float, int]] = []
-    looks = int(towards[0])
+    facing = int(towards[0])
     for n, heading in enumerate(towards.tolist()):
         (x, y), (to_x, to_y) = points[n].tolist(), points[n + 1].tolist()
-        samples.append((x, y, looks))
-        side = 1 if (heading - looks) % count < count / 2 else -1
-        while looks != heading:
-            looks = (looks + side) % count
-            samples.append((x, y, looks))
+        samples.append((x, y, facing))
+        side = 1 if (heading - facing) % count < count / 2 else -1
+        while facing != heading:
+            facing = (facing + side) % count
+            samples.append((x, y, facing))
         steps = math.ceil(_PER_CELL * math.hypot(to_x - x, to_y - y) / survey.grid.resolution)
         for step in range(1, steps):
             share = step / steps
-            samples.append((x + share * (to_x - x), y + share * (to_y - y), looks))
-    samples.append((*points[-1].tolist(), looks))
+            samples.append((x + share * (to_x - x), y + share * (to_y - y), facing))
+    samples.append((*points[-1].tolist(), facing))
     x, y, headings = (np.array(part) for part in zip(*samples, strict=True))
     row, column = cells(survey, x, y)
     return Path(x, y, terrain.height(x, y), row, column, headings, headings)

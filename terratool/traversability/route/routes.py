@@ -53,7 +53,7 @@ from terratool.traversability.soil import soils
 from terratool.traversability.vehicle import Vehicle
 
 _PER_RADIUS = 4.0
-"""Places that are looked at for each wheel radius …"""
+"""Samples for each wheel radius …"""
 _MOST = 256
 """… and along each side of the rectangle at most."""
 
@@ -66,7 +66,7 @@ _SLOPES = frozenset(
 )
 _HALVINGS = 40
 _LEVEL = 1.0
-"""Degrees below which a slope is not worth a word."""
+"""Degrees below which a slope is not mentioned."""
 
 MOST_STATES = 6_000_000
 """Headings times cells of a route's grid at most."""
@@ -276,13 +276,13 @@ def route_grid(
     while headings * grid.height * grid.width > most and resolution < shorter:
         resolution = min(_COARSER * resolution, shorter)
         grid = grid_over(terrain, resolution, bounds)
-    said = ""
+    note = ""
     if resolution > width / _COARSE:
-        said = (
+        note = (
             f"The route's grid has pixels of {resolution:.3g} m for a vehicle {width:.3g} m wide: "
             "narrow passages may seem closed; smaller bounds would make it finer."
         )
-    return grid, said
+    return grid, note
 
 
 def plan(
@@ -295,7 +295,7 @@ def plan(
 ) -> Route:
     """The best way from a start to a goal through the cells of a survey, or what bars it.
 
-    The vehicle may begin and end with any heading, moves to the cell that it looks to, backs up,
+    The vehicle may begin and end with any heading, moves to the cell that it faces, backs up,
     and turns on the spot; it is where the survey says go or caution. Its energy is the sum over
     legs of energy per metre × length over ground, plus the vehicle's power × time; the time that of
     length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run.
@@ -303,7 +303,7 @@ def plan(
     Args:
         terrain: the terrain.
         vehicle: that of the survey.
-        survey: all that is looked at.
+        survey: of the vehicle on the terrain.
         start: x and y.
         goal: x and y.
         prefer: what the way is the least of, see `graph.rates`.
