@@ -120,8 +120,8 @@ def plan_assessment(
     """Check a request, and choose its grids, before any long work.
 
     Args:
-        terrain: where.
-        vehicle: or a wheel.
+        terrain: the ground.
+        vehicle: a vehicle, or a wheel by itself.
         request: what is wanted.
         mapped: whether the map goes into a file.
         pictured: whether the report has a picture.

@@ -212,7 +212,7 @@ def deform(
             )
         )
     known = () if definition.tracks is UNSET else definition.tracks
-    tracks, added, again = _together(known, fresh)
+    tracks, added, again = _merged(known, fresh)
     return Deformed(
         tracks,
         added,
@@ -246,10 +246,10 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
     places = np.concatenate([line[leg] * (1 - t) + line[leg + 1] * t, line[[0, -1]]])
     x, y = places.T
     samples = ground.sample(x, y)
-    bare = np.flatnonzero(np.isnan(samples.height))
-    if len(bare):
-        at = places[bare[0]]
-        outside = samples.element[bare[0]] == -2
+    void = np.flatnonzero(np.isnan(samples.height))
+    if len(void):
+        at = places[void[0]]
+        outside = samples.element[void[0]] == -2
         raise RequestError(
             f"A wheel would run {'outside of the terrain' if outside else 'over no ground'} at "
             f"{at[0]:.6g} {at[1]:.6g}.",
@@ -257,9 +257,9 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
             if outside
             else "Lead the path around it.",
         )
-    nowhere = np.flatnonzero(samples.surface < 0)
-    if len(nowhere):
-        at = places[nowhere[0]]
+    unnamed = np.flatnonzero(samples.surface < 0)
+    if len(unnamed):
+        at = places[unnamed[0]]
         raise RequestError(
             f"The ground at {at[0]:.6g} {at[1]:.6g} has no surface, so nothing says how deep a "
             "wheel sinks.",
@@ -312,13 +312,13 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
 
 
-def _together(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, ...], int, int]:
+def _merged(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, ...], int, int]:
     """Old tracks and new ones; what has the same path and wheel is one track with more passes."""
     tracks = list(known)
-    places = {_alike(track): i for i, track in enumerate(tracks)}
+    places = {_track_key(track): i for i, track in enumerate(tracks)}
     again: set[int] = set()
     for track in fresh:
-        at = places.setdefault(_alike(track), len(tracks))
+        at = places.setdefault(_track_key(track), len(tracks))
         if at == len(tracks):
             tracks.append(track)
             continue
@@ -329,8 +329,8 @@ def _together(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track
     return tuple(tracks), len(tracks) - len(known), len(again)
 
 
-def _alike(track: Track) -> Any:
-    """What two tracks have in common that are driven in the same line."""
+def _track_key(track: Track) -> Any:
+    """What is the same for two tracks that are driven in the same line."""
     depth = track.depth
     depths = tuple(sorted(depth.items())) if isinstance(depth, dict) else depth
     return track.path, track.width, track.load, depths, track.multipass, track.surface

@@ -210,8 +210,8 @@ def survey(
     Memory is that of the result (26 bytes for each pixel and heading) and of some blocks of ground.
 
     Args:
-        terrain: where.
-        vehicle: or a wheel.
+        terrain: the ground.
+        vehicle: a vehicle, or a wheel by itself.
         grid: the pixels.
         headings: a multiple of 4 from 4 to 64.
         threads: number of threads; as many as there are processors if None.

@@ -277,11 +277,11 @@ class TestPicture:
     def test_every_heading_is_looked_at(self) -> None:
         """The best of them counts, and what is not known is better than no-go."""
         survey = reports.survey()
-        verdict = drawing.best(survey)
+        verdict = drawing.best_verdicts(survey)
         assert verdict[:, 0].tolist() == [1] * 30
         assert verdict[:, 79].tolist() == [0] * 30
         some = replace(survey, verdict=np.stack([survey.verdict[1] * 0, survey.verdict[1]]))
-        assert drawing.best(some)[15, [5, 25, 45, 65]].tolist() == [1, 2, 0, 0]
+        assert drawing.best_verdicts(some)[15, [5, 25, 45, 65]].tolist() == [1, 2, 0, 0]
 
     def test_light_comes_from_the_north_west(self) -> None:
         """A plane that falls to the north-west is brighter than level ground, by Horn's formula."""
@@ -332,7 +332,7 @@ class TestPicture:
             assert shades[verdict.label] == "#{:02x}{:02x}{:02x}".format(*color)
 
     def test_the_png_holds_what_was_painted(self) -> None:
-        pixels = drawing.paint(reports.survey(), reports.best_cells())
+        pixels = drawing.map_picture(reports.survey(), reports.best_cells())
         assert pixels.shape == (270, 720, 4)
         assert pixels[5, -5, 3] == 0  # no ground in the north-east
         with warnings.catch_warnings():

@@ -79,7 +79,7 @@ def chart(profile: RouteProfile, width: int) -> str:
     most = deepest * 1e3 if deepest > 0.0 else 1.0
     parts += _axis(0.0, most, zero, zero + _SUNK, width, "sinkage, mm")
     if deepest > 0.0:
-        parts.append(_sunken(bins.x, sunk / deepest * _SUNK, zero))
+        parts.append(_sinkage_area(bins.x, sunk / deepest * _SUNK, zero))
     parts += [*_distances(total, width, bottom), "</svg>"]
     return "".join(parts)
 
@@ -88,9 +88,8 @@ def _binned(profile: RouteProfile, total: float, columns: int) -> _Bins:
     along = (profile.distance - profile.distance[0]) / total * columns
     index = np.minimum(np.floor(along), columns - 1).astype(np.int64)
     starts = np.flatnonzero(np.diff(index, prepend=-1))
-    rank = np.array([1.5, 1.0, 2.0, 3.0])[profile.verdict]
-    worst = np.maximum.reduceat(rank, starts)
-    codes = {1.0: Verdict.GO, 1.5: Verdict.UNKNOWN, 2.0: Verdict.CAUTION, 3.0: Verdict.NO_GO}
+    order = np.array([Verdict.GO, Verdict.UNKNOWN, Verdict.CAUTION, Verdict.NO_GO])
+    worst = np.maximum.reduceat(np.argsort(order)[profile.verdict], starts)
     x = along[starts]
     x[-1] = columns
     return _Bins(
@@ -98,7 +97,7 @@ def _binned(profile: RouteProfile, total: float, columns: int) -> _Bins:
         np.fmin.reduceat(profile.height, starts),
         np.fmax.reduceat(profile.height, starts),
         np.fmax.reduceat(profile.sinkage, starts),
-        np.array([codes[value] for value in worst.tolist()], np.int64),
+        order[worst],
     )
 
 
@@ -130,7 +129,7 @@ def _strip(bins: _Bins) -> Iterator[str]:
         start = end
 
 
-def _sunken(x: NDArray[np.float64], depth: NDArray[np.float64], zero: int) -> str:
+def _sinkage_area(x: NDArray[np.float64], depth: NDArray[np.float64], zero: int) -> str:
     line = "".join(
         f"L{at:.1f} {zero + deep:.1f}" for at, deep in zip(x.tolist(), depth.tolist(), strict=True)
     )
@@ -183,7 +182,7 @@ def _described(profile: RouteProfile, total: float) -> str:
     return f"Profile over {wording.length(total)}: {heights}{deepest} of sinkage at most."
 
 
-def best(survey: Survey) -> NDArray[np.uint8]:
+def best_verdicts(survey: Survey) -> NDArray[np.uint8]:
     """The verdict of the best heading at each pixel, (height, width) uint8.
 
     What is not known is better than no-go, as it is in the map.
@@ -225,7 +224,7 @@ def hillshade(
     return np.asarray(np.clip(light, 0.0, 1.0))
 
 
-def paint(survey: Survey, reached: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
+def map_picture(survey: Survey, reached: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
     """The picture, (height, width, 4) uint8 RGBA, transparent where there is no ground.
 
     A pixel of the survey is a square of as many pixels as it takes for the longer side to have 720.
@@ -235,7 +234,7 @@ def paint(survey: Survey, reached: NDArray[np.bool_] | None = None) -> NDArray[n
         reached: (height, width) what can be reached; gets an outline.
     """
     shade = hillshade(survey.heights, survey.grid.resolution, exaggeration(survey))
-    verdict = best(survey)
+    verdict = best_verdicts(survey)
     palette = np.array([COLORS[code] for code in sorted(COLORS)], np.float64)
     level = np.sin(_LIGHT[1])
     # shading must not turn one verdict's lightness to another's

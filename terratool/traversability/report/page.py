@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from terratool.text.display import printable
 from terratool.traversability.report import tables, wording
-from terratool.traversability.report.drawing import chart, exaggeration, paint, png, ticks
+from terratool.traversability.report.drawing import chart, exaggeration, map_picture, png, ticks
 from terratool.traversability.report.tables import Table
 from terratool.traversability.results import (
     Location,
@@ -148,7 +148,7 @@ def _picture(report: TraversabilityReport, preview: Survey) -> _Picture:
     scale = ticks(0.0, width, 4)[1]
     return _Picture(
         width=f"{min(60.0, 44.0 * (width / height)):.4g}",
-        png=base64.b64encode(png(paint(preview, reached))).decode("ascii"),
+        png=base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
         ways=tuple(_Way(points, found) for points, found in ways if points),
         pins=_pins(report, source, preview),
         scale=scale,

@@ -231,7 +231,7 @@ def check_inside(
     """Refuse a place that nothing is known of.
 
     Args:
-        terrain: where.
+        terrain: the ground.
         what: the place is, for people.
         place: x and y.
         part: west, south, east and north of what else it must lie in.

@@ -130,8 +130,8 @@ def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: f
     one's children, and so a hole in it. For soil it is the weakest that a wheel stands on.
 
     Args:
-        terrain: where.
-        vehicle: or a wheel.
+        terrain: the ground.
+        vehicle: a vehicle, or a wheel by itself.
         reason: what binds.
         pose: of the vehicle.
         cell: side of the survey's cells, m.
