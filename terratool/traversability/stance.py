@@ -62,7 +62,7 @@ class HeadingFootprint:
 
 
 @dataclass(frozen=True, slots=True)
-class Footprint:
+class VehicleFootprint:
     """A vehicle on ground of a resolution.
 
     Attributes:
@@ -81,7 +81,9 @@ class Footprint:
     shared: bool
 
 
-def footprint(vehicle: Vehicle, resolution: float, apart: float, headings: int) -> Footprint:
+def vehicle_footprint(
+    vehicle: Vehicle, resolution: float, apart: float, headings: int
+) -> VehicleFootprint:
     """What a vehicle covers at each of some headings.
 
     Seen from above as on level ground: slopes do not shorten it.
@@ -110,7 +112,7 @@ def footprint(vehicle: Vehicle, resolution: float, apart: float, headings: int) 
     farthest = math.hypot(max(front, rear), side) + max(reaches) + 2.5 * vehicle.wheel.radius
     same = {(float(a), float(b)) for a, b in zip(x, y, strict=True)}
     shared = same == {(-a + 0.0, -b + 0.0) for a, b in same}
-    return Footprint(
+    return VehicleFootprint(
         resolution, by_heading, np.array(sides), math.ceil(farthest / resolution) + 3, shared
     )
 

@@ -26,12 +26,12 @@ from terratool.traversability.limits import (
 from terratool.traversability.results import HEADINGS, Survey
 from terratool.traversability.soil import soils
 from terratool.traversability.stance import (
-    Footprint,
     Ground,
     GroundPainter,
     HeadingFootprint,
     Offsets,
-    footprint,
+    VehicleFootprint,
+    vehicle_footprint,
 )
 from terratool.traversability.vehicle import Vehicle, Wheel
 from terratool.traversability.wheel import SoilArrays
@@ -300,7 +300,7 @@ class Surveyor:
             grid.west, grid.south, grid.resolution / parts, grid.height * parts, grid.width * parts
         )
         radius = vehicle.wheel.radius
-        self._footprint: Footprint = footprint(
+        self._footprint: VehicleFootprint = vehicle_footprint(
             vehicle, self._fine.resolution, grid.resolution, headings
         )
         self._margin = math.ceil(self._footprint.margin / parts)
