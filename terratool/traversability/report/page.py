@@ -6,9 +6,8 @@ import base64
 import html
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from terratool.text.display import printable
 from terratool.traversability.report import tables, wording
@@ -87,16 +86,7 @@ def _suffix(report: TraversabilityReport, number: int) -> str:
     return str(number) if len(report.routes) > 1 else ""
 
 
-@dataclass(frozen=True, slots=True)
-class _Way:
-    """A route on the picture: its points in thousandths, and whether it can be driven."""
-
-    points: str
-    found: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _Pin:
+class _Pin(NamedTuple):
     """A mark on the picture: its class, its text, and where it is, %."""
 
     kind: str
@@ -105,29 +95,8 @@ class _Pin:
     top: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Picture:
-    """What the page says of the map.
-
-    Attributes:
-        width: of the picture at most, rem.
-        png: the picture, in base64.
-        ways, pins: what lies over it.
-        scale: length of the scale's bar, m.
-        scale_width: the same, % of the picture's width.
-        caption: sentences.
-    """
-
-    width: str
-    png: str
-    ways: tuple[_Way, ...]
-    pins: tuple[_Pin, ...]
-    scale: float
-    scale_width: float
-    caption: str
-
-
-def _picture(report: TraversabilityReport, preview: Survey) -> _Picture:
+def _picture(report: TraversabilityReport, preview: Survey) -> dict[str, Any]:
+    """What the template says of the map: its picture, what lies over it, a scale, a caption."""
     reached = None
     if report.reach is not None and report.reach.cells.shape == preview.heights.shape:
         reached = report.reach.cells
@@ -146,15 +115,15 @@ def _picture(report: TraversabilityReport, preview: Survey) -> _Picture:
         caption += f" What binds most where it is not simply go, of all ground: {binding}."
     ways = ((_points(route, preview), route.found) for route in report.routes)
     scale = ticks(0.0, width, 4)[1]
-    return _Picture(
-        width=f"{min(60.0, 44.0 * (width / height)):.4g}",
-        png=base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
-        ways=tuple(_Way(points, found) for points, found in ways if points),
-        pins=_pins(report, source, preview),
-        scale=scale,
-        scale_width=100.0 * scale / width,
-        caption=caption,
-    )
+    return {
+        "width": f"{min(60.0, 44.0 * (width / height)):.4g}",
+        "png": base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
+        "ways": [(points, found) for points, found in ways if points],
+        "pins": _pins(report, source, preview),
+        "scale": scale,
+        "scale_width": 100.0 * scale / width,
+        "caption": caption,
+    }
 
 
 def _position(x: float, y: float, preview: Survey) -> tuple[float, float]:
@@ -176,7 +145,7 @@ def _points(route: Route, preview: Survey) -> str:
     return " ".join(points)
 
 
-def _pins(report: TraversabilityReport, source: str, preview: Survey) -> tuple[_Pin, ...]:
+def _pins(report: TraversabilityReport, source: str, preview: Survey) -> list[_Pin]:
     pins: list[tuple[str, str, Location]] = []
     pins += [("pin bar", "✘", bar.place) for route in report.routes for bar in route.barriers]
     if report.reach is not None and source == "S":
@@ -189,7 +158,7 @@ def _pins(report: TraversabilityReport, source: str, preview: Survey) -> tuple[_
         right, down = _position(place.x, place.y, preview)
         if 0.0 <= right <= 1.0 and 0.0 <= down <= 1.0:
             found.append(_Pin(kind, text, 100.0 * right, 100.0 * down))
-    return tuple(found)
+    return found
 
 
 def _source(report: TraversabilityReport) -> str:
