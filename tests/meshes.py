@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 import trimesh
 
 from terratool.field.terrain import Terrain
+from terratool.mesh.export import MeshOptions, MeshReport, export_mesh
+from terratool.mesh.tiles import MeshTilesReport, TileCount, export_tiles
 from terratool.mesh.types import BuiltMesh, Mesh
 
 STRAIGHT: dict[str, Any] = {
@@ -86,6 +89,30 @@ def random_definition(
         root.pop(key, None)
     root["type"] = "ramp"
     return {"size": 10, "surfTypes": SURFACES, "elemTypes": primitives, "elemTree": root}
+
+
+def exported(
+    terrain: Terrain, path: Path, *args: Any, overwrite: bool = False, **options: Any
+) -> MeshReport:
+    """Write a mesh with some options."""
+    return export_mesh(terrain, path, MeshOptions(*args, **options), overwrite=overwrite)
+
+
+def exported_tiles(
+    terrain: Terrain,
+    folder: Path,
+    suffix: str,
+    error: float,
+    rows: int | None = None,
+    columns: int | None = None,
+    *,
+    world: bool = False,
+    **options: Any,
+) -> MeshTilesReport:
+    """Write tiles with some options."""
+    count = TileCount(rows=rows, columns=columns)
+    wanted = MeshOptions(error, world=world)
+    return export_tiles(terrain, folder, suffix, wanted, count, **options)
 
 
 def flat_areas(mesh: Mesh) -> np.ndarray:

@@ -30,7 +30,7 @@ INLINE double longest_side(Point a, Point b, Point c) {
 }
 
 // The smallest distance of a corner from the longest side of its triangle, in points.
-inline double thinnest(Points points, Triangles triangles) {
+inline double smallest_altitude(Points points, Triangles triangles) {
     double least = INF;
     for (i64 t = 0; t < triangles.rows(); ++t) {
         Point a = point_at(points, triangles(t, 0)), b = point_at(points, triangles(t, 1));

@@ -1,4 +1,4 @@
-"""How far curves reach: their pieces in units of their length, their ends and their bounds."""
+"""Bounds of curves, of heights, and of how much an element or a track matters."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.records import COMBINE, FieldArrays
+from terratool.field.records import COMBINE, FieldArrays, TrackArrays
 
 _LEVEL = 1e-12
-"""What a curve is worth at an end, in parts of its largest value, and still counts as 0."""
+"""A value at the end of a curve that counts as 0, in parts of its largest value."""
 
 Floats = NDArray[np.float64]
 
@@ -42,19 +42,46 @@ def curve_hulls(pieces: Floats) -> Floats:
 
 def largest_heights(arrays: FieldArrays) -> Floats:
     """No less than what each element adds to a height, without sign; (n,)."""
-    sizes = np.empty(len(arrays.kinds))
-    for k, kind in enumerate(arrays.kinds):
-        x, y = (np.abs(curve_hulls(curve_pieces(arrays, kind, axis)[1])).max() for axis in "xy")
-        if kind["combine"] == COMBINE["product"]:
-            sizes[k] = x * y
-        elif kind["combine"] == COMBINE["sum"]:
-            sizes[k] = x + y
-        else:
-            sizes[k] = max(x, y)
+    x, y = _curve_sizes(arrays, end=True).T
+    combine = arrays.kinds["combine"]
+    sizes = np.where(combine == COMBINE["sum"], x + y, np.maximum(x, y))
+    sizes = np.where(combine == COMBINE["product"], x * y, sizes)
     elements = arrays.elements
     largest: Floats = np.abs(elements["scale"]) * sizes[elements["kind"]]
     largest += np.abs(elements["offset"])
     return largest
+
+
+def curve_weights(arrays: FieldArrays) -> Floats:
+    """How much the height of each element changes at most where its curve x, or y, changes by 1.
+
+    (n, 2); 0 for y of a disc, which has one curve.
+    """
+    elements, combine = arrays.elements, arrays.kinds["combine"][arrays.elements["kind"]]
+    weights = np.repeat(np.abs(elements["scale"])[:, None], 2, axis=1)
+    product = combine == COMBINE["product"]
+    weights[product] *= _curve_sizes(arrays, end=False)[elements["kind"][product], ::-1]
+    weights[combine == COMBINE["radial"], 1] = 0.0
+    return weights
+
+
+def _curve_sizes(arrays: FieldArrays, end: bool) -> Floats:
+    """Largest value without sign of the curves x and y of each kind, (kinds, 2).
+
+    With or without a step at the very `end`, which is the height of a line only.
+    """
+    sizes = np.empty((len(arrays.kinds), 2))
+    for k, kind in enumerate(arrays.kinds):
+        for a, axis in enumerate("xy"):
+            starts, pieces = curve_pieces(arrays, kind, axis)
+            sizes[k, a] = np.abs(curve_hulls(pieces if end else pieces[starts < 1.0])).max()
+    return sizes
+
+
+def largest_depths(tracks: TrackArrays) -> Floats:
+    """Depth of the deepest rut that each track makes by itself, (tracks,)."""
+    depths = np.where(np.isnan(tracks.depths), 0.0, tracks.depths).max(axis=1)[tracks.law]
+    return np.asarray(depths * tracks.passes**tracks.power)
 
 
 def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:

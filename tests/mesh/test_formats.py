@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from terratool.errors import RequestError, WriteError
-from terratool.mesh.files import write_mesh
+from terratool.mesh.export import collapse_degenerate, write_mesh
 from terratool.mesh.formats.common import (
     ascii_word,
     color_text,
@@ -27,7 +27,7 @@ from terratool.mesh.formats.common import (
     write_points,
 )
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.types import Mesh
+from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
 from tests.viewers import (
     NASTY,
     READERS,
@@ -422,9 +422,6 @@ def test_without_usd_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_edges_that_float32_cannot_tell_from_a_point_are_left_out() -> None:
     """A closed mesh stays closed, and nothing else changes."""
-    from terratool.mesh.files import collapse_degenerate
-    from terratool.mesh.types import BuiltMesh
-
     # a pyramid over a square, its tip an edge that is too short
     vertices = [(0, 0, 0), (9, 0, 0), (9, 5, 0), (0, 5, 0), (3, 2, 4), (3 + 1e-9, 2, 4)]
     faces = [(0, 1, 4), (1, 5, 4), (1, 2, 5), (2, 3, 5), (3, 4, 5), (3, 0, 4), (0, 2, 1), (0, 3, 2)]
@@ -435,14 +432,14 @@ def test_edges_that_float32_cannot_tell_from_a_point_are_left_out() -> None:
         surfaces=np.arange(8, dtype=np.int32) % 2,
         walls=np.zeros(8, bool),
     )
-    built = collapse_degenerate(BuiltMesh(mesh, 6, 0.0, 0.0, 0, 0, 0.0))
+    built = collapse_degenerate(BuiltMesh(mesh, 6, 0.0, PlanLoss()))
     assert built.mesh.faces.tolist() == [
         [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]
     ]  # fmt: skip
     assert built.mesh.surfaces.tolist() == [0, 0, 1, 1, 0, 1]
     assert built.shell == 4 and len(built.mesh.vertices) == 5
     apart = replace(built.mesh, vertices=built.mesh.vertices[[0, 1, 2, 3, 0]])
-    same = BuiltMesh(apart, 6, 0.0, 0.0, 0, 0, 0.0)
+    same = BuiltMesh(apart, 6, 0.0, PlanLoss())
     assert len(collapse_degenerate(same).mesh.faces) == 4  # edges 0-4 and 3-0-4 have no length
-    same = BuiltMesh(built.mesh, 4, 0.0, 0.0, 0, 0, 0.0)
+    same = BuiltMesh(built.mesh, 4, 0.0, PlanLoss())
     assert collapse_degenerate(same) is same

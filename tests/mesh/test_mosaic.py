@@ -13,9 +13,9 @@ import trimesh
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.mosaic import INDEX, export_tiles
+from terratool.mesh.tiles import INDEX
 from tests.conftest import terrain_of
-from tests.meshes import STRAIGHT, random_definition
+from tests.meshes import STRAIGHT, exported_tiles, random_definition
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def names_in(folder: Path) -> list[str]:
 
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_a_file_for_each_tile_and_an_index(terrain: Terrain, tmp_path: Path, suffix: str) -> None:
-    report = export_tiles(terrain, tmp_path / "site", suffix, 0.01, rows=2, columns=2)
+    report = exported_tiles(terrain, tmp_path / "site", suffix, 0.01, rows=2, columns=2)
     companions = FORMATS[suffix].companions
     expected = [
         f"mesh_0{r}_0{c}{end}" for r in (0, 1) for c in (0, 1) for end in (suffix, *companions)
@@ -55,7 +55,7 @@ def test_the_files_fit(tmp_path: Path, world: bool) -> None:
     definition = random_definition(1, 30, STRAIGHT, ("grass", "rock"))
     definition["origin"] = [1000, 2000]
     terrain = terrain_of(definition)
-    report = export_tiles(terrain, tmp_path, ".ply", 0.01, rows=2, columns=2, world=world)
+    report = exported_tiles(terrain, tmp_path, ".ply", 0.01, rows=2, columns=2, world=world)
     meshes = [trimesh.load(tmp_path / tile.files[0], process=False) for tile in report.tiles]
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     begins = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -77,7 +77,7 @@ def test_the_files_fit(tmp_path: Path, world: bool) -> None:
 
 def test_what_is_there_is_refused_or_replaced(terrain: Terrain, tmp_path: Path) -> None:
     def export(**options: Any) -> None:
-        export_tiles(terrain, tmp_path, ".obj", 0.01, **options)
+        exported_tiles(terrain, tmp_path, ".obj", 0.01, **options)
 
     (tmp_path / "mesh_of_mine.obj").write_text("mine")
     export(rows=2, columns=2)
@@ -96,7 +96,7 @@ def test_what_is_there_is_refused_or_replaced(terrain: Terrain, tmp_path: Path) 
 
 
 def test_where_there_is_an_index_all_is_whole(terrain: Terrain, tmp_path: Path) -> None:
-    export_tiles(terrain, tmp_path, ".stl", 0.01, rows=1, columns=2)
+    exported_tiles(terrain, tmp_path, ".stl", 0.01, rows=1, columns=2)
     told = []
 
     def stop(done: int, count: int, faces: int) -> None:
@@ -105,7 +105,7 @@ def test_where_there_is_an_index_all_is_whole(terrain: Terrain, tmp_path: Path) 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        export_tiles(
+        exported_tiles(
             terrain, tmp_path, ".stl", 0.01, rows=2, columns=2, overwrite=True, progress=stop
         )
     assert told == [(1, 4, True), (2, 4, True)]
@@ -120,11 +120,11 @@ def test_a_tile_without_ground_has_no_file(tmp_path: Path) -> None:
         "elemTypes": {"f": {"x": [0]}},
         "elemTree": {"type": "f", "cells": [4, 1], "children": [hole]},
     }
-    report = export_tiles(terrain_of(definition), tmp_path, ".stl", 0.1, rows=1, columns=2)
+    report = exported_tiles(terrain_of(definition), tmp_path, ".stl", 0.1, rows=1, columns=2)
     assert [tile.files for tile in report.tiles] == [(), ("mesh_00_01.stl",)]
     hole["span"] = [4, 1]
     with pytest.raises(RequestError, match="no ground"):
-        export_tiles(
+        exported_tiles(
             terrain_of(definition), tmp_path, ".stl", 0.1, rows=1, columns=2, overwrite=True
         )
     assert INDEX not in names_in(tmp_path)
@@ -132,12 +132,12 @@ def test_a_tile_without_ground_has_no_file(tmp_path: Path) -> None:
 
 def test_what_makes_no_sense_is_refused(terrain: Terrain, tmp_path: Path) -> None:
     with pytest.raises(RequestError, match="suffix"):
-        export_tiles(terrain, tmp_path, ".xyz", 0.1)
+        exported_tiles(terrain, tmp_path, ".xyz", 0.1)
     with pytest.raises(RequestError, match="too short"):
-        export_tiles(terrain, tmp_path, ".stl", 0.1, world=True)
+        exported_tiles(terrain, tmp_path, ".stl", 0.1, world=True)
     with pytest.raises(WriteError, match="does not exist"):
-        export_tiles(terrain, tmp_path / "a" / "b", ".stl", 0.1)
+        exported_tiles(terrain, tmp_path / "a" / "b", ".stl", 0.1)
     (tmp_path / "file").write_text("")
     with pytest.raises(WriteError, match="is no folder"):
-        export_tiles(terrain, tmp_path / "file", ".stl", 0.1)
+        exported_tiles(terrain, tmp_path / "file", ".stl", 0.1)
     assert names_in(tmp_path) == ["file"]

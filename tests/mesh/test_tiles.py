@@ -15,10 +15,8 @@ from terratool.kernels import mesh as kernels
 from terratool.mesh import seams
 from terratool.mesh import tiles as tiling
 from terratool.mesh.build import build
-from terratool.mesh.plan import plan_of
-from terratool.mesh.tiles import TileLayout, build_tile, build_tiles, lay_out
-from terratool.mesh.triangulate import Triangulation
-from terratool.mesh.types import COVER, Mesh, Regions, TileBoundary
+from terratool.mesh.tiles import TileCount, TileLayout, build_tile, build_tiles, lay_out
+from terratool.mesh.types import Mesh, TileBoundary, Triangulation
 from tests.conftest import terrain_of
 from tests.meshes import (
     CURVED,
@@ -99,7 +97,12 @@ def wild(seed: int) -> tuple[Terrain, float, float, TileLayout]:
         definition["origin"] = [1e5, -3e4]
     terrain = terrain_of(definition)
     rows, columns = (int(n) for n in rng.integers(1, 5, 2))
-    return terrain, error, aside, lay_out(terrain, error, rows=rows, columns=columns + (rows == 1))
+    return (
+        terrain,
+        error,
+        aside,
+        lay_out(terrain, error, TileCount(rows=rows, columns=columns + (rows == 1))),
+    )
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -120,7 +123,7 @@ def test_tiles_fit(seed: int) -> None:
 def test_one_tile_is_the_whole_mesh() -> None:
     terrain = terrain_of(random_definition(3, 60, {**STRAIGHT, **CURVED}))
     mesh = build(terrain, 1e-2).mesh
-    tile = build_tile(terrain, lay_out(terrain, 1e-2, rows=1, columns=1), 0, 0).mesh
+    tile = build_tile(terrain, lay_out(terrain, 1e-2, TileCount(rows=1, columns=1)), 0, 0).mesh
     assert tile.vertices.tobytes() == mesh.vertices.tobytes()
     assert tile.faces.tobytes() == mesh.faces.tobytes()
 
@@ -128,7 +131,7 @@ def test_one_tile_is_the_whole_mesh() -> None:
 def test_tiles_are_the_same_every_time_and_in_any_order() -> None:
     definition = random_definition(4, 40, {**STRAIGHT, **CURVED})
     terrain, other = terrain_of(definition), terrain_of(definition)
-    layout, again = (lay_out(one, 2e-2, rows=2, columns=3) for one in (terrain, other))
+    layout, again = (lay_out(one, 2e-2, TileCount(rows=2, columns=3)) for one in (terrain, other))
     tiles = tiles_of(terrain, layout)
     for row, column in sorted(tiles, reverse=True):
         mesh = build_tile(other, again, row, column).mesh
@@ -140,7 +143,7 @@ def test_tiles_lie_row_by_row_from_the_north_west() -> None:
     terrain = terrain_of(
         {"size": [4, 3], "elemTypes": {"f": {"x": [0]}}, "elemTree": {"type": "f"}}
     )
-    layout = lay_out(terrain, 0.1, rows=2, columns=3)
+    layout = lay_out(terrain, 0.1, TileCount(rows=2, columns=3))
     tiles = tiles_of(terrain, layout)
     assert list(tiles) == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
     for (row, column), mesh in tiles.items():
@@ -158,7 +161,7 @@ def test_tiles_lie_row_by_row_from_the_north_west() -> None:
 def test_tiles_that_do_not_fit_are_caught(how: str, axis: int) -> None:
     """What the other tests call fitting is no less than that."""
     terrain, _, _, _ = wild(1)
-    layout = lay_out(terrain, 2e-2, rows=1 + axis, columns=2 - axis)
+    layout = lay_out(terrain, 2e-2, TileCount(rows=1 + axis, columns=2 - axis))
     tiles = tiles_of(terrain, layout)
     check_closed(union(list(tiles.values())), terrain)
     last = max(tiles)
@@ -209,7 +212,7 @@ def test_walls_that_cross_a_seam_have_the_same_levels() -> None:
     root = {"type": "floor", "cells": [3, 6], "children": children, "surface": "rock"}
     surfaces = {"rock": {}, "hole": {"void": True}}
     terrain = terrain_of({"size": 6, "surfTypes": surfaces, "elemTypes": types, "elemTree": root})
-    layout = lay_out(terrain, 0.01, rows=1, columns=2)
+    layout = lay_out(terrain, 0.01, TileCount(rows=1, columns=2))
     tiles = tiles_of(terrain, layout)
     check_seams(layout, tiles)
     at = layout.columns[0].at * layout.plan.pitch
@@ -237,7 +240,7 @@ def test_a_pit_in_the_void_may_leave_a_tile_without_ground() -> None:
         },
     }
     terrain = terrain_of(definition)
-    tiles = tiles_of(terrain, lay_out(terrain, 0.1, rows=1, columns=2))
+    tiles = tiles_of(terrain, lay_out(terrain, 0.1, TileCount(rows=1, columns=2)))
     assert [len(mesh.faces) for mesh in tiles.values()] == [0, 2]
     assert covered(tiles[0, 1]) == pytest.approx(4)
 
@@ -252,7 +255,7 @@ def test_heights_that_are_one_but_for_rounding_have_the_same_bits() -> None:
     root = {"type": "floor", "cells": [3, 40], "children": children}
     types = {"floor": {"x": [0]}, "box": {"x": [1]}}
     terrain = terrain_of({"size": 10, "elemTypes": types, "elemTree": root})
-    layout = lay_out(terrain, 0.01, rows=1, columns=3)
+    layout = lay_out(terrain, 0.01, TileCount(rows=1, columns=3))
     tiles = tiles_of(terrain, layout)
     check_seams(layout, tiles)
     for seam in layout.columns:
@@ -265,40 +268,21 @@ def test_corners_take_the_heights_of_the_seam() -> None:
     triangles = np.array([[0, 1, 2], [2, 1, 4], [2, 4, 3]], np.int32)
     neighbours = np.array([[-1, 1, -1], [0, -1, 2], [1, -1, -1]], np.int32)
     plane = Triangulation(points, triangles, neighbours)
-    rim = TileBoundary(
+    boundary = TileBoundary(
         np.array([0, -1, -1, -1]),
         np.array([[0, 9, 0, 20], [0, 0, 0, 9]]),
         np.array([[5.0, 6.0], [1.0, 2.0]]),
     )
-    triangle, corner = seams.boundary_triangles(plane, rim)
+    triangle, corner = seams.boundary_triangles(plane, boundary)
     assert triangle.tolist() == [2, 0] and corner.tolist() == [2, 2]
     heights = np.array([[1.1, 0, 2.1], [4.9, 0, 0], [5.1, 0, 6.1]])
-    seams.pin_heights(plane, rim, triangle, corner, np.zeros(3, bool), heights)
+    seams.pin_heights(plane, boundary, triangle, corner, np.zeros(3, bool), heights)
     assert heights.tolist() == [[1, 0, 2], [5, 0, 0], [5, 0, 6]]
     with pytest.raises(RuntimeError, match="edges of its seams"):
-        seams.boundary_triangles(plane, rim._replace(edges=np.roll(rim.edges, 1, axis=1)))
+        seams.boundary_triangles(plane, boundary._replace(edges=np.roll(boundary.edges, 1, axis=1)))
 
 
-def test_edges_on_a_seam_are_not_split_and_its_vertices_not_moved() -> None:
-    plan, _ = plan_of(
-        terrain_of({"size": 1, "elemTypes": STRAIGHT, "elemTree": {"type": "floor"}}), 0.1
-    )
-    flag = np.zeros(1, bool)
-    nothing = np.zeros(2, np.int64), np.empty(0, COVER)
-    region = Regions(*nothing, np.zeros(1, np.int32), flag, flag, np.zeros(1), np.zeros(1))
-    plane = Triangulation(
-        np.array([[0, 0], [1000, 0], [0, 1000]]),
-        np.array([[0, 1, 2]], np.int32),
-        np.full((1, 3), -1, np.int32),
-    )
-    for locked in (False, True):
-        work = kernels.Refinement(
-            plan.kept, region, plane, np.zeros(1, np.int32), np.zeros((1, 3)),
-            np.array([-1, 0 if locked else -1, -1, -1]),
-        )  # fmt: skip
-        assert kernels.split_edge(work, 0, 0, 500, 0) != locked
-        points, triangles, *_ = kernels.take(work)
-        assert [len(points), len(triangles)] == ([3, 1] if locked else [4, 2])
+def test_vertices_of_a_seam_are_not_moved() -> None:
     points = np.array([[0, 50], [0, 52], [1, 51], [1, 70]])
     limits = np.array([0, 0, 99, 99])
     for side, expected in ((0, [0, 1, 0, 3]), (-1, [0, 0, 0, 3])):
@@ -316,7 +300,7 @@ class TestSeams:
         drawn = kernels.segments_of(plan.kept, np.arange(len(plan.frames)))
         for seam in (*layout.columns, *layout.rows):
             ends = drawn[:, [seam.axis, seam.axis + 2]]
-            assert np.abs(ends - seam.at).min() > seams.BESIDE
+            assert np.abs(ends - seam.at).min() > seams.CLEARANCE
             assert (np.diff(seam.places) >= 4).all()
             assert set(seam.passes) <= set(seam.places)
             assert np.isfinite(seam.heights).all()
@@ -357,7 +341,7 @@ class TestSeams:
 
         root = {"type": "b", "cells": [4, 4], "children": [box(0, 0), box(2, 45)]}
         terrain = terrain_of({"size": 4, "elemTypes": {"b": {"x": [1]}}, "elemTree": root})
-        plan = lay_out(terrain, 0.1, rows=1, columns=1).plan
+        plan = lay_out(terrain, 0.1, TileCount(rows=1, columns=1)).plan
         drawn = kernels.segments_of(plan.kept, np.arange(3))
         unit = round(1 / plan.pitch)
         # two more that cross in (3.5, 3.5), one of them steep
@@ -372,9 +356,9 @@ class TestSeams:
 
     def test_edges_that_leave_no_room_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         terrain, error, _, _ = wild(0)
-        monkeypatch.setattr(seams, "BESIDE", 1 << 28)
+        monkeypatch.setattr(seams, "CLEARANCE", 1 << 28)
         with pytest.raises(RequestError, match="no seam"):
-            lay_out(terrain, error, rows=1, columns=2)
+            lay_out(terrain, error, TileCount(rows=1, columns=2))
 
     def test_seams_do_not_lie_on_the_lines_of_grids(self) -> None:
         """The middle of the terrain is where edges are."""
@@ -382,7 +366,7 @@ class TestSeams:
             {"type": "b", "cellX": 3, "cellY": 3}]}]  # fmt: skip
         root = {"type": "b", "cells": 10, "children": children}
         terrain = terrain_of({"size": 10, "elemTypes": {"b": {"x": [1]}}, "elemTree": root})
-        layout = lay_out(terrain, 0.1, rows=2, columns=2)
+        layout = lay_out(terrain, 0.1, TileCount(rows=2, columns=2))
         check_closed(union(list(tiles_of(terrain, layout).values())), terrain)
 
 
@@ -391,8 +375,8 @@ class TestLayout:
 
     def test_crowded_terrains_have_more_tiles(self) -> None:
         terrain = terrain_of(random_definition(0, 60, STRAIGHT))
-        small = lay_out(terrain, 1e-2, tile_faces=300).shape
-        large = lay_out(terrain, 1e-2, tile_faces=100_000).shape
+        small = lay_out(terrain, 1e-2, TileCount(faces=300)).shape
+        large = lay_out(terrain, 1e-2, TileCount(faces=100_000)).shape
         assert large == (1, 1) and small[0] * small[1] > 4
 
     @pytest.mark.parametrize("error", [3e-2, 3e-3])
@@ -403,25 +387,25 @@ class TestLayout:
         children = [{"type": name, "cellX": k, "cellY": k, "vScale": 1} for k in range(10)]
         root = {"type": "floor", "children": children}
         terrain = terrain_of({"size": 10, "elemTypes": types, "elemTree": root})
-        plan = lay_out(terrain, error, rows=1, columns=1).plan
+        plan = lay_out(terrain, error, TileCount(rows=1, columns=1)).plan
         count = len(build(terrain, error).mesh.faces)
         assert count / 3 < tiling.faces_of(plan) < 3 * count
 
     def test_tiles_are_about_square(self) -> None:
         definition = random_definition(0, 60, STRAIGHT)
         definition["size"] = [40, 10]
-        rows, columns = lay_out(terrain_of(definition), 1e-2, tile_faces=300).shape
+        rows, columns = lay_out(terrain_of(definition), 1e-2, TileCount(faces=300)).shape
         assert 2 * rows <= columns
 
     def test_rows_or_columns_alone(self) -> None:
         terrain = terrain_of(random_definition(0, 60, STRAIGHT))
-        assert lay_out(terrain, 1e-2, rows=3).shape == (3, 1)
-        assert lay_out(terrain, 1e-2, columns=2, tile_faces=300).shape[1] == 2
+        assert lay_out(terrain, 1e-2, TileCount(rows=3)).shape == (3, 1)
+        assert lay_out(terrain, 1e-2, TileCount(columns=2, faces=300)).shape[1] == 2
 
     def test_bounds_are_cut_too(self) -> None:
         terrain = terrain_of(random_definition(6, 60, STRAIGHT))
         bounds = (1.3, 2.1, 8.2, 9.7)
-        layout = lay_out(terrain, 1e-3, bounds, rows=2, columns=2)
+        layout = lay_out(terrain, 1e-3, TileCount(rows=2, columns=2), bounds)
         tiles = tiles_of(terrain, layout)
         check_seams(layout, tiles)
         mesh, whole = union(list(tiles.values())), build(terrain, 1e-3, bounds).mesh
@@ -431,7 +415,7 @@ class TestLayout:
     def test_tiles_look_at_what_is_near(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """A tile costs what lies in it."""
         terrain = terrain_of(random_definition(6, 60, STRAIGHT))
-        layout = lay_out(terrain, 1e-2, rows=4, columns=4)
+        layout = lay_out(terrain, 1e-2, TileCount(rows=4, columns=4))
         asked = []
 
         def spy(plan: Any, chosen: Any) -> Any:
