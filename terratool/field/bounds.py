@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,31 +88,36 @@ def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
     """For each kind, whether it is other than 0 somewhere on the edge of its whole footprint."""
     out = np.ones(len(arrays.kinds), np.uint8)
     for k, kind in enumerate(arrays.kinds):
-        (x_start, x_end, x_least, x_most), (y_start, y_end, y_least, y_most) = (
-            _ends(arrays, kind, axis) for axis in "xy"
-        )
-        level = x_start == x_end == y_start == y_end == 0.0
+        x, y = (_ends(arrays, kind, axis) for axis in "xy")
+        level = x.start == x.end == y.start == y.end == 0.0
         if kind["combine"] == COMBINE["radial"]:  # only the right half is used
-            out[k] = x_end != 0.0
+            out[k] = x.end != 0.0
         elif kind["combine"] == COMBINE["product"]:
-            out[k] = not (level or x_least == x_most == 0.0 or y_least == y_most == 0.0)
+            out[k] = not (level or x.least == x.most == 0.0 or y.least == y.most == 0.0)
         elif kind["combine"] == COMBINE["min"]:
-            out[k] = not (level and min(x_least, y_least) == 0.0)
+            out[k] = not (level and min(x.least, y.least) == 0.0)
         elif kind["combine"] == COMBINE["max"]:
-            out[k] = not (level and max(x_most, y_most) == 0.0)
+            out[k] = not (level and max(x.most, y.most) == 0.0)
     return out
 
 
-def _ends(arrays: FieldArrays, kind: Any, axis: str) -> tuple[float, float, float, float]:
+class _Ends(NamedTuple):
     """Size of a curve at its start and its end, and bounds of its values; 0 if almost so."""
+
+    start: float
+    end: float
+    least: float
+    most: float
+
+
+def _ends(arrays: FieldArrays, kind: Any, axis: str) -> _Ends:
     starts, pieces = curve_pieces(arrays, kind, axis)
     hulls = curve_hulls(pieces)
     level = _LEVEL * np.abs(hulls).max()
     # where a step stands at the very end, the curve arrives before it
     arrivals = hulls[3, starts < 1.0][-1], hulls[3, -1]
     numbers = abs(hulls[0, 0]), np.abs(arrivals).max(), hulls.min(), hulls.max()
-    start, end, least, most = (0.0 if abs(n) <= level else float(n) for n in numbers)
-    return start, end, least, most
+    return _Ends(*(0.0 if abs(n) <= level else float(n) for n in numbers))
 
 
 def finest_details(arrays: FieldArrays, wide: Floats, tall: Floats) -> Floats:

@@ -34,6 +34,9 @@ def assemble(
         parts: the triangles.
         base: see `build.build`.
 
+    Raises:
+        RequestError: the base does not lie below all ground.
+
     Returns:
         The mesh, the number of its faces that are ground or walls (skirt and base come after), and
         how far a height was moved at most because a wall would be too low.
@@ -49,7 +52,12 @@ def assemble(
         lowest, highest = float(heights[ground].min()), float(heights[ground].max())
         if base == "below":
             base = base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
-        check_base(base, lowest, plan.rounding)
+        if not -np.inf < base < lowest - plan.rounding:
+            raise RequestError(
+                f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
+                f" {lowest:g}.",
+                "Give a base that is lower.",
+            )
         outer = outer_edges(neighbours, ground)
         edges = triangles[outer[:, :1], np.column_stack([outer[:, 1], (outer[:, 1] + 1) % 3])]
         on_boundary[edges] = True
@@ -96,20 +104,6 @@ def base_below(lowest: float, highest: float, side: float) -> float:
     side, so that flat ground becomes a plate.
     """
     return lowest - max(0.1 * (highest - lowest), 0.01 * side)
-
-
-def check_base(base: float, lowest: float, tolerance: float) -> None:
-    """Refuse a base that does not lie below all ground.
-
-    Raises:
-        RequestError: it does not.
-    """
-    if not -np.inf < base < lowest - tolerance:
-        raise RequestError(
-            f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
-            f" {lowest:g}.",
-            "Give a base that is lower.",
-        )
 
 
 def outer_edges(neighbours: Ints, ground: NDArray[np.bool_]) -> Ints:
