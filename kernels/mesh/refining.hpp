@@ -20,24 +20,26 @@ struct EditedTriangles {
     Rows<i32, 3> triangles, neighbours;
     std::vector<i32> regions;
     Rows<double, 3> heights;
+    double largest_error = 0.0;  // that they may have, those in affine regions apart
 };
 
 template <class Visit> void visit_results(EditedTriangles& e, Visit visit) {
     visit("points", e.points), visit("triangles", e.triangles), visit("neighbours", e.neighbours);
     visit("regions", e.regions), visit("heights", e.heights);
+    visit("largest_error", e.largest_error);
 }
 
 class EditableTriangulation {
 public:
-    // `of` are the regions of the triangles, `heights` those of their corners, each from its own
-    // side; `locked` the x, y, x, y of sides whose edges stay as they are, -1 for none.
+    // `region_of` are the regions of the triangles, `heights` those of their corners, each from its
+    // own side; `locked` the x, y, x, y of sides whose edges stay as they are, -1 for none.
     EditableTriangulation(
-        const Triangulation& from, Span<const i32> of, Matrix<const double> heights,
+        const Triangulation& from, Span<const i32> region_of, Matrix<const double> heights,
         Span<const i64> locked
     )
         : points_(rows<2>(from.points)), triangles_(rows<3>(from.triangles)),
-          neighbours_(rows<3>(from.neighbours)), of_(of.begin(), of.end()),
-          heights_(rows<3>(heights)), queued_(of.size()) {
+          neighbours_(rows<3>(from.neighbours)), of_(region_of.begin(), region_of.end()),
+          heights_(rows<3>(heights)), queued_(region_of.size()) {
         std::copy_n(locked.begin(), 4, locked_.begin());
         for (i64 t = 0; t < count(); ++t) enqueue(t);
     }
@@ -287,8 +289,12 @@ public:
         return !queue_.empty();
     }
 
-    // The largest error that triangles may have, those in plane regions apart.
-    double largest_error() const { return largest_error_; }
+    // All triangles; they are no longer here then.
+    EditedTriangles take() {
+        EditedTriangles found = EditableTriangulation::take();
+        found.largest_error = largest_error_;
+        return found;
+    }
 
 private:
     const Plan& plan_;

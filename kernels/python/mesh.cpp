@@ -134,7 +134,6 @@ KeptRefinement::KeptRefinement(
       ) {}
 
 auto take(Refinement& refinement) { return refinement.take(); }
-double largest_error(Refinement& refinement) { return refinement.largest_error(); }
 
 }  // namespace
 
@@ -184,12 +183,8 @@ void bind_mesh(nb::module_ m) {
         m, "weld", "For each vertex the one that it becomes.",
         {"points[_,2]", "limits[4]", "seams[4]", "near"}
     );
-    def<&smallest_altitude>(
-        m, "smallest_altitude", "The smallest distance of a corner from the longest side.",
-        {"points[_,2]", "triangles[_,3]"}
-    );
     def<&find_thin>(
-        m, "find_thin", "Triangles lower than `near`: longest side, then corner.",
+        m, "find_thin", "Triangles lower than `near`: their longest side, then the corner.",
         {"points[_,2]", "triangles[_,3]", "near"}
     );
     def<&region_keys>(
@@ -217,9 +212,6 @@ void bind_mesh(nb::module_ m) {
         m, "split_crossings",
         "Split edges where the higher side changes; whether there are triangles to refine.",
         {"refinement", "tolerance"}
-    );
-    def<&largest_error>(
-        m, "largest_error", "The largest error that triangles may have.", {"refinement"}
     );
     def<&take>(m, "take", "All triangles; the end of it.", {"refinement"});
 

@@ -71,18 +71,11 @@ def weld(
     Shapes: points[_,2], limits[4], seams[4].
     """
 
-def smallest_altitude(points: NDArray[np.int64], triangles: NDArray[np.int32]) -> float:
-    """
-    The smallest distance of a corner from the longest side.
-
-    Shapes: points[_,2], triangles[_,3].
-    """
-
 def find_thin(
     points: NDArray[np.int64], triangles: NDArray[np.int32], near: float
 ) -> NDArray[np.int64]:
     """
-    Triangles lower than `near`: longest side, then corner.
+    Triangles lower than `near`: their longest side, then the corner.
 
     Shapes: points[_,2], triangles[_,3].
     """
@@ -140,9 +133,6 @@ def split_crossings(refinement: Refinement, tolerance: float) -> bool:
     """
     Split edges where the higher side changes; whether there are triangles to refine.
     """
-
-def largest_error(refinement: Refinement) -> float:
-    """The largest error that triangles may have."""
 
 def take(refinement: Refinement) -> dict[str, Any]:
     """All triangles; the end of it."""

@@ -138,7 +138,7 @@ def refine(
         if not kernels.split_crossings(work, plan.tolerance):
             break
     flat = regions.polygon_errors[regions.affine & ~regions.voids].max(initial=0.0)
-    error = max(kernels.largest_error(work), float(flat))
     found = kernels.take(work)
+    error = max(found["largest_error"], float(flat))
     plane = Triangulation(found["points"], found["triangles"], found["neighbours"])
     return RegionMesh(plane, regions, found["regions"], found["heights"]), error

@@ -70,8 +70,8 @@ def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list
     along = [_find(plan, 0, column, columns, across) for column in range(1, columns)]
     crossings = [line.at for line in along]
     across = [_with_vertices(line, crossings) for line in across]
-    horizontal = [_profile(plan, line) for line in across]
-    vertical = [_profile(plan, line) for line in along]
+    horizontal = [_with_heights(plan, line) for line in across]
+    vertical = [_with_heights(plan, line) for line in along]
     for seam in vertical:  # where two seams cross, heights are those of one of them
         for other in horizontal:
             k, n = np.searchsorted(seam.places, other.at), np.searchsorted(other.places, seam.at)
@@ -123,7 +123,7 @@ def _line(
     for other in others:
         if (np.abs(other.passes - at) < CLEARANCE * other.slants).any():
             return None
-    # the boundary and other seams are segments that pass, too; they come first
+    # the sides of all and other seams are segments that pass, too; they come first
     b = plan.bounds.astype(np.int64)
     fixed = np.array([b[1 - axis], b[3 - axis], *(other.at for other in others)], np.int64)
     straight = np.empty((len(fixed), 4), np.int64)
@@ -223,7 +223,7 @@ def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
     return line._replace(passes=passes[order], begins=begins[order], slants=slants[order])
 
 
-def _profile(plan: MeshPlan, line: _Line) -> Seam:
+def _with_heights(plan: MeshPlan, line: _Line) -> Seam:
     """Heights along a seam, with as many vertices as they need."""
     axis, at, passes, begins, slants = line
     points = np.empty((len(passes), 2), np.int64)

@@ -78,9 +78,10 @@ def triangulate(
         found, triangles, neighbours = delaunay(points.astype(np.float64), edges)
         points = np.rint(found).astype(np.int64)
         keys = keys_of(points, triangles)
-        if kernels.smallest_altitude(points, triangles) >= _NEAR:
+        thin = kernels.find_thin(points, triangles, _NEAR)
+        if not len(thin):
             break
-        edges = _bend(points, triangles, _borders(triangles, neighbours, keys))
+        edges = _bend(_borders(triangles, neighbours, keys), thin, len(points))
     return Triangulation(points, triangles, neighbours), keys
 
 
@@ -164,10 +165,15 @@ def _borders(triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keys: 
     return np.column_stack([triangles[t, c], triangles[t, (c + 1) % 3]]).astype(np.int64)
 
 
-def _bend(points: Ints, triangles: NDArray[np.int32], edges: Ints) -> Ints:
-    """Lead edges through vertices that are next to them: thin triangles have none for a side."""
-    a, b, c = kernels.find_thin(points, triangles, _NEAR).T
-    count = len(points)
+def _bend(edges: Ints, thin: Ints, count: int) -> Ints:
+    """Lead edges through vertices that are next to them: thin triangles have none for a side.
+
+    Args:
+        edges: (n, 2) indices of vertices.
+        thin: (k, 3) the longest side of each thin triangle, and its other corner.
+        count: number of vertices.
+    """
+    a, b, c = thin.T
     keys = edges.min(axis=1) * count + edges.max(axis=1)
     long = np.minimum(a, b) * count + np.maximum(a, b)
     bent = np.isin(keys, long)
