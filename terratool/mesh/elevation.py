@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
-from terratool.mesh.export import Report, check_request
+from terratool.mesh.export import ExportReport, check_request
 from terratool.mesh.formats.vrml import write_elevation_grid
 from terratool.mesh.loss import GridLoss, Peak, WallSummary, spread, wall_summary
 from terratool.mesh.types import HeightGrid
@@ -28,7 +28,10 @@ Floats = NDArray[np.float64]
 
 
 class ElevationGridReport(
-    Report, frozen=True, kw_only=True, rename={"chosen": "resolution_chosen", "statement": "losses"}
+    ExportReport,
+    frozen=True,
+    kw_only=True,
+    rename={"chosen": "resolution_chosen", "statement": "losses"},
 ):
     """What was written as a grid of heights. Lengths are in units of the terrain.
 

@@ -84,7 +84,7 @@ class MeshOptions:
         return LEAST_ERROR, "1 mm, as 1/1000 of the relief is less"
 
 
-class Report(Struct, frozen=True, kw_only=True):
+class ExportReport(Struct, frozen=True, kw_only=True):
     """What an export has written."""
 
     def to_json(self) -> dict[str, Any]:
@@ -94,7 +94,7 @@ class Report(Struct, frozen=True, kw_only=True):
 
 
 class MeshReport(
-    Report,
+    ExportReport,
     frozen=True,
     kw_only=True,
     rename={"walls": "wall_faces", "chosen": "error_chosen", "statement": "losses"},

@@ -151,20 +151,17 @@ class MeshLoss(
                 f"{counted(left.faint, 'element')} left out to keep to {self.max_faces:,} faces, "
                 f"the highest of {length(left.faintest)}"
             )
-        yield from self._tracks_in_words()
-        if left.change:
-            yield (
-                f"with them the ground is up to {length(self.miss)} off, as far as was measured "
-                f"at {counted(left.points, 'point')}"
-            )
-
-    def _tracks_in_words(self) -> Iterator[str]:
         if self.ruts and self.ruts.narrow:
             yield f"{counted(self.ruts.narrow, 'track')} too narrow for the mesh left out"
         if self.ruts and self.ruts.shallow:
             yield (
                 f"{counted(self.ruts.shallow, 'track')} left out to keep to {self.max_faces:,} "
                 f"faces, the deepest of {length(self.ruts.deepest)}"
+            )
+        if left.change:
+            yield (
+                f"with them the ground is up to {length(self.miss)} off, as far as was measured "
+                f"at {counted(left.points, 'point')}"
             )
 
 

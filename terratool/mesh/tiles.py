@@ -20,7 +20,13 @@ from terratool.field.records import COMBINE
 from terratool.field.terrain import Bounds, Terrain, check_bounds
 from terratool.kernels import mesh as kernels
 from terratool.mesh.build import coarse_mesh, finish
-from terratool.mesh.export import MeshOptions, Report, collapse_degenerate, rounding_of, write_mesh
+from terratool.mesh.export import (
+    ExportReport,
+    MeshOptions,
+    collapse_degenerate,
+    rounding_of,
+    write_mesh,
+)
 from terratool.mesh.formats.table import FORMATS, mesh_format
 from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, joined_walls, wall_summary
 from terratool.mesh.plan import plan_of
@@ -199,7 +205,7 @@ class MeshTile(NamedTuple):
 
 
 class MeshTilesReport(
-    Report,
+    ExportReport,
     frozen=True,
     kw_only=True,
     rename={"walls": "wall_faces", "chosen": "error_chosen", "statement": "losses"},
@@ -232,7 +238,7 @@ class MeshTilesReport(
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
-        return {key: value for key, value in Report.to_json(self).items() if key != "tiles"}
+        return {key: value for key, value in ExportReport.to_json(self).items() if key != "tiles"}
 
 
 def export_tiles(
