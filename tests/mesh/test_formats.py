@@ -109,17 +109,6 @@ def test_all_digits_are_there(suffix: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_bytes_are_the_same_again(suffix: str, tmp_path: Path) -> None:
-    """Neither the clock nor the folder shows in a file."""
-    files = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        path = written(oblong(), tmp_path / name, suffix)
-        files.append([(part.name, part.read_bytes()) for part in sorted(path.parent.iterdir())])
-    assert files[0] == files[1]
-
-
-@pytest.mark.parametrize("suffix", FORMATS)
 def test_the_origin_is_said(suffix: str, tmp_path: Path) -> None:
     """Vertices are near 0; where that is in the world can be read from the file."""
     path = written(oblong(), tmp_path, suffix)
@@ -411,13 +400,6 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
         with pytest.raises(RequestError, match="no numbers"):
             write_mesh(replace(mesh, vertices=vertices), tmp_path / "t.obj")
     assert not list(tmp_path.iterdir())
-
-
-def test_without_usd_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One is told what to install."""
-    monkeypatch.setitem(__import__("sys").modules, "pxr", None)
-    with pytest.raises(RequestError, match="terratool\\[usd\\]"):
-        write_mesh(oblong(), tmp_path / "t.usdc")
 
 
 def test_edges_that_float32_cannot_tell_from_a_point_are_left_out() -> None:
