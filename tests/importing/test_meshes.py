@@ -24,8 +24,9 @@ from terratool.importing import headers, meshes
 from terratool.importing.meshes import READERS, read_triangles
 from terratool.importing.sampling import read_mesh
 from terratool.importing.triangles import Triangles
-from terratool.mesh.files import write_mesh
+from terratool.mesh.export import write_mesh
 from tests.conftest import terrain_of
+from tests.meshes import exported
 from tests.viewers import oblong, program
 
 POINTS = [(0, 0, 1), (6, 0, 2), (6, 3, 4.25), (0, 3, 0.5), (2, 1, 5)]
@@ -370,10 +371,9 @@ def test_a_terrain_comes_back_as_heights(tmp_path: Path) -> None:
             },
         }
     )  # fmt: skip
-    from terratool.mesh.export import export_mesh
 
     for solid in (False, True):
-        export_mesh(terrain, tmp_path / "yard.stl", solid=solid, overwrite=True)
+        exported(terrain, tmp_path / "yard.stl", solid=solid, overwrite=True)
         samples = read_mesh(tmp_path / "yard.stl", 0.25)
         x, y = np.meshgrid(0.125 + 0.25 * np.arange(48), 0.125 + 0.25 * np.arange(32))
         np.testing.assert_allclose(samples.values, terrain.height(x, y), rtol=0, atol=1e-5)
