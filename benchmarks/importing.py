@@ -24,8 +24,7 @@ from pydelatin import Delatin
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
-from terratool.importing.samples import PixelLattice, SampledHeights
-from terratool.importing.sources import open_source
+from terratool.importing.sources import PixelLattice, SampledHeights, open_source
 from terratool.importing.terrain.build import ImportOptions, import_terrain
 
 Floats = NDArray[np.float64]

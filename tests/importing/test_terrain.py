@@ -17,12 +17,12 @@ from terratool.definition.reader import CheckOptions as CheckOptions
 from terratool.definition.reader import check
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
-from terratool.importing.samples import PixelLattice, SampledHeights
-from terratool.importing.terrain import build as importing
-from terratool.importing.terrain import writing
-from terratool.importing.terrain.build import ImportOptions, filled, import_terrain, step_for
+from terratool.importing.sources import PixelLattice, SampledHeights
+from terratool.importing.terrain import survey, writing
+from terratool.importing.terrain.build import ImportOptions, import_terrain
 from terratool.importing.terrain.check import BoundError, Checker
-from terratool.importing.terrain.methods import METHODS, named
+from terratool.importing.terrain.methods import METHODS, named, step_for
+from terratool.importing.terrain.survey import filled
 from terratool.text.source import read_source
 from tests.conftest import terrain_of
 
@@ -135,7 +135,7 @@ def test_reading_by_rows_makes_the_same_heights(tmp_path, monkeypatch):
     heights[256] = np.nan
     source = samples(heights)
     whole = imported(source, tmp_path / "a.json", methods=METHODS[:1])
-    monkeypatch.setattr(importing, "MOST_IN_MEMORY", 10)
+    monkeypatch.setattr(survey, "MOST_IN_MEMORY", 10)
     blocks = imported(source, tmp_path / "b.json", methods=METHODS[:1])
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
     assert whole.bounds == blocks.bounds
@@ -241,11 +241,11 @@ def test_the_report_says_the_largest_error_and_where(tmp_path):
     x = at.west + (np.arange(at.columns) + 0.5) * at.dx
     y = at.south + (np.arange(at.rows) + 0.5) * at.dy
     apart = np.abs(terrain.height(*np.meshgrid(x, y)) - heights)
-    assert report.misfit.largest == pytest.approx(apart.max(), abs=1e-9)
-    assert report.misfit.rms == pytest.approx(np.sqrt((apart**2).mean()), rel=1e-6)
+    assert report.error.largest == pytest.approx(apart.max(), abs=1e-9)
+    assert report.error.rms == pytest.approx(np.sqrt((apart**2).mean()), rel=1e-6)
     row, column = np.unravel_index(apart.argmax(), apart.shape)
-    assert report.misfit.where == pytest.approx((x[column], y[row]))
-    assert report.misfit.largest <= report.bound <= 0.2
+    assert report.error.where == pytest.approx((x[column], y[row]))
+    assert report.error.largest <= report.bound <= 0.2
 
 
 @pytest.mark.parametrize(
@@ -278,7 +278,7 @@ def test_level_ground_is_one_element(tmp_path):
         samples(np.full((30, 20), 12.5)), tmp_path / "t.json", ImportOptions(0.1)
     )
     text = json.loads((tmp_path / "t.json").read_text())
-    assert report.misfit.largest <= 0.1
+    assert report.error.largest <= 0.1
     assert text["elemTree"]["children"] == []
 
 
@@ -454,14 +454,14 @@ def test_structures_that_turn_out_badly_are_given_up(tmp_path, monkeypatch):
     """Should what they add between the pixels not be as foreseen, the rest does without them."""
     _, terrain = built(2)
     source = sampled(terrain)
-    rims = Checker.rims
+    borders = Checker.check_borders
 
-    def alarmed(self, texts, levels, step):
+    def alarmed(self, written, step):
         if self.always:
             raise BoundError("by the test")
-        rims(self, texts, levels, step)
+        borders(self, written, step)
 
-    monkeypatch.setattr(Checker, "rims", alarmed)
+    monkeypatch.setattr(Checker, "check_borders", alarmed)
     report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.05))
     assert report.structures == {}
     assert report.bound <= 0.05
@@ -472,7 +472,7 @@ def test_an_alarm_leaves_nothing_behind(tmp_path, monkeypatch):
     def alarmed(*_):
         raise BoundError("by the test")
 
-    monkeypatch.setattr(Checker, "rims", alarmed)
+    monkeypatch.setattr(Checker, "check_borders", alarmed)
     with pytest.raises(WriteError, match="report"):
         import_terrain(samples(rough(20, 30, 1)), tmp_path / "t.json", ImportOptions(0.05))
     assert list(tmp_path.iterdir()) == []
@@ -509,7 +509,7 @@ def test_rows_leave_room_for_what_hills_add_between_the_pixels(tmp_path):
     source.values[:18, -60:] += np.random.default_rng(3).uniform(0, 1, (18, 60))
     report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.02))
     assert report.structures == {"cosbell-hill": 2}
-    assert report.misfit.largest < report.bound <= 0.02
+    assert report.error.largest < report.bound <= 0.02
     x, y = anywhere(source, 1, 50_000)
     apart = np.abs(load(tmp_path / "t.json").height(x, y) - bilinear(source, x, y))
     assert apart.max() <= report.bound

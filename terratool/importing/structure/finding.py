@@ -6,23 +6,19 @@ import numpy as np
 
 from terratool.importing.structure.boxes import jumps, merged
 from terratool.importing.structure.peeling import Limits, is_quiet, peel
-from terratool.importing.structure.residual import (
-    BLOCKS,
-    Floats,
-    Residual,
-    islands,
-    noise_level,
-    residual_of,
-)
-from terratool.importing.structure.spelling import (
+from terratool.importing.structure.residual import Floats, Residual, noise_level, residual_of
+from terratool.importing.structure.structures import (
+    Axis,
+    CurveText,
+    PixelPart,
+    Structure,
     deviation,
     named,
     shortest,
     with_flanks,
     with_walls,
 )
-from terratool.importing.structure.turned import disc_of, turned_box_of
-from terratool.importing.structure.types import Axis, CurveText, PixelPart, Structure
+from terratool.importing.structure.turned import BLOCKS, disc_of, islands, turned_box_of
 from terratool.kernels import importing as kernels
 
 SHARE = 0.5
@@ -33,6 +29,14 @@ SHARE_ALONE = 0.98
 
 ROUNDS = 6
 _SAMPLED = 1 << 16
+MOST_PIXELS = 32_768
+"""A grid has at most 65,536 cells along each axis, two for each pixel."""
+
+PRECISION = 1e-3
+"""Numbers are rounded to this share of the error that is allowed."""
+
+SPARE = 0.25
+"""Smooth curves may use up this share of the error between the centres of pixels."""
 
 
 def twist_of(residual: Residual) -> PixelPart | None:
@@ -116,16 +120,6 @@ def _level_at_ends(first: float, last: float, count: int) -> tuple[tuple[float, 
     half = 0.5 / count
     low, high = first + (last - first) * half, last - (last - first) * half
     return (0.0, low), (half, low), (1.0 - half, high), (1.0, high)
-
-
-MOST_PIXELS = 32_768
-"""A grid has at most 65,536 cells along each axis, two for each pixel."""
-
-PRECISION = 1e-3
-"""Numbers are rounded to this share of the error that is allowed."""
-
-SPARE = 0.25
-"""Smooth curves may use up this share of the error between the centres of pixels."""
 
 
 def find_structures(
@@ -262,10 +256,9 @@ def refined(residual: Residual, parts: list[PixelPart], noise: float) -> list[Pi
     out = list(parts)
     for _ in range(2):
         for at, part in enumerate(out):
-            rows, columns, dy, dx = residual.window(part)
-            here = residual.mixed[rows, columns]
-            shape = np.multiply.outer(dy, dx)
-            clean = residual.known[rows, columns] & (np.abs(here) <= 2.0 * noise)
+            gaps, shape = residual.window(part)
+            here = residual.mixed[gaps]
+            clean = residual.known[gaps] & (np.abs(here) <= 2.0 * noise)
             power = float((shape[clean] ** 2).sum())
             if power > 0.0:
                 more = float((here[clean] * shape[clean]).sum()) / power

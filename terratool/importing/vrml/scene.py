@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.triangles import Triangles
+from terratool.importing.sources import Triangles
 from terratool.importing.vrml.parse import FieldValue, Node, Scene
 from terratool.importing.vrml.shapes import (
     SIDES,
@@ -46,6 +46,21 @@ _CHILDREN = {
 _SOLIDS = ("Box", "Cone", "Cylinder", "Sphere", "ElevationGrid", "Extrusion", "IndexedFaceSet")
 _LEFT = ("IndexedLineSet", "PointSet", "Text")
 _ROUND = ("Cone", "Cylinder", "Sphere")
+Number = TypeVar("Number", np.float64, np.int32)
+_SQUARE = (1, 1, 1, -1, -1, -1, -1, 1, 1, 1)
+_READ_AS = {
+    "Billboard": "which turns to its viewer, as it stands in the file",
+    "LOD": "its first and finest level",
+    "Cone": f"as one of {SIDES} sides",
+    "Cylinder": f"as one of {SIDES} sides",
+    "Sphere": f"with {SIDES} sides around and {SIDES // 2} from pole to pole",
+}
+UP = "y"
+"""The axis that points up in VRML97 (4.4.5)."""
+
+_header = re.compile(rb"#VRML V2\.0[ \t]+utf8(?!\S)").match
+_stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
+_EXPORT = "Export it as VRML97, which is VRML 2.0."
 
 
 class _Scope(NamedTuple):
@@ -336,18 +351,6 @@ class _Walker:
         return notes
 
 
-Number = TypeVar("Number", np.float64, np.int32)
-
-_SQUARE = (1, 1, 1, -1, -1, -1, -1, 1, 1, 1)
-_READ_AS = {
-    "Billboard": "which turns to its viewer, as it stands in the file",
-    "LOD": "its first and finest level",
-    "Cone": f"as one of {SIDES} sides",
-    "Cylinder": f"as one of {SIDES} sides",
-    "Sphere": f"with {SIDES} sides around and {SIDES // 2} from pole to pole",
-}
-
-
 def _points(count: int) -> str:
     return f"the last one is {count - 1:,}" if count else "there are none"
 
@@ -372,16 +375,6 @@ def _used(mesh: ShapeMesh) -> ShapeMesh:
         return mesh
     numbers = (np.cumsum(used) - 1).astype(np.int32)
     return ShapeMesh(vertices[used], numbers[faces])
-
-
-UP = "y"
-"""The axis that points up in VRML97 (4.4.5)."""
-
-_header = re.compile(rb"#VRML V2\.0[ \t]+utf8(?!\S)").match
-
-_stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
-
-_EXPORT = "Export it as VRML97, which is VRML 2.0."
 
 
 def read_vrml(path: str | Path) -> Triangles:

@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 from terratool.kernels import importing as kernels
 
 Matrix = NDArray[np.float64]
+SIDES = 64
+"""Sides of the polygon that stands for a circle; its corners lie on it."""
+
+_STRAIGHT = 1e-7
+"""Sine of the angle below which the segments of a spine lie on one line: float32 knows no less."""
 
 
 def rotation(axis: NDArray[np.float64], angle: float) -> Matrix:
@@ -66,10 +71,6 @@ def placed(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
     x, y, z = points.T
     # BLAS would add in an order that depends on the machine
     return np.column_stack([a * x + b * y + c * z + d for a, b, c, d in pose.tolist()])
-
-
-SIDES = 64
-"""Sides of the polygon that stands for a circle; its corners lie on it."""
 
 
 class ShapeMesh(NamedTuple):
@@ -176,10 +177,6 @@ def _fan(middle: int, turned: bool, first: int = 0) -> NDArray[np.int32]:
 
 def _joined(faces: list[NDArray[np.int32]]) -> NDArray[np.int32]:
     return np.concatenate([np.empty((0, 3), np.int32), *faces])
-
-
-_STRAIGHT = 1e-7
-"""Sine of the angle below which the segments of a spine lie on one line: float32 knows no less."""
 
 
 def extrusion(

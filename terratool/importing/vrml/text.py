@@ -17,7 +17,6 @@ _gap = re.compile(rb"(?:[\t-\r ,]++|#[^\r\n]*+)*+").match
 _word = re.compile(rb"[^\x00-\x20,#\"\[\]{}\x7f]++").match
 _string = re.compile(rb'"(?:[^"\\]++|\\.)*+"', re.DOTALL).match
 _numbers = re.compile(rb"#[^\r\n]*+|[^\t-\r ,#]++").finditer
-
 NUMERIC = frozenset(b"+-.0123456789")
 """First bytes of numbers."""
 
