@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.importing.structure.boxes import find_boxes
-from terratool.importing.structure.residual import QUIET_SHARE, Floats, Residual, share_within
+from terratool.importing.structure.residual import (
+    QUIET_SHARE,
+    Floats,
+    Limits,
+    Residual,
+    share_within,
+)
 from terratool.importing.structure.structures import VECTOR, Axis, PixelPart
 from terratool.kernels import importing as kernels
 
@@ -168,21 +174,6 @@ def partners(
     found = np.flatnonzero(share > MOST)
     order: NDArray[np.int64] = found[np.argsort(np.abs(found - pivot[0]), kind="stable")]
     return order
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """What counts.
-
-    Attributes:
-        noise: how far mixed differences may be off.
-        height: parts that are lower are not wanted.
-        unusual: whether curves without a name are wanted, too.
-    """
-
-    noise: float
-    height: float
-    unusual: bool = False
 
 
 def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:

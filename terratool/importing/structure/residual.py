@@ -11,6 +11,9 @@ from terratool.importing.structure.structures import PixelPart, shortest
 
 Floats = NDArray[np.float64]
 
+PRECISION = 1e-3
+"""Numbers are rounded to this share of the error that is allowed."""
+
 SINGLE = 2.0**-22
 """The error that four heights rounded to single precision can make together, in heights."""
 
@@ -32,6 +35,26 @@ MOSTLY = 0.98
 
 FINER = 20.0
 """That is so much larger than the rounding of floats."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What counts.
+
+    Attributes:
+        noise: how far mixed differences may be off.
+        height: parts that are lower are not wanted.
+        unusual: whether curves without a name are wanted, too.
+    """
+
+    noise: float
+    height: float
+    unusual: bool = False
+
+    @property
+    def precision(self) -> float:
+        """How far heights may be rounded in the definition."""
+        return PRECISION * self.height
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.structure.residual import Floats, Residual
+from terratool.importing.structure.residual import Floats, Limits, Residual
 from terratool.importing.structure.structures import (
     NAMES,
     SPELLINGS,
+    VECTOR,
     CurveText,
     Structure,
     curve_at,
@@ -149,24 +150,15 @@ def _island(residual: Residual, south: int, west: int, north: int, east: int) ->
     return Island(south, west, inner, around, south - low[0], west - low[1], off)
 
 
-def turned_box_of(
-    island: Island, noise: float, max_error: float, precision: float
-) -> tuple[Structure, Floats] | None:
-    """The turned box that an island is, and its heights in the window around it.
-
-    Args:
-        island: what stands out.
-        noise: how far heights may be off.
-        max_error: lower boxes are not wanted.
-        precision: how far the height may be rounded.
-    """
-    exact = 4.0 * noise + 2.0 * island.off
+def turned_box_of(island: Island, limits: Limits) -> tuple[Structure, Floats] | None:
+    """The turned box that an island is, and its heights in the window around it."""
+    exact = 4.0 * limits.noise + 2.0 * island.off
     inner = island.heights[np.isfinite(island.heights)]
-    if exact > 0.25 * max_error or len(inner) < 16:
+    if exact > 0.25 * limits.height or len(inner) < 16:
         return None
     tall = inner[np.abs(inner) > 0.5 * np.abs(inner).max()]
     scale = float(np.median(tall))
-    if abs(scale) < max(max_error, 4.0 * exact):
+    if abs(scale) < max(limits.height, 4.0 * exact):
         return None
     heights = np.where(np.isfinite(island.around), island.around, 0.0)
     covered = np.abs(heights - scale) <= exact
@@ -187,7 +179,7 @@ def turned_box_of(
     column, row = 2 * island.column - (sides[0] - width), 2 * island.row - (sides[1] - height)
     if column < 0 or row < 0:
         return None
-    span, rounded = (2 * sides[0], 2 * sides[1]), shortest(scale, precision)
+    span, rounded = (2 * sides[0], 2 * sides[1]), shortest(scale, limits.precision)
     turn = shortest(found.angle, min(found.slack, FINENESS))
     box = Structure("box", "box", "flat", "flat", "product", column, row, span, rounded, turn)
     return box, np.where(_covers(found.angle, *sides, dx, dy), scale, 0.0)
@@ -271,23 +263,19 @@ def _covers(angle: float, width: int, height: int, dx: Floats, dy: Floats) -> ND
     return covers
 
 
-def disc_of(
-    island: Island, noise: float, max_error: float, precision: float, loose: bool
-) -> tuple[Structure, Floats] | None:
+def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Floats] | None:
     """The turned profile that an island is, and its heights in the window around it.
 
     Args:
         island: what stands out.
-        noise: how far heights may be off.
-        max_error: lower profiles are not wanted.
-        precision: how far numbers may be rounded.
-        loose: whether a profile without a name may be off by a quarter of `max_error`, or only by
+        limits: lower profiles are not wanted.
+        loose: whether a profile without a name may be off by a quarter of that height, or only by
             as much as one with a name.
     """
-    exact = 4.0 * noise + 2.0 * island.off
-    if exact > 0.25 * max_error:
+    exact = 4.0 * limits.noise + 2.0 * island.off
+    if exact > 0.25 * limits.height:
         return None
-    best: tuple[float, int, float, tuple[int, int]] | None = None
+    best = _Disc(math.inf)
     for grow_y in range(REACH + 1):
         for grow_x in range(REACH + 1):
             rho = _radii(island, grow_x, grow_y)
@@ -296,18 +284,34 @@ def disc_of(
             for code in PROFILES:
                 shape = _turned(code, rho)
                 scale, off = _fit(shape, island.around)
-                if off <= exact + precision and (best is None or off < best[0] / 2.0):
-                    best = off, code, scale, (grow_x, grow_y)
-    if best is not None:
-        _, code, scale, (grow_x, grow_y) = best
-        if abs(scale) < max_error:
-            return None
-        rho = _radii(island, grow_x, grow_y)
-        assert rho is not None
-        kind = _KINDS.get(NAMES[code], f"round-{NAMES[code]}-hill")
-        structure = _structure(kind, SPELLINGS[code], scale, island, grow_x, grow_y, precision)
-        return structure, scale * _turned(code, rho)
-    return _crater(island, max_error, 0.25 * max_error if loose else exact + precision, precision)
+                if off <= exact + limits.precision and off < best.off / 2.0:
+                    best = _Disc(off, code, scale, grow_x, grow_y)
+    if best.off == math.inf:
+        tolerance = 0.25 * limits.height if loose else exact + limits.precision
+        return _crater(island, limits, tolerance)
+    if abs(best.scale) < limits.height:
+        return None
+    rho = _radii(island, best.grow_x, best.grow_y)
+    assert rho is not None
+    kind = _KINDS.get(NAMES[best.code], f"round-{NAMES[best.code]}-hill")
+    structure = _structure(kind, SPELLINGS[best.code], island, best, limits.precision)
+    return structure, best.scale * _turned(best.code, rho)
+
+
+class _Disc(NamedTuple):
+    """A turned profile, and how far it is off.
+
+    Attributes:
+        code: of its curve.
+        scale: its height.
+        grow_x, grow_y: how many pixels it reaches beyond the island to each side.
+    """
+
+    off: float
+    code: int = VECTOR
+    scale: float = 1.0
+    grow_x: int = 0
+    grow_y: int = 0
 
 
 def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
@@ -344,9 +348,7 @@ def _fit(shape: Floats, heights: Floats) -> tuple[float, float]:
     return scale, float(np.abs(heights - scale * shape)[finite].max())
 
 
-def _crater(
-    island: Island, max_error: float, tolerance: float, precision: float
-) -> tuple[Structure, Floats] | None:
+def _crater(island: Island, limits: Limits, tolerance: float) -> tuple[Structure, Floats] | None:
     """A profile without a name, as few evenly spaced samples as come close enough."""
     rho = _radii(island, 0, 0)
     if rho is None:
@@ -357,7 +359,7 @@ def _crater(
     if inside.sum() < 40 or np.abs(island.around[outside]).max(initial=0.0) > tolerance:
         return None
     heights = island.around[inside]
-    if np.abs(heights).max() < max_error:
+    if np.abs(heights).max() < limits.height:
         return None
     for steps in (4, 8, 12, 16, MOST_SAMPLES):
         if 2 * steps > min(island.heights.shape):
@@ -368,11 +370,11 @@ def _crater(
             break
     else:
         return None
-    values = np.array([shortest(value, precision) for value in values.tolist()])
+    values = np.array([shortest(value, limits.precision) for value in values.tolist()])
     curve = tuple(float(value) for value in (*values[:0:-1], *values))
     painted = np.zeros_like(rho)
     painted[inside] = weights @ values
-    return _structure("crater", curve, 1.0, island, 0, 0, precision), painted
+    return _structure("crater", curve, island, _Disc(tolerance), limits.precision), painted
 
 
 def _weights(rho: NDArray[np.float64], steps: int) -> Floats:
@@ -387,11 +389,10 @@ def _weights(rho: NDArray[np.float64], steps: int) -> Floats:
 
 
 def _structure(
-    kind: str, curve: CurveText, scale: float, island: Island, grow_x: int, grow_y: int,
-    precision: float,
-) -> Structure:  # fmt: skip
+    kind: str, curve: CurveText, island: Island, disc: _Disc, precision: float
+) -> Structure:
     height, width = island.heights.shape
-    column, row = 2 * (island.column - grow_x), 2 * (island.row - grow_y)
-    span = 2 * (width + 2 * grow_x), 2 * (height + 2 * grow_y)
-    rounded = shortest(scale, precision)
+    column, row = 2 * (island.column - disc.grow_x), 2 * (island.row - disc.grow_y)
+    span = 2 * (width + 2 * disc.grow_x), 2 * (height + 2 * disc.grow_y)
+    rounded = shortest(disc.scale, precision)
     return Structure(kind, kind, curve, None, "radial", column, row, span, rounded)

@@ -85,7 +85,8 @@ T = TypeVar("T")
 Step = Generator[Any, Any, T]
 """A step of reading, which yields the steps in it and is sent what they return."""
 
-_DECLARE = frozenset(("PROTO", "EXTERNPROTO", "ROUTE"))
+_DECLARE = ("PROTO", "EXTERNPROTO", "ROUTE")
+_INTERFACE = ("field", "exposedField", "eventIn", "eventOut")
 _FLAGS = {"TRUE": True, "FALSE": False}
 _MANY = 10_000
 """Names among which a similar one is looked for."""
@@ -321,7 +322,7 @@ class _Parser:
         text.peek()
         at = text.at
         what = text.word("a field or an event")
-        if what not in ("field", "exposedField", "eventIn", "eventOut"):
+        if what not in _INTERFACE:
             raise text.error(
                 at,
                 f'"{what}" is neither field, exposedField, eventIn nor eventOut.',
@@ -378,14 +379,10 @@ class _Parser:
         """A field of a node, or another statement within it."""
         text = self.text
         at = text.at
-        if node.kind == "Script" and node.proto is None:
-            word = text.word("a field")
-            if word in ("field", "exposedField", "eventIn", "eventOut"):
-                text.at = at
-                yield self._script_field()
-                return
-        else:
-            word = text.word("a field")
+        word = text.word("a field")
+        if node.kind == "Script" and node.proto is None and word in _INTERFACE:
+            yield self._script_field(word)
+            return
         if word in _DECLARE:
             yield self.declaration(word, at)
             return
@@ -406,10 +403,9 @@ class _Parser:
             check(self.text, value, types[word], word, self.proto)
             node.fields[word] = value
 
-    def _script_field(self) -> Step[None]:
-        """A field or an event of a Script, whose value may stand behind IS."""
+    def _script_field(self, what: str) -> Step[None]:
+        """A field or an event of a Script, whose first word was read; IS may give its value."""
         text = self.text
-        what = text.word("a field")
         text.word("a type")
         text.word("a name")
         text.peek()
