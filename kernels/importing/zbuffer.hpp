@@ -252,8 +252,8 @@ INLINE Vector3 cross(const Vector3& a, const Vector3& b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-// What faces are like: the area of vertical ones that are not wholly on the border of a rectangle; and
-// how many are to be seen from above, vertical, without area, and outside of the rectangle.
+// What faces are like: the area of vertical ones that are not wholly on the border of a rectangle;
+// and how many are to be seen from above, vertical, without area, and outside of the rectangle.
 inline std::tuple<double, std::vector<i64>> survey_faces(
     Points vertices, Faces faces, double west, double south, double east, double north
 ) {

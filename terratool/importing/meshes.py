@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from terratool.errors import ReadError, RequestError, TerratoolError
 from terratool.importing.sources import Triangles, join_triangles, refuse_missing_vertices
 from terratool.importing.threemf import read_3mf
+from terratool.importing.vrml.scene import UP, read_vrml, stated_up
 
 MAX_VALUES = 2**28
 """Values of glTF that the file does not hold, and that would have to be made up."""
@@ -307,18 +308,6 @@ def _as_utf8(text: bytes) -> bytes:
     return text
 
 
-def _read_vrml(path: Path) -> Triangles:
-    from terratool.importing.vrml.scene import read_vrml
-
-    return read_vrml(path)
-
-
-def _up_of_vrml(path: Path) -> str:
-    from terratool.importing.vrml.scene import UP, stated_up
-
-    return stated_up(path) or UP
-
-
 # --- headers -------------------------------------------------------------------------------------
 
 
@@ -488,7 +477,7 @@ READERS = {
     ".off": Reader("OFF", partial(_by_trimesh, kind="off")),
     ".3mf": Reader("3MF", read_3mf),
     ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
-    ".wrl": Reader("VRML", _read_vrml, up=_up_of_vrml),
-    ".wrz": Reader("VRML", _read_vrml, up=_up_of_vrml),
+    ".wrl": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
+    ".wrz": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
 }
 """Formats of meshes by suffix."""

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from terratool.importing.structure.finding import find_structures
 from terratool.importing.structure.structures import (
+    NAMES,
+    SPELLINGS,
     Structure,
     definition_of,
     deviation,
@@ -22,6 +24,7 @@ from terratool.importing.structure.structures import (
     evaluate,
     primitive_of,
 )
+from terratool.kernels import importing as kernels
 from tests.conftest import terrain_of
 
 Floats = NDArray[np.float64]
@@ -433,6 +436,17 @@ def test_names_belong_to_one_pair_of_curves() -> None:
                 one.x, one.y, one.combine,
             )  # fmt: skip
         assert len(shapes) == (2 if walls else 3)  # the slope is one of them
+
+
+@pytest.mark.parametrize("code", range(kernels.SINK + 1))
+def test_known_curves_are_those_of_the_format(code: int) -> None:
+    """Kernels, names and spellings have the same curves in the same order."""
+    assert getattr(kernels, NAMES[code].upper()) == code
+    terrain = terrain_of(
+        {"size": 1, "elemTypes": {"it": {"x": SPELLINGS[code]}}, "elemTree": {"type": "it"}}
+    )
+    t = np.arange(100) / 100
+    assert np.abs(terrain.height(t, 0.5) - kernels.sample_curve(code, t)).max() < 1e-6
 
 
 def test_the_answer_is_the_same_each_time() -> None:

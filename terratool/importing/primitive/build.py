@@ -17,7 +17,6 @@ from terratool.importing.primitive.entries import (
     PrimitiveEntry,
     entries_of,
     fit_error,
-    level,
 )
 from terratool.importing.primitive.fit import CurveForm
 from terratool.importing.primitive.products import Patch, ProductSum
@@ -161,7 +160,7 @@ def import_primitive(
     unturned = more = None
     low, high = float(np.nanmin(samples.values)), float(np.nanmax(samples.values))
     if low == high:
-        entries: tuple[PrimitiveEntry, ...] = (level(low),)
+        entries: tuple[PrimitiveEntry, ...] = (PrimitiveEntry([1], None, low),)
         notes.append("The patch is level.")
     else:
         patch, terms, unturned = _best(patch, wanted)

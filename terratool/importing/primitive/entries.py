@@ -75,11 +75,6 @@ class PrimitiveEntry:
         return found
 
 
-def level(height: float) -> PrimitiveEntry:
-    """A primitive without relief."""
-    return PrimitiveEntry([1], None, height)
-
-
 def entries_of(
     terms: ProductSum,
     turn: float,

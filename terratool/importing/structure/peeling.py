@@ -245,10 +245,11 @@ def _pass(
             continue
         if kernels.least_size(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
             continue  # it went with another one
-        best = _best(residual, guess(residual, pivot, limits), limits)
-        if best is not None:
-            residual.subtract(best)
-            found.append(best)
+        tried = (_scaled(residual, part, limits) for part in guess(residual, pivot, limits))
+        part = next((part for part in tried if part is not None), None)
+        if part is not None:
+            residual.subtract(part)
+            found.append(part)
             failures, patience = 0, PATIENCE
         else:
             failed[attempt] = state
@@ -370,15 +371,6 @@ def _roughness(heights: Floats) -> Floats:
 def _run(flags: NDArray[np.bool_]) -> int:
     """How many are set before the first that is not."""
     return len(flags) if flags.all() else int(flags.argmin())
-
-
-def _best(residual: Residual, guesses: Iterator[PixelPart], limits: Limits) -> PixelPart | None:
-    """The first guess that explains what it covers, with its scale."""
-    for guess in guesses:
-        part = _scaled(residual, guess, limits)
-        if part is not None:
-            return part
-    return None
 
 
 def _scaled(residual: Residual, guess: PixelPart, limits: Limits) -> PixelPart | None:

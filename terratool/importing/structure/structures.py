@@ -57,7 +57,7 @@ _STRAIGHT = 1e-9
 _MOST_KNOTS = 8
 
 _ROUND = {"cosbell": (math.pi**2 / 2, 0.0), "gauss": (9.0, math.exp(-4.5))}
-"""Of named curves that are smooth when turned: the largest curvature, in radii, and the rim."""
+"""Of named curves that are smooth when turned: largest curvature, in radii; value at the edge."""
 
 
 def curve_at(code: int, t: Floats) -> Floats:
@@ -160,13 +160,6 @@ class PixelPart:
         return self.scale * np.multiply.outer(self.y.samples(), self.x.samples())
 
 
-def kind_of(part: PixelPart) -> str:
-    """What a part is called, such as "box", "ramp-e", "cosbell-hill" or "tent-flat"."""
-    x, y = ("curve" if axis.code == VECTOR else NAMES[axis.code] for axis in (part.x, part.y))
-    pair = f"{x}-{y}"
-    return _KINDS.get(pair, pair)
-
-
 def with_walls(part: PixelPart, precision: float, fineness: float) -> Structure:
     """A part as a structure with upright walls, exact at the centres of pixels.
 
@@ -218,7 +211,8 @@ def _placed(
     """A product of curves along x and y, each from one half pixel to another."""
     (west, east), (south, north) = cells
     span, scale = (east - west, north - south), shortest(part.scale, precision)
-    kind = kind_of(part)
+    x, y = ("curve" if axis.code == VECTOR else NAMES[axis.code] for axis in (part.x, part.y))
+    kind = _KINDS.get(f"{x}-{y}", f"{x}-{y}")
     return Structure(kind, kind, curves[0], curves[1], "product", west, south, span, scale)
 
 
@@ -314,7 +308,7 @@ def _knots(times: Floats, values: Floats, precision: float) -> CurveText:
 
 
 def _bends(times: Floats, values: Floats) -> NDArray[np.bool_]:
-    """Which points are ends, or lie off the line between those that are kept beside them."""
+    """Which points are ends, or lie off the line between their neighbours that are kept."""
     keep = np.ones(len(times), np.bool_)
     slopes = np.diff(values) / np.diff(times)
     # slopes are compared by what they make of one step, so that nothing creeps along a curve
@@ -415,7 +409,9 @@ def _largest(text: CurveText | None) -> float:
 def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float, float]:
     """How far a curve is from straight between centres of pixels, and its largest size."""
     if isinstance(text, str):
-        return _bound_of_name(text, begin, length, count)
+        if text == "flat" and begin <= 1 and begin + length >= 2 * count - 1:
+            return 0.0, 1.0
+        return departure(Axis(SPELLINGS.index(text), begin, begin + length)), 1.0
     curve = read_curve(text, "x")
     assert not isinstance(curve, FormulaCurve)
     points = (
@@ -442,15 +438,6 @@ def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float,
     return max([*bends.tolist(), *walls, 0.0]), _largest(text)
 
 
-def _bound_of_name(text: str, begin: int, length: int, count: int) -> tuple[float, float]:
-    code = SPELLINGS.index(text)
-    axis = Axis(code, begin, begin + length)
-    whole = begin <= 1 and begin + length >= 2 * count - 1
-    if text == "flat" and whole:
-        return 0.0, 1.0
-    return departure(axis), 1.0
-
-
 def _bound_of_disc(structure: Structure) -> float:
     """The same for a turned profile.
 
@@ -463,8 +450,8 @@ def _bound_of_disc(structure: Structure) -> float:
     if isinstance(structure.x, str):
         if structure.x not in _ROUND:
             return scale
-        bend, rim = _ROUND[structure.x]
-        return scale * (rim + bend * (radii[0] ** -2 + radii[1] ** -2) / 8.0)
+        bend, edge = _ROUND[structure.x]
+        return scale * (edge + bend * (radii[0] ** -2 + radii[1] ** -2) / 8.0)
     curve = read_curve(structure.x, "x")
     assert isinstance(curve, SampledCurve)
     half = np.array(curve.values[len(curve.values) // 2 :])

@@ -25,7 +25,7 @@ from terratool.kernels import importing as kernels
 
 BLOCKS = (8, 16, 32)
 """What lies in neighbouring blocks of so many gaps belongs together; then the same more and more
-coarsely, as the stairs of a rim that runs nearly along an axis are long."""
+coarsely, as the stairs of an edge that runs nearly along an axis are long."""
 
 MOST = 400
 """So many places are looked at, the largest first."""
@@ -39,7 +39,7 @@ LEVEL = 0.97
 """So many pixels of an island have to be level, at one of two heights."""
 
 WRONG = 0.02
-"""So many pixels along the rim may be covered wrongly, of its length."""
+"""So many pixels along the edge may be covered wrongly, of its length."""
 
 FINENESS = 0.05
 """Angles are rounded by at most so many degrees."""
@@ -56,7 +56,7 @@ REACH = 4
 """A profile that ends flat may go on so many pixels beyond what shows."""
 
 MOST_SAMPLES = 24
-"""A profile without a name has at most so many steps from the middle to the rim."""
+"""A profile without a name has at most so many steps from the middle to the edge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,8 +333,8 @@ def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
 
 
 def _turned(code: int, rho: Floats) -> Floats:
-    """A named curve turned about its middle, 0 beyond its rim."""
-    t = np.minimum(0.5 + 0.5 * rho, 1.0 - 1e-15)  # the rim is a part of the disc
+    """A named curve turned about its middle, 0 beyond its edge."""
+    t = np.minimum(0.5 + 0.5 * rho, 1.0 - 1e-15)  # the edge is a part of the disc
     return np.where(rho <= 1.0 + field.EDGE, curve_at(code, t), 0.0)
 
 

@@ -92,8 +92,8 @@ def box(size: NDArray[np.float64]) -> ShapeMesh:
 
 def cone(radius: float, height: float, side: bool, bottom: bool) -> ShapeMesh:
     """A cone around the y axis, half of its height below the origin."""
-    rim = _circle(radius, -height / 2)
-    vertices = np.vstack((rim, (0, height / 2, 0), (0, -height / 2, 0)))
+    circle = _circle(radius, -height / 2)
+    vertices = np.vstack((circle, (0, height / 2, 0), (0, -height / 2, 0)))
     faces = [_fan(SIDES, False)] * side + [_fan(SIDES + 1, True)] * bottom
     return ShapeMesh(vertices, _joined(faces))
 
@@ -171,8 +171,8 @@ def _fan(middle: int, turned: bool, first: int = 0) -> NDArray[np.int32]:
     """Triangles from a vertex to the circle from `first` on; `turned` to be seen from below."""
     one = np.arange(SIDES, dtype=np.int32)
     two = (one + 1) % SIDES
-    rim = (two, one) if turned else (one, two)
-    return np.column_stack((*(first + end for end in rim), np.full(SIDES, middle, np.int32)))
+    ends = (two, one) if turned else (one, two)
+    return np.column_stack((*(first + end for end in ends), np.full(SIDES, middle, np.int32)))
 
 
 def _joined(faces: list[NDArray[np.int32]]) -> NDArray[np.int32]:
