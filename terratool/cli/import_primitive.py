@@ -143,7 +143,7 @@ def _read(
     check_options(source, options)
     triangles = read_triangles(source, options.up, options.scale)
     samples = sample(triangles, options.resolution, options.bounds, name=source)
-    x_steps, y_steps = (tuple(each.tolist()) for each in steps(triangles, samples.lattice.bounds))
+    x_steps, y_steps = (tuple(each.tolist()) for each in steps(triangles, samples.grid.bounds))
     if len(x_steps) + len(y_steps) > _MOST_STEPS:
         return samples, wanted
     return samples, replace(wanted, x_steps=x_steps, y_steps=y_steps)

@@ -73,7 +73,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
     from terratool.importing.terrain.build import ImportOptions, import_terrain
-    from terratool.importing.terrain.methods import named
+    from terratool.importing.terrain.methods import methods_named
     from terratool.output import is_same_file
 
     if not output.endswith((".json", ".json.gz")):
@@ -86,12 +86,12 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
             raise RequestError(
                 f"{output}: is the same file as {name}.", "Give the definition another name."
             )
-    methods = tuple(method for name in values.pop("methods") for method in named(name))
+    methods = tuple(method for name in values.pop("methods") for method in methods_named(name))
     options = ImportOptions(methods=methods, title=Path(source).name, **values)
     with contextlib.ExitStack() as stack:
         with Status(f"reading {called(source)}"):
             heights = stack.enter_context(open_source(source, chosen))
-        pixels = heights.lattice.rows * heights.lattice.columns
+        pixels = heights.grid.rows * heights.grid.columns
         with Status("reading and writing", 2 * pixels) as progress:
             report = import_terrain(heights, output, options, overwrite, progress)
     if as_json:
@@ -105,17 +105,17 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
 
 def as_dict(report: ImportReport, output: str) -> dict[str, Any]:
     """A report ready for JSON."""
-    lattice, error = report.lattice, report.error
+    grid, error = report.grid, report.error
     return {
         "format_version": 1,
         "file": output,
         "bytes": report.size,
-        "width": lattice.columns,
-        "height": lattice.rows,
-        "pixel": [lattice.dx, lattice.dy],
-        "bounds": list(lattice.bounds),
-        "crs": lattice.crs,
-        "unit": lattice.unit,
+        "width": grid.columns,
+        "height": grid.rows,
+        "pixel": [grid.dx, grid.dy],
+        "bounds": list(grid.bounds),
+        "crs": grid.crs,
+        "unit": grid.unit,
         "method": report.method.sentence if report.method else None,
         "step": report.step,
         "relief": report.relief,
@@ -137,12 +137,12 @@ def as_dict(report: ImportReport, output: str) -> dict[str, Any]:
 
 def as_text(report: ImportReport, output: str) -> Iterator[str]:
     """A report in lines for people."""
-    lattice, error, unit = report.lattice, report.error, report.lattice.unit
-    pixels = lattice.rows * lattice.columns
-    size = f"{lattice.dx:g}" if lattice.dx == lattice.dy else f"{lattice.dx:g} × {lattice.dy:g}"
+    grid, error, unit = report.grid, report.error, report.grid.unit
+    pixels = grid.rows * grid.columns
+    size = f"{grid.dx:g}" if grid.dx == grid.dy else f"{grid.dx:g} × {grid.dy:g}"
     filled = ", filled" if report.options.fill else ""
     what = f", {report.unknown:,} without a height{filled}" if report.unknown else ""
-    yield f"{lattice.columns} × {lattice.rows} pixels of {size}{what}"
+    yield f"{grid.columns} × {grid.rows} pixels of {size}{what}"
     if report.structures:
         found = ", ".join(f"{count} {kind}" for kind, count in report.structures.items())
         yield f"Structures: {found}"

@@ -23,7 +23,7 @@ from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.sources import PixelLattice, SourceOptions, height_range
+from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
 from terratool.raster.layers import LAYERS
 
 HIGHEST = 1e9
@@ -33,7 +33,7 @@ SUSPECTS = (-999.0, -9999.0, -32767.0, -32768.0, -99999.0, 9999.0, 32767.0, 6553
 """Numbers that often stand for nodata in files that do not say so."""
 
 _CACHE_BYTES = 1 << 27
-_ON_LATTICE = 1e-6
+_ON_GRID = 1e-6
 _COLORS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.palette)
 
 _MOST_CLASSES = 65536
@@ -114,7 +114,7 @@ class RasterHeights:
     window: Window
     south_up: bool
     east_first: bool
-    lattice: PixelLattice
+    grid: PixelGrid
     nodata: float | None
     scale: tuple[float, float]
     about: list[str]
@@ -144,7 +144,7 @@ class RasterHeights:
                 at = heights == height
                 self.suspects[height] = self.suspects.get(height, 0) + int(at.sum())
                 heights = np.where(at, math.nan, heights)
-                low, high, *_ = height_range(heights)
+                low, high, *_ = sample_range(heights)
         self.others = min(self.others[0], low), max(self.others[1], high)
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
@@ -153,7 +153,7 @@ class RasterHeights:
         Raises:
             ReadError: the file is broken there, or holds numbers that are no heights.
         """
-        row = first if self.south_up else self.lattice.rows - first - count
+        row = first if self.south_up else self.grid.rows - first - count
         window = Window(self.window.col_off, self.window.row_off + row, self.window.width, count)
         with gdal_errors(self.name):
             pixels = self.file.read(self.band, window=window, masked=True)
@@ -163,7 +163,7 @@ class RasterHeights:
         raw = heights
         if self.scale != (1.0, 0.0):
             heights = heights * self.scale[0] + self.scale[1]
-        low, high, _, infinite = height_range(heights)
+        low, high, _, infinite = sample_range(heights)
         self.infinite += infinite
         self._count_suspects(heights, low, high)
         if max(-low, high) >= HIGHEST:
@@ -314,7 +314,7 @@ def _heights(
             )
     count_x, count_y = columns[1] - columns[0], rows[1] - rows[0]
     unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)
-    lattice = PixelLattice(
+    grid = PixelGrid(
         west + columns[0] * dx, north - rows[1] * dy, dx, dy, count_x, count_y,
         _spelled(file.crs), unit,
     )  # fmt: skip
@@ -322,14 +322,14 @@ def _heights(
     first_row = file.height - rows[1] if south_up else rows[0]
     window = Window(first_column, first_row, count_x, count_y)
     return RasterHeights(
-        name, file, band, window, south_up, east_first, lattice, options.nodata, scale, about
+        name, file, band, window, south_up, east_first, grid, options.nodata, scale, about
     )
 
 
 def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tuple[int, int]:
     """Pixels whose centres lie from `low` to `high`, but for rounding."""
-    first = math.ceil(low / side - 0.5 - _ON_LATTICE)
-    last = math.floor(high / side - 0.5 + _ON_LATTICE)
+    first = math.ceil(low / side - 0.5 - _ON_GRID)
+    last = math.floor(high / side - 0.5 + _ON_GRID)
     return max(pixels[0], first), min(pixels[1], last + 1)
 
 
@@ -373,24 +373,24 @@ def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -
 
 @dataclass(slots=True)
 class ClassRaster:
-    """A raster of classes, open, sampled at the pixel centres of a lattice.
+    """A raster of classes, open, sampled at the pixel centres of a grid.
 
     Attributes:
         surfaces: of the classes that the file says something of.
         used: the classes met so far, in the order of their numbers.
-        lacking: pixels of the lattice without a class.
+        lacking: pixels of the grid without a class.
     """
 
     name: str
     file: Any
-    lattice: PixelLattice
+    grid: PixelGrid
     surfaces: dict[int, SurfaceEntry]
     used: set[int] = field(default_factory=set)
     lacking: int = 0
 
     def read(self, first: int, count: int) -> NDArray[np.int64]:
         """Classes of some rows from the south, (count, columns) int64; -1 for none."""
-        at = self.lattice
+        at = self.grid
         x = at.west + (np.arange(at.columns) + 0.5) * at.dx
         y = at.south + (np.arange(first, first + count) + 0.5) * at.dy
         inverse = ~self.file.transform
@@ -429,8 +429,8 @@ class ClassRaster:
 
 
 @contextlib.contextmanager
-def open_classes(name: str, lattice: PixelLattice) -> Iterator[ClassRaster]:
-    """Open a raster of classes for the pixels of a lattice, reprojected if need be.
+def open_classes(name: str, grid: PixelGrid) -> Iterator[ClassRaster]:
+    """Open a raster of classes for the pixels of a grid, reprojected if need be.
 
     Raises:
         ReadError: it cannot be read, or holds no whole numbers.
@@ -443,22 +443,22 @@ def open_classes(name: str, lattice: PixelLattice) -> Iterator[ClassRaster]:
                 "Name one, as export-dem --layer surface writes.",
             )
         surfaces = _surfaces(name, file)
-        if lattice.crs is not None and file.crs is not None and file.crs != lattice.crs:
+        if grid.crs is not None and file.crs is not None and file.crs != grid.crs:
             with gdal_errors(name):
-                file = stack.enter_context(_on_lattice(file, lattice))
+                file = stack.enter_context(_on_grid(file, grid))
         _refuse_turned(name, file.transform, 0.0, "Resample it north up, as with gdalwarp.")
-        yield ClassRaster(name, file, lattice, surfaces)
+        yield ClassRaster(name, file, grid, surfaces)
 
 
-def _on_lattice(file: Any, lattice: PixelLattice) -> WarpedVRT:
-    """The class that lies nearest to each pixel centre of a lattice."""
-    west, _, _, north = lattice.bounds
+def _on_grid(file: Any, grid: PixelGrid) -> WarpedVRT:
+    """The class that lies nearest to each pixel centre of a grid."""
+    west, _, _, north = grid.bounds
     return WarpedVRT(
         file,
-        crs=lattice.crs,
-        transform=Affine(lattice.dx, 0.0, west, 0.0, -lattice.dy, north),
-        width=lattice.columns,
-        height=lattice.rows,
+        crs=grid.crs,
+        transform=Affine(grid.dx, 0.0, west, 0.0, -grid.dy, north),
+        width=grid.columns,
+        height=grid.rows,
         resampling=Resampling.nearest,
         tolerance=0.01,
         add_alpha=file.nodata is None,

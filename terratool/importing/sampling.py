@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Bounds, check_overlap
-from terratool.importing.sources import PixelLattice, SampledHeights, Triangles
+from terratool.importing.sources import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
 
 if TYPE_CHECKING:
@@ -91,12 +91,12 @@ def sample(
         )
     if flat == len(faces):
         raise ReadError(f"{name}: no face has an area.", "Check the coordinates of the mesh.")
-    lattice, why = _lattice(bounds, resolution)
+    grid, why = _grid(bounds, resolution)
     # the origin is taken off first, so that coordinates as large as those of UTM lose nothing
-    points = kernels.to_pixels(vertices, lattice.west, lattice.south, lattice.dx, lattice.dy)
-    spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / lattice.dx
+    points = kernels.to_pixels(vertices, grid.west, grid.south, grid.dx, grid.dy)
+    spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / grid.dx
     try:
-        heights = np.full((lattice.rows, lattice.columns), np.nan)
+        heights = np.full((grid.rows, grid.columns), np.nan)
         counts = np.zeros(heights.shape, np.uint8)
         kernels.paint_faces(points, faces, min(max(_NEAR, 4 * spacing), _FAR), heights, counts)
         near = _SAME * (high_z - low_z)
@@ -104,17 +104,17 @@ def sample(
         holes, beyond = kernels.count_holes(heights)
     except MemoryError as error:
         raise RequestError(
-            f"{lattice.columns:,} × {lattice.rows:,} heights do not fit into memory.",
+            f"{grid.columns:,} × {grid.rows:,} heights do not fit into memory.",
             "Give a coarser resolution or smaller bounds.",
         ) from error
     if holes + beyond == heights.size:
         raise RequestError(
-            f"At a resolution of {lattice.dx:g} no pixel has its centre on the mesh.",
+            f"At a resolution of {grid.dx:g} no pixel has its centre on the mesh.",
             f"It lies in {' '.join(f'{side:.12g}' for side in extent)}; give a finer resolution or "
             "other bounds.",
         )
     losses = _SamplingLosses(vertical_area, flat, outside, len(faces), hidden, holes, beyond)
-    return SampledHeights(lattice, heights, (*triangles.notes, *why, *_sentences(losses, lattice)))
+    return SampledHeights(grid, heights, (*triangles.notes, *why, *_sentences(losses, grid)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,13 +137,13 @@ class _SamplingLosses:
     beyond: int
 
 
-def _sentences(losses: _SamplingLosses, lattice: PixelLattice) -> Iterator[str]:
+def _sentences(losses: _SamplingLosses, grid: PixelGrid) -> Iterator[str]:
     """What is lost, in numbers."""
-    pixels = lattice.rows * lattice.columns
+    pixels = grid.rows * grid.columns
 
     def part(count: int) -> str:
         words = f"{count:,} of {pixels:,} pixels"
-        return f"{words} ({100 * count / pixels:.2g} %, {count * lattice.dx * lattice.dy:.4g} m²)"
+        return f"{words} ({100 * count / pixels:.2g} %, {count * grid.dx * grid.dy:.4g} m²)"
 
     if losses.vertical_area:
         yield (
@@ -165,7 +165,7 @@ def _sentences(losses: _SamplingLosses, lattice: PixelLattice) -> Iterator[str]:
         yield f"{losses.flat:,} of {losses.faces:,} faces have no area and count for nothing."
 
 
-def _lattice(bounds: Bounds, resolution: float | None) -> tuple[PixelLattice, tuple[str, ...]]:
+def _grid(bounds: Bounds, resolution: float | None) -> tuple[PixelGrid, tuple[str, ...]]:
     """Square pixels that cover the bounds, and a sentence if their size was left to us.
 
     Raises:
@@ -192,7 +192,7 @@ def _lattice(bounds: Bounds, resolution: float | None) -> tuple[PixelLattice, tu
             f"{MAX_PIXELS:,}.",
             "Give a coarser resolution or smaller bounds.",
         )
-    return PixelLattice(west, south, resolution, resolution, int(columns), int(rows)), why
+    return PixelGrid(west, south, resolution, resolution, int(columns), int(rows)), why
 
 
 def _default_resolution(width: float, depth: float) -> float:

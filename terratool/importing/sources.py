@@ -26,7 +26,7 @@ _OTHER_MESHES = (
 
 
 @dataclass(frozen=True, slots=True)
-class PixelLattice:
+class PixelGrid:
     """Pixels of equal size, which may be oblong, counted from the south-west.
 
     Attributes:
@@ -63,12 +63,12 @@ class HeightSource(Protocol):
     """A source of heights that is read by rows, so that it need not fit into memory.
 
     Attributes:
-        lattice: where the heights lie.
+        grid: where the heights lie.
         notes: sentences about what a user should know (a unit that was guessed, what was lost).
     """
 
     @property
-    def lattice(self) -> PixelLattice: ...  # noqa: D102
+    def grid(self) -> PixelGrid: ...  # noqa: D102
 
     @property
     def notes(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -86,7 +86,7 @@ class SampledHeights:
         values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
     """
 
-    lattice: PixelLattice
+    grid: PixelGrid
     values: NDArray[np.float64]
     notes: tuple[str, ...] = ()
 
@@ -95,7 +95,7 @@ class SampledHeights:
         return self.values[first : first + count]
 
 
-class HeightRange(NamedTuple):
+class SampleRange(NamedTuple):
     """What some heights are like.
 
     Attributes:
@@ -110,15 +110,15 @@ class HeightRange(NamedTuple):
     infinite: int = 0
 
 
-def height_range(heights: NDArray[np.float64]) -> HeightRange:
+def sample_range(heights: NDArray[np.float64]) -> SampleRange:
     """The range of (rows, columns) float64 heights; those that are infinite become NaN."""
     low = float(np.fmin.reduce(heights, axis=None, initial=np.inf)) + 0.0  # which is never -0
     high = float(np.fmax.reduce(heights, axis=None, initial=-np.inf)) + 0.0
     if low == -np.inf or high == np.inf:
         infinite = np.isinf(heights)
         heights[infinite] = np.nan
-        return height_range(heights)._replace(infinite=int(infinite.sum()))
-    return HeightRange(low, high, int(np.count_nonzero(np.isnan(heights))))
+        return sample_range(heights)._replace(infinite=int(infinite.sum()))
+    return SampleRange(low, high, int(np.count_nonzero(np.isnan(heights))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -298,7 +298,7 @@ def test_heights_of_a_file(tmp_path: Path) -> None:
     put_stl(tmp_path / "tent.stl")
     samples = heights_of(tmp_path / "tent.stl", 0.5)
     assert samples.values.shape == (6, 12)
-    assert samples.lattice.bounds == (0, 0, 6, 3)
+    assert samples.grid.bounds == (0, 0, 6, 3)
     # 0.75, 0.25 lies in the triangle of (0, 0, 1), (6, 0, 2) and (2, 1, 5)
     assert samples.values[0, 1] == pytest.approx(1 + 0.75 / 6 + 0.25 * (5 - 1 - 2 / 6), rel=1e-12)
     # 2.25, 1.25 in that of (6, 3, 4.25), (0, 3, 0.5) and (2, 1, 5)
@@ -462,7 +462,7 @@ def test_a_polygon_mesh_and_rows_of_blocks(tmp_path: Path) -> None:
     triangles = read_triangles(tmp_path / "tiles.dxf")
     assert len(triangles.faces) == 6 * 4
     samples = heights_of(tmp_path / "tiles.dxf", 1.0)
-    assert samples.lattice.bounds == (100, 50, 112, 55)
+    assert samples.grid.bounds == (100, 50, 112, 55)
     assert (~np.isnan(samples.values)).sum() == 6 * 2
     np.testing.assert_allclose(samples.values[0, 5:7], [5.5, 6.5])
 

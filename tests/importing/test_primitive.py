@@ -28,7 +28,7 @@ from terratool.importing.primitive.build import (
 )
 from terratool.importing.primitive.entries import PrimitiveEntry, fit_error
 from terratool.importing.primitive.products import Patch, nodes
-from terratool.importing.sources import PixelLattice, SampledHeights
+from terratool.importing.sources import PixelGrid, SampledHeights
 from terratool.kernels import importing as kernels
 from tests.conftest import terrain_of
 
@@ -39,7 +39,7 @@ U, V = (np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(ROWS) + 0.5) / ROWS
 
 def samples_of(z: Floats, dx: float = 0.5, dy: float = 2.0) -> SampledHeights:
     rows, columns = z.shape
-    return SampledHeights(PixelLattice(431200.0, 5768400.0, dx, dy, columns, rows), z)
+    return SampledHeights(PixelGrid(431200.0, 5768400.0, dx, dy, columns, rows), z)
 
 
 def curve(values: Any, t: Floats) -> Floats:
@@ -52,14 +52,14 @@ def product(x: Any, y: Any, u: Floats = U, v: Floats = V) -> Floats:
 
 def heights(imported: ImportedPrimitive, samples: SampledHeights) -> Floats:
     """What a terrain with the elements in a cell of the patch's size says at the pixel centres."""
-    lattice = samples.lattice
+    grid = samples.grid
     terrain = terrain_of({
-        "size": [lattice.columns * lattice.dx * 3, lattice.rows * lattice.dy * 2],
+        "size": [grid.columns * grid.dx * 3, grid.rows * grid.dy * 2],
         "elemTypes": {"ground": {"x": [0]}, **imported.primitives()},
         "elemTree": {"type": "ground", "cells": [3, 2], "children": imported.elements((2, 1))},
     })  # fmt: skip
-    x = (2 * lattice.columns + np.arange(lattice.columns) + 0.5) * lattice.dx
-    y = (lattice.rows + np.arange(lattice.rows) + 0.5) * lattice.dy
+    x = (2 * grid.columns + np.arange(grid.columns) + 0.5) * grid.dx
+    y = (grid.rows + np.arange(grid.rows) + 0.5) * grid.dy
     found: Floats = terrain.height(x[None, :], y[:, None])
     return found
 

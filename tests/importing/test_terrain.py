@@ -17,11 +17,11 @@ from terratool.definition.reader import CheckOptions as CheckOptions
 from terratool.definition.reader import check
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
-from terratool.importing.sources import PixelLattice, SampledHeights
+from terratool.importing.sources import PixelGrid, SampledHeights
 from terratool.importing.terrain import survey, writing
 from terratool.importing.terrain.build import ImportOptions, import_terrain
 from terratool.importing.terrain.check import BoundError, Checker
-from terratool.importing.terrain.methods import METHODS, named, step_for
+from terratool.importing.terrain.methods import METHODS, methods_named, step_for
 from terratool.importing.terrain.survey import filled
 from terratool.text.source import read_source
 from tests.conftest import terrain_of
@@ -33,12 +33,12 @@ def samples(heights: NDArray[np.float64], **place: object) -> SampledHeights:
     """Heights at an odd place, in oblong pixels."""
     rows, columns = heights.shape
     given_ = {"west": 12.5, "south": -7.25, "dx": 0.75, "dy": 1.5, **place}
-    return SampledHeights(PixelLattice(columns=columns, rows=rows, **given_), heights)  # type: ignore[arg-type]
+    return SampledHeights(PixelGrid(columns=columns, rows=rows, **given_), heights)  # type: ignore[arg-type]
 
 
 def bilinear(source: SampledHeights, x: NDArray[np.float64], y: NDArray[np.float64]):
     """The DEM at points: bilinear, the nearest centre's height in the outer half pixel."""
-    at = source.lattice
+    at = source.grid
     u = np.clip((x - at.west) / at.dx - 0.5, 0, at.columns - 1)
     v = np.clip((y - at.south) / at.dy - 0.5, 0, at.rows - 1)
     i = np.minimum(u.astype(int), max(0, at.columns - 2))
@@ -53,7 +53,7 @@ def bilinear(source: SampledHeights, x: NDArray[np.float64], y: NDArray[np.float
 
 def anywhere(source: SampledHeights, seed: int = 0, count: int = 20_000):
     """Points all over a DEM, many of them on and beside the lines between pixels."""
-    at = source.lattice
+    at = source.grid
     rng = np.random.default_rng(seed)
     west, south, east, north = at.bounds
     x, y = rng.uniform(west, east, count), rng.uniform(south, north, count)
@@ -87,10 +87,10 @@ def rough(rows: int, columns: int, seed: int, relief: float = 4.0) -> NDArray[np
 @pytest.mark.parametrize("shape", [(77, 105), (1, 9), (9, 1), (2, 2), (65, 66), (130, 3), (3, 131)])
 def test_the_bound_holds_everywhere_by_every_method(tmp_path, name, shape):
     source = samples(rough(*shape, seed=shape[0]))
-    terrain = imported(source, tmp_path / "t.json", methods=named(name))
+    terrain = imported(source, tmp_path / "t.json", methods=methods_named(name))
     x, y = anywhere(source)
     assert np.abs(terrain.height(x, y) - bilinear(source, x, y)).max() <= 0.05
-    assert terrain.bounds == pytest.approx(source.lattice.bounds, rel=1e-15)
+    assert terrain.bounds == pytest.approx(source.grid.bounds, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -100,8 +100,8 @@ def test_unknown_heights_become_void_and_the_rest_is_kept(tmp_path, name):
     heights[69, :] = heights[:, 0] = np.nan
     heights[33, 89] = np.nan
     source = samples(heights)
-    terrain = imported(source, tmp_path / "t.json", methods=named(name))
-    at = source.lattice
+    terrain = imported(source, tmp_path / "t.json", methods=methods_named(name))
+    at = source.grid
     x, y = np.meshgrid(
         at.west + (np.arange(at.columns) + 0.5) * at.dx,
         at.south + (np.arange(at.rows) + 0.5) * at.dy,
@@ -159,7 +159,7 @@ def test_the_bound_holds_for_any_dem(tmp_path_factory, shape, seed, log_error, n
     if np.prod(shape) < 2 or np.isnan(heights).all():
         return
     path = tmp_path_factory.mktemp("any") / "t.json.gz"
-    terrain = imported(source, path, max_error=error, methods=named(name))
+    terrain = imported(source, path, max_error=error, methods=methods_named(name))
     x, y = anywhere(source, seed, 3000)
     wanted = bilinear(source, x, y)
     ours = terrain.height(x, y)
@@ -172,9 +172,9 @@ def test_the_bound_holds_for_any_dem(tmp_path_factory, shape, seed, log_error, n
 def test_nothing_jumps_where_elements_meet(tmp_path):
     """Neither between blocks of rows nor at the outer half pixels."""
     source = samples(rough(130, 70, seed=4))
-    at = source.lattice
+    at = source.grid
     for name in NAMES:
-        terrain = imported(source, tmp_path / "t.json", methods=named(name))
+        terrain = imported(source, tmp_path / "t.json", methods=methods_named(name))
         rng = np.random.default_rng(1)
         edges = at.south + np.arange(1, 2 * at.rows) / 2 * at.dy
         x = rng.uniform(at.west, at.bounds[2], len(edges))
@@ -216,7 +216,7 @@ def test_the_smallest_method_is_taken(tmp_path):
 def test_what_is_written_is_valid_and_clean(tmp_path, name, relief, holes):
     heights = rough(40, 50, seed=5, relief=relief) * bool(relief)
     heights[3 : 3 + holes, 7:9] = np.nan
-    imported(samples(heights), tmp_path / "t.json", methods=named(name))
+    imported(samples(heights), tmp_path / "t.json", methods=methods_named(name))
     checked = check(read_source(tmp_path / "t.json"), CheckOptions())
     assert checked.definition is not None
     assert [finding for finding in checked.findings if finding.code != "TT204"] == []
@@ -237,7 +237,7 @@ def test_the_report_says_the_largest_error_and_where(tmp_path):
     source = samples(heights)
     report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.2, structures=False))
     terrain = load(tmp_path / "t.json")
-    at = source.lattice
+    at = source.grid
     x = at.west + (np.arange(at.columns) + 0.5) * at.dx
     y = at.south + (np.arange(at.rows) + 0.5) * at.dy
     apart = np.abs(terrain.height(*np.meshgrid(x, y)) - heights)
@@ -289,7 +289,7 @@ def test_steep_ground_far_from_zero_is_no_error(tmp_path, name, shape):
     heights = np.where(np.random.default_rng(1).random(shape) < 0.2, 3000.0, 0.0)
     place = {"west": 500000.1, "south": 5999999.3, "dx": 0.2, "dy": 0.0028}
     source = samples(heights, **place)
-    terrain = imported(source, tmp_path / "t.json", max_error=0.0002, methods=named(name))
+    terrain = imported(source, tmp_path / "t.json", max_error=0.0002, methods=methods_named(name))
     x, y = anywhere(source)
     slack = 3000 * 4 * np.spacing(6e6) / 0.0028
     assert np.abs(terrain.height(x, y) - bilinear(source, x, y)).max() <= 0.0002 + slack

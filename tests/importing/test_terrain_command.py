@@ -16,7 +16,8 @@ from terratool.importing import rasters
 from terratool.importing.sources import open_source
 from terratool.importing.terrain import survey
 from terratool.importing.terrain.build import ImportOptions, import_terrain
-from tests.commands import ROOT, SAMPLE, run
+from tests.commands import ROOT, SAMPLE
+from tests.commands import run_here as run
 
 
 @pytest.fixture

@@ -127,12 +127,12 @@ def read_samples(heights: HeightSource) -> SampledHeights:
     """All heights of a source in memory."""
     if isinstance(heights, SampledHeights):
         return heights
-    lattice = heights.lattice
-    values = np.empty((lattice.rows, lattice.columns))
-    for first in range(0, lattice.rows, _ROWS):
-        count = min(_ROWS, lattice.rows - first)
+    grid = heights.grid
+    values = np.empty((grid.rows, grid.columns))
+    for first in range(0, grid.rows, _ROWS):
+        count = min(_ROWS, grid.rows - first)
         values[first : first + count] = heights.read(first, count)
-    return SampledHeights(lattice, values, tuple(heights.notes))
+    return SampledHeights(grid, values, tuple(heights.notes))
 
 
 def import_primitive(
@@ -183,9 +183,9 @@ def import_primitive(
         more = _one_more(patch, wanted, terms)
         more = more if more is not None and more < error.largest else None
     missing = int(np.isnan(samples.values).sum())
-    names, lattice = names_of(name, wanted)[: len(entries)], samples.lattice
+    names, grid = names_of(name, wanted)[: len(entries)], samples.grid
     return ImportedPrimitive(
-        names, entries, error, missing, lattice.size, lattice.unit, unturned, more, tuple(notes)
+        names, entries, error, missing, grid.size, grid.unit, unturned, more, tuple(notes)
     )
 
 
@@ -211,11 +211,11 @@ def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, fl
         heights = covered.values[~np.isnan(covered.values)]
         # what has no relief says nothing of a turn
         if turned.turn != 0.0 and heights.size and heights.min() < heights.max():
-            terms, error = _fit(turned, wanted)
-            unturned = _fit(covered, wanted)[1]
+            terms, error = _best_combination(turned, wanted)
+            unturned = _best_combination(covered, wanted)[1]
             if error <= _GAIN * unturned:
                 return turned, terms, unturned
-    return patch, _fit(patch, wanted)[0], None
+    return patch, _best_combination(patch, wanted)[0], None
 
 
 def _covered(turned: Patch) -> Patch:
@@ -226,7 +226,7 @@ def _covered(turned: Patch) -> Patch:
     return Patch(replace(turned.samples, values=values))
 
 
-def _fit(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSum, float]:
+def _best_combination(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSum, float]:
     """The better of a product and a sum, as far as both are wanted, and its largest error."""
     found = []
     for summed in (False, True):
@@ -239,7 +239,7 @@ def _fit(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSum, float]:
 
 
 def _curves(patch: Patch, wanted: PrimitiveRequest, summed: bool) -> CurveForm:
-    west, south, east, north = patch.samples.lattice.bounds
+    west, south, east, north = patch.samples.grid.bounds
     return CurveForm(
         wanted.terms,
         tuple((x - west) / (east - west) for x in wanted.x_steps),
@@ -312,9 +312,9 @@ def _refuse_odd(name: str, wanted: PrimitiveRequest) -> None:
 
 def _refuse_empty(samples: SampledHeights) -> None:
     """Refuse a patch that says nothing of a shape, or that no definition can hold."""
-    lattice = samples.lattice
-    size = f"{lattice.columns} × {lattice.rows} pixels"
-    sides = lattice.size
+    grid = samples.grid
+    size = f"{grid.columns} × {grid.rows} pixels"
+    sides = grid.size
     if min(sides) < SMALLEST or max(sides) > LARGEST:
         raise RequestError(
             f"The patch is {sides[0]:.4g} × {sides[1]:.4g}, and the sides of a terrain are from "

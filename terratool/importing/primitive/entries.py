@@ -216,20 +216,20 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
     from terratool.field.terrain import Terrain
     from terratool.text.source import Source
 
-    lattice = patch.samples.lattice
+    grid = patch.samples.grid
     checked = check(Source("patch", msgspec.json.encode(_definition(patch, entries))))
     assert checked.definition is not None, checked.findings
     terrain = Terrain(checked.definition)
-    x = (np.arange(lattice.columns) + 0.5) * lattice.dx
+    x = (np.arange(grid.columns) + 0.5) * grid.dx
     largest, squares, pixels, bare = 0.0, 0.0, 0, 0
     at = 0, 0
-    step = max(1, _PIXELS // lattice.columns)
-    for first in range(0, lattice.rows, step):
-        row = np.arange(first, min(first + step, lattice.rows))
-        y = (row + 0.5) * lattice.dy
+    step = max(1, _PIXELS // grid.columns)
+    for first in range(0, grid.rows, step):
+        row = np.arange(first, min(first + step, grid.rows))
+        y = (row + 0.5) * grid.dy
         z = patch.values[row]
         known = ~np.isnan(z)
-        covered = known & patch.covers(row[:, None], np.arange(lattice.columns)[None, :])
+        covered = known & patch.covers(row[:, None], np.arange(grid.columns)[None, :])
         pixels += int(covered.sum())
         bare += int((known & ~covered).sum())
         off = np.where(covered, np.abs(terrain.height(x[None, :], y[:, None]) - z), 0.0)
@@ -237,13 +237,13 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
         worst = int(off.argmax())
         if off.flat[worst] > largest:
             largest = float(off.flat[worst])
-            at = first + worst // lattice.columns, worst % lattice.columns
+            at = first + worst // grid.columns, worst % grid.columns
     relief = float(np.nanmax(patch.values) - np.nanmin(patch.values))
     return FitError(
         largest,
         math.sqrt(squares / max(pixels, 1)),
-        lattice.west + (at[1] + 0.5) * lattice.dx,
-        lattice.south + (at[0] + 0.5) * lattice.dy,
+        grid.west + (at[1] + 0.5) * grid.dx,
+        grid.south + (at[0] + 0.5) * grid.dy,
         pixels,
         bare,
         relief,
@@ -251,10 +251,10 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
 
 
 def _definition(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> dict[str, Any]:
-    lattice = patch.samples.lattice
+    grid = patch.samples.grid
     names = [f"p{k}" for k in range(len(entries))]
     return {
-        "size": list(lattice.size),
+        "size": list(grid.size),
         "elemTypes": {
             "ground": {"x": [0]},
             **{name: entry.primitive() for name, entry in zip(names, entries, strict=True)},

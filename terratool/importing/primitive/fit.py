@@ -96,11 +96,6 @@ class FitProblem:
     lowest: float
     highest: float
 
-    @property
-    def even(self) -> Floats:
-        """(n,) weights that are equal, and sum to 1."""
-        return np.full(len(self.z), 1.0 / len(self.z))
-
 
 def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> FitProblem:
     """Heights at points as a problem for curves with these nodes."""
@@ -112,16 +107,18 @@ def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> FitProblem:
 
 
 def least_squares(
-    problem: FitProblem, terms: ProductSum, weights: Floats, steps: int
+    problem: FitProblem, terms: ProductSum, steps: int, weights: Floats | None = None
 ) -> ProductSum:
     """Better curves and offset by weighted squares, in no more than so many steps.
 
     Args:
         problem: the heights.
         terms: where to begin.
-        weights: (n,), their sum is 1.
         steps: of Levenberg and Marquardt, those in vain included.
+        weights: (n,), their sum is 1; all equal, if not given.
     """
+    if weights is None:
+        weights = np.full(len(problem.z), 1.0 / len(problem.z))
     size = terms.count * (len(terms.x_nodes) + len(terms.y_nodes)) + 1
     matrix, right = np.empty((size, size)), np.empty(size)
     own, next_one = _stiffness(terms)
@@ -182,7 +179,7 @@ def smallest_largest(
                 return best, worst
             size = np.abs(off)
             weights = (size / size.max()) ** (power - 2.0)
-            target = least_squares(problem, terms, weights / weights.sum(), 1)
+            target = least_squares(problem, terms, 1, weights / weights.sum())
             terms, off, gained = _towards(problem, terms, target, power, size)
             balanced, largest = _balanced(terms, off)
             if largest < worst:
@@ -288,7 +285,7 @@ def fit_terms(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple
     until none is worse than those that were fitted.
     """
     points = products.points_of(patch, _FINE)
-    terms, worst = _fitted(patch, points, curves, counts, _FINE, THOROUGH)
+    terms, worst = _fit_points(patch, points, curves, counts, _FINE, THOROUGH)
     if max(patch.values.shape) <= _FINE:
         return terms, worst
     best, least = terms, math.inf
@@ -310,7 +307,7 @@ def fewest_values(patch: Patch, curves: CurveForm) -> tuple[int, int]:
     points = products.points_of(patch, _COARSE)
 
     def error(counts: tuple[int, int]) -> float:
-        return _fitted(patch, points, curves, counts, _COARSE, QUICK)[1]
+        return _fit_points(patch, points, curves, counts, _COARSE, QUICK)[1]
 
     most = max(min(columns, _COARSE), min(rows, _COARSE))
     most = min(most, max(_FEWEST, _VALUES // curves.terms))
@@ -332,7 +329,7 @@ def fewest_values(patch: Patch, curves: CurveForm) -> tuple[int, int]:
     return next((n for n in fewer if error(n) <= limit), counts)
 
 
-def _fitted(
+def _fit_points(
     patch: Patch,
     points: Points,
     curves: CurveForm,
@@ -348,12 +345,11 @@ def _fitted(
             x_nodes, y_nodes, np.zeros((1, len(x_nodes))), np.zeros((1, len(y_nodes))),
             float(points.z.mean()), summed=True,
         )  # fmt: skip
-        terms = least_squares(problem, begin, problem.even, 5)
+        terms = least_squares(problem, begin, 5)
         return smallest_largest(problem, terms, powers)
     begins = products.best_sums(products.grid_of(patch, most), x_nodes, y_nodes, curves.terms)
     tried = [
-        smallest_largest(problem, least_squares(problem, begin, problem.even, 20), QUICK)
-        for begin in begins
+        smallest_largest(problem, least_squares(problem, begin, 20), QUICK) for begin in begins
     ]
     terms, worst = min(tried, key=lambda fit: fit[1])
     if powers == QUICK:
@@ -366,8 +362,7 @@ def _worst(patch: Patch, terms: ProductSum) -> tuple[Points, float]:
     rows, columns = patch.values.shape
     block = math.ceil(max(rows, columns) / _BLOCKS)
     pixels, largest = kernels.worst_pixels(patch.values, patch.affine, terms, block)
-    row, column = np.divmod(pixels, columns)
-    return products.points_at(patch, row, column), largest
+    return products.points_at(patch, *np.divmod(pixels, columns)), largest
 
 
 def relief_of(patch: Patch) -> float:
@@ -403,7 +398,7 @@ def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float
         if not len(points.z):
             continue
         begin = products.best_sums(products.grid_of(turned, _FEW), x_nodes, y_nodes, terms, 1)[0]
-        coarse.append((*_turned_fit(points, begin), turned.turn))
+        coarse.append((*_fit_turned(points, begin), turned.turn))
     coarse.sort(key=lambda fit: fit[0])
     fine = [(*_refined(patch, begin, turn, step, 0), begin) for _, begin, turn in coarse[:_BEST]]
     _, turn, begin = min(fine, key=lambda fit: fit[0])
@@ -425,12 +420,12 @@ def _error_at(
     points = products.points_at(replace(patch, turn=turn), row, column)
     if not len(points.z):
         return math.inf
-    return _turned_fit(points, begin)[0]
+    return _fit_turned(points, begin)[0]
 
 
-def _turned_fit(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
+def _fit_turned(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
     problem = problem_of(points, begin.x_nodes, begin.y_nodes)
-    fit = least_squares(problem, begin, problem.even, 20)
+    fit = least_squares(problem, begin, 20)
     return float(np.sqrt(np.mean(kernels.residuals(problem, fit) ** 2))), fit
 
 

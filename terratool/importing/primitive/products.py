@@ -68,13 +68,13 @@ class Patch:
     @property
     def affine(self) -> Floats:
         """(4,) how u and v change by column and by row: docs/format.md, footprints and turning."""
-        lattice = self.samples.lattice
-        columns, rows = lattice.columns, lattice.rows
+        grid = self.samples.grid
+        columns, rows = grid.columns, grid.rows
         if self.turn == 0.0:
             return np.array([1.0 / columns, 0.0, 0.0, 1.0 / rows])
         angle = math.radians(self.turn)
         cos, sin = math.cos(angle), math.sin(angle)
-        stretch = lattice.dy / lattice.dx
+        stretch = grid.dy / grid.dx
         return np.array([cos / columns, -sin * stretch / columns, sin / stretch / rows, cos / rows])
 
     def unit(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[Floats, Floats]:

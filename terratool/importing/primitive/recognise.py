@@ -124,7 +124,7 @@ def recognise(
     limit = max(_LOOSE * error, _SHARE * relief) if tolerance is None else tolerance
     points = products.points_of(patch, _PIXELS)
     x_forms, y_forms = _suggested(patch, points)
-    whole = [_fitted(points, x, y) for x, y in product(_forms(), repeat=2)]
+    whole = [_best_factor(points, x, y) for x, y in product(_forms(), repeat=2)]
     found = [*whole, *_pairs(points, x_forms, y_forms)]
     fitting_pairs = _close([pair for pair in found if pair.error <= limit])
     if not fitting_pairs:
@@ -154,7 +154,7 @@ def _forms() -> Iterator[NamedForm]:
             yield NamedForm(name, mirrored=True)
 
 
-def _fitted(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
+def _best_factor(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
     """The best factor and offset for two curves, by least squares, and then the best offset."""
     values = x.values(points.u) * y.values(points.v)
     middle, mean = float(values.mean()), float(points.z.mean())
@@ -176,7 +176,7 @@ def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[Name
     x_nodes, y_nodes = nodes(min(33, columns)), nodes(min(33, rows))
     begin = products.best_sums(products.grid_of(patch, _PIXELS), x_nodes, y_nodes, 1, 1)[0]
     problem = fit.problem_of(points, x_nodes, y_nodes)
-    free = fit.least_squares(problem, begin, problem.even, 30)
+    free = fit.least_squares(problem, begin, 30)
     return _alike(x_nodes, free.x[0]), _alike(y_nodes, free.y[0])
 
 
@@ -207,13 +207,13 @@ def _pairs(
 ) -> Iterator[RecognisedPair]:
     """Pairs of suggested curves, their ends moved for the smallest error."""
     for x, y in product(x_forms, y_forms):
-        best = _fitted(points, x, y)
+        best = _best_factor(points, x, y)
         for step in _STEPS:
             improved = True
             while improved:
                 improved = False
                 for pair in _neighbours(best, step):
-                    tried = _fitted(points, *pair)
+                    tried = _best_factor(points, *pair)
                     if tried.error < best.error:
                         best, improved = tried, True
         yield best

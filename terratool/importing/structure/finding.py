@@ -20,9 +20,9 @@ from terratool.importing.structure.structures import (
     PixelPart,
     Structure,
     deviation,
-    named,
     shortest,
     with_flanks,
+    with_names,
     with_walls,
 )
 from terratool.importing.structure.turned import BLOCKS, disc_of, islands, turned_box_of
@@ -178,8 +178,8 @@ def find_structures(
     fineness = precision / max([1.0, *(abs(part.scale) for part in parts)])
     if walls:
         walled = [with_walls(part, precision, fineness) for part in parts]
-        return named([*structures, *walled, *others])
-    return named([*structures, *_flanked(parts, others, (rows, columns), max_error, fineness)])
+        return with_names([*structures, *walled, *others])
+    return with_names([*structures, *_flanked(parts, others, (rows, columns), max_error, fineness)])
 
 
 def _flanked(

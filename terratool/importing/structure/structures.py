@@ -216,7 +216,7 @@ def _placed(
     return Structure(kind, kind, curves[0], curves[1], "product", west, south, span, scale)
 
 
-def named(structures: Iterable[Structure]) -> tuple[Structure, ...]:
+def with_names(structures: Iterable[Structure]) -> tuple[Structure, ...]:
     """Structures with a name for each pair of curves: the kind, and a number where it has several.
 
     Structures of one kind whose curves say how many pixels they take have many: "box-1", "box-2", …

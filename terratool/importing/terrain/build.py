@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.sources import HeightSource, PixelLattice
+from terratool.importing.sources import HeightSource, PixelGrid
 from terratool.importing.structure.finding import find_structures
 from terratool.importing.structure.structures import (
     Structure,
@@ -39,7 +39,7 @@ from terratool.importing.terrain.methods import (
     write_rows,
 )
 from terratool.importing.terrain.survey import MOST_IN_MEMORY, Progress, Survey, survey_of
-from terratool.importing.terrain.writing import Text, Writer, sink_for
+from terratool.importing.terrain.writing import ElementText, Writer, sink_for
 from terratool.output import refuse_existing, whole_file
 
 MOST_PIXELS = 32768
@@ -86,7 +86,7 @@ class ImportReport:
     """What came of an import.
 
     Attributes:
-        lattice: the pixels.
+        grid: the pixels.
         options: what was asked for.
         method: how the heights were written; None where there is nothing besides structures.
         step: what they were rounded to.
@@ -100,7 +100,7 @@ class ImportReport:
         notes: sentences about the source.
     """
 
-    lattice: PixelLattice
+    grid: PixelGrid
     options: ImportOptions
     method: Method | None
     step: float
@@ -132,7 +132,7 @@ class _FoundStructures:
 
     heights: Floats | None = None
     deviation: float = 0.0
-    texts: list[Text] = field(default_factory=list)
+    texts: list[ElementText] = field(default_factory=list)
     kinds: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -178,7 +178,7 @@ def import_terrain(
         WriteError: the file cannot be written.
     """
     work = progress or (lambda _: None)
-    _refuse_size(source.lattice)
+    _refuse_size(source.grid)
     step_for(options.max_error, 0.0)  # refuses what is no error before anything is read
     output = Path(output)
     refuse_existing(output, overwrite)
@@ -193,19 +193,19 @@ def import_terrain(
     return _written(source, output, survey, plan, options, overwrite, work)
 
 
-def _refuse_size(lattice: PixelLattice) -> None:
-    if lattice.rows * lattice.columns < 2:
+def _refuse_size(grid: PixelGrid) -> None:
+    if grid.rows * grid.columns < 2:
         raise ReadError("There is one pixel only, which is no terrain.", "Take more of the source.")
-    if max(lattice.rows, lattice.columns) > MOST_PIXELS:
+    if max(grid.rows, grid.columns) > MOST_PIXELS:
         raise ReadError(
-            f"There are {lattice.columns:,} × {lattice.rows:,} pixels, and a definition takes "
+            f"There are {grid.columns:,} × {grid.rows:,} pixels, and a definition takes "
             f"{MOST_PIXELS:,} along each side at most.",
             "Import parts with --window or --bounds.",
         )
-    farthest = max(abs(side) for side in lattice.bounds)
-    if not min(lattice.dx, lattice.dy) >= _NARROWEST * farthest:
+    farthest = max(abs(side) for side in grid.bounds)
+    if not min(grid.dx, grid.dy) >= _NARROWEST * farthest:
         raise ReadError(
-            f"Pixels of {min(lattice.dx, lattice.dy):g} cannot be told apart at {farthest:g}.",
+            f"Pixels of {min(grid.dx, grid.dy):g} cannot be told apart at {farthest:g}.",
             "Give the source another origin, as with gdal_edit.py -a_ullr.",
         )
 
@@ -257,7 +257,7 @@ def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ..
 
 def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
     """The whole DEM if it is small, else some squares of it."""
-    rows, columns = source.lattice.rows, source.lattice.columns
+    rows, columns = source.grid.rows, source.grid.columns
     if heights is not None and heights.size <= _SAMPLED:
         return [heights]
     side = min(_SAMPLE, rows, columns)
@@ -296,16 +296,16 @@ def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
     )
 
 
-def _texts(structures: tuple[Structure, ...]) -> list[Text]:
+def _texts(structures: tuple[Structure, ...]) -> list[ElementText]:
     """Each element, and its primitive where that did not come before."""
-    texts: list[Text] = []
+    texts: list[ElementText] = []
     names: set[str] = set()
     for one in structures:
         text = b""
         if one.name not in names:
             names.add(one.name)
             text = msgspec.json.encode(one.name) + b":" + msgspec.json.encode(primitive_of(one))
-        texts.append(Text(text, msgspec.json.encode(element_of(one))))
+        texts.append(ElementText(text, msgspec.json.encode(element_of(one))))
     return texts
 
 
@@ -331,30 +331,30 @@ def _written(
     Raises:
         BoundError: it is farther off than it may be, and no file appears.
     """
-    lattice, found = source.lattice, plan.found
-    error = MeasuredError(lattice)
+    grid, found = source.grid, plan.found
+    error = MeasuredError(grid)
     with whole_file(output, overwrite) as path:
-        with sink_for(path, output.name, lattice.rows * lattice.columns) as sink:
-            writer = Writer(sink, _head(lattice, options))
-            writer.write(Text(FLAT, b""))
+        with sink_for(path, output.name, grid.rows * grid.columns) as sink:
+            writer = Writer(sink, _head(grid, options))
+            writer.write(ElementText(FLAT, b""))
             for text in found.texts:
                 writer.write(text)
             deviation = None if options.walls and found.kinds else found.deviation
             transposed = plan.method.kind == "columns"
             added = found.heights.T if found.heights is not None and transposed else found.heights
             checker = Checker(
-                lattice, plan.rounding.base, found.texts, added, transposed, deviation, error
+                grid, plan.rounding.base, found.texts, added, transposed, deviation, error
             )
             _write_heights(writer, source, survey, plan, checker, work)
             rows = writer.count - len(found.texts)
-            root = root_of(lattice, plan.rounding.base)
+            root = root_of(grid, plan.rounding.base)
             writer.finish(survey.surface_types, root, survey.cover)
         bound = error.largest + found.deviation
         if not bound <= options.max_error:
             raise BoundError(f"an error of {bound:g} came about")
         size = path.stat().st_size
     return ImportReport(
-        lattice=lattice,
+        grid=grid,
         options=options,
         method=plan.method if rows else None,
         step=plan.rounding.step,
@@ -369,19 +369,19 @@ def _written(
     )
 
 
-def _head(lattice: PixelLattice, options: ImportOptions) -> dict[str, Any]:
+def _head(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
     """What a definition begins with."""
-    pixel = f"{lattice.dx:.12g}"
-    if lattice.dx != lattice.dy:
-        pixel += f" × {lattice.dy:.12g}"
+    pixel = f"{grid.dx:.12g}"
+    if grid.dx != grid.dy:
+        pixel += f" × {grid.dy:.12g}"
     head: dict[str, Any] = {
         "descr": f"{options.title or 'A DEM'}, imported within {options.max_error:g} "
-        f"{lattice.unit}; pixels of {pixel}",
-        "size": list(lattice.size),
-        "origin": [lattice.west, lattice.south],
+        f"{grid.unit}; pixels of {pixel}",
+        "size": list(grid.size),
+        "origin": [grid.west, grid.south],
     }
-    if lattice.crs is not None:
-        head["crs"] = lattice.crs
+    if grid.crs is not None:
+        head["crs"] = grid.crs
     return head
 
 
@@ -394,7 +394,7 @@ def _write_heights(
     work: Progress,
 ) -> None:
     """Write what structures leave of the heights, each part once it was measured."""
-    rows, columns = source.lattice.rows, source.lattice.columns
+    rows, columns = source.grid.rows, source.grid.columns
     if plan.method.kind == "hats":
         assert plan.rest is not None
         assert survey.heights is not None

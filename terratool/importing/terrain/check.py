@@ -14,9 +14,9 @@ from terratool.definition.model import Definition
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain
 from terratool.importing.sampling import paint_pixels
-from terratool.importing.sources import PixelLattice
+from terratool.importing.sources import PixelGrid
 from terratool.importing.terrain.methods import Chunk, WrittenRows
-from terratool.importing.terrain.writing import Text
+from terratool.importing.terrain.writing import ElementText
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import Window
 
@@ -48,7 +48,7 @@ class MeasuredError:
         count: pixels with a height.
     """
 
-    lattice: PixelLattice
+    grid: PixelGrid
     where: tuple[float, float] | None = None
     count: int = 0
     _sums: Floats = field(default_factory=lambda: np.array([0.0, -1.0]))
@@ -66,8 +66,8 @@ class MeasuredError:
         if at >= 0:
             i, j = divmod(at, heights.shape[1])
             self.where = (
-                self.lattice.west + (column + j + 0.5) * self.lattice.dx,
-                self.lattice.south + (row + i + 0.5) * self.lattice.dy,
+                self.grid.west + (column + j + 0.5) * self.grid.dx,
+                self.grid.south + (row + i + 0.5) * self.grid.dy,
             )
 
     @property
@@ -89,7 +89,7 @@ class Checker:
     at large coordinates they are rounded, and beside a wall that would count as an error.
 
     Attributes:
-        lattice: the pixels.
+        grid: the pixels.
         base: the height without any element.
         always: texts of elements that stand everywhere, besides the rows.
         added: (rows, columns) float64, or (columns, rows) where columns are written: what these
@@ -101,9 +101,9 @@ class Checker:
         last: rows from a first one on, and the last pixel of each, which the outer elements carry.
     """
 
-    lattice: PixelLattice
+    grid: PixelGrid
     base: float
-    always: list[Text]
+    always: list[ElementText]
     added: Floats | None
     transposed: bool
     deviation: float | None
@@ -139,7 +139,7 @@ class Checker:
         Raises:
             BoundError: they do not meet the rows.
         """
-        along_x = self.lattice.rows if self.transposed else self.lattice.columns
+        along_x = self.grid.rows if self.transposed else self.grid.columns
         alone = self.deviation is None or self.added is None
         terrain = terrain_of(self._text(written.outer, [] if alone else self.always))
         ends = written.ends
@@ -155,7 +155,7 @@ class Checker:
             ours = whole[1, first : first + len(column)]
             self._add(column[:, np.newaxis], ours[:, np.newaxis], first, along_x - 1)
 
-    def check_whole(self, texts: list[Text], wanted: Floats) -> None:
+    def check_whole(self, texts: list[ElementText], wanted: Floats) -> None:
         """Measure a definition that was written all at once against (rows, columns) heights."""
         self.error.add(wanted, self._painted(texts, 0, 0, *wanted.shape), 0)
 
@@ -165,15 +165,17 @@ class Checker:
         else:
             self.error.add(wanted, ours, first, across)
 
-    def _painted(self, texts: list[Text], row: int, column: int, height: int, width: int) -> Floats:
-        shape = self.lattice.rows, self.lattice.columns
+    def _painted(
+        self, texts: list[ElementText], row: int, column: int, height: int, width: int
+    ) -> Floats:
+        shape = self.grid.rows, self.grid.columns
         window = Window(shape[0] - row - height, column, height, width)
         return paint_pixels(terrain_of(self._text(texts, self.always)), shape, window)
 
-    def _text(self, texts: list[Text], always: list[Text]) -> bytes:
-        head = msgspec.json.encode({"size": [self.lattice.columns, self.lattice.rows]})
+    def _text(self, texts: list[ElementText], always: list[ElementText]) -> bytes:
+        head = msgspec.json.encode({"size": [self.grid.columns, self.grid.rows]})
         every = [*always, *texts]
-        root = msgspec.json.encode(root_of(self.lattice, self.base))
+        root = msgspec.json.encode(root_of(self.grid, self.base))
         types = dict.fromkeys(text.primitive for text in every if text.primitive)
         return b'%s,"elemTypes":{%s},"elemTree":%s,"children":[%s]}}' % (
             head.removesuffix(b"}"),
@@ -188,7 +190,7 @@ def terrain_of(text: bytes) -> Terrain:
     return Terrain(msgspec.json.decode(text, type=Definition))
 
 
-def root_of(lattice: PixelLattice, base: float) -> dict[str, Any]:
+def root_of(grid: PixelGrid, base: float) -> dict[str, Any]:
     """The root: level ground, and a grid of half pixels."""
-    cells = [2 * lattice.columns, 2 * lattice.rows]
+    cells = [2 * grid.columns, 2 * grid.rows]
     return {"type": "flat", "vScale": base, "cells": cells}

@@ -27,7 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.importing.terrain.writing import SizeCounter, Spool, Text, Writer, curve, element
+from terratool.importing.terrain.writing import (
+    ElementText,
+    SizeCounter,
+    Spool,
+    Writer,
+    curve,
+    element,
+)
 from terratool.kernels import importing as kernels
 
 BLOCK = 64
@@ -80,7 +87,7 @@ METHODS = (
 )  # fmt: skip
 
 
-def named(name: str) -> tuple[Method, ...]:
+def methods_named(name: str) -> tuple[Method, ...]:
     """The methods of a name: rows, columns, nodal-rows, nodal-columns or hats."""
     kind = name.removeprefix("nodal-")
     return tuple(
@@ -147,12 +154,12 @@ def support(row: int, nodal: list[int], rows: int) -> tuple[str, int, int]:
     before, behind = middle - begin, end - middle
     south, north = int(place == 0), int(place + 1 == len(nodal))
     if south and north:
-        curve = '"flat"'
+        text = '"flat"'
     elif before == behind and not south and not north:
-        curve = '"tent"'
+        text = '"tent"'
     else:
-        curve = f"[[0,{south}],[{before / (before + behind)!r},1],[1,{north}]]"
-    return curve, begin, end
+        text = f"[[0,{south}],[{before / (before + behind)!r},1],[1,{north}]]"
+    return text, begin, end
 
 
 # --- rows ----------------------------------------------------------------------------------------
@@ -174,7 +181,7 @@ class RowElement:
     cell: tuple[int, int]
     span: tuple[int, int]
 
-    def text(self, transposed: bool, step: float) -> Text:
+    def text(self, transposed: bool, step: float) -> ElementText:
         """Primitive and element; with x and y exchanged if `transposed`."""
         curves, cell, span = (self.x, self.y), self.cell, self.span
         if transposed:
@@ -185,7 +192,7 @@ class RowElement:
             if values is not None
         ]
         primitive = b'"%s":{%s}' % (self.name.encode(), b",".join(members))
-        return Text(primitive, element(self.name, cell, span, vScale=step))
+        return ElementText(primitive, element(self.name, cell, span, vScale=step))
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +224,7 @@ class Chunk:
 
     first: int
     heights: Floats
-    texts: list[Text]
+    texts: list[ElementText]
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +237,7 @@ class WrittenRows:
     """
 
     ends: Floats
-    outer: list[Text]
+    outer: list[ElementText]
 
 
 def write_rows(
@@ -420,7 +427,7 @@ def hats_of(heights: Floats, rounding: Rounding) -> list[HatLevel]:
         axes = finer
 
 
-def hat_texts(levels: list[HatLevel], shape: tuple[int, int], step: float) -> Iterator[Text]:
+def hat_texts(levels: list[HatLevel], shape: tuple[int, int], step: float) -> Iterator[ElementText]:
     """The hats that are not 0 high as text.
 
     Args:
@@ -444,13 +451,13 @@ def hat_texts(levels: list[HatLevel], shape: tuple[int, int], step: float) -> It
                 if (x, y) not in names:
                     names[x, y] = b"hat-%d" % (len(names) + 1) if names else b"hat"
                     members = (names[x, y], x.encode(), y.encode())
-                    yield Text(b'"%s":{"x":%s,"y":%s}' % members, b"")
+                    yield ElementText(b'"%s":{"x":%s,"y":%s}' % members, b"")
                 height = int(level.counts[row, column]) * step
                 line.append(
                     b'{"type":"%s","cellX":%d,"cellY":%d,"span":[%d,%d],"vScale":%.15g}'
                     % (names[x, y], west, south, east - west, north - south, height)
                 )
-            yield Text(b"", b",\n".join(line))
+            yield ElementText(b"", b",\n".join(line))
 
 
 def _halved(axis: Ints, size: int) -> Ints:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError
 from terratool.importing.rasters import ClassRaster, open_classes
-from terratool.importing.sources import HeightSource, height_range
+from terratool.importing.sources import HeightSource, sample_range
 from terratool.importing.terrain.writing import Spool, element
 from terratool.kernels import importing as kernels
 
@@ -67,19 +67,19 @@ def survey_of(source: HeightSource, classes: str | None, fill: bool, progress: P
     Raises:
         ReadError: a file is broken, or there is no height at all.
     """
-    lattice = source.lattice
+    grid = source.grid
     survey = Survey()
     counts: dict[int, int] = {}
     with ExitStack() as stack:
-        raster = None if classes is None else stack.enter_context(open_classes(classes, lattice))
-        if lattice.rows * lattice.columns <= MOST_IN_MEMORY:
-            survey.heights = np.empty((lattice.rows, lattice.columns))
+        raster = None if classes is None else stack.enter_context(open_classes(classes, grid))
+        if grid.rows * grid.columns <= MOST_IN_MEMORY:
+            survey.heights = np.empty((grid.rows, grid.columns))
         # from the north, as files are read the quickest
-        for first in reversed(range(0, lattice.rows, _ROWS)):
-            heights = source.read(first, min(_ROWS, lattice.rows - first))
+        for first in reversed(range(0, grid.rows, _ROWS)):
+            heights = source.read(first, min(_ROWS, grid.rows - first))
             if survey.heights is not None:
                 survey.heights[first : first + len(heights)] = heights
-            low, high, unknown, _ = height_range(heights)
+            low, high, unknown, _ = sample_range(heights)
             survey.low, survey.high = min(survey.low, low), max(survey.high, high)
             survey.unknown += unknown
             void = not fill and unknown > 0
@@ -96,7 +96,7 @@ def survey_of(source: HeightSource, classes: str | None, fill: bool, progress: P
         for number in sorted(counts):
             name, members = _surface(raster, number)
             survey.surface_types[name], survey.surfaces[name] = members, counts[number]
-    if survey.unknown == lattice.rows * lattice.columns:
+    if survey.unknown == grid.rows * grid.columns:
         raise ReadError(
             "Every pixel is nodata: there is no height.", "Take another part, band or file."
         )

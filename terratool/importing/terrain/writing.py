@@ -28,7 +28,7 @@ _PROMPT = 1 << 16
 _BEST, _QUICK = 11, 7
 
 
-class Text(NamedTuple):
+class ElementText(NamedTuple):
     """A primitive as a member of its dictionary, and elements; either may be empty."""
 
     primitive: bytes
@@ -109,7 +109,7 @@ class Writer:
         """How often elements were written so far."""
         return self._elements.count
 
-    def write(self, text: Text) -> None:
+    def write(self, text: ElementText) -> None:
         """Write a primitive, and have elements written after all primitives."""
         if text.primitive:
             self._sink.write((b"\n" if self._first else b",\n") + text.primitive)
