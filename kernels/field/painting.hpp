@@ -11,9 +11,6 @@
 
 #include <variant>
 
-#include "footprints.hpp"
-#include "labels.hpp"
-#include "slopes.hpp"
 #include "track_painting.hpp"
 
 namespace terratool {
@@ -65,12 +62,12 @@ void paint_block(
 ) {
     Out fx = part_of(canvas.fx, part.west, part.east),
         fy = part_of(canvas.fy, part.south, part.north);
-    placed_values(
-        field.curves, x_curve(p.kind), u, x, x_axis(p.grid), x_block(p.element, p.pose), fx
-    );
-    placed_values(
-        field.curves, y_curve(p.kind), v, y, y_axis(p.grid), y_block(p.element, p.pose), fy
-    );
+    auto values = [&](int axis, In t, In world, Out out) {
+        Block block = block_of(p.element, p.pose, axis);
+        CurveAt curve = curve_of(p.kind, axis);
+        placed_values(field.curves, curve, t, world, axis_of(p.grid, axis), block, out);
+    };
+    values(X, u, x, fx), values(Y, v, y, fy);
     bool lay = p.index == 0 && p.kind.combine == PRODUCT;
     double scale = p.element.scale, offset = p.element.offset;
     for (i64 r = part.south; r < part.north; ++r) {
@@ -96,12 +93,12 @@ void add_special(
     double scale = p.element.scale, offset = p.element.offset;
     if (p.kind.combine == RADIAL) {
         radii(p.pose, u, v, s);
-        curve_values(field.curves, x_curve(p.kind), s, fx);
+        curve_values(field.curves, curve_of(p.kind, X), s, fx);
         add_products(row, fx, scale, offset);
     } else {
         turn_row(p.pose, u, v, s, t);
-        curve_values(field.curves, y_curve(p.kind), t, fy);
-        curve_values(field.curves, x_curve(p.kind), s, fx);
+        curve_values(field.curves, curve_of(p.kind, Y), t, fy);
+        curve_values(field.curves, curve_of(p.kind, X), s, fx);
         add_both(p.kind.combine, row, fx, fy, scale, offset);
     }
 }
@@ -117,16 +114,16 @@ void paint_runs(
     const auto& [index, element, kind, pose, grid] = p;
     In pieces = field.curves.pieces;
     double scale = element.scale, offset = element.offset;
-    double step = resolution * grid.per_x / pose.width;
+    double step = resolution * grid.per[X] / pose.size[X];
     double per = step > 0.0 ? 1.0 / step : 0.0;
-    Spacing spacing{per, 4.0 * per * (grid.near_x / pose.width)};
-    bool flat_x = is_constant(pieces, kind.x_first, kind.x_count);
-    bool flat_y = is_constant(pieces, kind.y_first, kind.y_count);
+    Spacing spacing{per, 4.0 * per * (grid.near[X] / pose.size[X])};
+    bool flat_x = is_constant(pieces, kind.pieces[X][0], kind.count[X]);
+    bool flat_y = is_constant(pieces, kind.pieces[Y][0], kind.count[Y]);
     bool level = flat_x && flat_y && !kind.special;
-    double changes = flat_x ? 0.0 : abs(pose.cos) * kind.x_count;
-    changes += flat_y ? 0.0 : abs(pose.sin_u) * kind.y_count;
+    double changes = flat_x ? 0.0 : abs(pose.cos) * kind.count[X];
+    changes += flat_y ? 0.0 : abs(pose.sin_u) * kind.count[Y];
     double constant =
-        offset + scale * (pieces[u64(kind.x_first) * 4] * pieces[u64(kind.y_first) * 4]);
+        offset + scale * (pieces[u64(kind.pieces[X][0]) * 4] * pieces[u64(kind.pieces[Y][0]) * 4]);
     for (i64 r = part.south; r < part.north; ++r) {
         double at = v[r - part.south];
         auto [begin, end, whole] = kind.combine == RADIAL ? disc_run(pose, u, at, spacing)
@@ -142,7 +139,7 @@ void paint_runs(
             else if (level) add_constant(row, constant);
             else if (changes * step < seldom)
                 add_turned_pieces(row, run, at, step, pose, pieces, kind, scale, offset);
-            else if (kind.x_count <= 2.0 && kind.y_count <= 2.0)
+            else if (kind.count[X] <= 2.0 && kind.count[Y] <= 2.0)
                 add_turned_pairs(row, run, at, pose, pieces, kind, scale, offset);
             else add_turned_products(row, run, at, pose, pieces, kind, scale, offset);
             if (canvas.slope_x.exists() && !level)
@@ -163,11 +160,11 @@ Rectangle paint_element(
     const Pose& pose = painted.pose;
     bool spans = false;
     if (grid.listed) {
-        Block across = x_block(element, pose), along = y_block(element, pose);
+        Block across = block_of(element, pose, X), along = block_of(element, pose, Y);
         narrow_to(canvas.cell_x, part.west, part.east, across);
         narrow_to(canvas.cell_y, part.south, part.north, along);
         if (part.is_empty()) return {part.west, part.west, part.south, part.south};
-        spans = pose.cells_x > 1 || pose.cells_y > 1;
+        spans = pose.cells[X] > 1 || pose.cells[Y] > 1;
         if (spans) {
             place_in_block(
                 part_of(canvas.cell_x, part.west, part.east),
@@ -215,25 +212,24 @@ bool paint_tile(
         const Grid& grid = field.grids[g];
         auto [west, east, south, north] = part;
         locate_cells(
-            x.subspan(west, east - west), x_axis(grid), part_of(canvas.cell_x, west, east),
+            x.subspan(west, east - west), axis_of(grid, X), part_of(canvas.cell_x, west, east),
             part_of(canvas.in_x, west, east)
         );
         locate_cells(
-            y.subspan(south, north - south), y_axis(grid), part_of(canvas.cell_y, south, north),
+            y.subspan(south, north - south), axis_of(grid, Y), part_of(canvas.cell_y, south, north),
             part_of(canvas.in_y, south, north)
         );
-        i64 across = find_runs(canvas.cell_x, west, east, grid.shift_x, canvas.runs_x);
-        i64 along = find_runs(canvas.cell_y, south, north, grid.shift_y, canvas.runs_y);
+        i64 across = find_runs(canvas.cell_x, west, east, grid.shift[X], canvas.runs_x);
+        i64 along = find_runs(canvas.cell_y, south, north, grid.shift[Y], canvas.runs_y);
         for (i64 j = 0; j < along; ++j) {
             for (i64 i = 0; i < across; ++i) {
-                i64 slot =
-                    grid.table + canvas.runs_y[j].bin * i64(grid.bins_x) + canvas.runs_x[i].bin;
+                i64 slot = grid.table + canvas.runs_y[j].bin * i64(grid.row) + canvas.runs_x[i].bin;
                 Rectangle in_bin{
                     canvas.runs_x[i].begin, canvas.runs_x[i + 1].begin, canvas.runs_y[j].begin,
                     canvas.runs_y[j + 1].begin
                 };
                 for (u32 k = field.offsets[slot]; k < field.offsets[slot + 1]; ++k) {
-                    i64 index = grid.listed ? field.entries[k] : k;
+                    i64 index = listed_element(field, grid, k);
                     Rectangle held =
                         paint_element(field, canvas, index, grid, x, y, resolution, in_bin);
                     i64 below = field.elements[index].grid;
@@ -292,7 +288,7 @@ template <class Visit> void visit_arguments(Planes& p, Visit visit) {
 
 // Copy the columns from `begin` to `end` of a row of a tile; outside there is `nothing`.
 template <class From, class To>
-void hand_over(Span<From> own, Span<To> out, i64 begin, i64 end, To nothing) {
+void copy_columns(Span<From> own, Span<To> out, i64 begin, i64 end, To nothing) {
     fill(out.first(begin), nothing);
     for (i64 n = begin; n < end; ++n) out[n] = To(own[n]);
     fill(out.subspan(end), nothing);
@@ -338,7 +334,7 @@ void paint_window(
                 auto give = [&]<class T>(auto& tile, Matrix<T> plane, T nothing) {
                     if (!plane.size()) return;
                     auto out = plane[at].subspan(column, xs.size());
-                    hand_over(tile.row(r, 0, TILE_WIDTH), out, begin, end, nothing);
+                    copy_columns(tile.row(r, 0, TILE_WIDTH), out, begin, end, nothing);
                 };
                 auto give_floats = [&](auto& tile, const Floats& plane) {
                     std::visit(

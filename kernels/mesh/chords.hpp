@@ -76,9 +76,10 @@ inline Chords find_chords(const Plan& plan) {
         };
         mark();
         if (radial ? exists && e.x.ringed : wants(e.x, e.y))
-            append(e, x_curve(e.kind), e.x, product ? e.y.most : 1.0);
+            append(e, curve_of(e.kind, X), e.x, product ? e.y.most : 1.0);
         mark();
-        if (!radial && wants(e.y, e.x)) append(e, y_curve(e.kind), e.y, product ? e.x.most : 1.0);
+        if (!radial && wants(e.y, e.x))
+            append(e, curve_of(e.kind, Y), e.y, product ? e.x.most : 1.0);
     }
     mark();
     return chords;

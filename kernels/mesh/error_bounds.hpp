@@ -123,7 +123,7 @@ inline double radial_error(const Plan& plan, const Cover& cover, const Corners& 
     outward *= 0.5;  // of t
     double rim = e.frame.rim, near_end = rounded(e.frame);
     double t0 = max(0.5 + 0.5 * least - outward, 0.5), t1 = 0.5 + 0.5 * most;
-    CurveAt curve = x_curve(e.kind);
+    CurveAt curve = curve_of(e.kind, X);
     auto [bottom, top, slope, chord] =
         curve_bounds(plan, curve, e.x, cover.group_x, min(t0, rim), min(t1, rim), near_end);
     if (t1 > rim) {  // straight from there on
@@ -150,7 +150,7 @@ inline double element_error(const Plan& plan, const Cover& cover, const Corners&
     double near_end = rounded(e.frame);
     double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
     double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
-    CurveAt curve_x = x_curve(e.kind), curve_y = y_curve(e.kind);
+    CurveAt curve_x = curve_of(e.kind, X), curve_y = curve_of(e.kind, Y);
     auto x = curve_bounds(plan, curve_x, e.x, cover.group_x, low_u, high_u, near_end);
     auto y = curve_bounds(plan, curve_y, e.y, cover.group_y, low_v, high_v, near_end);
     double wide = high_u - low_u, tall = high_v - low_v;

@@ -35,12 +35,12 @@ inline std::tuple<std::vector<i64>, std::vector<u32>> index_rows(
     Matrix<const i64> edges, In frame, i64 rows
 ) {
     RowFrame index{frame[0], frame[1], rows};
+    auto visit = [&](auto put) {
+        visit_rows(edges, index, [&](i64 e, i64 row) { put(row, u32(e)); });
+    };
     std::vector<i64> offsets(rows + 1);
-    visit_rows(edges, index, [&](i64, i64 row) { ++offsets[row + 1]; });
-    for (i64 row = 0; row < rows; ++row) offsets[row + 1] += offsets[row];
-    std::vector<u32> entries(offsets[rows]);
-    std::vector<i64> ends(offsets.begin(), offsets.end() - 1);
-    visit_rows(edges, index, [&](i64 e, i64 row) { entries[ends[row]++] = u32(e); });
+    std::vector<u32> entries(index_bins(Span<i64>(offsets), i64(0), visit));
+    fill_bins(Span<i64>(offsets), Span<u32>(entries), visit);
     return {std::move(offsets), std::move(entries)};
 }
 

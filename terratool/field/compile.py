@@ -307,7 +307,7 @@ def _index(segments: NDArray[Any], bounds: Floats) -> tuple[Any, ...]:
     cells = int(shape.prod())
     masks, offsets = np.zeros(cells, np.uint64), np.zeros(cells + 1, np.uint32)
     entries = np.empty(total, np.uint32)
-    kernels.fill_index(segments, frame, shape, masks, offsets, entries)
+    kernels.fill_track_index(segments, frame, shape, masks, offsets, entries)
     return frame, shape, masks, offsets, entries
 
 
@@ -368,7 +368,7 @@ def compile_definition(definition: Definition) -> Compiled:
     offsets, entries, pending = _bins(grids, owners, home, grid_of, columns, dense)
 
     elements = np.zeros(len(parents), ELEMENT)
-    elements["cell_x"], elements["cell_y"] = columns.cell.T
+    elements["cell"] = columns.cell
     own_sides = sides[home] * columns.span
     shares = (own_sides / extent).min(axis=1)
     elements["scale"] = np.where(np.isnan(columns.scale), shares, columns.scale)
@@ -517,7 +517,7 @@ def _bins(
     grids["table"] = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     offsets = np.empty(int(sizes.sum()), np.uint32)
     entries = np.zeros(max(1, int(lists.sum())), np.uint32)
-    kernels.fill_bins(grids, ranges, columns, offsets, entries)
+    kernels.fill_tables(grids, ranges, columns, offsets, entries)
     pending = kernels.count_pending(grids, offsets, entries, grid_of)
     return offsets, entries, pending
 
@@ -547,7 +547,7 @@ def _poses(
     index = np.where(index == swap, 0, np.where(index == 0, swap, index))
     cosine, sine = _cos_sin(unique[:, 2])
     poses = np.zeros(len(unique), POSE)
-    poses["width"], poses["height"] = poses["cells_x"], poses["cells_y"] = unique[:, :2].T
+    poses["size"] = poses["cells"] = unique[:, :2]
     poses["cos"] = cosine
     poses["sin_v"] = sine * unique[:, 3]
     poses["sin_u"] = sine / unique[:, 3]
@@ -586,11 +586,9 @@ def _kinds(
         kind["combine"] = COMBINE[shape.combine]
         kind["surface"] = surface_
         kind["is_void"] = void[surface_]
-        for axis, curve in (("x", shape.x), ("y", shape.y or shape.x)):
+        for axis, curve in enumerate((shape.x, shape.y or shape.x)):
             store.put(kind, axis, curve)
-        kind["special"] = kind["combine"] != COMBINE["product"] or (
-            kind["knotted_x"] or kind["knotted_y"]
-        )
+        kind["special"] = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
     return index.reshape(-1), kinds, pairs[:, 0], store.curves()
 
 
@@ -604,14 +602,13 @@ class _CurveStore:
         self._bins: list[NDArray[np.uint32]] = [np.zeros(1, np.uint32)]
         self._counts = [0, 1, 1]
 
-    def put(self, kind: Any, axis: str, curve: Curve) -> None:
-        """Write where a curve's pieces are into the fields of one axis of a KIND."""
+    def put(self, kind: Any, axis: int, curve: Curve) -> None:
+        """Write where a curve's pieces are into the members of one axis of a KIND."""
         place = self._known.get(curve)  # long vectors take their time to be hashed
         if place is None:
             place = self._known[curve] = self._add(pieces_of(curve))
-        for name in ("count", "first", "last", "knot", "bin"):
-            kind[f"{axis}_{name}"] = place[name]
-        kind[f"knotted_{axis}"] = place["knotted"]
+        for name, value in place.items():
+            kind[name][axis] = value
 
     def _add(self, curve: CurvePieces) -> dict[str, Any]:
         first, knot, bin_ = self._counts
@@ -627,9 +624,11 @@ class _CurveStore:
             self._counts[1] += len(self._knots[-1])
             self._counts[2] += count
         return {
-            "first": first, "count": count, "last": count - 1, "knot": knot, "bin": bin_,
+            "count": count,
+            "pieces": (first, count - 1),
+            "knots": (knot, bin_),
             "knotted": 0 if curve.even else STEPPED if curve.stepped else 1,
-        }  # fmt: skip
+        }
 
     def curves(self) -> CurveArrays:
         """All pieces, knots and bins."""

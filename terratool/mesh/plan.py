@@ -177,7 +177,7 @@ def _axes(arrays: FieldArrays) -> tuple[NDArray[Any], ...]:
     for k, kind in enumerate(arrays.kinds):
         radial = bool(kind["combine"] == COMBINE["radial"])
         for a, axis in enumerate("xy"):
-            key = int(kind[f"{axis}_first"]), radial
+            key = int(kind["pieces"]["xy".index(axis), 0]), radial
             if key not in known:
                 record, lines, groups = _axis(arrays, kind, axis, radial)
                 reaches, turns = _reaches(*curve_pieces(arrays, kind, axis))

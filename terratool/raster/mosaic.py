@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from terratool.errors import RequestError, WriteError
+from terratool.field.records import scalar_columns
 from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing, stop_on_signals, whole_file
 from terratool.raster.export import (
@@ -175,10 +176,8 @@ def fingerprint(terrain: Terrain) -> str:
     values: list[Any] = [*arrays, *arrays.curves, *(arrays.tracks if terrain.tracks else ())]
     for value in values:
         if isinstance(value, np.ndarray):
-            # field by field: what lies between the fields of a record means nothing
-            names = value.dtype.names
-            columns = [value[name] for name in names] if names else [value]
-            for column in columns:
+            # number by number: what lies between the members of a record means nothing
+            for column in scalar_columns(value):
                 digest.update(f"{column.dtype.str}{column.shape}".encode())
                 digest.update(np.ascontiguousarray(column).data)
     return digest.hexdigest()

@@ -60,10 +60,10 @@ def steepest_sum(terrain: Terrain) -> float:
     knots = arrays.curves.knots
     steepest = 0.0
     for kind in arrays.kinds:
-        for axis in "xy":
-            first, count = int(kind[f"{axis}_first"]), int(kind[f"{axis}_count"])
-            if kind[f"knotted_{axis}"]:
-                own = knots[int(kind[f"{axis}_knot"]) :]
+        for axis in (0, 1):
+            first, count = int(kind["pieces"][axis, 0]), int(kind["count"][axis])
+            if kind["knotted"][axis]:
+                own = knots[int(kind["knots"][axis, 0]) :]
                 count = int(np.argmax(np.isinf(own)))
                 lengths = np.diff(np.append(own[:count], 1.0))
                 c = pieces[first : first + count] * lengths[:, None] ** np.array([0, 0, 1, 2])
@@ -354,7 +354,7 @@ class TestEnds:
         if turn % 90 == 0:
             cosine, sine = round(cosine), round(sine)
         pose["cos"], pose["sin_v"], pose["sin_u"] = cosine, sine * aspect, sine / aspect
-        pose["width"] = pose["height"] = 1
+        pose["size"] = 1
         pose["turned"] = turn != 0
         return pose
 
