@@ -58,11 +58,7 @@ KIND = np.dtype(
 
 GRID = np.dtype(
     [
-        (
-            "corner",
-            np.float64,
-            (2, 2),
-        ),  # world position of the south-west corner, and the rest of it
+        ("corner", np.float64, (2, 2)),  # the south-west corner in the world, and the rest of it
         ("per", np.float64, 2),  # cells per unit of length
         ("clear", np.float64, 2),  # within this of a cell's middle, in cells, no edge is near
         ("table", np.int64),  # where its table of bins begins in offsets
