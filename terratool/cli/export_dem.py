@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,7 +11,7 @@ import click
 from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
-    from terratool.raster.export import MosaicLayout, RasterReport, WrittenFile
+    from terratool.raster.export import RasterReport, WrittenFile
 
 # as terratool.raster.layers and .geotiff have them, which are not imported for --help;
 # a test holds them equal
@@ -106,7 +105,7 @@ def command(
 
     from terratool.errors import WriteError
     from terratool.output import is_same_file, refuse_existing
-    from terratool.raster.export import export_dem
+    from terratool.raster.export import RasterRequest, export_dem
     from terratool.raster.geotiff import Compression
     from terratool.raster.grid import default_resolution, grid_over
     from terratool.raster.mosaic import TILE_SIZE, export_mosaic
@@ -127,29 +126,16 @@ def command(
     if resolution is None:
         resolution, why = default_resolution(terrain)
     grid = grid_over(terrain, resolution, bounds)
-    write = (
-        partial(export_dem, terrain, grid, output, cog=cog)
-        if tiles is None
-        else partial(
-            export_mosaic,
-            terrain,
-            grid,
-            tiles,
-            output,
-            tile_size=TILE_SIZE if tile_size is None else tile_size,
-            dask=dask,
-        )
-    )
+    request = RasterRequest(layers, dtype, compression, overwrite, losses, threads)
     with Status("painting", grid.width * grid.height) as progress:
-        report = write(
-            layers=layers,
-            dtype=dtype,
-            compression=compression,
-            overwrite=overwrite,
-            losses=losses,
-            threads=threads,
-            progress=progress,
-        )
+        if tiles is None:
+            report = export_dem(terrain, grid, output, request, cog=cog, progress=progress)
+        else:
+            size = TILE_SIZE if tile_size is None else tile_size
+            report = export_mosaic(
+                terrain, grid, tiles, output, request,
+                tile_size=size, dask=dask, progress=progress,
+            )  # fmt: skip
     if as_json:
         click.echo(json.dumps(as_dict(report, why), indent=2, ensure_ascii=False))
     else:
@@ -182,6 +168,8 @@ def _refuse_odd(
 
 def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
     """A report ready for JSON; `why` says who chose the resolution."""
+    import msgspec
+
     grid = report.grid
     return {
         "format_version": 2,
@@ -196,18 +184,7 @@ def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
         "surfaces": report.surfaces,
         "lacking": report.lacking,
         "losses": report.losses.as_json() if report.losses else None,
-        "tiles": _tiles_as_dict(report.tiles) if report.tiles else None,
-    }
-
-
-def _tiles_as_dict(tiles: MosaicLayout) -> dict[str, Any]:
-    return {
-        "folder": str(tiles.folder),
-        "size": tiles.size,
-        "rows": tiles.rows,
-        "columns": tiles.columns,
-        "kept": tiles.kept,
-        "made": tiles.made,
+        "tiles": msgspec.to_builtins(report.tiles, enc_hook=str),
     }
 
 

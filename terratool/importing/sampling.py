@@ -15,6 +15,7 @@ from terratool.field.terrain import Bounds, check_overlap
 from terratool.importing.samples import PixelLattice, SampledHeights
 from terratool.importing.triangles import Triangles
 from terratool.kernels import importing as kernels
+from terratool.raster.grid import pixels_along
 
 NEAR = 1e-6
 """Positions that differ by no more than this part of a side of the patch are one."""
@@ -304,11 +305,7 @@ def _default_resolution(width: float, depth: float) -> float:
     longest, shortest = max(width, depth), min(width, depth)
     if longest * NARROWEST <= shortest < longest / DEFAULT_PIXELS:
         return shortest
-    for pixels in range(DEFAULT_PIXELS, DEFAULT_PIXELS // 2, -1):
-        across = pixels * (shortest / longest)
-        if abs(across - round(across)) < _WHOLE:
-            return longest / pixels
-    return longest / DEFAULT_PIXELS
+    return longest / pixels_along(longest, shortest, DEFAULT_PIXELS)
 
 
 def _text(bounds: Bounds) -> str:

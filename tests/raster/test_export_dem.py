@@ -23,9 +23,9 @@ from hypothesis import strategies as st
 from terratool import output
 from terratool.errors import DefinitionError, RequestError, WriteError
 from terratool.raster import export, geotiff
-from terratool.raster.export import export_dem
 from terratool.raster.grid import Grid, Window, default_resolution, grid_over
 from tests.conftest import terrain_of
+from tests.mosaics import export_dem
 
 # asymmetric and oblong: a flip, a transposition or a shift by half a pixel shows
 SITE: dict[str, Any] = {

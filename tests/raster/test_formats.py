@@ -15,11 +15,10 @@ import rasterio
 from rio_cogeo.cogeo import cog_validate
 
 from terratool.errors import RequestError, WriteError
-from terratool.raster.export import export_dem
 from terratool.raster.geotiff import COMPRESSIONS, Compression
 from terratool.raster.grid import Grid, grid_over
-from terratool.raster.mosaic import export_mosaic
 from tests.conftest import terrain_of
+from tests.mosaics import export_dem, export_mosaic
 from tests.raster.test_layers import SITE
 
 needs_gdalinfo = pytest.mark.skipif(

@@ -15,14 +15,14 @@ import rasterio
 
 from terratool.errors import WriteError
 from terratool.raster import export, tiles
-from terratool.raster.export import RasterReport, export_dem
+from terratool.raster.export import RasterReport
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.journal import NAME, journal_of
-from terratool.raster.mosaic import export_mosaic, fingerprint
+from terratool.raster.mosaic import fingerprint
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, run
 from tests.conftest import terrain_of
-from tests.mosaics import ALL, SITE, contents, finished, wait_until
+from tests.mosaics import ALL, SITE, contents, export_dem, export_mosaic, finished, wait_until
 
 TILES = 6  # 1200 × 800 pixels in tiles of 512, which divides neither side
 
@@ -35,7 +35,7 @@ def grid() -> Grid:
 def mosaic(folder: Path, *arguments: Any, **options: Any) -> RasterReport:
     terrain = terrain_of(SITE)
     grid = grid_over(terrain, 0.01)
-    return export_mosaic(terrain, grid, folder, *arguments, **{"tile_size": 512, **options})
+    return export_mosaic(terrain, grid, folder, *arguments, **options)
 
 
 def pixels_of(path: Path) -> bytes:
@@ -348,7 +348,7 @@ class TestAnother:
             raise WriteError("The disk is lost.")
 
         with monkeypatch.context() as patch, pytest.raises(WriteError, match="is lost"):
-            patch.setattr("terratool.raster.mosaic._make", lost)
+            patch.setattr("terratool.raster.mosaic.made_by_threads", lost)
             mosaic(tmp_path / "a")
         assert [path.name for path in (tmp_path / "a").iterdir()] == [NAME]
         report = mosaic(tmp_path / "a", tile_size=1024)
