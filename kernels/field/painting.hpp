@@ -45,29 +45,16 @@ inline Run inside_bounds(In x, double low, double high) {
     return {begin, end};
 }
 
-// An element, and the positions of pixels in its block of cells.
-struct Painted {
-    i64 index;
-    const Element& element;
-    const Kind& kind;
-    const Pose& pose;
-    const Grid& grid;
-};
-
 // Add an unturned element that fills its block of cells.
 template <class Id>
 void paint_block(
-    const Field& field, Canvas<Id>& canvas, const Painted& p, In u, In v, In x, In y,
-    const Rectangle& part
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
 ) {
+    const Rectangle& part = pixels.part;
     Out fx = part_of(canvas.fx, part.west, part.east),
         fy = part_of(canvas.fy, part.south, part.north);
-    auto values = [&](int axis, In t, In world, Out out) {
-        Block block = block_of(p.element, p.pose, axis);
-        CurveAt curve = curve_of(p.kind, axis);
-        placed_values(field.curves, curve, t, world, axis_of(p.grid, axis), block, out);
-    };
-    values(X, u, x, fx), values(Y, v, y, fy);
+    placed_values(field.curves, p, X, pixels.u, pixels.x, fx);
+    placed_values(field.curves, p, Y, pixels.v, pixels.y, fy);
     bool lay = p.index == 0 && p.kind.combine == PRODUCT;
     double scale = p.element.scale, offset = p.element.offset;
     for (i64 r = part.south; r < part.north; ++r) {
@@ -77,9 +64,8 @@ void paint_block(
         if (lay) lay_products(row, fx, scale * factor, offset);
         else add_row(p.kind.combine, row, fx, factor, scale, offset);
     }
-    if (canvas.slope_x.exists())
-        slope_block(field, canvas, p.element, p.grid, u, v, x, y, part, lay);
-    if (canvas.labels.exists()) label_block(field, canvas, p.index, p.grid, u, v, x, y, part);
+    if (canvas.slope_x.exists()) slope_block(field, canvas, p, pixels, lay);
+    if (canvas.labels.exists()) label_block(field, canvas, p, pixels);
 }
 
 // Add a turned or radial element of any kind to a run of pixels that it holds.
@@ -113,7 +99,6 @@ void paint_runs(
     constexpr double seldom = 1.0 / 12.0;
     const auto& [index, element, kind, pose, grid] = p;
     In pieces = field.curves.pieces;
-    double scale = element.scale, offset = element.offset;
     double step = resolution * grid.per[X] / pose.size[X];
     double per = step > 0.0 ? 1.0 / step : 0.0;
     Spacing spacing{per, 4.0 * per * (grid.near[X] / pose.size[X])};
@@ -122,8 +107,8 @@ void paint_runs(
     bool level = flat_x && flat_y && !kind.special;
     double changes = flat_x ? 0.0 : abs(pose.cos) * kind.count[X];
     changes += flat_y ? 0.0 : abs(pose.sin_u) * kind.count[Y];
-    double constant =
-        offset + scale * (pieces[u64(kind.pieces[X][0]) * 4] * pieces[u64(kind.pieces[Y][0]) * 4]);
+    double constant = element.offset
+        + element.scale * (pieces[u64(kind.pieces[X][0]) * 4] * pieces[u64(kind.pieces[Y][0]) * 4]);
     for (i64 r = part.south; r < part.north; ++r) {
         double at = v[r - part.south];
         auto [begin, end, whole] = kind.combine == RADIAL ? disc_run(pose, u, at, spacing)
@@ -137,14 +122,12 @@ void paint_runs(
             fill(canvas.surfaces.row(r, column, part.west + stop), Id(kind.surface + 1));
             if (kind.special) add_special(field, canvas, p, run, at, row);
             else if (level) add_constant(row, constant);
-            else if (changes * step < seldom)
-                add_turned_pieces(row, run, at, step, pose, pieces, kind, scale, offset);
+            else if (changes * step < seldom) add_turned_pieces(row, run, at, step, pieces, p);
             else if (kind.count[X] <= 2.0 && kind.count[Y] <= 2.0)
-                add_turned_pairs(row, run, at, pose, pieces, kind, scale, offset);
-            else add_turned_products(row, run, at, pose, pieces, kind, scale, offset);
-            if (canvas.slope_x.exists() && !level)
-                slope_run(field, canvas, element, grid, run, at, r, column);
-            if (canvas.labels.exists()) label_run(field, canvas, index, run, at, r, column);
+                add_turned_pairs(row, run, at, pieces, p);
+            else add_turned_products(row, run, at, pieces, p);
+            if (canvas.slope_x.exists() && !level) slope_run(field, canvas, p, run, at, r, column);
+            if (canvas.labels.exists()) label_run(field, canvas, p, run, at, r, column);
         }
     }
 }
@@ -184,7 +167,7 @@ Rectangle paint_element(
         paint_runs(field, canvas, painted, u, v, resolution, part);
     } else {
         In xs = x.subspan(part.west, u.size()), ys = y.subspan(part.south, v.size());
-        paint_block(field, canvas, painted, u, v, xs, ys, part);
+        paint_block(field, canvas, painted, {u, v, xs, ys, part});
     }
     return part;
 }

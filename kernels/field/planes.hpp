@@ -14,6 +14,12 @@ struct Rectangle {  // columns and rows of a tile; rows run from the south
     bool is_empty() const { return west >= east || south >= north; }
 };
 
+// Pixels of a block of cells: positions in it, in the world, and columns and rows of the tile.
+struct BlockPixels {
+    In u, v, x, y;
+    Rectangle part;
+};
+
 struct GridPart {  // a grid that waits with the pixels over it
     i64 grid;
     Rectangle part;
@@ -95,13 +101,16 @@ template <std::size_t n> INLINE Out part_of(std::array<double, n>& all, i64 begi
 
 // Values and slopes of a curve of an unturned element at each `t`, at `x` in the world.
 inline void placed_slopes(
-    const Curves& curves, const CurveAt& at, In t, bool leaves, In x, const GridAxis& axis,
-    Block block, Out values, Out slopes
+    const Curves& curves, const Painted& p, int axis, In t, In x, Out values, Out slopes
 ) {
+    CurveAt at = curve_of(p.kind, axis);
+    GridAxis edges = axis_of(p.grid, axis);
+    Block block = block_of(p.element, p.pose, axis);
+    bool leaves = p.grid.leaves;
     for (std::size_t n = 0; n < t.size(); ++n) {
         CurvePoint f;
         if (at.knotted == STEPPED) {
-            f = placed_curve(curves, at, t[n], x[n], axis, block);
+            f = placed_curve(curves, at, t[n], x[n], edges, block);
         } else if (at.knotted) {
             f = knotted_curve(curves, at, t[n]);
         } else {
@@ -147,31 +156,23 @@ inline void add_chosen_slopes(
 // How an element's slopes in u and v become slopes in the world.
 struct Rates {
     double x, y;
-    Rates(const Element& element, const Grid& grid, const Pose& pose)
-        : x(element.scale * (grid.per[X] / pose.size[X])),
-          y(element.scale * (grid.per[Y] / pose.size[Y])) {}
+    explicit Rates(const Painted& p)
+        : x(p.element.scale * (p.grid.per[X] / p.pose.size[X])),
+          y(p.element.scale * (p.grid.per[Y] / p.pose.size[Y])) {}
 };
 
 // Add, or lay as the first, the slopes of an unturned element that fills its block of cells.
 template <class Id>
 void slope_block(
-    const Field& field, Canvas<Id>& canvas, const Element& element, const Grid& grid, In u, In v,
-    In x, In y, const Rectangle& part, bool lay
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels, bool lay
 ) {
-    const Kind& kind = field.kinds[element.kind];
-    const Pose& pose = field.poses[element.pose];
+    const auto& [u, v, x, y, part] = pixels;
+    const Kind& kind = p.kind;
     Out fx = part_of(canvas.fx, 0, count_of(u)), fx_slope = part_of(canvas.work_0, 0, count_of(u));
     Out fy = part_of(canvas.fy, 0, count_of(v)), fy_slope = part_of(canvas.work_1, 0, count_of(v));
-    bool leaves = grid.leaves;
-    placed_slopes(
-        field.curves, curve_of(kind, X), u, leaves, x, axis_of(grid, X), block_of(element, pose, X),
-        fx, fx_slope
-    );
-    placed_slopes(
-        field.curves, curve_of(kind, Y), v, leaves, y, axis_of(grid, Y), block_of(element, pose, Y),
-        fy, fy_slope
-    );
-    Rates rates(element, grid, pose);
+    placed_slopes(field.curves, p, X, u, x, fx, fx_slope);
+    placed_slopes(field.curves, p, Y, v, y, fy, fy_slope);
+    Rates rates(p);
     for (i64 j = 0; j < count_of(v); ++j) {
         Out east = canvas.slope_x.row(part.south + j, part.west, part.east);
         Out north = canvas.slope_y.row(part.south + j, part.west, part.east);
@@ -193,15 +194,13 @@ void slope_block(
 // Add the slopes of a turned or radial element to a run of pixels that it holds.
 template <class Id>
 void slope_run(
-    const Field& field, Canvas<Id>& canvas, const Element& element, const Grid& grid, In u,
-    double v, i64 row, i64 column
+    const Field& field, Canvas<Id>& canvas, const Painted& p, In u, double v, i64 row, i64 column
 ) {
-    const Kind& kind = field.kinds[element.kind];
-    const Pose& pose = field.poses[element.pose];
+    const auto& [index, element, kind, pose, grid] = p;
     const Curves& curves = field.curves;
     Out east = canvas.slope_x.row(row, column, column + count_of(u));
     Out north = canvas.slope_y.row(row, column, column + count_of(u));
-    Rates rates(element, grid, pose);
+    Rates rates(p);
     for (std::size_t n = 0; n < u.size(); ++n) {
         double du, dv;
         if (kind.special) {
@@ -235,9 +234,8 @@ constexpr u64 ALONG = u64(1) << 62, ACROSS = u64(1) << 63, LEFT_TO_DESCENT = u64
 INLINE u32 hash32(u64 key) { return u32(hash64(key)) | 1; }
 
 // What an element adds to all of its pixels: 0 where none of its edges can be a wall.
-INLINE u32 mark_of(
-    i64 index, const Kind& kind, const Pose& pose, const Element& element, Span<const u8> nonzero
-) {
+INLINE u32 mark_of(const Painted& p, Span<const u8> nonzero) {
+    const auto& [index, element, kind, pose, grid] = p;
     // trimmed by its cell a turned element ends anywhere; whole is what a half turn leaves, or a
     // quarter or a disc in a square
     bool squared = abs(pose.sin_u) == abs(pose.sin_v);
@@ -265,13 +263,11 @@ INLINE u32 label_left(i64 row, i64 column) {
 // Add an unturned element that fills its block of cells.
 template <class Id>
 void label_block(
-    const Field& field, Canvas<Id>& canvas, i64 index, const Grid& grid, In u, In v, In x, In y,
-    const Rectangle& part
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
 ) {
-    const Element& element = field.elements[index];
-    const Kind& kind = field.kinds[element.kind];
-    const Pose& pose = field.poses[element.pose];
-    u32 common = mark_of(index, kind, pose, element, canvas.nonzero_edges);
+    const auto& [u, v, x, y, part] = pixels;
+    const auto& [index, element, kind, pose, grid] = p;
+    u32 common = mark_of(p, canvas.nonzero_edges);
     bool steps = has_steps(kind) && element.scale != 0.0;
     if (!steps && common == 0) return;
     Span<u32> marks(canvas.marks.data(), u.size());
@@ -304,14 +300,11 @@ void label_block(
 // Add a turned or radial element to a run of pixels that it holds.
 template <class Id>
 void label_run(
-    const Field& field, Canvas<Id>& canvas, i64 index, In u, double v, i64 line, i64 column
+    const Field& field, Canvas<Id>& canvas, const Painted& p, In u, double v, i64 line, i64 column
 ) {
-    const Element& element = field.elements[index];
-    const Kind& kind = field.kinds[element.kind];
-    const Pose& pose = field.poses[element.pose];
+    const auto& [index, element, kind, pose, grid] = p;
     Span<u32> row = canvas.labels.row(line, column, column + count_of(u));
-    if (u32 common = mark_of(index, kind, pose, element, canvas.nonzero_edges))
-        add_constant(row, common);
+    if (u32 common = mark_of(p, canvas.nonzero_edges)) add_constant(row, common);
     if (!has_steps(kind) || element.scale == 0.0) return;
     auto piece_of = [&](const CurveAt& curve, double t) {
         return find_piece(field.curves, curve, min(clamp(t, 0.0, 1.0) + STEP, 1.0));

@@ -6,6 +6,15 @@
 
 namespace terratool {
 
+// An element that is painted, its records, and the grid that it is in.
+struct Painted {
+    i64 index;
+    const Element& element;
+    const Kind& kind;
+    const Pose& pose;
+    const Grid& grid;
+};
+
 // Cells and curves along a row
 
 // Row of the first element: `fx` · `factor` + `offset`.
@@ -60,10 +69,9 @@ inline void add_pieces(
 
 // Add products of curves of at most two pieces along a row of a turned element.
 // Which piece counts is chosen between numbers, not between addresses, so all of it is vectors.
-inline void add_turned_pairs(
-    Out row, In u, double v, const Pose& pose, In pieces, const Kind& kind, double scale,
-    double offset
-) {
+inline void add_turned_pairs(Out row, In u, double v, In pieces, const Painted& p) {
+    const auto& [index, element, kind, pose, grid] = p;
+    double scale = element.scale, offset = element.offset;
     auto [s_start, t_start] = turned(pose, 0.0, v);
     Ramp at_x{pose.cos * kind.count[X], s_start * kind.count[X]};
     Ramp at_y{pose.sin_u * kind.count[Y], t_start * kind.count[Y]};
@@ -81,10 +89,9 @@ inline void add_turned_pairs(
 }
 
 // Add the product of two curves of evenly spaced pieces along a row of a turned element.
-inline void add_turned_products(
-    Out row, In u, double v, const Pose& pose, In pieces, const Kind& kind, double scale,
-    double offset
-) {
+inline void add_turned_products(Out row, In u, double v, In pieces, const Painted& p) {
+    const auto& [index, element, kind, pose, grid] = p;
+    double scale = element.scale, offset = element.offset;
     for (std::size_t n = 0; n < row.size(); ++n) {
         auto [s, t] = turned(pose, u[n], v);
         double fx = even_curve(pieces, kind, X, clamp(s, 0.0, 1.0)).value;
@@ -106,10 +113,8 @@ INLINE double columns_left(double t, i64 piece, double count, double rate) {
 }
 
 // As add_turned_products, by runs of columns in which both curves stay in one piece.
-inline void add_turned_pieces(
-    Out row, In u, double v, double step, const Pose& pose, In pieces, const Kind& kind,
-    double scale, double offset
-) {
+inline void add_turned_pieces(Out row, In u, double v, double step, In pieces, const Painted& p) {
+    const auto& [index, element, kind, pose, grid] = p;
     double x_count = kind.count[X], y_count = kind.count[Y];
     i64 begin = 0, count = count_of(row);
     while (begin < count) {
@@ -130,7 +135,7 @@ inline void add_turned_pieces(
             {pieces, (kind.pieces[X][0] + u64(i)) * 4},
             {pose.cos * x_count, middle * x_count - double(i)},
             {pieces, (kind.pieces[Y][0] + u64(j)) * 4},
-            {pose.sin_u * y_count, along * y_count - double(j)}, scale, offset
+            {pose.sin_u * y_count, along * y_count - double(j)}, element.scale, element.offset
         );
         begin = end;
     }
@@ -180,12 +185,13 @@ INLINE void curve_values(const Curves& curves, const CurveAt& at, In t, Out out)
 }
 
 // Values of a curve of an unturned element at each `t`, at `x` in the world.
-inline void placed_values(
-    const Curves& curves, const CurveAt& at, In t, In x, const GridAxis& axis, Block block, Out out
-) {
+inline void placed_values(const Curves& curves, const Painted& p, int axis, In t, In x, Out out) {
+    CurveAt at = curve_of(p.kind, axis);
     if (at.knotted == STEPPED) {
+        GridAxis edges = axis_of(p.grid, axis);
+        Block block = block_of(p.element, p.pose, axis);
         for (std::size_t n = 0; n < t.size(); ++n)
-            out[n] = placed_curve(curves, at, t[n], x[n], axis, block).value;
+            out[n] = placed_curve(curves, at, t[n], x[n], edges, block).value;
     } else {
         curve_values(curves, at, t, out);
     }
