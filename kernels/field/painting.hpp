@@ -212,7 +212,7 @@ bool paint_tile(
                     canvas.runs_y[j + 1].begin
                 };
                 for (u32 k = field.offsets[slot]; k < field.offsets[slot + 1]; ++k) {
-                    i64 index = listed_element(field, grid, k);
+                    i64 index = i64(listed_element(field, grid, k));
                     Rectangle held =
                         paint_element(field, canvas, index, grid, x, y, resolution, in_bin);
                     i64 below = field.elements[index].grid;

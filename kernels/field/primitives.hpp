@@ -237,18 +237,24 @@ INLINE Block block_of(const Element& element, const Pose& pose, int axis) {
     return {double(element.cell[axis]), pose.size[axis]};
 }
 
+// Value and slope of one of the curves of an unturned element at `t`, at `x` in the world.
+INLINE CurvePoint placed_curve_of(
+    const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
+    const Grid& grid, int axis, double t, double x
+) {
+    if (kind.knotted[axis] != STEPPED) return any_curve(curves, curve_of(kind, axis), t);
+    Block block = block_of(element, pose, axis);
+    return placed_curve(curves, curve_of(kind, axis), t, x, axis_of(grid, axis), block);
+}
+
 // Value of an unturned element's primitive, and its slopes in u and v, at (x, y) in the world.
 INLINE ShapePoint placed_shape(
     const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
     const Grid& grid, UV at, double x, double y
 ) {
-    auto curve = [&](int axis, double t, double coordinate) {
-        CurveAt own = curve_of(kind, axis);
-        if (own.knotted != STEPPED) return any_curve(curves, own, t);
-        Block block = block_of(element, pose, axis);
-        return placed_curve(curves, own, t, coordinate, axis_of(grid, axis), block);
-    };
-    return combine(kind.combine, curve(X, at.u, x), curve(Y, at.v, y));
+    CurvePoint fx = placed_curve_of(curves, kind, element, pose, grid, X, at.u, x);
+    CurvePoint fy = placed_curve_of(curves, kind, element, pose, grid, Y, at.v, y);
+    return combine(kind.combine, fx, fy);
 }
 
 // Distance of (u, v) from the middle of the disc, in radii.

@@ -130,7 +130,7 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
             begin = end;
         }
         for (u64 k = begin; k < end; ++k) {
-            i64 index = listed_element(field, grid, k);
+            u64 index = listed_element(field, grid, k);
             const Element& element = field.elements[index];
             const Kind& kind = field.kinds[element.kind];
             const Pose& pose = field.poses[element.pose];
@@ -161,7 +161,7 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
                 f = {fx.value * fy.value, fx.slope * fy.value, fx.value * fy.slope};
             }
             z += element.scale * f.value + element.offset;
-            top = max(top, index);
+            top = max(top, i64(index));
             if constexpr (sloped) {
                 auto [du, dv] = turned_slopes(pose, f.du, f.dv);
                 slope_x += element.scale * du * (grid.per[X] / pose.size[X]);
@@ -331,7 +331,7 @@ inline void batch_heights(const Field& field, In x, In y, Scratch& scratch, Out 
         if (!batch.is_clear(n)) continue;
         Begun at = batch.begun(n);
         if (is_clear_of_edges(grid, at.in_x, at.in_y)) {
-            u64 bin = u64(bin_of(grid, at.i, at.j));
+            u64 bin = u64(grid.table + at.j * i64(grid.row) + at.i);  // leaves have a bin per cell
             scratch.begins[n] = field.offsets[bin];
             scratch.ends[n] = field.offsets[bin + 1];
         }

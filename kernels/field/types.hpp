@@ -131,8 +131,8 @@ INLINE i64 bin_of(const Grid& g, i64 i, i64 j) {
 }
 
 // The element that a place between the offsets of a grid stands for.
-INLINE i64 listed_element(const Field& f, const Grid& g, u64 k) {
-    return g.listed ? i64(f.entries[k]) : i64(k);
+INLINE u64 listed_element(const Field& f, const Grid& g, u64 k) {
+    return g.listed ? u64(f.entries[k]) : k;
 }
 
 }  // namespace terratool
