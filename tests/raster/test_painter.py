@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,13 @@ def paint_all(
     planes = painter.blank(window)
     if threads == 1:
         return painter.paint(window, planes)
-    painter.paint_bands(window, planes, threads)
+
+    def paint(part: Window) -> None:
+        rows = slice(part.row - window.row, part.row - window.row + part.height)
+        painter.paint(part, Planes(*(getattr(planes, name)[rows] for name in Planes.__slots__)))
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(paint, window.cut(132, window.width)))
     return planes
 
 
@@ -536,8 +543,6 @@ def test_arrays_that_do_not_fit_are_refused(kind: str) -> None:
     planes = Planes(heights, None if kind == "missing" else ids)
     with pytest.raises(ValueError, match="is wanted"):
         painter.paint(Window(0, 0, 5, 5), planes)
-    with pytest.raises(ValueError, match="is wanted"):
-        painter.paint_bands(Window(0, 0, 5, 5), planes, 2)
     assert not heights.any() and not ids.any()
 
 
