@@ -180,7 +180,7 @@ def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
         "bounds": list(grid.bounds),
         "pixels": report.pixels,
         "nodata": report.nodata,
-        "files": [_file_as_dict(written) for written in report.files],
+        "files": [_file_as_dict(written, report.pixels) for written in report.files],
         "surfaces": report.surfaces,
         "lacking": report.lacking,
         "losses": report.losses.as_json() if report.losses else None,
@@ -188,7 +188,7 @@ def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
     }
 
 
-def _file_as_dict(written: WrittenFile) -> dict[str, Any]:
+def _file_as_dict(written: WrittenFile, pixels: int) -> dict[str, Any]:
     bands = []
     for index, (name, unit) in enumerate(
         zip(written.bands.names, written.bands.units, strict=True)
@@ -202,14 +202,14 @@ def _file_as_dict(written: WrittenFile) -> dict[str, Any]:
                 "high": part.high if known else None,
                 "mean": part.mean if known else None,
                 "deviation": part.deviation if known else None,
-                "nodata": written.pixels - part.count,
+                "nodata": pixels - part.count,
             }
         bands.append(band)
     return {
         "file": str(written.path),
-        "dtype": written.dtype.name,
-        "scale": written.scale,
-        "offset": written.offset,
+        "dtype": written.coding.dtype.name,
+        "scale": written.coding.scale,
+        "offset": written.coding.offset,
         "difference": written.difference,
         "bands": bands,
     }
@@ -223,13 +223,14 @@ def as_text(report: RasterReport, why: str) -> Iterator[str]:
         f"{report.nodata:,} of {report.pixels:,} without a height"
     )
     for written in report.files:
-        yield f"{written.path}: {written.dtype.name}"
+        coding = written.coding
+        yield f"{written.path}: {coding.dtype.name}"
         for index, name in enumerate(written.bands.names):
             yield f"  band {index + 1}: {_band(written, index, name)}"
-        if written.scale != 1.0:
+        if coding.scale != 1.0:
             yield (
-                f"  value = pixel × {written.scale:.9g} + {written.offset:.9g}, "
-                f"pixel {written.nodata} for none"
+                f"  value = pixel × {coding.scale:.9g} + {coding.offset:.9g}, "
+                f"pixel {coding.nodata} for none"
             )
         if written.difference:
             yield f"  values may be off by {written.difference:.3g}"

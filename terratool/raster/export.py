@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from terratool.raster.formats import (
     RasterFormat,
     check_fit,
     coding_of,
+    plain_coding,
     raster_format,
     wants_range,
 )
@@ -51,22 +51,15 @@ class WrittenFile:
         path: where.
         bands: what it holds.
         statistics: of its bands; none for surfaces and colours.
-        dtype: of its pixels.
-        nodata: the pixel that stands for nothing; None if there is none.
-        scale, offset: number = pixel · scale + offset, for formats that hold integers.
+        coding: how its numbers became pixels.
         difference: how far its numbers may be from those that were painted.
-        pixels: number of pixels.
     """
 
     path: Path
     bands: Bands
     statistics: tuple[BandStatistics, ...]
-    dtype: np.dtype[Any]
-    nodata: float | None
-    scale: float
-    offset: float
+    coding: Coding
     difference: float
-    pixels: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,16 +205,11 @@ def export_dem(
         maker = WindowMaker(terrain, grid, files, losses)
         filled = fill_files(parts, maker, storage, codings, progress=progress)
     written = (
-        WrittenFile(
-            name, bands, statistics,
-            coding.dtype if coding else bands.dtype, coding.nodata if coding else bands.nodata,
-            coding.scale if coding else 1.0, coding.offset if coding else 0.0, difference,
-            grid.width * grid.height,
-        )
+        WrittenFile(name, bands, statistics, coding or plain_coding(bands), difference)
         for name, bands, statistics, coding, difference in zip(
             paths, files, filled.statistics.statistics, codings, filled.differences, strict=True
         )
-    )  # fmt: skip
+    )
     return report_of(terrain, grid, tuple(written), filled.statistics, losses)
 
 

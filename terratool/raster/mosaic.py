@@ -30,7 +30,7 @@ from terratool.raster.export import (
     refuse_full_disk,
     report_of,
 )
-from terratool.raster.formats import RasterFormat
+from terratool.raster.formats import RasterFormat, plain_coding
 from terratool.raster.geotiff import Compression, crs_of
 from terratool.raster.grid import Grid
 from terratool.raster.journal import Journal, journal_of
@@ -136,13 +136,13 @@ def export_mosaic(
         statistics, kept = _add_up(made, plan, jobs, journal, progress)
         _write_indexes(indexes, tiler, statistics, journal)
     tiles = MosaicLayout(given, tile_size, plan.rows, plan.columns, kept, len(jobs) - kept)
+    error = compression.max_z_error
     written = tuple(
         WrittenFile(
-            name, bands, parts, bands.dtype, bands.nodata, 1.0, 0.0,
-            compression.max_z_error if bands.kind == "number" else 0.0, grid.width * grid.height,
+            name, bands, parts, plain_coding(bands), error if bands.kind == "number" else 0.0
         )
         for name, bands, parts in zip(indexes, files, statistics.statistics, strict=True)
-    )  # fmt: skip
+    )
     losses = LossFinder(terrain, grid, heights_type(files)) if request.losses else None
     return report_of(terrain, grid, written, statistics, losses, tiles)
 
