@@ -16,12 +16,14 @@ from scipy.interpolate import RegularGridInterpolator
 
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
-from terratool.raster.export import export_dem
+from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.geotiff import transform_of
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import processors
 from terratool.text.source import Source
+
+OVERWRITE = RasterRequest(overwrite=True)
 
 
 def ready(terrain: Terrain, grid: Grid) -> np.ndarray:
@@ -60,8 +62,10 @@ def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -
         {
             "ready": lambda: write_ready(heights, grid, folder / "ready.tif"),
             "windows": lambda: write_ready(heights, grid, folder / "ready.tif", windows=True),
-            "export": lambda: export_dem(terrain, grid, out, overwrite=True, losses=False),
-            "losses": lambda: export_dem(terrain, grid, out, overwrite=True),
+            "export": lambda: export_dem(
+                terrain, grid, out, RasterRequest(overwrite=True, losses=False)
+            ),
+            "losses": lambda: export_dem(terrain, grid, out, OVERWRITE),
         },
         runs,
     )
@@ -142,7 +146,7 @@ def interpolate(terrain: Terrain, folder: Path, pixels: int) -> None:
     ]  # fmt: skip
     spline = RegularGridInterpolator((y, x), known, bounds_error=False, fill_value=None)
     tasks = {
-        "export": lambda: export_dem(terrain, grid, folder / "out.tif", overwrite=True),
+        "export": lambda: export_dem(terrain, grid, folder / "out.tif", OVERWRITE),
         "scipy": lambda: spline((wanted[0], wanted[1])),
     }
     if shutil.which("gdal_grid"):
@@ -156,10 +160,11 @@ def interpolate(terrain: Terrain, folder: Path, pixels: int) -> None:
 _PEAK = """
 import sys
 from terratool.field.terrain import load
-from terratool.raster.export import export_dem
+from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.grid import grid_over
 terrain = load(sys.argv[1])
-export_dem(terrain, grid_over(terrain, 100 / int(sys.argv[3])), sys.argv[2], overwrite=True)
+grid = grid_over(terrain, 100 / int(sys.argv[3]))
+export_dem(terrain, grid, sys.argv[2], RasterRequest(overwrite=True))
 # not getrusage, which begins with the peak of the parent
 print(*(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")))
 """

@@ -233,6 +233,7 @@ def arrays(definition: dict[str, Any]) -> dict[str, Any]:
     import strategies
 
     from terratool.definition.reader import check
+    from terratool.field.records import scalar_columns
     from terratool.field.terrain import Terrain
     from terratool.mesh.build import build
     from terratool.raster.grid import grid_over
@@ -247,8 +248,8 @@ def arrays(definition: dict[str, Any]) -> dict[str, Any]:
     terrain = Terrain(checked)
     west, south, east, north = terrain.bounds
     found["offsets"], found["elements"] = terrain.arrays.offsets, terrain.arrays.elements
-    for name in terrain.arrays.grids.dtype.names:
-        found[f"grids-{terrain.arrays.grids.dtype.names.index(name)}"] = terrain.arrays.grids[name]
+    for n, column in enumerate(scalar_columns(terrain.arrays.grids)):
+        found[f"grids-{n}"] = column
     found["cells"] = terrain.cells()
     rng = np.random.default_rng(3)
     x, y = rng.uniform(west, east, 2000), rng.uniform(south, north, 2000)

@@ -17,13 +17,24 @@ from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.loss import LossCounts, LossFinder
-from terratool.raster.painter import Painter
+from terratool.raster.painter import Painter, Planes
 from terratool.text.source import Source
 
 
 def on_two_threads(rounds: int) -> None:
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(busy, [rounds // 2, rounds // 2]))
+
+
+def paint_rows(painter: Painter, window: Window, planes: Planes) -> None:
+    """Bands of rows on two threads."""
+
+    def paint(part: Window) -> None:
+        rows = slice(part.row, part.row + part.height)
+        painter.paint(part, Planes(planes.heights[rows], planes.surfaces[rows]))
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(paint, window.cut(132, window.width)))
 
 
 def compare(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
@@ -46,7 +57,7 @@ def compare(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
         {
             "fill": fill,
             "one": lambda: painter.paint(window, planes),
-            "two": lambda: painter.paint_bands(window, planes, threads=2),
+            "two": lambda: paint_rows(painter, window, planes),
             "slopes": lambda: sloped.paint(window, replace(more, labels=None)),
             "labels": lambda: labelled.paint(window, more),
             "alone": lambda: busy(rounds),

@@ -10,6 +10,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import terrains
 from measure import line, medians
@@ -18,7 +19,7 @@ from painting import busy, on_two_threads
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
 from terratool.raster.dask import local_cluster
-from terratool.raster.export import export_dem
+from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.mosaic import TILE_SIZE, export_mosaic
 from terratool.text.source import Source
@@ -36,10 +37,20 @@ def compiled(text: bytes) -> Terrain:
     return Terrain(check(Source("benchmark", text)).definition)
 
 
+def mosaic(
+    terrain: Terrain, grid: Grid, folder: Path, tile_size: int, dask: str | None = None,
+    **options: Any,
+) -> None:  # fmt: skip
+    """Write a mosaic; the options are those of a request."""
+    export_mosaic(
+        terrain, grid, folder, request=RasterRequest(**options), tile_size=tile_size, dask=dask
+    )
+
+
 def tiles(name: str, terrain: Terrain, grid: Grid, folder: Path, address: str, runs: int) -> float:
     """Measure ways to make the same tiles; seconds of one thread for a tile of 4096²."""
     fresh: Callable[..., object] = functools.partial(
-        export_mosaic, terrain, grid, tile_size=min(TILE_SIZE, grid.width // 2), overwrite=True
+        mosaic, terrain, grid, tile_size=min(TILE_SIZE, grid.width // 2), overwrite=True
     )
     kept = folder / "kept"
     fresh(kept)
@@ -47,7 +58,7 @@ def tiles(name: str, terrain: Terrain, grid: Grid, folder: Path, address: str, r
     seconds = medians(
         {
             "file": lambda: export_dem(
-                terrain, grid, folder / "one.tif", threads=2, overwrite=True
+                terrain, grid, folder / "one.tif", RasterRequest(threads=2, overwrite=True)
             ),
             "one": lambda: fresh(folder / "tiles", threads=1),
             "two": lambda: fresh(folder / "tiles", threads=2),
@@ -87,7 +98,7 @@ def tiles(name: str, terrain: Terrain, grid: Grid, folder: Path, address: str, r
 
 def errand(terrain: Terrain, grid: Grid, folder: Path, address: str, runs: int) -> None:
     """Measure what Dask itself takes for a tile: many small ones that need only be looked at."""
-    again = functools.partial(export_mosaic, terrain, grid, folder, tile_size=512, losses=False)
+    again = functools.partial(mosaic, terrain, grid, folder, tile_size=512, losses=False)
     again(threads=2)
     seconds = medians({"two": lambda: again(threads=2), "dask": lambda: again(dask=address)}, runs)
     count = len(list(folder.glob("tile-*.tif")))

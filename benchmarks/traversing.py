@@ -11,7 +11,7 @@ from measure import line, medians
 
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
-from terratool.raster.export import export_dem
+from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.grid import grid_over
 from terratool.text.source import Source
 from terratool.traversability.map import write_map
@@ -33,10 +33,10 @@ VEHICLE = Vehicle(
 def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -> None:
     """Measure one terrain."""
     grid = grid_over(terrain, 100 / pixels)
-    out = folder / "out.tif"
+    out, request = folder / "out.tif", RasterRequest(overwrite=True, losses=False)
     seconds = medians(
         {
-            "heights": lambda: export_dem(terrain, grid, out, overwrite=True, losses=False),
+            "heights": lambda: export_dem(terrain, grid, out, request),
             "map": lambda: write_map(Surveyor(terrain, VEHICLE, grid), out, overwrite=True),
             "one": lambda: write_map(Surveyor(terrain, VEHICLE, grid), None, threads=1),
             "two": lambda: write_map(Surveyor(terrain, VEHICLE, grid), None, threads=2),

@@ -131,6 +131,27 @@ INLINE u64 hash64(u64 key) {
     return key ^ (key >> 31);
 }
 
+// An index of entries by bins, first where those of each bin begin: into `offsets`, one more than
+// there are bins, counted from `start`. Returns where they end.
+// visit(put) calls put(bin, entry) for all entries, each time in the same order.
+template <class Offset, class Visit>
+Offset index_bins(Span<Offset> offsets, Offset start, Visit visit) {
+    std::fill(offsets.begin(), offsets.end(), Offset(0));
+    visit([&](i64 bin, auto) { ++offsets[bin]; });
+    for (Offset& offset : offsets) start += std::exchange(offset, start);
+    return start;
+}
+
+// … then the entries of each bin, in their order.
+template <class Offset, class Entry, class Visit>
+void fill_bins(Span<Offset> offsets, Span<Entry> entries, Visit visit) {
+    Offset start = offsets[0];
+    visit([&](i64 bin, Entry entry) { entries[offsets[bin]++] = entry; });
+    // each offset has moved to its end, which is the next one's beginning
+    std::move_backward(offsets.begin(), offsets.end() - 1, offsets.end());
+    offsets[0] = start;
+}
+
 template <class T> INLINE T square(T a) { return a * a; }
 template <class T> INLINE T clamp(T a, T low, T high) { return min(max(a, low), high); }
 

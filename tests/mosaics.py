@@ -1,4 +1,4 @@
-"""Helpers for mosaics: a terrain that shows flips and shifts, and what a folder holds."""
+"""Helpers for rasters: a terrain that shows flips and shifts, exports, what a folder holds."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from terratool.field.terrain import Terrain
+from terratool.raster import export, mosaic
+from terratool.raster.export import RasterReport, RasterRequest
+from terratool.raster.grid import Grid
 from terratool.raster.journal import NAME
 
 # asymmetric and oblong, with all that layers need; 12 × 8 at 0.01 is 1200 × 800 pixels
@@ -41,6 +45,26 @@ ALL = (
     "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
     "color",
 )  # fmt: skip
+
+
+def export_dem(
+    terrain: Terrain, grid: Grid, path: Path, layers: Any = ("height",), *,
+    cog: bool = False, **options: Any,
+) -> RasterReport:  # fmt: skip
+    """Write a raster; the options are those of a request."""
+    return export.export_dem(terrain, grid, path, RasterRequest(layers, **options), cog=cog)
+
+
+def export_mosaic(
+    terrain: Terrain, grid: Grid, folder: Path, index: Path | None = None,
+    layers: Any = ("height",), *, tile_size: int = 512, dask: str | None = None,
+    progress: Any = None, **options: Any,
+) -> RasterReport:  # fmt: skip
+    """Write a mosaic; the options are those of a request."""
+    request = RasterRequest(layers, **options)
+    return mosaic.export_mosaic(
+        terrain, grid, folder, index, request, tile_size=tile_size, dask=dask, progress=progress
+    )
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -19,8 +19,8 @@ void adds_both(u8 how, Out row, In fx, In fy, double a, double b) {
 void adds_pieces(Out row, In u, In pieces, const Ramp& x, const Ramp& y, double a, double b) {
     add_pieces(row, u, {pieces, 0}, x, {pieces, 4}, y, a, b);
 }
-void adds_turned_pairs(Out row, In u, const Pose& pose, In pieces, const Kind& kind, double a) {
-    add_turned_pairs(row, u, 0.5, pose, pieces, kind, a, a);
+void adds_turned_pairs(Out row, In u, In pieces, const Painted& p) {
+    add_turned_pairs(row, u, 0.5, pieces, p);
 }
 void lays_product_slopes(Out east, Out north, In fx, In slope, double a, double b) {
     lay_product_slopes(east, north, fx, slope, a, b);

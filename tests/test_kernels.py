@@ -234,9 +234,9 @@ def test_what_is_no_field_is_refused() -> None:
         ("elements", "kind", 9, "an element"),
         ("elements", "grid", 9, "an element"),
         ("elements", "grid", 1, "the grid of an element"),
-        ("grids", "bins_x", 0, "a row of bins"),
+        ("grids", "row", 0, "a row of bins"),
         ("grids", "table", 99, "a grid"),
-        ("kinds", "x_first", 99, "a curve"),
+        ("kinds", "pieces", 99, "a curve"),
     ],
 )
 def test_a_field_that_leads_nowhere_is_refused(
@@ -287,10 +287,12 @@ def test_dtypes_that_are_not_the_structs_are_refused() -> None:
     """Member by member: a name, a type or a place that differs."""
     from terratool.field.records import ELEMENT, GRID, KIND, POSE, SEGMENT
 
-    swapped = np.dtype([("cell_y", np.uint16), ("cell_x", np.uint16), *ELEMENT.descr[2:]])
+    *most, kind, grid = ELEMENT.descr
+    swapped = np.dtype([*most, grid, kind])
     wider = np.dtype([*ELEMENT.descr, ("more", np.float64)])
-    other = np.dtype([*ELEMENT.descr[:-1], ("grid", np.int32)])
-    for wrong in (swapped, wider, other):
+    other = np.dtype([*most, kind, ("grid", np.int32)])
+    apart = np.dtype([("cell", np.uint16), ("cell_y", np.uint16), *ELEMENT.descr[1:]])
+    for wrong in (swapped, wider, other, apart):
         with pytest.raises(TypeError, match="is not the struct of the kernels"):
             kernels.field.check_records(wrong, GRID, POSE, KIND, SEGMENT)
     kernels.field.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT)

@@ -36,31 +36,20 @@ inline DoubleSum divide(double high, double low, double k, double n) {
     return {quotient, ((high * k - quotient * n) + low * k) / n};
 }
 
-// Whether an axis is finer than doubles; `per`, `near` and how far from its middle a cell is clear.
-inline bool finish_axis(GridAxis& axis, double& clear) {
+// Set an axis of a grid, all but `per` and `near` given; whether it is finer than doubles.
+inline bool set_axis(Grid& g, int which, const GridAxis& axis) {
     constexpr double finest = 8.0;  // cells narrower than so many spacings of doubles are finer
     constexpr double tiny = 1e-290;
     double side = axis.pitch + axis.pitch_rest;
     double spacing = std::numeric_limits<double>::epsilon()
         * max(abs(axis.corner), abs(axis.corner + side * axis.count));
     bool local = side < finest * spacing || side < tiny;
-    axis.per = local ? 0.0 : 1.0 / side;
-    axis.near = max(EDGE, spacing * axis.per);
-    clear = local ? -1.0 : 0.5 - axis.near;
-    return local;
-}
-
-inline bool set_x_axis(Grid& g, GridAxis a) {
-    bool local = finish_axis(a, g.clear_x);
-    g.x = a.corner, g.x_rest = a.rest, g.per_x = a.per, g.nx = a.count, g.near_x = a.near;
-    g.pitch_x = a.pitch, g.pitch_x_rest = a.pitch_rest;
-    return local;
-}
-
-inline bool set_y_axis(Grid& g, GridAxis a) {
-    bool local = finish_axis(a, g.clear_y);
-    g.y = a.corner, g.y_rest = a.rest, g.per_y = a.per, g.ny = a.count, g.near_y = a.near;
-    g.pitch_y = a.pitch, g.pitch_y_rest = a.pitch_rest;
+    g.corner[which][0] = axis.corner, g.corner[which][1] = axis.rest;
+    g.pitch[which][0] = axis.pitch, g.pitch[which][1] = axis.pitch_rest;
+    g.count[which] = axis.count;
+    g.per[which] = local ? 0.0 : 1.0 / side;
+    g.near[which] = max(EDGE, spacing * g.per[which]);
+    g.clear[which] = 0.5 - g.near[which];
     return local;
 }
 
@@ -86,11 +75,10 @@ inline void lay_grids(
 ) {
     for (i64 g = 0; g < count_of(grids); ++g) {
         Grid& grid = grids[g];
-        bool local = false;
         if (g == 0) {
             aspects[0] = extent[1] / extent[0];
-            local |= set_x_axis(grid, whole_axis(origin[0], extent[0]));
-            local |= set_y_axis(grid, whole_axis(origin[1], extent[1]));
+            for (int axis : {X, Y})
+                grid.local |= set_axis(grid, axis, whole_axis(origin[axis], extent[axis]));
         } else {
             i64 owner = owners[g - 1];
             const Grid& parent = grids[home[owner]];
@@ -100,42 +88,35 @@ inline void lay_grids(
             double blocks = number(placed.span, 1) / number(placed.span, 0);
             double cells = number(placed.cells, 0) / number(placed.cells, 1);
             aspects[g] = aspects[home[owner]] * blocks * cells;
-            auto within = [&](const GridAxis& above, int axis) {
-                return axis_within(
-                    above, number(placed.cell, axis), number(placed.span, axis),
+            grid.local = parent.local;
+            for (int axis : {X, Y}) {
+                GridAxis within = axis_within(
+                    axis_of(parent, axis), number(placed.cell, axis), number(placed.span, axis),
                     number(placed.cells, axis)
                 );
-            };
-            local = parent.local != 0;
-            local |= set_x_axis(grid, within(x_axis(parent), 0));
-            local |= set_y_axis(grid, within(y_axis(parent), 1));
+                grid.local |= set_axis(grid, axis, within);
+            }
         }
-        grid.local = local;
-        if (local) grid.clear_x = grid.clear_y = -1.0;
-        sides(g, 0) = grid.pitch_x + grid.pitch_x_rest;
-        sides(g, 1) = grid.pitch_y + grid.pitch_y_rest;
+        for (int axis : {X, Y}) {
+            if (grid.local) grid.clear[axis] = -1.0;
+            sides(g, axis) = grid.pitch[axis][0] + grid.pitch[axis][1];
+        }
     }
 }
 
-// Visit the bins of a grid that an element takes: visit(column, row).
-template <class Visit>
-INLINE void visit_bins(const Grid& grid, const Placed& placed, i64 e, Visit visit) {
-    i64 west = placed.cell(e, 0) >> grid.shift_x, south = placed.cell(e, 1) >> grid.shift_y;
-    i64 east = (placed.cell(e, 0) + placed.span(e, 0) - 1) >> grid.shift_x;
-    i64 north = (placed.cell(e, 1) + placed.span(e, 1) - 1) >> grid.shift_y;
-    for (i64 j = south; j <= north; ++j)
-        for (i64 i = west; i <= east; ++i) visit(i, j);
+// First and last of the bins along an axis of a grid that an element takes.
+INLINE std::pair<i64, i64> bins_along(const Grid& grid, const Placed& placed, i64 e, int axis) {
+    i64 cell = placed.cell(e, axis), last = cell + placed.span(e, axis) - 1;
+    return {cell >> grid.shift[axis], last >> grid.shift[axis]};
 }
 
 // Entries that the elements of a grid take in its bins.
 inline i64 count_listed(const Grid& grid, i64 first, i64 last, const Placed& placed) {
     i64 total = 0;
     for (i64 e = first; e < last; ++e) {
-        auto bins = [e](Matrix<const i64> cell, Matrix<const i64> span, int axis, u8 shift) {
-            return ((cell(e, axis) + span(e, axis) - 1) >> shift) - (cell(e, axis) >> shift) + 1;
-        };
-        total += bins(placed.cell, placed.span, 0, grid.shift_x)
-            * bins(placed.cell, placed.span, 1, grid.shift_y);
+        auto [west, east] = bins_along(grid, placed, e, X);
+        auto [south, north] = bins_along(grid, placed, e, Y);
+        total += (east - west + 1) * (north - south + 1);
     }
     return total;
 }
@@ -151,26 +132,23 @@ inline void size_bins(
     for (i64 g = 0; g < count_of(grids); ++g) {
         Grid& grid = grids[g];
         i64 children = ranges.last[g] - ranges.first[g];
-        i64 nx = i64(grid.nx), ny = i64(grid.ny), total = 0;
-        u8 shift_x = 0, shift_y = 0;
+        auto bins = [&](int axis) { return ((i64(grid.count[axis]) - 1) >> grid.shift[axis]) + 1; };
+        lists[g] = 0;
         while (!dense[g]) {
-            i64 bins_x = ((nx - 1) >> shift_x) + 1, bins_y = ((ny - 1) >> shift_y) + 1;
-            grid.shift_x = shift_x, grid.shift_y = shift_y;
-            if (bins_x * bins_y <= 2 * children + 64) {
-                total = count_listed(grid, ranges.first[g], ranges.last[g], placed);
-                if (total <= room_each * children + 64 || bins_x * bins_y == 1) break;
+            if (bins(X) * bins(Y) <= 2 * children + 64) {
+                lists[g] = count_listed(grid, ranges.first[g], ranges.last[g], placed);
+                if (lists[g] <= room_each * children + 64 || bins(X) * bins(Y) == 1) break;
             }
-            ++(bins_x >= bins_y ? shift_x : shift_y);
+            ++grid.shift[bins(X) >= bins(Y) ? X : Y];
         }
-        grid.bins_x = u32(((nx - 1) >> shift_x) + 1);
+        grid.row = u32(bins(X));
         grid.listed = !dense[g];
-        sizes[g] = i64(grid.bins_x) * (((ny - 1) >> shift_y) + 1) + 1;
-        lists[g] = total;
+        sizes[g] = bins(X) * bins(Y) + 1;
     }
 }
 
 // Fill the tables: element indices for dense grids, places in `entries` for the others.
-inline void fill_bins(
+inline void fill_tables(
     Span<const Grid> grids, const Ranges& ranges, const Placed& placed, Span<u32> offsets,
     Span<u32> entries
 ) {
@@ -179,19 +157,20 @@ inline void fill_bins(
         const Grid& grid = grids[g];
         i64 end = g + 1 < count_of(grids) ? grids[g + 1].table : count_of(offsets);
         auto table = offsets.subspan(grid.table, end - grid.table);
-        auto slot = [&](i64 i, i64 j) -> u32& { return table[j * i64(grid.bins_x) + i]; };
-        u32 start = grid.listed ? used : u32(ranges.first[g]), begin = start;
-        std::fill(table.begin(), table.end(), 0);
-        for (i64 e = ranges.first[g]; e < ranges.last[g]; ++e)
-            visit_bins(grid, placed, e, [&](i64 i, i64 j) { ++slot(i, j); });
-        for (u32& offset : table) begin += std::exchange(offset, begin);
-        if (!grid.listed) continue;
-        used = begin;
-        for (i64 e = ranges.first[g]; e < ranges.last[g]; ++e)
-            visit_bins(grid, placed, e, [&](i64 i, i64 j) { entries[slot(i, j)++] = u32(e); });
-        // each offset has moved to its end, which is the next one's beginning
-        std::move_backward(table.begin(), table.end() - 1, table.end());
-        table[0] = start;
+        auto visit = [&](auto put) {
+            for (i64 e = ranges.first[g]; e < ranges.last[g]; ++e) {
+                auto [west, east] = bins_along(grid, placed, e, X);
+                auto [south, north] = bins_along(grid, placed, e, Y);
+                for (i64 j = south; j <= north; ++j)
+                    for (i64 i = west; i <= east; ++i) put(j * i64(grid.row) + i, u32(e));
+            }
+        };
+        if (grid.listed) {
+            used = index_bins(table, used, visit);
+            fill_bins(table, entries, visit);
+        } else {
+            index_bins(table, u32(ranges.first[g]), visit);
+        }
     }
 }
 
@@ -224,12 +203,11 @@ inline void cell_rectangles(const Field& field, Span<const i32> parents, Matrix<
         const Element& element = field.elements[e];
         const Pose& pose = field.poses[element.pose];
         const Grid& grid = field.grids[e ? field.elements[parents[e]].grid : 0];
-        auto x = x_axis(grid), y = y_axis(grid);
-        double cell_x = element.cell_x, cell_y = element.cell_y;
-        out(0, e) = edge_double(x, cell_x);
-        out(1, e) = edge_double(y, cell_y);
-        out(2, e) = edge_double(x, cell_x + pose.width);
-        out(3, e) = edge_double(y, cell_y + pose.height);
+        for (int axis : {X, Y}) {
+            Block block = block_of(element, pose, axis);
+            out(axis, e) = edge_double(axis_of(grid, axis), block.cell);
+            out(axis + 2, e) = edge_double(axis_of(grid, axis), block.cell + block.width);
+        }
     }
 }
 

@@ -11,9 +11,6 @@
 
 #include <variant>
 
-#include "footprints.hpp"
-#include "labels.hpp"
-#include "slopes.hpp"
 #include "track_painting.hpp"
 
 namespace terratool {
@@ -48,29 +45,16 @@ inline Run inside_bounds(In x, double low, double high) {
     return {begin, end};
 }
 
-// An element, and the positions of pixels in its block of cells.
-struct Painted {
-    i64 index;
-    const Element& element;
-    const Kind& kind;
-    const Pose& pose;
-    const Grid& grid;
-};
-
 // Add an unturned element that fills its block of cells.
 template <class Id>
 void paint_block(
-    const Field& field, Canvas<Id>& canvas, const Painted& p, In u, In v, In x, In y,
-    const Rectangle& part
+    const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
 ) {
+    const Rectangle& part = pixels.part;
     Out fx = part_of(canvas.fx, part.west, part.east),
         fy = part_of(canvas.fy, part.south, part.north);
-    placed_values(
-        field.curves, x_curve(p.kind), u, x, x_axis(p.grid), x_block(p.element, p.pose), fx
-    );
-    placed_values(
-        field.curves, y_curve(p.kind), v, y, y_axis(p.grid), y_block(p.element, p.pose), fy
-    );
+    placed_values(field.curves, p, X, pixels.u, pixels.x, fx);
+    placed_values(field.curves, p, Y, pixels.v, pixels.y, fy);
     bool lay = p.index == 0 && p.kind.combine == PRODUCT;
     double scale = p.element.scale, offset = p.element.offset;
     for (i64 r = part.south; r < part.north; ++r) {
@@ -80,9 +64,8 @@ void paint_block(
         if (lay) lay_products(row, fx, scale * factor, offset);
         else add_row(p.kind.combine, row, fx, factor, scale, offset);
     }
-    if (canvas.slope_x.exists())
-        slope_block(field, canvas, p.element, p.grid, u, v, x, y, part, lay);
-    if (canvas.labels.exists()) label_block(field, canvas, p.index, p.grid, u, v, x, y, part);
+    if (canvas.slope_x.exists()) slope_block(field, canvas, p, pixels, lay);
+    if (canvas.labels.exists()) label_block(field, canvas, p, pixels);
 }
 
 // Add a turned or radial element of any kind to a run of pixels that it holds.
@@ -96,12 +79,12 @@ void add_special(
     double scale = p.element.scale, offset = p.element.offset;
     if (p.kind.combine == RADIAL) {
         radii(p.pose, u, v, s);
-        curve_values(field.curves, x_curve(p.kind), s, fx);
+        curve_values(field.curves, curve_of(p.kind, X), s, fx);
         add_products(row, fx, scale, offset);
     } else {
         turn_row(p.pose, u, v, s, t);
-        curve_values(field.curves, y_curve(p.kind), t, fy);
-        curve_values(field.curves, x_curve(p.kind), s, fx);
+        curve_values(field.curves, curve_of(p.kind, Y), t, fy);
+        curve_values(field.curves, curve_of(p.kind, X), s, fx);
         add_both(p.kind.combine, row, fx, fy, scale, offset);
     }
 }
@@ -116,17 +99,16 @@ void paint_runs(
     constexpr double seldom = 1.0 / 12.0;
     const auto& [index, element, kind, pose, grid] = p;
     In pieces = field.curves.pieces;
-    double scale = element.scale, offset = element.offset;
-    double step = resolution * grid.per_x / pose.width;
+    double step = resolution * grid.per[X] / pose.size[X];
     double per = step > 0.0 ? 1.0 / step : 0.0;
-    Spacing spacing{per, 4.0 * per * (grid.near_x / pose.width)};
-    bool flat_x = is_constant(pieces, kind.x_first, kind.x_count);
-    bool flat_y = is_constant(pieces, kind.y_first, kind.y_count);
+    Spacing spacing{per, 4.0 * per * (grid.near[X] / pose.size[X])};
+    bool flat_x = is_constant(pieces, kind.pieces[X][0], kind.count[X]);
+    bool flat_y = is_constant(pieces, kind.pieces[Y][0], kind.count[Y]);
     bool level = flat_x && flat_y && !kind.special;
-    double changes = flat_x ? 0.0 : abs(pose.cos) * kind.x_count;
-    changes += flat_y ? 0.0 : abs(pose.sin_u) * kind.y_count;
-    double constant =
-        offset + scale * (pieces[u64(kind.x_first) * 4] * pieces[u64(kind.y_first) * 4]);
+    double changes = flat_x ? 0.0 : abs(pose.cos) * kind.count[X];
+    changes += flat_y ? 0.0 : abs(pose.sin_u) * kind.count[Y];
+    double constant = element.offset
+        + element.scale * (pieces[u64(kind.pieces[X][0]) * 4] * pieces[u64(kind.pieces[Y][0]) * 4]);
     for (i64 r = part.south; r < part.north; ++r) {
         double at = v[r - part.south];
         auto [begin, end, whole] = kind.combine == RADIAL ? disc_run(pose, u, at, spacing)
@@ -140,14 +122,12 @@ void paint_runs(
             fill(canvas.surfaces.row(r, column, part.west + stop), Id(kind.surface + 1));
             if (kind.special) add_special(field, canvas, p, run, at, row);
             else if (level) add_constant(row, constant);
-            else if (changes * step < seldom)
-                add_turned_pieces(row, run, at, step, pose, pieces, kind, scale, offset);
-            else if (kind.x_count <= 2.0 && kind.y_count <= 2.0)
-                add_turned_pairs(row, run, at, pose, pieces, kind, scale, offset);
-            else add_turned_products(row, run, at, pose, pieces, kind, scale, offset);
-            if (canvas.slope_x.exists() && !level)
-                slope_run(field, canvas, element, grid, run, at, r, column);
-            if (canvas.labels.exists()) label_run(field, canvas, index, run, at, r, column);
+            else if (changes * step < seldom) add_turned_pieces(row, run, at, step, pieces, p);
+            else if (kind.count[X] <= 2.0 && kind.count[Y] <= 2.0)
+                add_turned_pairs(row, run, at, pieces, p);
+            else add_turned_products(row, run, at, pieces, p);
+            if (canvas.slope_x.exists() && !level) slope_run(field, canvas, p, run, at, r, column);
+            if (canvas.labels.exists()) label_run(field, canvas, p, run, at, r, column);
         }
     }
 }
@@ -163,11 +143,11 @@ Rectangle paint_element(
     const Pose& pose = painted.pose;
     bool spans = false;
     if (grid.listed) {
-        Block across = x_block(element, pose), along = y_block(element, pose);
+        Block across = block_of(element, pose, X), along = block_of(element, pose, Y);
         narrow_to(canvas.cell_x, part.west, part.east, across);
         narrow_to(canvas.cell_y, part.south, part.north, along);
         if (part.is_empty()) return {part.west, part.west, part.south, part.south};
-        spans = pose.cells_x > 1 || pose.cells_y > 1;
+        spans = pose.cells[X] > 1 || pose.cells[Y] > 1;
         if (spans) {
             place_in_block(
                 part_of(canvas.cell_x, part.west, part.east),
@@ -187,7 +167,7 @@ Rectangle paint_element(
         paint_runs(field, canvas, painted, u, v, resolution, part);
     } else {
         In xs = x.subspan(part.west, u.size()), ys = y.subspan(part.south, v.size());
-        paint_block(field, canvas, painted, u, v, xs, ys, part);
+        paint_block(field, canvas, painted, {u, v, xs, ys, part});
     }
     return part;
 }
@@ -215,25 +195,24 @@ bool paint_tile(
         const Grid& grid = field.grids[g];
         auto [west, east, south, north] = part;
         locate_cells(
-            x.subspan(west, east - west), x_axis(grid), part_of(canvas.cell_x, west, east),
+            x.subspan(west, east - west), axis_of(grid, X), part_of(canvas.cell_x, west, east),
             part_of(canvas.in_x, west, east)
         );
         locate_cells(
-            y.subspan(south, north - south), y_axis(grid), part_of(canvas.cell_y, south, north),
+            y.subspan(south, north - south), axis_of(grid, Y), part_of(canvas.cell_y, south, north),
             part_of(canvas.in_y, south, north)
         );
-        i64 across = find_runs(canvas.cell_x, west, east, grid.shift_x, canvas.runs_x);
-        i64 along = find_runs(canvas.cell_y, south, north, grid.shift_y, canvas.runs_y);
+        i64 across = find_runs(canvas.cell_x, west, east, grid.shift[X], canvas.runs_x);
+        i64 along = find_runs(canvas.cell_y, south, north, grid.shift[Y], canvas.runs_y);
         for (i64 j = 0; j < along; ++j) {
             for (i64 i = 0; i < across; ++i) {
-                i64 slot =
-                    grid.table + canvas.runs_y[j].bin * i64(grid.bins_x) + canvas.runs_x[i].bin;
+                i64 slot = grid.table + canvas.runs_y[j].bin * i64(grid.row) + canvas.runs_x[i].bin;
                 Rectangle in_bin{
                     canvas.runs_x[i].begin, canvas.runs_x[i + 1].begin, canvas.runs_y[j].begin,
                     canvas.runs_y[j + 1].begin
                 };
                 for (u32 k = field.offsets[slot]; k < field.offsets[slot + 1]; ++k) {
-                    i64 index = grid.listed ? field.entries[k] : k;
+                    i64 index = i64(listed_element(field, grid, k));
                     Rectangle held =
                         paint_element(field, canvas, index, grid, x, y, resolution, in_bin);
                     i64 below = field.elements[index].grid;
@@ -292,7 +271,7 @@ template <class Visit> void visit_arguments(Planes& p, Visit visit) {
 
 // Copy the columns from `begin` to `end` of a row of a tile; outside there is `nothing`.
 template <class From, class To>
-void hand_over(Span<From> own, Span<To> out, i64 begin, i64 end, To nothing) {
+void copy_columns(Span<From> own, Span<To> out, i64 begin, i64 end, To nothing) {
     fill(out.first(begin), nothing);
     for (i64 n = begin; n < end; ++n) out[n] = To(own[n]);
     fill(out.subspan(end), nothing);
@@ -338,7 +317,7 @@ void paint_window(
                 auto give = [&]<class T>(auto& tile, Matrix<T> plane, T nothing) {
                     if (!plane.size()) return;
                     auto out = plane[at].subspan(column, xs.size());
-                    hand_over(tile.row(r, 0, TILE_WIDTH), out, begin, end, nothing);
+                    copy_columns(tile.row(r, 0, TILE_WIDTH), out, begin, end, nothing);
                 };
                 auto give_floats = [&](auto& tile, const Floats& plane) {
                     std::visit(

@@ -23,11 +23,9 @@ struct GridAxis {
     double corner, rest, per, count, near, pitch, pitch_rest;
 };
 
-INLINE GridAxis x_axis(const Grid& g) {
-    return {g.x, g.x_rest, g.per_x, g.nx, g.near_x, g.pitch_x, g.pitch_x_rest};
-}
-INLINE GridAxis y_axis(const Grid& g) {
-    return {g.y, g.y_rest, g.per_y, g.ny, g.near_y, g.pitch_y, g.pitch_y_rest};
+INLINE GridAxis axis_of(const Grid& g, int axis) {
+    const auto &corner = g.corner[axis], &pitch = g.pitch[axis];
+    return {corner[0], corner[1], g.per[axis], g.count[axis], g.near[axis], pitch[0], pitch[1]};
 }
 
 // Where the curve of a kind is.
@@ -37,11 +35,9 @@ struct CurveAt {
     double count;
 };
 
-INLINE CurveAt x_curve(const Kind& k) {
-    return {k.knotted_x, k.x_first, k.x_last, k.x_knot, k.x_bin, k.x_count};
-}
-INLINE CurveAt y_curve(const Kind& k) {
-    return {k.knotted_y, k.y_first, k.y_last, k.y_knot, k.y_bin, k.y_count};
+INLINE CurveAt curve_of(const Kind& k, int axis) {
+    const auto &pieces = k.pieces[axis], &knots = k.knots[axis];
+    return {k.knotted[axis], pieces[0], pieces[1], knots[0], knots[1], k.count[axis]};
 }
 
 // A block of cells along an axis.
@@ -55,10 +51,6 @@ struct DoubleSum {  // unevaluated: high + low
 
 struct CurvePoint {
     double value, slope;
-};
-
-struct BothCurves {
-    CurvePoint x, y;
 };
 
 struct CellPlace {  // a cell along one axis, and the position in it
@@ -106,7 +98,12 @@ inline double edge_double(const GridAxis& a, double k) {
 
 // Whether a place in a cell is far enough from its edges for its coordinates to be trusted.
 INLINE bool is_clear_of_edges(const Grid& grid, double in_x, double in_y) {
-    return (abs(in_x - 0.5) <= grid.clear_x) & (abs(in_y - 0.5) <= grid.clear_y);
+    return (abs(in_x - 0.5) <= grid.clear[X]) & (abs(in_y - 0.5) <= grid.clear[Y]);
+}
+
+// How far a world coordinate is from the corner of a grid, in cells.
+INLINE double cells_from_corner(const Grid& g, int axis, double x) {
+    return ((x - g.corner[axis][0]) - g.corner[axis][1]) * g.per[axis];
 }
 
 // Cell of a grid that holds `x`, and the position in it, where an edge's double decides.
@@ -167,6 +164,11 @@ INLINE CurvePoint even_curve(In pieces, u64 first, double count, double t) {
     s -= double(i);
     u64 row = (first + u64(i)) * 4;
     return {piece_value(pieces, row, s), piece_slope(pieces, row, s) * count};
+}
+
+// The same of one of the curves of a kind.
+INLINE CurvePoint even_curve(In pieces, const Kind& kind, int axis, double t) {
+    return even_curve(pieces, kind.pieces[axis][0], kind.count[axis], t);
 }
 
 // Whether a curve of evenly spaced pieces is one number all along.
@@ -231,26 +233,28 @@ INLINE ShapePoint combine(u8 how, CurvePoint x, CurvePoint y) {
     return {y.value, 0.0, y.slope};
 }
 
-INLINE Block x_block(const Element& element, const Pose& pose) {
-    return {double(element.cell_x), pose.width};
-}
-INLINE Block y_block(const Element& element, const Pose& pose) {
-    return {double(element.cell_y), pose.height};
+INLINE Block block_of(const Element& element, const Pose& pose, int axis) {
+    return {double(element.cell[axis]), pose.size[axis]};
 }
 
-// Values and slopes of both curves of an unturned element at (x, y) in the world.
-INLINE BothCurves placed_curves(
+// Value and slope of one of the curves of an unturned element at `t`, at `x` in the world.
+INLINE CurvePoint placed_curve_of(
+    const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
+    const Grid& grid, int axis, double t, double x
+) {
+    if (kind.knotted[axis] != STEPPED) return any_curve(curves, curve_of(kind, axis), t);
+    Block block = block_of(element, pose, axis);
+    return placed_curve(curves, curve_of(kind, axis), t, x, axis_of(grid, axis), block);
+}
+
+// Value of an unturned element's primitive, and its slopes in u and v, at (x, y) in the world.
+INLINE ShapePoint placed_shape(
     const Curves& curves, const Kind& kind, const Element& element, const Pose& pose,
     const Grid& grid, UV at, double x, double y
 ) {
-    return {
-        kind.knotted_x == STEPPED
-            ? placed_curve(curves, x_curve(kind), at.u, x, x_axis(grid), x_block(element, pose))
-            : any_curve(curves, x_curve(kind), at.u),
-        kind.knotted_y == STEPPED
-            ? placed_curve(curves, y_curve(kind), at.v, y, y_axis(grid), y_block(element, pose))
-            : any_curve(curves, y_curve(kind), at.v),
-    };
+    CurvePoint fx = placed_curve_of(curves, kind, element, pose, grid, X, at.u, x);
+    CurvePoint fy = placed_curve_of(curves, kind, element, pose, grid, Y, at.v, y);
+    return combine(kind.combine, fx, fy);
 }
 
 // Distance of (u, v) from the middle of the disc, in radii.
@@ -260,7 +264,7 @@ INLINE double radius(UV at) { return sqrt(square(2.0 * at.u - 1.0) + square(2.0 
 INLINE Footprint radial(const Curves& curves, const Kind& kind, UV at) {
     double rho = radius(at);
     if (rho > 1.0 + EDGE) return {false, {0.0, 0.0, 0.0}};
-    auto [value, slope] = any_curve(curves, x_curve(kind), min(0.5 + 0.5 * rho, 1.0));
+    auto [value, slope] = any_curve(curves, curve_of(kind, X), min(0.5 + 0.5 * rho, 1.0));
     slope = rho > 0.0 ? slope / rho : 0.0;
     return {true, {value, slope * (2.0 * at.u - 1.0), slope * (2.0 * at.v - 1.0)}};
 }
@@ -286,14 +290,10 @@ INLINE Footprint special_shape(
 ) {
     if (kind.combine == RADIAL) return radial(curves, kind, at);
     if (pose.turned && is_beyond(at)) return {false, {0.0, 0.0, 0.0}};
-    BothCurves f;
-    if (pose.turned) {
-        f.x = any_curve(curves, x_curve(kind), clamp(at.u, 0.0, 1.0));
-        f.y = any_curve(curves, y_curve(kind), clamp(at.v, 0.0, 1.0));
-    } else {
-        f = placed_curves(curves, kind, element, pose, grid, at, x, y);
-    }
-    return {true, combine(kind.combine, f.x, f.y)};
+    if (!pose.turned) return {true, placed_shape(curves, kind, element, pose, grid, at, x, y)};
+    CurvePoint fx = any_curve(curves, curve_of(kind, X), clamp(at.u, 0.0, 1.0));
+    CurvePoint fy = any_curve(curves, curve_of(kind, Y), clamp(at.v, 0.0, 1.0));
+    return {true, combine(kind.combine, fx, fy)};
 }
 
 }  // namespace terratool

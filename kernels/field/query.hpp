@@ -44,8 +44,8 @@ add_leaves(const Field& field, u64 begin, u64 end, double in_x, double in_y, Lea
         // turned by nothing for most; that is quicker than to guess which ones are
         UV at = turned(pose, in_x, in_y);
         if (is_beyond(at)) continue;
-        CurvePoint fx = even_curve(field.curves.pieces, kind.x_first, kind.x_count, at.u);
-        CurvePoint fy = even_curve(field.curves.pieces, kind.y_first, kind.y_count, at.v);
+        CurvePoint fx = even_curve(field.curves.pieces, kind, X, at.u);
+        CurvePoint fy = even_curve(field.curves.pieces, kind, Y, at.v);
         sum.z += element.scale * (fx.value * fy.value) + element.offset;
         sum.top = i64(k);
         if constexpr (sloped) {
@@ -107,42 +107,40 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
             placed = false;
         } else {
             // the usual case: far enough from any edge of a cell
-            double sx = ((x - grid.x) - grid.x_rest) * grid.per_x;
-            double sy = ((y - grid.y) - grid.y_rest) * grid.per_y;
+            double sx = cells_from_corner(grid, X, x), sy = cells_from_corner(grid, Y, y);
             i = i64(sx), j = i64(sy);
             in_x = sx - double(i), in_y = sy - double(j);
         }
         if (!is_clear_of_edges(grid, in_x, in_y)) [[unlikely]] {
-            auto at_x = locate_cell(x, x_axis(grid), grid.local, from_x);
-            auto at_y = locate_cell(y, y_axis(grid), grid.local, from_y);
+            auto at_x = locate_cell(x, axis_of(grid, X), grid.local, from_x);
+            auto at_y = locate_cell(y, axis_of(grid, Y), grid.local, from_y);
             i = at_x.cell, in_x = at_x.in, j = at_y.cell, in_y = at_y.in;
         }
-        u64 slot = u64(grid.table + (j >> grid.shift_y) * i64(grid.bins_x) + (i >> grid.shift_x));
-        u64 descended = 0;
-        u64 begin = field.offsets[slot], end = field.offsets[slot + 1];
+        u64 descended = 0, bin = u64(bin_of(grid, i, j));
+        u64 begin = field.offsets[bin], end = field.offsets[bin + 1];
         if (grid.leaves) {
             LeafSum sum =
                 add_leaves<sloped>(field, begin, end, in_x, in_y, {z, 0.0, 0.0, NO_ELEMENT});
             z = sum.z;
             top = max(top, sum.top);
             if constexpr (sloped) {
-                slope_x += sum.slope_x * grid.per_x;
-                slope_y += sum.slope_y * grid.per_y;
+                slope_x += sum.slope_x * grid.per[X];
+                slope_y += sum.slope_y * grid.per[Y];
             }
             begin = end;
         }
         for (u64 k = begin; k < end; ++k) {
-            u64 index = grid.listed ? u64(field.entries[k]) : k;
+            u64 index = listed_element(field, grid, k);
             const Element& element = field.elements[index];
             const Kind& kind = field.kinds[element.kind];
             const Pose& pose = field.poses[element.pose];
             UV at{in_x, in_y};
             if (grid.listed) {
-                i64 right = i - element.cell_x, above = j - element.cell_y;
-                if (right < 0 || above < 0 || right >= pose.cells_x || above >= pose.cells_y)
+                i64 right = i - element.cell[X], above = j - element.cell[Y];
+                if (right < 0 || above < 0 || right >= pose.cells[X] || above >= pose.cells[Y])
                     continue;
-                at.u = min((double(right) + in_x) / pose.width, 1.0);
-                at.v = min((double(above) + in_y) / pose.height, 1.0);
+                at.u = min((double(right) + in_x) / pose.size[X], 1.0);
+                at.v = min((double(above) + in_y) / pose.size[Y], 1.0);
             }
             if (element.grid) {
                 if (descended) stack[pending++] = {descended, from_x, from_y};
@@ -158,16 +156,16 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
                 f = shape;
             } else {
                 if (is_beyond(at)) continue;
-                CurvePoint fx = even_curve(field.curves.pieces, kind.x_first, kind.x_count, at.u);
-                CurvePoint fy = even_curve(field.curves.pieces, kind.y_first, kind.y_count, at.v);
+                CurvePoint fx = even_curve(field.curves.pieces, kind, X, at.u);
+                CurvePoint fy = even_curve(field.curves.pieces, kind, Y, at.v);
                 f = {fx.value * fy.value, fx.slope * fy.value, fx.value * fy.slope};
             }
             z += element.scale * f.value + element.offset;
             top = max(top, i64(index));
             if constexpr (sloped) {
                 auto [du, dv] = turned_slopes(pose, f.du, f.dv);
-                slope_x += element.scale * du * (grid.per_x / pose.width);
-                slope_y += element.scale * dv * (grid.per_y / pose.height);
+                slope_x += element.scale * du * (grid.per[X] / pose.size[X]);
+                slope_y += element.scale * dv * (grid.per[Y] / pose.size[Y]);
             }
         }
         if (descended) {
@@ -205,7 +203,9 @@ INLINE void positions(In x, const GridAxis& axis, Out whole, Out part) {
 }
 
 // Values of a curve of evenly spaced pieces at each `t`, held to [0, 1]; `whole` is scratch.
-inline void even_values(In pieces, u64 first, double count, In t, Out whole, Out out) {
+inline void even_values(In pieces, const Kind& kind, int axis, In t, Out whole, Out out) {
+    u64 first = kind.pieces[axis][0];
+    double count = kind.count[axis];
     if (is_constant(pieces, first, count)) {
         std::fill(out.begin(), out.end(), pieces[first * 4]);
         return;
@@ -237,8 +237,8 @@ public:
           cell_x_(row(scratch, 3, x)), cell_y_(row(scratch, 4, x)), in_x_(row(scratch, 5, x)),
           in_y_(row(scratch, 6, x)), u_(row(scratch, 7, x)), v_(row(scratch, 8, x)),
           ground_(field.grids[0]) {
-        positions(x, x_axis(ground_), cell_x_, u_);
-        positions(y, y_axis(ground_), cell_y_, v_);
+        positions(x, axis_of(ground_, X), cell_x_, u_);
+        positions(y, axis_of(ground_, Y), cell_y_, v_);
         for (std::size_t n = 0; n < x.size(); ++n) {  // outside and at its edges, u is made to fail
             bool inside = (cell_x_[n] == 0.0) & (cell_y_[n] == 0.0);  // not where they are NaN
             u_[n] = inside ? u_[n] : 1.0;
@@ -250,27 +250,26 @@ public:
         if (sloped || kind.special) {
             for (std::size_t n = 0; n < x.size(); ++n) {
                 if (!is_clear(n)) continue;
-                auto [fx, fy] = placed_curves(
+                ShapePoint f = placed_shape(
                     field.curves, kind, root, pose, ground_, {u_[n], v_[n]}, x[n], y[n]
                 );
-                ShapePoint f = combine(kind.combine, fx, fy);
                 z[n] = root.scale * f.value + root.offset;
                 if constexpr (sloped) {
                     auto [du, dv] = turned_slopes(pose, f.du, f.dv);
-                    slope_x[n] = root.scale * du * (ground_.per_x / pose.width);
-                    slope_y[n] = root.scale * dv * (ground_.per_y / pose.height);
+                    slope_x[n] = root.scale * du * (ground_.per[X] / pose.size[X]);
+                    slope_y[n] = root.scale * dv * (ground_.per[Y] / pose.size[Y]);
                 }
             }
         } else {
             In pieces = field.curves.pieces;
-            even_values(pieces, kind.x_first, kind.x_count, u_, in_y_, z);
-            even_values(pieces, kind.y_first, kind.y_count, v_, in_y_, in_x_);
+            even_values(pieces, kind, X, u_, in_y_, z);
+            even_values(pieces, kind, Y, v_, in_y_, in_x_);
             for (std::size_t n = 0; n < x.size(); ++n)
                 z[n] = root.scale * (z[n] * in_x_[n]) + root.offset;
         }
         const Grid& grid = field.grids[1];
-        positions(x, x_axis(grid), cell_x_, in_x_);
-        positions(y, y_axis(grid), cell_y_, in_y_);
+        positions(x, axis_of(grid, X), cell_x_, in_x_);
+        positions(y, axis_of(grid, Y), cell_y_, in_y_);
     }
 
     // Whether a point is inside, and so far from the edges of the terrain that it can go on.
@@ -332,9 +331,9 @@ inline void batch_heights(const Field& field, In x, In y, Scratch& scratch, Out 
         if (!batch.is_clear(n)) continue;
         Begun at = batch.begun(n);
         if (is_clear_of_edges(grid, at.in_x, at.in_y)) {
-            u64 slot = u64(grid.table + at.j * i64(grid.bins_x) + at.i);
-            scratch.begins[n] = field.offsets[slot];
-            scratch.ends[n] = field.offsets[slot + 1];
+            u64 bin = u64(grid.table + at.j * i64(grid.row) + at.i);  // leaves have a bin per cell
+            scratch.begins[n] = field.offsets[bin];
+            scratch.ends[n] = field.offsets[bin + 1];
         }
     }
     for (std::size_t n = 0; n < x.size(); ++n) {
@@ -386,7 +385,7 @@ inline void samples(
         if (has_tracks(field)) {
             Rut rut = rut_at(field.tracks, x[n], y[n], surface_of(field, found.top));
             height[n] = found.z - rut.depth;
-            if (rut.worn >= 0) top[n] = count_of(field.elements) + rut.worn;
+            if (rut.surface_track >= 0) top[n] = count_of(field.elements) + rut.surface_track;
         }
         gradient(n, 0) = found.slope_x;
         gradient(n, 1) = found.slope_y;

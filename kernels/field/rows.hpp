@@ -1,9 +1,21 @@
-// Rows of pixels: what the curves are worth along them, and loops that add it to the heights.
+// Rows of pixels: cells and values of curves along them, the columns that a footprint holds, and
+// loops that add an element to the heights.
 #pragma once
 
 #include "query.hpp"
 
 namespace terratool {
+
+// An element that is painted, its records, and the grid that it is in.
+struct Painted {
+    i64 index;
+    const Element& element;
+    const Kind& kind;
+    const Pose& pose;
+    const Grid& grid;
+};
+
+// Cells and curves along a row
 
 // Row of the first element: `fx` · `factor` + `offset`.
 inline void lay_products(Out row, In fx, double factor, double offset) {
@@ -57,14 +69,13 @@ inline void add_pieces(
 
 // Add products of curves of at most two pieces along a row of a turned element.
 // Which piece counts is chosen between numbers, not between addresses, so all of it is vectors.
-inline void add_turned_pairs(
-    Out row, In u, double v, const Pose& pose, In pieces, const Kind& kind, double scale,
-    double offset
-) {
+inline void add_turned_pairs(Out row, In u, double v, In pieces, const Painted& p) {
+    const auto& [index, element, kind, pose, grid] = p;
+    double scale = element.scale, offset = element.offset;
     auto [s_start, t_start] = turned(pose, 0.0, v);
-    Ramp at_x{pose.cos * kind.x_count, s_start * kind.x_count};
-    Ramp at_y{pose.sin_u * kind.y_count, t_start * kind.y_count};
-    u64 x = u64(kind.x_first) * 4, y = u64(kind.y_first) * 4;
+    Ramp at_x{pose.cos * kind.count[X], s_start * kind.count[X]};
+    Ramp at_y{pose.sin_u * kind.count[Y], t_start * kind.count[Y]};
+    u64 x = u64(kind.pieces[X][0]) * 4, y = u64(kind.pieces[Y][0]) * 4;
     Cubic f(pieces, x), f_next(pieces, x + 4), g(pieces, y), g_next(pieces, y + 4);
     auto value = [](double s, const Cubic& one, const Cubic& two) {
         bool a = s >= 1.0;
@@ -78,14 +89,13 @@ inline void add_turned_pairs(
 }
 
 // Add the product of two curves of evenly spaced pieces along a row of a turned element.
-inline void add_turned_products(
-    Out row, In u, double v, const Pose& pose, In pieces, const Kind& kind, double scale,
-    double offset
-) {
+inline void add_turned_products(Out row, In u, double v, In pieces, const Painted& p) {
+    const auto& [index, element, kind, pose, grid] = p;
+    double scale = element.scale, offset = element.offset;
     for (std::size_t n = 0; n < row.size(); ++n) {
         auto [s, t] = turned(pose, u[n], v);
-        double fx = even_curve(pieces, kind.x_first, kind.x_count, clamp(s, 0.0, 1.0)).value;
-        double fy = even_curve(pieces, kind.y_first, kind.y_count, clamp(t, 0.0, 1.0)).value;
+        double fx = even_curve(pieces, kind, X, clamp(s, 0.0, 1.0)).value;
+        double fy = even_curve(pieces, kind, Y, clamp(t, 0.0, 1.0)).value;
         row[n] += scale * (fx * fy) + offset;
     }
 }
@@ -103,11 +113,9 @@ INLINE double columns_left(double t, i64 piece, double count, double rate) {
 }
 
 // As add_turned_products, by runs of columns in which both curves stay in one piece.
-inline void add_turned_pieces(
-    Out row, In u, double v, double step, const Pose& pose, In pieces, const Kind& kind,
-    double scale, double offset
-) {
-    double x_count = kind.x_count, y_count = kind.y_count;
+inline void add_turned_pieces(Out row, In u, double v, double step, In pieces, const Painted& p) {
+    const auto& [index, element, kind, pose, grid] = p;
+    double x_count = kind.count[X], y_count = kind.count[Y];
     i64 begin = 0, count = count_of(row);
     while (begin < count) {
         auto [s, t] = turned(pose, u[begin], v);
@@ -124,10 +132,10 @@ inline void add_turned_pieces(
         auto [middle, along] = turned(pose, 0.0, v);
         add_pieces(
             row.subspan(begin, end - begin), u.subspan(begin, end - begin),
-            {pieces, (kind.x_first + u64(i)) * 4},
+            {pieces, (kind.pieces[X][0] + u64(i)) * 4},
             {pose.cos * x_count, middle * x_count - double(i)},
-            {pieces, (kind.y_first + u64(j)) * 4},
-            {pose.sin_u * y_count, along * y_count - double(j)}, scale, offset
+            {pieces, (kind.pieces[Y][0] + u64(j)) * 4},
+            {pose.sin_u * y_count, along * y_count - double(j)}, element.scale, element.offset
         );
         begin = end;
     }
@@ -177,12 +185,13 @@ INLINE void curve_values(const Curves& curves, const CurveAt& at, In t, Out out)
 }
 
 // Values of a curve of an unturned element at each `t`, at `x` in the world.
-inline void placed_values(
-    const Curves& curves, const CurveAt& at, In t, In x, const GridAxis& axis, Block block, Out out
-) {
+inline void placed_values(const Curves& curves, const Painted& p, int axis, In t, In x, Out out) {
+    CurveAt at = curve_of(p.kind, axis);
     if (at.knotted == STEPPED) {
+        GridAxis edges = axis_of(p.grid, axis);
+        Block block = block_of(p.element, p.pose, axis);
         for (std::size_t n = 0; n < t.size(); ++n)
-            out[n] = placed_curve(curves, at, t[n], x[n], axis, block).value;
+            out[n] = placed_curve(curves, at, t[n], x[n], edges, block).value;
     } else {
         curve_values(curves, at, t, out);
     }
@@ -203,6 +212,115 @@ inline void radii(const Pose& pose, In u, double v, Out out) {
         UV at = pose.turned ? turned(pose, u[n], v) : UV{u[n], v};
         out[n] = min(0.5 + 0.5 * radius(at), 1.0);
     }
+}
+
+// Which pixels of a row a turned rectangle or a disc holds
+//
+// The ends of a run are guessed by arithmetic and moved to where the tests of the descent, the same
+// operations on the same numbers, change their answer. The guess matters only for speed.
+
+// Constraints that miss each other by more than this leave no pixel, however they are rounded.
+constexpr double SLACK = 1e-9;
+
+struct Run {  // of columns
+    i64 begin, end;
+    bool whole = true;  // otherwise each column is to be looked at
+};
+
+// How evenly the positions of a row are spaced.
+struct Spacing {
+    double per;    // columns in a unit of u; 0 where they are too near to one another to tell
+    double doubt;  // how far, in columns, they may be from evenly spaced, rounding included
+};
+
+// Where a point lies in its row: -1 west of the turned rectangle, 1 east of it, 0 in it.
+//
+// It is 0 where is_beyond is false. Each side of the rectangle bounds a row from one end only, also
+// when rounded, so along a row come first the -1, then the 0, then the 1.
+INLINE int side_of(const Pose& pose, double u, double v) {
+    auto [p, q] = turned(pose, u, v);
+    p -= 0.5, q -= 0.5;
+    if (abs(p) > 0.5 + EDGE) return (p > 0.0) == (pose.cos > 0.0) || pose.cos == 0.0 ? 1 : -1;
+    if (abs(q) > 0.5 + EDGE) return (q > 0.0) == (pose.sin_u > 0.0) || pose.sin_u == 0.0 ? 1 : -1;
+    return 0;
+}
+
+struct Stripe {
+    double low, high;  // empty where it ends before it begins
+    double size;       // of the numbers it is computed from
+};
+
+// The interval of a in which |factor · a + part| <= 1/2 + EDGE.
+INLINE Stripe stripe_of(double factor, double part) {
+    double reach = 0.5 + EDGE;
+    if (factor == 0.0) {  // all or nothing
+        double far = abs(part) > reach + SLACK ? -INF : INF;
+        return {-far, far, 0.0};
+    }
+    double middle = -part / factor, half = reach / abs(factor);
+    return {middle - half, middle + half, abs(middle) + half};
+}
+
+struct Column {
+    i64 column;
+    double clear;  // how far the answer is from changing, in columns
+};
+
+// The first column at or after `at`, about.
+INLINE Column column_from(In u, double at, double per) {
+    double s = clamp((at - u[0]) * per, -0.5, double(u.size()) + 0.5);
+    double column = ceil(s);
+    return {clamp(i64(column), i64(0), count_of(u)), min(column - s, s + 1.0 - column)};
+}
+
+// The columns that a turned rectangle holds, in a row of points `u` at `v`.
+INLINE Run turned_run(const Pose& pose, In u, double v, Spacing spacing) {
+    double b = v - 0.5;
+    auto x = stripe_of(pose.cos, -b * pose.sin_v), y = stripe_of(pose.sin_u, b * pose.cos);
+    double low = max(x.low, y.low), high = min(x.high, y.high);
+    double slack = SLACK * (1.0 + x.size + y.size);
+    if (low - high > slack) return {0, 0};
+    i64 count = count_of(u);
+    auto [begin, clear] = column_from(u, low + 0.5, spacing.per);
+    auto [end, clear_too] = column_from(u, high + 0.5, spacing.per);
+    if (!(min(clear, clear_too) > spacing.doubt + slack * spacing.per)) {
+        while (begin > 0 && side_of(pose, u[begin - 1], v) >= 0) --begin;
+        while (begin < count && side_of(pose, u[begin], v) < 0) ++begin;
+        end = max(end, begin);
+        while (end < count && side_of(pose, u[end], v) <= 0) ++end;
+        while (end > begin && side_of(pose, u[end - 1], v) > 0) --end;
+    }
+    return {begin, end};
+}
+
+// Whether the disc of a radial element, turned or not, holds a point of the cell.
+INLINE bool is_in_disc(const Pose& pose, double u, double v) {
+    UV at = pose.turned ? turned(pose, u, v) : UV{u, v};
+    return !(radius(at) > 1.0 + EDGE);
+}
+
+// The columns that a disc holds, in a row of points `u` at `v`.
+// Where a row only just touches the disc, or the pixels are hardly apart, rounding may leave gaps.
+inline Run disc_run(const Pose& pose, In u, double v, Spacing spacing) {
+    double b = v - 0.5;
+    i64 count = count_of(u);
+    // (2p)² + (2q)² <= reach² with p = a·cos − b·sin_v, q = a·sin_u + b·cos, and since
+    // cos² + sin_u·sin_v = 1
+    double squares = square(pose.cos) + square(pose.sin_u);
+    double half = b * pose.cos * (pose.sin_u - pose.sin_v);
+    double inner = 0.25 * squares * square(1.0 + EDGE) - b * b;
+    if (inner < -SLACK * (squares + 1.0)) return {0, 0};
+    double root = sqrt(max(inner, 0.0)), per = spacing.per;
+    double noise = 1e-14 * (1.0 + abs(pose.sin_u) + abs(pose.sin_v));
+    if (per == 0.0 || spacing.doubt > 0.1 || inner < 1e-12 * (squares + 1.0) || root < noise * per)
+        return {0, count, false};
+    i64 begin = column_from(u, 0.5 + (-half - root) / squares, per).column;
+    i64 end = max(begin, column_from(u, 0.5 + (-half + root) / squares, per).column);
+    while (begin > 0 && is_in_disc(pose, u[begin - 1], v)) --begin;
+    while (begin < end && !is_in_disc(pose, u[begin], v)) ++begin;
+    while (end < count && is_in_disc(pose, u[end], v)) ++end;
+    while (end > begin && !is_in_disc(pose, u[end - 1], v)) --end;
+    return {begin, end};
 }
 
 }  // namespace terratool

@@ -4,8 +4,7 @@
 // `holds` is asked. Each track counts once for a pixel, so a pixel keeps the last that it had.
 #pragma once
 
-#include "labels.hpp"
-#include "track_index.hpp"
+#include "planes.hpp"
 
 namespace terratool {
 
@@ -107,12 +106,12 @@ struct Ascending {
 
 // A track that is pressed into a tile.
 struct Pressing {
-    u32 track, worn;  // worn: the track and one if it has a surface, else 0
-    In depths;        // of a first pass, by the surface of the ground and one
+    u32 track, surface_track;  // surface_track: the track and one if it has a surface, else 0
+    In depths;                 // of a first pass, by the surface of the ground and one
     double passes;
     u32 mark;
     Pressing(const Tracks& tracks, u32 index)
-        : track(index), worn(tracks.surface[index] >= 0 ? index + 1 : 0),
+        : track(index), surface_track(tracks.surface[index] >= 0 ? index + 1 : 0),
           depths(tracks.depths[tracks.law[index]]), passes(tracks.passes[index]),
           mark(hash32(TRACK_KEY + index)) {}
 };
@@ -124,13 +123,13 @@ template <class Id> INLINE void press(Canvas<Id>& canvas, i64 row, i64 column, c
     if (stamp == by.track + 1) return;
     double depth = by.depths[canvas.surfaces(row, column)];
     if (isnan(depth)) return;  // the void
-    Trodden& trodden = canvas.trodden(row, column);
+    TrackedPixel& tracked = canvas.tracked(row, column);
     if (stamp == 0) {
-        trodden = {depth, by.passes, by.track, by.worn};
+        tracked = {depth, by.passes, by.track, by.surface_track};
     } else {
-        trodden.passes += by.passes;
-        if (depth > trodden.first) trodden.first = depth, trodden.deepest = by.track;
-        if (by.worn) trodden.worn = by.worn;
+        tracked.passes += by.passes;
+        if (depth > tracked.first) tracked.first = depth, tracked.deepest = by.track;
+        if (by.surface_track) tracked.surface_track = by.surface_track;
     }
     stamp = by.track + 1;
     if (canvas.labels.exists()) canvas.labels(row, column) += by.mark;
@@ -174,18 +173,19 @@ void press_segment(
 // Take the ruts from the heights of a row of pixels that the tracks have passed over.
 template <class Id>
 void lower_row(const Tracks& tracks, Canvas<Id>& canvas, i64 row, i64 begin, i64 end) {
-    Trodden last{-1.0, 0.0, 0, 0};
+    TrackedPixel last{-1.0, 0.0, 0, 0};
     double rut = 0.0;
     for (i64 c = begin; c < end; ++c) {
         if (canvas.stamps(row, c) == 0) continue;
-        const Trodden& here = canvas.trodden(row, c);
+        const TrackedPixel& here = canvas.tracked(row, c);
         if (here.first != last.first || here.passes != last.passes
             || here.deepest != last.deepest) {  // neighbours mostly are alike
             last = here;
             rut = deepened(last.first, last.passes, tracks.power[last.deepest]);
         }
         canvas.heights(row, c) -= rut;
-        if (here.worn) canvas.surfaces(row, c) = Id(tracks.surface[here.worn - 1] + 1);
+        if (here.surface_track)
+            canvas.surfaces(row, c) = Id(tracks.surface[here.surface_track - 1] + 1);
         if (canvas.labels.exists() && rut != 0.0)
             canvas.labels(row, c) += hash32(DEPTH_KEY ^ std::bit_cast<u64>(rut));
     }

@@ -9,32 +9,35 @@ enum Combine : u8 { PRODUCT, SUM, MIN, MAX, RADIAL };
 
 constexpr u8 STEPPED = 2;  // a knotted curve with vertical steps
 
+// Members of two are along x and y.
+constexpr int X = 0, Y = 1;
+
 struct Element {
-    u16 cell_x, cell_y;
+    u16 cell[2];
     u32 pose;
     double scale, offset;
     u32 kind, grid;
 };
 
 struct Pose {
-    double width, height, cos, sin_v, sin_u;
+    double size[2], cos, sin_v, sin_u;
     u8 turned;
-    u32 cells_x, cells_y;
+    u32 cells[2];
 };
 
 struct Kind {
-    double x_count, y_count;
-    u32 x_first, x_last, y_first, y_last, x_knot, x_bin, y_knot, y_bin;
+    double count[2];
+    u32 pieces[2][2], knots[2][2];
     i32 surface;
-    u8 combine, knotted_x, knotted_y, is_void, special;
+    u8 combine, knotted[2], is_void, special;
 };
 
 struct Grid {
-    double x, x_rest, y, y_rest, per_x, per_y, clear_x, clear_y;
+    double corner[2][2], per[2], clear[2];
     i64 table;
-    u32 bins_x;
-    u8 shift_x, shift_y, listed, local, leaves;
-    double nx, ny, near_x, near_y, pitch_x, pitch_x_rest, pitch_y, pitch_y_rest;
+    u32 row;
+    u8 shift[2], listed, local, leaves;
+    double count[2], near[2], pitch[2][2];
 };
 
 struct Segment {
@@ -43,38 +46,26 @@ struct Segment {
 };
 
 template <class Visit> void visit_members(Element& e, Visit visit) {
-    visit("cell_x", e.cell_x), visit("cell_y", e.cell_y), visit("pose", e.pose);
-    visit("scale", e.scale), visit("offset", e.offset);
-    visit("kind", e.kind), visit("grid", e.grid);
+    visit("cell", e.cell), visit("pose", e.pose), visit("scale", e.scale);
+    visit("offset", e.offset), visit("kind", e.kind), visit("grid", e.grid);
 }
 
 template <class Visit> void visit_members(Pose& p, Visit visit) {
-    visit("width", p.width), visit("height", p.height);
-    visit("cos", p.cos), visit("sin_v", p.sin_v), visit("sin_u", p.sin_u);
-    visit("turned", p.turned), visit("cells_x", p.cells_x), visit("cells_y", p.cells_y);
+    visit("size", p.size), visit("cos", p.cos), visit("sin_v", p.sin_v);
+    visit("sin_u", p.sin_u), visit("turned", p.turned), visit("cells", p.cells);
 }
 
 template <class Visit> void visit_members(Kind& k, Visit visit) {
-    visit("x_count", k.x_count), visit("y_count", k.y_count);
-    visit("x_first", k.x_first), visit("x_last", k.x_last);
-    visit("y_first", k.y_first), visit("y_last", k.y_last);
-    visit("x_knot", k.x_knot), visit("x_bin", k.x_bin);
-    visit("y_knot", k.y_knot), visit("y_bin", k.y_bin);
-    visit("surface", k.surface), visit("combine", k.combine);
-    visit("knotted_x", k.knotted_x), visit("knotted_y", k.knotted_y);
+    visit("count", k.count), visit("pieces", k.pieces), visit("knots", k.knots);
+    visit("surface", k.surface), visit("combine", k.combine), visit("knotted", k.knotted);
     visit("is_void", k.is_void), visit("special", k.special);
 }
 
 template <class Visit> void visit_members(Grid& g, Visit visit) {
-    visit("x", g.x), visit("x_rest", g.x_rest), visit("y", g.y), visit("y_rest", g.y_rest);
-    visit("per_x", g.per_x), visit("per_y", g.per_y);
-    visit("clear_x", g.clear_x), visit("clear_y", g.clear_y);
-    visit("table", g.table), visit("bins_x", g.bins_x);
-    visit("shift_x", g.shift_x), visit("shift_y", g.shift_y);
+    visit("corner", g.corner), visit("per", g.per), visit("clear", g.clear);
+    visit("table", g.table), visit("row", g.row), visit("shift", g.shift);
     visit("listed", g.listed), visit("local", g.local), visit("leaves", g.leaves);
-    visit("nx", g.nx), visit("ny", g.ny), visit("near_x", g.near_x), visit("near_y", g.near_y);
-    visit("pitch_x", g.pitch_x), visit("pitch_x_rest", g.pitch_x_rest);
-    visit("pitch_y", g.pitch_y), visit("pitch_y_rest", g.pitch_y_rest);
+    visit("count", g.count), visit("near", g.near), visit("pitch", g.pitch);
 }
 
 template <class Visit> void visit_members(Segment& s, Visit visit) {
@@ -132,6 +123,16 @@ template <class Visit> void visit_arguments(Field& f, Visit visit) {
     visit("poses", f.poses), visit("kinds", f.kinds);
     visit("curves", f.curves), visit("bounds[4]", f.bounds);
     visit("pending", f.pending), visit("voids", f.voids), visit("tracks", f.tracks);
+}
+
+// Where in `offsets` the bin of a cell of a grid is.
+INLINE i64 bin_of(const Grid& g, i64 i, i64 j) {
+    return g.table + (j >> g.shift[Y]) * i64(g.row) + (i >> g.shift[X]);
+}
+
+// The element that a place between the offsets of a grid stands for.
+INLINE u64 listed_element(const Field& f, const Grid& g, u64 k) {
+    return g.listed ? u64(f.entries[k]) : k;
 }
 
 }  // namespace terratool

@@ -28,7 +28,7 @@ inline std::tuple<std::vector<i64>, std::vector<double>> find_candidates(
     std::vector<double> rises;
     i64 rows = labels.rows(), columns = labels.columns();
     if (height > rows || width > columns) throw std::out_of_range("There are fewer labels.");
-    auto look = [&]<class T>(Matrix<const T> z) {
+    auto compare = [&]<class T>(Matrix<const T> z) {
         auto along = [&](i64 row, i64 other, i64 shift, i64 count, i64 down) {
             Span<const u32> one = labels[row], two = labels[other].subspan(shift);
             i64 differing = 0;  // counted first: most rows have none
@@ -45,7 +45,7 @@ inline std::tuple<std::vector<i64>, std::vector<double>> find_candidates(
             if (r + 1 < rows) along(r, r + 1, 0, width, 1);
         }
     };
-    std::visit(look, heights);
+    std::visit(compare, heights);
     return {std::move(pairs), std::move(rises)};
 }
 
@@ -78,25 +78,25 @@ public:
         Span<const i64> pairs, In x, In y, double resolution, double level, Out jumps, Out lengths
     ) {
         // so far beside a wall, in pixels, it is looked for again, to see which way it runs, …
-        constexpr double aside_pixels = 1.0 / 64.0;
+        constexpr double offset_pixels = 1.0 / 64.0;
         // … up to here on either side: walls nearly along the pair leave it, and weigh little
         constexpr double reach_pixels = 0.25;
-        constexpr double grazing = 0.5 * aside_pixels / reach_pixels;
+        constexpr double grazing = 0.5 * offset_pixels / reach_pixels;
         const double blur = 4.0 * std::ldexp(1.0, -(HALVINGS / 2));
-        double reach = reach_pixels * resolution, aside = aside_pixels * resolution;
+        double reach = reach_pixels * resolution, offset = offset_pixels * resolution;
         for (std::size_t n = 0; n < pairs.size(); ++n) {
             Line line = line_of(pairs[n], x, y);
             auto [at, jump] = find_wall(line, resolution, HALVINGS, level);
             jumps[n] = jump;
             lengths[n] = jump == 0.0 ? 0.0 : grazing;
             if (jump == 0.0) continue;
-            for (double side : {-aside, aside}) {
-                Line beside{line.along_x, at - reach, at + reach, line.fixed + side};
-                auto [near, again] = find_wall(beside, resolution, HALVINGS / 2, 0.5 * jump);
+            for (double side : {-offset, offset}) {
+                Line parallel{line.along_x, at - reach, at + reach, line.fixed + side};
+                auto [near, again] = find_wall(parallel, resolution, HALVINGS / 2, 0.5 * jump);
                 if (again > 0.0) {
                     // as exactly as it was found it runs straight across the pair, or not
                     double shift = abs(near - at) > reach * blur ? near - at : 0.0;
-                    lengths[n] = aside / sqrt(square(aside) + square(shift));
+                    lengths[n] = offset / sqrt(square(offset) + square(shift));
                     break;
                 }
             }
@@ -129,7 +129,7 @@ public:
             Line line = line_of(pairs[n], x, y);
             auto height = [&](double at) { return slant(line.along_x, at, line.fixed).z; };
             std::ranges::fill(jumps[n], 0.0);
-            double beside = (line.high - line.low) * least;
+            double margin = (line.high - line.low) * least;
             double left = height(line.high);
             left -= height(line.low);
             i64 count = 0;
@@ -141,14 +141,14 @@ public:
                 auto [at, jump] = count == 0 ? find_wall(part, resolution, HALVINGS, level)
                                              : find_jump(part, HALVINGS, level);
                 if (jump == 0.0) continue;
-                double after = height(at + beside);
-                if (after < height(at - beside)) jump = -jump;
+                double after = height(at + margin);
+                if (after < height(at - margin)) jump = -jump;
                 places(n, count) = at, jumps(n, count) = jump;
                 ++count;
                 left -= jump;
                 if (abs(left) > level) {
-                    todo.push_back({begin, at - beside});
-                    todo.push_back({at + beside, end});
+                    todo.push_back({begin, at - margin});
+                    todo.push_back({at + margin, end});
                 }
             }
         }

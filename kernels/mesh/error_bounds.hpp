@@ -123,7 +123,7 @@ inline double radial_error(const Plan& plan, const CoveringElement& covering, co
     outward *= 0.5;  // of t
     double straight_from = e.frame.straight_from, near_end = rounding_of(e.frame);
     double t0 = max(0.5 + 0.5 * least - outward, 0.5), t1 = 0.5 + 0.5 * most;
-    CurveAt curve = x_curve(e.kind);
+    CurveAt curve = curve_of(e.kind, X);
     auto [bottom, top, slope, chord] = curve_bounds(
         plan, curve, e.x, covering.group_x, min(t0, straight_from), min(t1, straight_from), near_end
     );
@@ -151,7 +151,7 @@ inline double element_error(const Plan& plan, const CoveringElement& covering, c
     double near_end = rounding_of(e.frame);
     double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
     double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
-    CurveAt curve_x = x_curve(e.kind), curve_y = y_curve(e.kind);
+    CurveAt curve_x = curve_of(e.kind, X), curve_y = curve_of(e.kind, Y);
     auto x = curve_bounds(plan, curve_x, e.x, covering.group_x, low_u, high_u, near_end);
     auto y = curve_bounds(plan, curve_y, e.y, covering.group_y, low_v, high_v, near_end);
     double wide = high_u - low_u, tall = high_v - low_v;

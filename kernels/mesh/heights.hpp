@@ -94,7 +94,9 @@ INLINE double element_height(const Plan& plan, const CoveringElement& covering, 
     const Kind& kind = plan.field->kinds[element.kind];
     const Frame& frame = plan.frames[covering.element];
     double near_end = rounding_of(frame), value;
-    auto x = [&](double t) { return curve_at(plan, x_curve(kind), covering.group_x, t, near_end); };
+    auto x = [&](double t) {
+        return curve_at(plan, curve_of(kind, X), covering.group_x, t, near_end);
+    };
     if (kind.combine == RADIAL) {
         double t = 0.5 + 0.5 * gauge(at, frame.corners);
         if (t <= frame.straight_from) {
@@ -106,7 +108,7 @@ INLINE double element_height(const Plan& plan, const CoveringElement& covering, 
         }
     } else {
         double fx = x(at.u);
-        double fy = curve_at(plan, y_curve(kind), covering.group_y, at.v, near_end);
+        double fy = curve_at(plan, curve_of(kind, Y), covering.group_y, at.v, near_end);
         if (kind.combine == PRODUCT) value = fx * fy;
         else if (kind.combine == SUM) value = fx + fy;
         else value = kind.combine == MIN ? min(fx, fy) : max(fx, fy);

@@ -36,12 +36,12 @@ inline std::tuple<std::vector<i64>, std::vector<u32>> index_rows(
     Matrix<const i64> edges, In frame, i64 rows
 ) {
     RowFrame index{frame[0], frame[1], rows};
+    auto visit = [&](auto put) {
+        visit_rows(edges, index, [&](i64 e, i64 row) { put(row, u32(e)); });
+    };
     std::vector<i64> offsets(rows + 1);
-    visit_rows(edges, index, [&](i64, i64 row) { ++offsets[row + 1]; });
-    for (i64 row = 0; row < rows; ++row) offsets[row + 1] += offsets[row];
-    std::vector<u32> entries(offsets[rows]);
-    std::vector<i64> ends(offsets.begin(), offsets.end() - 1);
-    visit_rows(edges, index, [&](i64 e, i64 row) { entries[ends[row]++] = u32(e); });
+    std::vector<u32> entries(index_bins(Span<i64>(offsets), i64(0), visit));
+    fill_bins(Span<i64>(offsets), Span<u32>(entries), visit);
     return {std::move(offsets), std::move(entries)};
 }
 
@@ -139,8 +139,8 @@ inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
     u64 side = 0;  // of a disc, or which of two curves counts
     if (is_faceted(e)) side = u64(3 + f.corners + sector(own, f.corners));
     if (straight && (e.kind.combine == MIN || e.kind.combine == MAX) && e.element.scale != 0.0) {
-        double fx = curve_at(plan, x_curve(e.kind), x_lines.group, at.u, 0.0);
-        double fy = curve_at(plan, y_curve(e.kind), y_lines.group, at.v, 0.0);
+        double fx = curve_at(plan, curve_of(e.kind, X), x_lines.group, at.u, 0.0);
+        double fy = curve_at(plan, curve_of(e.kind, Y), y_lines.group, at.v, 0.0);
         side = fx <= fy ? 2 : 1;
     }
     u64 passed = u64(x_lines.passed + (y_lines.passed << 32));
@@ -177,17 +177,16 @@ CombinedCoverage covering_elements(
         u32 owner = pending.back();
         const Grid& grid = field.grids[owner == GROUND ? 0 : field.elements[owner].grid];
         pending.pop_back();
-        double s = ((world_x - grid.x) - grid.x_rest) * grid.per_x;
-        double t = ((world_y - grid.y) - grid.y_rest) * grid.per_y;
+        double s = cells_from_corner(grid, X, world_x), t = cells_from_corner(grid, Y, world_y);
         if (grid.local && owner != GROUND) {  // finer than doubles: from the cell of its element
             UV own = place_in_cell(plan.frames[owner], x, y);
-            s = own.u * grid.nx, t = own.v * grid.ny;
+            s = own.u * grid.count[X], t = own.v * grid.count[Y];
         }
-        i64 i = min(i64(max(s, 0.0)), i64(grid.nx) - 1);
-        i64 j = min(i64(max(t, 0.0)), i64(grid.ny) - 1);
-        i64 slot = grid.table + (j >> grid.shift_y) * i64(grid.bins_x) + (i >> grid.shift_x);
-        for (u32 k = field.offsets[slot]; k < field.offsets[slot + 1]; ++k) {
-            u32 index = grid.listed ? field.entries[k] : k;
+        i64 i = min(i64(max(s, 0.0)), i64(grid.count[X]) - 1);
+        i64 j = min(i64(max(t, 0.0)), i64(grid.count[Y]) - 1);
+        i64 bin = bin_of(grid, i, j);
+        for (u32 k = field.offsets[bin]; k < field.offsets[bin + 1]; ++k) {
+            u32 index = u32(listed_element(field, grid, k));
             const Frame& frame = plan.frames[index];
             u32 below = field.elements[index].grid;
             if (below && is_in_cell(frame, x, y)) pending.push_back(index);
@@ -269,7 +268,7 @@ inline FoundRegions describe_regions(
         if (tracks.find(x, y).empty() || found.voids[r]) continue;
         Rut rut = tracks.rut(ground);
         found.rut_depths[r] = rut.depth;
-        if (rut.worn >= 0) found.surfaces[r] = field.tracks.surface[rut.worn];
+        if (rut.surface_track >= 0) found.surfaces[r] = field.tracks.surface[rut.surface_track];
     }
     return found;
 }

@@ -76,9 +76,9 @@ inline Chords find_chords(const Plan& plan) {
         };
         mark();
         if (radial ? exists && e.x.ringed : wants(e.x, e.y))
-            append(e, x_curve(e.kind), e.x, e.frame.weight_x);
+            append(e, curve_of(e.kind, X), e.x, e.frame.weight_x);
         mark();
-        if (!radial && wants(e.y, e.x)) append(e, y_curve(e.kind), e.y, e.frame.weight_y);
+        if (!radial && wants(e.y, e.x)) append(e, curve_of(e.kind, Y), e.y, e.frame.weight_y);
     }
     mark();
     return chords;
@@ -257,7 +257,7 @@ private:
     i64 stride_at(const ElementView& e, double t) {
         constexpr double allowed = 0.2;  // the height may change by so much of the error
         constexpr double share = 0.01;   // the slope is that of a secant over so much of the way on
-        CurveAt curve = x_curve(e.kind);
+        CurveAt curve = curve_of(e.kind, X);
         i64 group = between_lines(plan_, e.x, 0.0, t).group;
         double ahead = t + share * (1.0 - t);
         double drop = curve_at(plan_, curve, group, t, 0.0);
@@ -332,7 +332,7 @@ private:
 
     // The lines where the two curves of a minimum or maximum are equal.
     void draw_ties(const ElementView& e) {
-        CurveAt curve_x = x_curve(e.kind), curve_y = y_curve(e.kind);
+        CurveAt curve_x = curve_of(e.kind, X), curve_y = curve_of(e.kind, Y);
         i64 along = count_pieces(plan_, curve_x), across = count_pieces(plan_, curve_y);
         for (i64 i = 0; i < along; ++i) {
             auto [u0, u1, a, slope_a] = straight_piece(plan_, curve_x, i);

@@ -151,7 +151,11 @@ template <Record T> void check_record(nb::handle dtype) {
         if (!nb::cast<bool>(fields.attr("__contains__")(name))) wrong(std::string("no ") + name);
         nb::object field = fields[name];
         i64 offset = reinterpret_cast<char*>(&member) - reinterpret_cast<char*>(&record);
-        if (nb::cast<i64>(field[1]) != offset || text_of(field[0]) != Dtype<M>::name) wrong(name);
+        nb::object type = field[0];
+        if (nb::cast<i64>(field[1]) != offset
+            || text_of(type.attr("base")) != Dtype<std::remove_all_extents_t<M>>::name
+            || nb::cast<std::size_t>(type.attr("itemsize")) != sizeof(M))
+            wrong(name);
     });
     if (count != nb::len(fields) || nb::cast<std::size_t>(dtype.attr("itemsize")) != sizeof(T))
         wrong("its size");

@@ -3,7 +3,7 @@
 
 #include "../field/layout.hpp"
 #include "../field/query.hpp"
-#include "../field/track_index.hpp"
+#include "../field/tracks.hpp"
 #include "modules.hpp"
 
 namespace terratool::python {
@@ -23,7 +23,7 @@ void KeptField::check() {
     check_index(!f.elements.empty() && !f.grids.empty(), "elements or grids");
     check_index(f.pending > 0, "pending");
     for (const Kind& k : f.kinds) {
-        for (const CurveAt& c : {x_curve(k), y_curve(k)}) {
+        for (const CurveAt& c : {curve_of(k, X), curve_of(k, Y)}) {
             std::size_t count = c.knotted ? 1 : std::size_t(c.count);
             check_index((c.first + count + 1) * 4 <= f.curves.pieces.size(), "a curve");
             check_index(
@@ -47,16 +47,16 @@ void KeptField::check() {
         );
     for (u32 entry : f.entries) check_index(entry < f.elements.size(), "an entry");
     for (const Grid& g : f.grids) {
-        i64 bins_y = ((i64(g.ny) - 1) >> g.shift_y) + 1, bins = i64(g.bins_x) * bins_y;
+        i64 rows = ((i64(g.count[Y]) - 1) >> g.shift[Y]) + 1, bins = i64(g.row) * rows;
         check_index(g.table >= 0 && g.table + bins < count_of(f.offsets), "a grid");
-        check_index(i64(g.bins_x) > (i64(g.nx) - 1) >> g.shift_x, "a row of bins");
+        check_index(i64(g.row) > (i64(g.count[X]) - 1) >> g.shift[X], "a row of bins");
         std::size_t most = g.listed ? f.entries.size() : f.elements.size();
         for (u32 offset : f.offsets.subspan(g.table, bins + 1))
             check_index(offset <= most, "a bin");
         u32 begin = f.offsets[g.table], end = f.offsets[g.table + bins], own = &g - &f.grids[0];
         check_index(begin <= end, "a table");
         for (u32 k = begin; k < end; ++k) {  // grids come after those that they are in
-            u32 below = f.elements[g.listed ? f.entries[k] : k].grid;
+            u32 below = f.elements[listed_element(f, g, k)].grid;
             check_index(!below || below > own, "the grid of an element");
         }
     }
@@ -113,8 +113,8 @@ void bind_field(nb::module_ m) {
         m, "size_bins", "Choose the bins of each grid.",
         {"grids[g]", "dense[g]", "ranges", "placed", "sizes[g]", "lists[g]"}
     );
-    def<&fill_bins>(
-        m, "fill_bins", "Fill the tables from cells to elements.",
+    def<&fill_tables>(
+        m, "fill_tables", "Fill the tables from cells to elements.",
         {"grids[g]", "ranges", "placed", "offsets[_]", "entries[_]"}
     );
     def<&count_pending>(
@@ -130,8 +130,8 @@ void bind_field(nb::module_ m) {
         m, "choose_cells", "Choose the cells of the index of tracks.",
         {"segments[_]", "extent[2]", "frame[4]", "shape[2]"}
     );
-    def<&fill_index>(
-        m, "fill_index", "Fill the index of tracks.",
+    def<&fill_track_index>(
+        m, "fill_track_index", "Fill the index of tracks.",
         {"segments[_]", "frame[4]", "shape[2]", "masks[m]", "offsets[m+1]", "entries[_]"}
     );
 

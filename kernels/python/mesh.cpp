@@ -50,8 +50,8 @@ private:
         const Field& field = *p.field;
         check_index(p.axes.rows() == count_of(field.kinds), "a kind");
         for (i64 k = 0; k < p.axes.rows(); ++k) {
-            check_axis(p.axes(k, 0), x_curve(field.kinds[k]));
-            check_axis(p.axes(k, 1), y_curve(field.kinds[k]));
+            check_axis(p.axes(k, 0), curve_of(field.kinds[k], X));
+            check_axis(p.axes(k, 1), curve_of(field.kinds[k], Y));
         }
         const Outlines& o = p.outlines;
         check_index(!o.offsets.empty(), "the rows of outlines");

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,7 +11,7 @@ import click
 from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
-    from terratool.raster.export import MosaicLayout, RasterReport, WrittenFile
+    from terratool.raster.export import RasterReport, WrittenFile
 
 # as terratool.raster.layers and .geotiff have them, which are not imported for --help;
 # a test holds them equal
@@ -106,7 +105,7 @@ def command(
 
     from terratool.errors import WriteError
     from terratool.output import is_same_file, refuse_existing
-    from terratool.raster.export import export_dem
+    from terratool.raster.export import RasterRequest, export_dem
     from terratool.raster.geotiff import Compression
     from terratool.raster.grid import default_resolution, grid_over
     from terratool.raster.mosaic import TILE_SIZE, export_mosaic
@@ -127,29 +126,16 @@ def command(
     if resolution is None:
         resolution, why = default_resolution(terrain)
     grid = grid_over(terrain, resolution, bounds)
-    write = (
-        partial(export_dem, terrain, grid, output, cog=cog)
-        if tiles is None
-        else partial(
-            export_mosaic,
-            terrain,
-            grid,
-            tiles,
-            output,
-            tile_size=TILE_SIZE if tile_size is None else tile_size,
-            dask=dask,
-        )
-    )
+    request = RasterRequest(layers, dtype, compression, overwrite, losses, threads)
     with Status("painting", grid.width * grid.height) as progress:
-        report = write(
-            layers=layers,
-            dtype=dtype,
-            compression=compression,
-            overwrite=overwrite,
-            losses=losses,
-            threads=threads,
-            progress=progress,
-        )
+        if tiles is None:
+            report = export_dem(terrain, grid, output, request, cog=cog, progress=progress)
+        else:
+            size = TILE_SIZE if tile_size is None else tile_size
+            report = export_mosaic(
+                terrain, grid, tiles, output, request,
+                tile_size=size, dask=dask, progress=progress,
+            )  # fmt: skip
     if as_json:
         click.echo(json.dumps(as_dict(report, why), indent=2, ensure_ascii=False))
     else:
@@ -182,6 +168,8 @@ def _refuse_odd(
 
 def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
     """A report ready for JSON; `why` says who chose the resolution."""
+    import msgspec
+
     grid = report.grid
     return {
         "format_version": 2,
@@ -192,26 +180,15 @@ def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
         "bounds": list(grid.bounds),
         "pixels": report.pixels,
         "nodata": report.nodata,
-        "files": [_file_as_dict(written) for written in report.files],
+        "files": [_file_as_dict(written, report.pixels) for written in report.files],
         "surfaces": report.surfaces,
         "lacking": report.lacking,
         "losses": report.losses.as_json() if report.losses else None,
-        "tiles": _tiles_as_dict(report.tiles) if report.tiles else None,
+        "tiles": msgspec.to_builtins(report.tiles, enc_hook=str),
     }
 
 
-def _tiles_as_dict(tiles: MosaicLayout) -> dict[str, Any]:
-    return {
-        "folder": str(tiles.folder),
-        "size": tiles.size,
-        "rows": tiles.rows,
-        "columns": tiles.columns,
-        "kept": tiles.kept,
-        "made": tiles.made,
-    }
-
-
-def _file_as_dict(written: WrittenFile) -> dict[str, Any]:
+def _file_as_dict(written: WrittenFile, pixels: int) -> dict[str, Any]:
     bands = []
     for index, (name, unit) in enumerate(
         zip(written.bands.names, written.bands.units, strict=True)
@@ -225,14 +202,14 @@ def _file_as_dict(written: WrittenFile) -> dict[str, Any]:
                 "high": part.high if known else None,
                 "mean": part.mean if known else None,
                 "deviation": part.deviation if known else None,
-                "nodata": written.pixels - part.count,
+                "nodata": pixels - part.count,
             }
         bands.append(band)
     return {
         "file": str(written.path),
-        "dtype": written.dtype.name,
-        "scale": written.scale,
-        "offset": written.offset,
+        "dtype": written.coding.dtype.name,
+        "scale": written.coding.scale,
+        "offset": written.coding.offset,
         "difference": written.difference,
         "bands": bands,
     }
@@ -246,13 +223,14 @@ def as_text(report: RasterReport, why: str) -> Iterator[str]:
         f"{report.nodata:,} of {report.pixels:,} without a height"
     )
     for written in report.files:
-        yield f"{written.path}: {written.dtype.name}"
+        coding = written.coding
+        yield f"{written.path}: {coding.dtype.name}"
         for index, name in enumerate(written.bands.names):
             yield f"  band {index + 1}: {_band(written, index, name)}"
-        if written.scale != 1.0:
+        if coding.scale != 1.0:
             yield (
-                f"  value = pixel × {written.scale:.9g} + {written.offset:.9g}, "
-                f"pixel {written.nodata} for none"
+                f"  value = pixel × {coding.scale:.9g} + {coding.offset:.9g}, "
+                f"pixel {coding.nodata} for none"
             )
         if written.difference:
             yield f"  values may be off by {written.difference:.3g}"

@@ -20,11 +20,12 @@ def curve_pieces(arrays: FieldArrays, kind: Any, axis: str) -> tuple[Floats, Flo
 
     A step at t = 1 has a piece of no length behind it.
     """
-    first, count = int(kind[f"{axis}_first"]), int(kind[f"{axis}_count"])
+    n = "xy".index(axis)
+    first, count = int(kind["pieces"][n, 0]), int(kind["count"][n])
     lengths = np.ones(count)
     starts = np.arange(count) / count
-    if kind[f"knotted_{axis}"]:
-        knots = arrays.curves.knots[int(kind[f"{axis}_knot"]) :]
+    if kind["knotted"][n]:
+        knots = arrays.curves.knots[int(kind["knots"][n, 0]) :]
         starts = knots[: int(np.argmax(np.isinf(knots)))]
         lengths = np.diff(np.append(starts, 1.0))
     pieces = arrays.curves.pieces.reshape(-1, 4)[first : first + len(starts)]

@@ -1,4 +1,4 @@
-"""From a definition to the arrays of a field. Python touches each element once, to read it."""
+"""From a definition to the arrays of a field: curves in pieces, tracks, elements and grids."""
 
 from __future__ import annotations
 
@@ -29,15 +29,24 @@ from terratool.field.records import (
 )
 from terratool.kernels import field as kernels
 
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
 TOLERANCE = 1e-8
+"""Largest error of the pieces of a formula."""
 _EVEN_LEVELS = 10  # the finest, 512 pieces, has 8 checked points in each
 _ROUNDING = 2.0**-47
 _MAX_HALVINGS = 60
 _MAX_PIECES = 1 << 16
 _FINEST_START = 1024  # pieces to halve from: each quarter of one is a checked point
 _MAX_BINS = 4096
+_THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
+_TO_CUBIC = np.linalg.inv(np.vander(_THIRDS, 4, increasing=True))
 
-Floats = NDArray[np.float64]
+_DENSE_CELLS = 1024
+"""A grid of up to this many cells, or four times its children, has a bin per cell …"""
+_DENSE_ROOM = 65536
+"""… unless nearly empty grids together have more than this many, and four for each element."""
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "pow": np.power,
@@ -133,10 +142,6 @@ def _formula(expression: Expression) -> CurvePieces:
     return CurvePieces(starts, coefficients, values[-1], False)
 
 
-_THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
-_TO_CUBIC = np.linalg.inv(np.vander(_THIRDS, 4, increasing=True))
-
-
 def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
     """(n, 4) coefficients in s from 0 to 1 of the cubics through four points of each piece."""
     t = np.minimum(starts[:, None] + lengths[:, None] * _THIRDS, 1.0)
@@ -212,7 +217,6 @@ def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
     names = {name: index for index, name in enumerate(definition.surfaces)}
     segments, first = _segments(tracks)
     law, depths = _laws(definition)
-    frame, shape, masks, offsets, entries = _index(segments, bounds)
     return TrackArrays(
         segments=segments,
         first=first,
@@ -223,11 +227,7 @@ def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
         ),
         law=law,
         depths=depths,
-        frame=frame,
-        shape=shape,
-        masks=masks,
-        offsets=offsets,
-        entries=entries,
+        **_track_index(segments, bounds)._asdict(),
     )
 
 
@@ -289,8 +289,18 @@ def _laws(definition: Definition) -> tuple[NDArray[np.uint32], Floats]:
     return np.array(law, np.uint32), np.array(rows, np.float64).reshape(-1, len(surfaces) + 1)
 
 
-def _index(segments: NDArray[Any], bounds: Floats) -> tuple[Any, ...]:
-    frame, shape = np.zeros(4), np.zeros(2, np.int64)
+class _TrackIndex(NamedTuple):
+    """The index of segments, as `TrackArrays` has it."""
+
+    frame: Floats
+    shape: Ints
+    masks: NDArray[np.uint64]
+    offsets: NDArray[np.uint32]
+    entries: NDArray[np.uint32]
+
+
+def _track_index(segments: NDArray[Any], bounds: Floats) -> _TrackIndex:
+    frame, shape, total = np.zeros(4), np.zeros(2, np.int64), 0
     low, high = np.array(bounds[:2]), np.array(bounds[2:])
     if len(segments):
         # around all that they can reach, and as much again
@@ -298,24 +308,16 @@ def _index(segments: NDArray[Any], bounds: Floats) -> tuple[Any, ...]:
         for axis, (one, other) in enumerate((("x", "end_x"), ("y", "end_y"))):
             low[axis] = max(low[axis], (np.minimum(segments[one], segments[other]) - wide).min())
             high[axis] = min(high[axis], (np.maximum(segments[one], segments[other]) + wide).max())
-    if not len(segments) or (low > high).any():
-        none = np.empty(0, np.uint32)
-        return frame, shape, np.empty(0, np.uint64), np.zeros(1, np.uint32), none
-    extent = np.maximum(high - low, 1e-9 * (bounds[2:] - bounds[:2]))
-    frame[:2] = low
-    total = kernels.choose_cells(segments, extent, frame, shape)
+        if (low <= high).all():
+            extent = np.maximum(high - low, 1e-9 * (bounds[2:] - bounds[:2]))
+            frame[:2] = low
+            total = kernels.choose_cells(segments, extent, frame, shape)
     cells = int(shape.prod())
     masks, offsets = np.zeros(cells, np.uint64), np.zeros(cells + 1, np.uint32)
-    entries = np.empty(total, np.uint32)
-    kernels.fill_index(segments, frame, shape, masks, offsets, entries)
-    return frame, shape, masks, offsets, entries
-
-
-Ints = NDArray[np.int64]
-_DENSE_CELLS = 1024
-"""A grid of up to this many cells, or four times its children, has a bin per cell …"""
-_DENSE_ROOM = 65536
-"""… unless nearly empty grids together have more than this many, and four for each element."""
+    index = _TrackIndex(frame, shape, masks, offsets, np.empty(total, np.uint32))
+    if cells:
+        kernels.fill_track_index(segments, *index)
+    return index
 
 
 class Compiled(NamedTuple):
@@ -368,7 +370,7 @@ def compile_definition(definition: Definition) -> Compiled:
     offsets, entries, pending = _bins(grids, owners, home, grid_of, columns, dense)
 
     elements = np.zeros(len(parents), ELEMENT)
-    elements["cell_x"], elements["cell_y"] = columns.cell.T
+    elements["cell"] = columns.cell
     own_sides = sides[home] * columns.span
     shares = (own_sides / extent).min(axis=1)
     elements["scale"] = np.where(np.isnan(columns.scale), shares, columns.scale)
@@ -517,7 +519,7 @@ def _bins(
     grids["table"] = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     offsets = np.empty(int(sizes.sum()), np.uint32)
     entries = np.zeros(max(1, int(lists.sum())), np.uint32)
-    kernels.fill_bins(grids, ranges, columns, offsets, entries)
+    kernels.fill_tables(grids, ranges, columns, offsets, entries)
     pending = kernels.count_pending(grids, offsets, entries, grid_of)
     return offsets, entries, pending
 
@@ -547,7 +549,7 @@ def _poses(
     index = np.where(index == swap, 0, np.where(index == 0, swap, index))
     cosine, sine = _cos_sin(unique[:, 2])
     poses = np.zeros(len(unique), POSE)
-    poses["width"], poses["height"] = poses["cells_x"], poses["cells_y"] = unique[:, :2].T
+    poses["size"] = poses["cells"] = unique[:, :2]
     poses["cos"] = cosine
     poses["sin_v"] = sine * unique[:, 3]
     poses["sin_u"] = sine / unique[:, 3]
@@ -586,11 +588,9 @@ def _kinds(
         kind["combine"] = COMBINE[shape.combine]
         kind["surface"] = surface_
         kind["is_void"] = void[surface_]
-        for axis, curve in (("x", shape.x), ("y", shape.y or shape.x)):
+        for axis, curve in enumerate((shape.x, shape.y or shape.x)):
             store.put(kind, axis, curve)
-        kind["special"] = kind["combine"] != COMBINE["product"] or (
-            kind["knotted_x"] or kind["knotted_y"]
-        )
+        kind["special"] = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
     return index.reshape(-1), kinds, pairs[:, 0], store.curves()
 
 
@@ -604,14 +604,13 @@ class _CurveStore:
         self._bins: list[NDArray[np.uint32]] = [np.zeros(1, np.uint32)]
         self._counts = [0, 1, 1]
 
-    def put(self, kind: Any, axis: str, curve: Curve) -> None:
-        """Write where a curve's pieces are into the fields of one axis of a KIND."""
+    def put(self, kind: Any, axis: int, curve: Curve) -> None:
+        """Write where a curve's pieces are into the members of one axis of a KIND."""
         place = self._known.get(curve)  # long vectors take their time to be hashed
         if place is None:
             place = self._known[curve] = self._add(pieces_of(curve))
-        for name in ("count", "first", "last", "knot", "bin"):
-            kind[f"{axis}_{name}"] = place[name]
-        kind[f"knotted_{axis}"] = place["knotted"]
+        for name, value in place.items():
+            kind[name][axis] = value
 
     def _add(self, curve: CurvePieces) -> dict[str, Any]:
         first, knot, bin_ = self._counts
@@ -627,9 +626,11 @@ class _CurveStore:
             self._counts[1] += len(self._knots[-1])
             self._counts[2] += count
         return {
-            "first": first, "count": count, "last": count - 1, "knot": knot, "bin": bin_,
+            "count": count,
+            "pieces": (first, count - 1),
+            "knots": (knot, bin_),
             "knotted": 0 if curve.even else STEPPED if curve.stepped else 1,
-        }  # fmt: skip
+        }
 
     def curves(self) -> CurveArrays:
         """All pieces, knots and bins."""

@@ -1,4 +1,7 @@
-"""The arrays of a compiled field: every dtype and every meaning, named once."""
+"""The arrays of a compiled field: every dtype and every meaning, named once.
+
+Members of two numbers or rows are along x and y.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,7 @@ STEPPED = 2
 
 ELEMENT = np.dtype(
     [
-        ("cell_x", np.uint16),  # first cell of its block in the parent's grid
-        ("cell_y", np.uint16),
+        ("cell", np.uint16, 2),  # first cell of its block in the parent's grid
         ("pose", np.uint32),  # index into poses; 0 is one cell, unturned
         ("scale", np.float64),
         ("offset", np.float64),
@@ -25,75 +27,54 @@ ELEMENT = np.dtype(
         ("grid", np.uint32),  # index into grids; 0 for an element without children
     ]
 )
-"""32 bytes; in breadth-first order, so that of two elements the one that wins has the larger index:
-it is deeper, or later in the document."""
+"""32 bytes. Elements are in breadth-first order: the top one of two has the larger index."""
 
 POSE = np.dtype(
     [
-        ("width", np.float64),  # cells that it spans
-        ("height", np.float64),
+        ("size", np.float64, 2),  # cells that it spans
         ("cos", np.float64),
         ("sin_v", np.float64),  # sin(turn) · height/width of the cell, the part of v in u
         ("sin_u", np.float64),  # sin(turn) · width/height of the cell, the part of u in v
         ("turned", np.uint8),
-        ("cells_x", np.uint32),  # width and height again, as whole numbers
-        ("cells_y", np.uint32),
+        ("cells", np.uint32, 2),  # the size again, as whole numbers
     ],
     align=True,
 )
 
 KIND = np.dtype(
     [
-        ("x_count", np.float64),  # pieces of the curve x …
-        ("y_count", np.float64),
-        ("x_first", np.uint32),  # … the first of them …
-        ("x_last", np.uint32),  # … and their number less one; for knotted curves that of the bins
-        ("y_first", np.uint32),
-        ("y_last", np.uint32),
-        ("x_knot", np.uint32),  # the first knot and the first bin of a knotted curve
-        ("x_bin", np.uint32),
-        ("y_knot", np.uint32),
-        ("y_bin", np.uint32),
+        ("count", np.float64, 2),  # pieces of the curve; of a knotted curve its bins
+        ("pieces", np.uint32, (2, 2)),  # the first piece, and the count less one
+        ("knots", np.uint32, (2, 2)),  # the first knot and the first bin of a knotted curve
         ("surface", np.int32),  # index into the surfaces of the terrain; -1 for none
         ("combine", np.uint8),
-        ("knotted_x", np.uint8),  # pieces begin at knots; STEPPED if with vertical steps
-        ("knotted_y", np.uint8),
+        ("knotted", np.uint8, 2),  # 1 if pieces begin at knots; STEPPED if with vertical steps
         ("is_void", np.uint8),  # the surface is void
         ("special", np.uint8),  # anything but a product of evenly spaced pieces
     ],
     align=True,
 )
-"""A primitive worn with a surface."""
+"""A primitive with a surface."""
 
 GRID = np.dtype(
     [
-        ("x", np.float64),  # world position of the south-west corner …
-        ("x_rest", np.float64),  # … and what a double cannot hold of it
-        ("y", np.float64),
-        ("y_rest", np.float64),
-        ("per_x", np.float64),  # cells per unit of length
-        ("per_y", np.float64),
-        ("clear_x", np.float64),  # within this of a cell's middle, in cells, no edge is near
-        ("clear_y", np.float64),
+        ("corner", np.float64, (2, 2)),  # the south-west corner in the world, and the rest of it
+        ("per", np.float64, 2),  # cells per unit of length
+        ("clear", np.float64, 2),  # within this of a cell's middle, in cells, no edge is near
         ("table", np.int64),  # where its table of bins begins in offsets
-        ("bins_x", np.uint32),  # bins in a row
-        ("shift_x", np.uint8),  # a bin is 2^shift_x × 2^shift_y cells
-        ("shift_y", np.uint8),
+        ("row", np.uint32),  # bins in a row
+        ("shift", np.uint8, 2),  # a bin is 2^shift cells long
         ("listed", np.uint8),  # the offsets count in entries rather than in elements
         ("local", np.uint8),  # finer than doubles: positions go down from the parent's
         ("leaves", np.uint8),  # no element has a grid, a span or anything special
-        ("nx", np.float64),
-        ("ny", np.float64),
-        ("near_x", np.float64),  # this near to an edge, in cells, the edge's double decides
-        ("near_y", np.float64),
-        ("pitch_x", np.float64),  # side of a cell in few enough bits that k · pitch is exact …
-        ("pitch_x_rest", np.float64),  # … and the rest of it
-        ("pitch_y", np.float64),
-        ("pitch_y_rest", np.float64),
+        ("count", np.float64, 2),  # cells
+        ("near", np.float64, 2),  # this near to an edge, in cells, the edge's double decides
+        # side of a cell in few enough bits that k · pitch is exact, and the rest of it
+        ("pitch", np.float64, (2, 2)),
     ],
     align=True,
 )
-
+"""Corner and pitch are sums of two doubles."""
 
 SEGMENT = np.dtype(
     [
@@ -113,6 +94,14 @@ SEGMENT = np.dtype(
 """A straight piece of a track, in the order of the document."""
 
 kernels.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT)
+
+
+def scalar_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
+    """The numbers of a record array, a column for each, in the order of memory; or the array."""
+    if values.dtype.names is None:
+        return [values]
+    members = (values[name].reshape(len(values), -1).T for name in values.dtype.names)
+    return [column for member in members for column in member]
 
 
 class CurveArrays(NamedTuple):

@@ -22,6 +22,13 @@ from terratool.kernels import field as kernels
 Bounds = tuple[float, float, float, float]
 """West, south, east, north."""
 
+CHUNK = 1 << 21
+"""So many points of a batch are sorted at a time."""
+SMALL_FIELD = 1 << 20
+"""A field of fewer bytes stays in the cache; its points are not sorted …"""
+_SMALL_BATCH = 1 << 13
+"""… nor are those of a smaller batch."""
+
 
 def check_bounds(bounds: Bounds, terrain: Terrain) -> None:
     """Refuse a rectangle that holds nothing of a terrain.
@@ -67,14 +74,6 @@ def clip_bounds(terrain: Terrain, bounds: Bounds | None) -> Bounds:
     if bounds is None:
         return west, south, east, north
     return max(west, bounds[0]), max(south, bounds[1]), min(east, bounds[2]), min(north, bounds[3])
-
-
-CHUNK = 1 << 21
-
-SMALL_FIELD = 1 << 20
-"""A field of fewer bytes stays in the cache anyway."""
-
-_SMALL_BATCH = 1 << 13
 
 
 def batch_heights(

@@ -14,6 +14,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Bounds, check_overlap
 from terratool.importing.sources import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
+from terratool.raster.grid import pixels_along
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -200,11 +201,7 @@ def _default_resolution(width: float, depth: float) -> float:
     longest, shortest = max(width, depth), min(width, depth)
     if longest * NARROWEST <= shortest < longest / DEFAULT_PIXELS:
         return shortest
-    for pixels in range(DEFAULT_PIXELS, DEFAULT_PIXELS // 2, -1):
-        across = pixels * (shortest / longest)
-        if abs(across - round(across)) < _WHOLE:
-            return longest / pixels
-    return longest / DEFAULT_PIXELS
+    return longest / pixels_along(longest, shortest, DEFAULT_PIXELS)
 
 
 # --- walls ---------------------------------------------------------------------------------------

@@ -90,7 +90,7 @@ def size_bins(
     Shapes: grids[g], dense[g], sizes[g], lists[g].
     """
 
-def fill_bins(
+def fill_tables(
     grids: NDArray[np.void],
     ranges: Any,
     placed: Any,
@@ -134,7 +134,7 @@ def choose_cells(
     Shapes: segments[_], extent[2], frame[4], shape[2].
     """
 
-def fill_index(
+def fill_track_index(
     segments: NDArray[np.void],
     frame: NDArray[np.float64],
     shape: NDArray[np.int64],

@@ -215,7 +215,7 @@ def _curve_tables(arrays: FieldArrays) -> _CurveTables:
     for k, kind in enumerate(arrays.kinds):
         radial = bool(kind["combine"] == COMBINE["radial"])
         for a, axis in enumerate("xy"):
-            key = int(kind[f"{axis}_first"]), radial
+            key = int(kind["pieces"]["xy".index(axis), 0]), radial
             if key not in known:
                 starts, cubics = curve_pieces(arrays, kind, axis)
                 real = starts < 1.0

@@ -1,4 +1,4 @@
-"""The one way from a terrain to raster files: painted, written and accounted for."""
+"""Raster files of a terrain: painted, written and reported."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,10 +18,11 @@ from terratool.raster.formats import (
     RasterFormat,
     check_fit,
     coding_of,
+    plain_coding,
     raster_format,
     wants_range,
 )
-from terratool.raster.geotiff import Compression, crs_of
+from terratool.raster.geotiff import Compression, RasterExtent, crs_of
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands, SurfaceValues, files_of, layers_named
 from terratool.raster.loss import LossFinder, RasterLoss
@@ -32,9 +32,8 @@ from terratool.raster.statistics import (
     RasterStatistics,
     StatisticsSum,
     combined,
-    window_statistics,
 )
-from terratool.raster.writers import open_writer
+from terratool.raster.writers import Storage, open_writer
 
 COMPANIONS = ("*.aux.xml", "*.ovr", "*.msk")
 """What GDAL keeps beside a raster, and would believe of a newer one, too; * is its name."""
@@ -52,22 +51,15 @@ class WrittenFile:
         path: where.
         bands: what it holds.
         statistics: of its bands; none for surfaces and colours.
-        dtype: of its pixels.
-        nodata: the pixel that stands for nothing; None if there is none.
-        scale, offset: number = pixel · scale + offset, for formats that hold integers.
+        coding: how its numbers became pixels.
         difference: how far its numbers may be from those that were painted.
-        pixels: number of pixels.
     """
 
     path: Path
     bands: Bands
     statistics: tuple[BandStatistics, ...]
-    dtype: np.dtype[Any]
-    nodata: float | None
-    scale: float
-    offset: float
+    coding: Coding
     difference: float
-    pixels: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,18 +110,51 @@ class RasterReport:
         return self.grid.width * self.grid.height
 
 
+@dataclass(frozen=True, slots=True)
+class RasterRequest:
+    """What is written of a terrain, and how.
+
+    Attributes:
+        layers: names from `terratool.raster.layers.LAYERS`.
+        dtype: "float32" or "float64", of all layers of numbers.
+        compression: of GeoTIFFs; ZSTD if None.
+        overwrite: whether files may be there already.
+        losses: whether to find out what the pixels do not show.
+        threads: number of threads; as many as there are processors if None.
+    """
+
+    layers: Sequence[str] = ("height",)
+    dtype: str = "float32"
+    compression: Compression | None = None
+    overwrite: bool = False
+    losses: bool = True
+    threads: int | None = None
+
+    def files(self, terrain: Terrain) -> tuple[Bands, ...]:
+        """The files that the layers take.
+
+        Raises:
+            RequestError: there is no such layer or type.
+        """
+        layers = layers_named(self.layers)
+        if self.dtype not in DTYPES:
+            raise RequestError(
+                f"There is no type {self.dtype!r}.", f"The types are {', '.join(DTYPES)}."
+            )
+        return files_of(layers, terrain, np.dtype(self.dtype))
+
+
+HEIGHTS = RasterRequest()
+"""The heights alone."""
+
+
 def export_dem(
     terrain: Terrain,
     grid: Grid,
     path: str | Path,
-    layers: Sequence[str] = ("height",),
+    request: RasterRequest = HEIGHTS,
     *,
-    dtype: str = "float32",
-    compression: Compression | None = None,
     cog: bool = False,
-    overwrite: bool = False,
-    losses: bool = True,
-    threads: int | None = None,
     progress: Progress | None = None,
 ) -> RasterReport:
     """Write layers of a terrain at the pixel centres of a grid.
@@ -142,13 +167,8 @@ def export_dem(
         terrain: the terrain.
         grid: the pixels.
         path: the file; its suffix names the format.
-        layers: names from `terratool.raster.layers.LAYERS`.
-        dtype: "float32" or "float64", of all layers of numbers.
-        compression: of a GeoTIFF; ZSTD, if not said.
+        request: what is written, and how.
         cog: whether a GeoTIFF is to be cloud-optimised.
-        overwrite: whether files may be there already.
-        losses: whether to find out what the pixels do not show.
-        threads: number of threads; as many as there are processors, if not said.
         progress: is told the number of pixels of each window that is done.
 
     Raises:
@@ -157,46 +177,40 @@ def export_dem(
         DefinitionError: the CRS of the terrain is unknown.
     """
     path = Path(path)
-    threads = checked_threads(threads)
+    threads = checked_threads(request.threads)
     form = raster_format(path, cog)
-    if compression is not None and form.driver not in ("GTiff", "COG"):
+    if request.compression is not None and form.driver not in ("GTiff", "COG"):
         raise RequestError(
             f"{path.name}: only a .tif is compressed as one likes.",
             "Leave out --compress and --max-z-error, or ask for a .tif.",
         )
-    compression = compression or Compression()
-    files = files_of(layers_named(layers), terrain, checked_dtype(dtype))
+    files = request.files(terrain)
     paths = paths_of(path, files)
     companions = (*COMPANIONS, *form.companions)
     for name, bands in zip(paths, files, strict=True):
-        refuse_existing(name, overwrite, companions)
+        refuse_existing(name, request.overwrite, companions)
         check_fit(form, name, bands, terrain, grid)
     crs_of(terrain)
     refuse_full_disk(path, grid, files, form)
 
-    lost = LossFinder(terrain, grid, heights_type(files)) if losses else None
+    losses = LossFinder(terrain, grid, heights_type(files)) if request.losses else None
     ranges = _ranges(terrain, grid, files, form, threads)
     codings = list(map(partial(coding_of, form), files, ranges))
+    storage = Storage(form, request.compression or Compression(), threads)
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place
-        parts = [stack.enter_context(whole_file(name, overwrite, companions)) for name in paths]
-        maker = WindowMaker(terrain, grid, files, lost)
-        filled = fill_files(
-            parts, form, terrain, grid, files, maker, compression, codings,
-            threads=threads, progress=progress,
-        )  # fmt: skip
+        parts = [
+            stack.enter_context(whole_file(name, request.overwrite, companions)) for name in paths
+        ]
+        maker = WindowMaker(terrain, grid, files, losses)
+        filled = fill_files(parts, maker, storage, codings, progress=progress)
     written = (
-        WrittenFile(
-            name, bands, statistics,
-            coding.dtype if coding else bands.dtype, coding.nodata if coding else bands.nodata,
-            coding.scale if coding else 1.0, coding.offset if coding else 0.0, difference,
-            grid.width * grid.height,
-        )
+        WrittenFile(name, bands, statistics, coding or plain_coding(bands), difference)
         for name, bands, statistics, coding, difference in zip(
-            paths, files, filled.tally.statistics, codings, filled.differences, strict=True
+            paths, files, filled.statistics.statistics, codings, filled.differences, strict=True
         )
-    )  # fmt: skip
-    return report_of(terrain, grid, tuple(written), filled.tally, lost)
+    )
+    return report_of(terrain, grid, tuple(written), filled.statistics, losses)
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,71 +218,60 @@ class FilledFiles:
     """What came of painting a window into files.
 
     Attributes:
-        tally: what is known of its pixels.
+        statistics: of its pixels.
         differences: how far the numbers of each file may be from those that were painted.
     """
 
-    tally: RasterStatistics
+    statistics: RasterStatistics
     differences: tuple[float, ...]
 
 
 def fill_files(
     paths: Sequence[Path],
-    form: RasterFormat,
-    terrain: Terrain,
-    grid: Grid,
-    files: Sequence[Bands],
     maker: WindowMaker,
-    compression: Compression,
+    storage: Storage,
     codings: Sequence[Coding | None] = (),
     *,
     window: Window | None = None,
-    threads: int = 0,
     progress: Progress | None = None,
 ) -> FilledFiles:
     """Paint a window, or the whole, of a grid into files, which are complete afterwards.
 
     Args:
         paths: the files.
-        form: of each file.
-        terrain: the terrain.
-        grid: the pixels.
-        files: what they hold.
         maker: paints them.
-        compression: of GeoTIFFs.
+        storage: how each file is stored.
         codings: how the numbers of each file are coded; as they are, if not said.
         window: of the grid; all of it, if not said. Only GeoTIFFs hold less.
-        threads: that paint and compress; 0 for the calling one alone.
         progress: is told the number of pixels of each window that is done.
     """
-    account = StatisticsSum(files)
+    files, extent = maker.files, RasterExtent(maker.terrain, maker.grid, window)
+    total = StatisticsSum(files)
     with contextlib.ExitStack() as stack:
-        sinks = [
-            stack.enter_context(
-                open_writer(path, form, terrain, grid, bands, compression, coding, threads, window)
-            )
+        writers = [
+            stack.enter_context(open_writer(path, extent, bands, storage, coding))
             for path, bands, coding in zip(
                 paths, files, codings or [None] * len(files), strict=True
             )
         ]
-        for made in prefetch(maker.make, windows_of(window or grid.whole, files), threads):
-            for into, pixels in zip(sinks, made.pixels, strict=True):
-                into.write(made.window, pixels)
-            account.add(window_statistics(made))
+        for made in prefetch(maker.make, windows_of(extent.pixels, files), storage.threads):
+            for writer, pixels in zip(writers, made.buffer.pixels, strict=True):
+                writer.write(made.window, pixels)
+            total.add(made.statistics)
             maker.reuse(made)
             if progress:
                 progress(made.window.width * made.window.height)
-        tally = account.total()
-        for into, statistics in zip(sinks, tally.statistics, strict=True):
-            into.finish(statistics, tally.counts)
-    return FilledFiles(tally, tuple(into.difference for into in sinks))
+        statistics = total.total()
+        for writer, bands_of_file in zip(writers, statistics.statistics, strict=True):
+            writer.finish(bands_of_file, statistics.counts)
+    return FilledFiles(statistics, tuple(writer.difference for writer in writers))
 
 
 def report_of(
     terrain: Terrain,
     grid: Grid,
     written: tuple[WrittenFile, ...],
-    tally: RasterStatistics,
+    statistics: RasterStatistics,
     losses: LossFinder | None,
     tiles: MosaicLayout | None = None,
 ) -> RasterReport:
@@ -283,10 +286,10 @@ def report_of(
     return RasterReport(
         grid,
         written,
-        tally.nodata,
-        dict(zip(terrain.surfaces, tally.counts[1:].tolist(), strict=False)),
+        statistics.nodata,
+        dict(zip(terrain.surfaces, statistics.counts[1:].tolist(), strict=False)),
         lacking,
-        losses.statement(tally.lost, tally.nodata) if losses else None,
+        losses.statement(statistics.lost, statistics.nodata) if losses else None,
         tiles,
     )
 
@@ -315,17 +318,6 @@ def checked_threads(threads: int | None) -> int:
     return threads or processors()
 
 
-def checked_dtype(dtype: str) -> np.dtype[Any]:
-    """The type of this name.
-
-    Raises:
-        RequestError: numbers are not written in it.
-    """
-    if dtype not in DTYPES:
-        raise RequestError(f"There is no type {dtype!r}.", f"The types are {', '.join(DTYPES)}.")
-    return np.dtype(dtype)
-
-
 def _ranges(
     terrain: Terrain, grid: Grid, files: Sequence[Bands], form: RasterFormat, threads: int
 ) -> list[BandStatistics | None]:
@@ -334,11 +326,11 @@ def _ranges(
         return [None] * len(files)
     wanting = [bands for bands in files if wants_range(form, bands)]
     maker = WindowMaker(terrain, grid, wanting)
-    account = StatisticsSum(wanting)
+    total = StatisticsSum(wanting)
     for made in prefetch(maker.make, windows_of(grid.whole, wanting), threads):
-        account.add(window_statistics(made))
+        total.add(made.statistics)
         maker.reuse(made)
-    ranges = iter(combined(statistics) for statistics in account.total().statistics)
+    ranges = iter(combined(statistics) for statistics in total.total().statistics)
     return [next(ranges) if wants_range(form, bands) else None for bands in files]
 
 

@@ -31,13 +31,13 @@ class Coding:
 
     Attributes:
         dtype: of the pixels.
-        nodata: the pixel that stands for no number.
+        nodata: the pixel that stands for no number; None if there is none.
         scale, offset: 1 and 0 where pixels are the numbers themselves.
         difference: how far a pixel may be from its number.
     """
 
     dtype: np.dtype[Any]
-    nodata: float
+    nodata: float | None
     scale: float = 1.0
     offset: float = 0.0
     difference: float = 0.0
@@ -201,6 +201,11 @@ def coding_of(form: RasterFormat, bands: Bands, range_: BandStatistics | None) -
     lost = scale / 2
     scale = scale or 1.0  # a level place
     return Coding(np.dtype(f"u{form.bits // 8}"), form.nodata, scale, low - scale, lost)
+
+
+def plain_coding(bands: Bands) -> Coding:
+    """That of pixels which are what was painted."""
+    return Coding(bands.dtype, bands.nodata)
 
 
 def wants_range(form: RasterFormat, bands: Bands) -> bool:

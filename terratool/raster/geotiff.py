@@ -1,4 +1,4 @@
-"""GeoTIFF: what is said to GDAL of a file and its surfaces; files written window by window."""
+"""GeoTIFFs written window by window, and what GDAL is told of their surfaces."""
 
 from __future__ import annotations
 
@@ -36,6 +36,10 @@ _GENERIC, _PIXEL_COUNT, _NAME, _MIN_MAX, _RED, _GREEN, _BLUE = 0, 1, 2, 5, 6, 7,
 MOST_COLORS = 65536
 """Colours that the colour table of a file holds."""
 
+COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
+
+CACHE_BYTES = 1 << 26
+"""GDAL would take a twentieth of the machine's memory for tiles that are complete anyway."""
 
 _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -94,20 +98,6 @@ def describe(
             )
 
 
-def auxiliary(terrain: Terrain, counts: NDArray[np.int64]) -> bytes:
-    """The text of an .aux.xml file that names the surfaces of a raster's only band."""
-    root = ElementTree.Element("PAMDataset")
-    describe(ElementTree.SubElement(root, "PAMRasterBand", band="1"), terrain, counts)
-    ElementTree.indent(root)
-    return f"{ElementTree.tostring(root, encoding='unicode')}\n".encode()
-
-
-COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
-
-CACHE_BYTES = 1 << 26
-"""GDAL would take a twentieth of the machine's memory for tiles that are complete anyway."""
-
-
 @dataclass(frozen=True, slots=True)
 class Compression:
     """How a GeoTIFF is compressed.
@@ -150,31 +140,56 @@ class Compression:
         return {"compress": self.name, **level, **({"predictor": 3} if real else {})}
 
 
+@dataclass(frozen=True, slots=True)
+class RasterExtent:
+    """The pixels of a file.
+
+    Attributes:
+        terrain: the terrain.
+        grid: the grid over it.
+        window: the part of the grid that the file holds; all of it if None.
+    """
+
+    terrain: Terrain
+    grid: Grid
+    window: Window | None = None
+
+    @property
+    def pixels(self) -> Window:
+        """The window of the grid that the file holds."""
+        return self.window or self.grid.whole
+
+
 @contextlib.contextmanager
 def geotiff(
     path: Path,
-    terrain: Terrain,
-    grid: Grid,
+    extent: RasterExtent,
     bands: Bands,
     compression: Compression,
     threads: int,
     nodata: float | None = None,
-    window: Window | None = None,
     colors: int = MOST_COLORS,
 ) -> Iterator[GeoTiff]:
-    """A tiled GeoTIFF of a window, or the whole, of a grid; complete when the block has ended.
+    """A tiled GeoTIFF; complete when the block has ended.
 
-    Surfaces get a colour table if they are fewer than `colors`.
+    Args:
+        path: the file.
+        extent: its pixels.
+        bands: what it holds.
+        compression: how it is compressed.
+        threads: that compress it; 0 for the calling one.
+        nodata: the pixel that stands for nothing; that of the bands, if not said.
+        colors: surfaces get a colour table if they are fewer.
 
     Raises:
         WriteError: GDAL cannot write it.
     """
-    window = window or grid.whole
+    terrain, window = extent.terrain, extent.pixels
     profile: dict[str, Any] = {
         "driver": "GTiff", "dtype": bands.dtype.name, "count": bands.count,
         "nodata": bands.nodata if nodata is None else nodata,
         "width": window.width, "height": window.height, "crs": crs_of(terrain),
-        "transform": transform_of(grid, window), **compression.options(bands),
+        "transform": transform_of(extent.grid, window), **compression.options(bands),
         "tiled": True, "blockxsize": TILE, "blockysize": TILE, "interleave": "band",
         "bigtiff": "if_safer", "num_threads": str(max(1, threads)),
     }  # fmt: skip
@@ -239,8 +254,16 @@ def statistics_tags(statistics: BandStatistics, pixels: int) -> dict[str, str]:
 
 
 def name_surfaces(path: Path, terrain: Terrain, counts: NDArray[np.int64]) -> None:
-    """Write the names, colours and soils of the surfaces beside a raster of their ids."""
-    path.with_name(path.name + ".aux.xml").write_bytes(auxiliary(terrain, counts))
+    """Write the names, colours and soils of the surfaces into the .aux.xml of a raster of ids."""
+    root = ElementTree.Element("PAMDataset")
+    describe(ElementTree.SubElement(root, "PAMRasterBand", band="1"), terrain, counts)
+    path.with_name(path.name + ".aux.xml").write_bytes(xml_bytes(root))
+
+
+def xml_bytes(root: ElementTree.Element) -> bytes:
+    """The indented text of a document."""
+    ElementTree.indent(root)
+    return f"{ElementTree.tostring(root, encoding='unicode')}\n".encode()
 
 
 def check_blocks(path: Path) -> None:

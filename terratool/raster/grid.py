@@ -1,4 +1,4 @@
-"""Grids of pixels over a terrain, and windows into them. Pure functions over frozen values."""
+"""Grids of pixels over a terrain, and windows into them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from terratool.field.bounds import finest_details
 from terratool.field.terrain import Bounds, Terrain, check_bounds
 
 DEFAULT_PIXELS = 4096
-"""The longer side of a raster whose resolution was left to us has at most this many pixels."""
+"""The longer side of a raster has at most this many pixels, if no resolution is given."""
 
 PIXELS_PER_CELL = 10
 MAX_SIDE = 2**31 - 1
@@ -108,12 +108,21 @@ def default_resolution(terrain: Terrain) -> tuple[float, str]:
     if longest / finest > DEFAULT_PIXELS * (1 + _WHOLE):
         if longest / DEFAULT_PIXELS > shortest:
             return shortest, "one row of pixels"
-        for pixels in range(DEFAULT_PIXELS, DEFAULT_PIXELS // 2, -1):
-            across = pixels * (shortest / longest)
-            if abs(across - round(across)) < _WHOLE:
-                return longest / pixels, f"{pixels} pixels on the longer side"
-        return longest / DEFAULT_PIXELS, f"{DEFAULT_PIXELS} pixels on the longer side"
+        pixels = pixels_along(longest, shortest, DEFAULT_PIXELS)
+        return longest / pixels, f"{pixels} pixels on the longer side"
     return finest, why
+
+
+def pixels_along(longest: float, shortest: float, most: int) -> int:
+    """Pixels on the longer side of a rectangle: as many as there may be, or a few less.
+
+    They are less, down to half as many, where the shorter side has whole pixels then.
+    """
+    for pixels in range(most, most // 2, -1):
+        across = pixels * (shortest / longest)
+        if abs(across - round(across)) < _WHOLE:
+            return pixels
+    return most
 
 
 def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None) -> Grid:

@@ -109,12 +109,12 @@ class Journal:
 
     def add_tile(self, finished: FinishedTile) -> None:
         """Note that a tile is finished; it is on the disk when this returns."""
-        tally = msgspec.msgpack.encode(finished.tally, enc_hook=_encoded)
+        statistics = msgspec.msgpack.encode(finished.statistics, enc_hook=_encoded)
         self._add(
             {
                 "tile": [finished.row, finished.column],
                 "files": [[file.name, file.size, file.checksum] for file in finished.files],
-                "tally": base64.b64encode(tally).decode(),
+                "tally": base64.b64encode(statistics).decode(),
             }
         )
 
@@ -209,11 +209,11 @@ def _entry_of(line: bytes) -> dict[str, Any]:
 
 
 def _finished(entry: dict[str, Any]) -> FinishedTile:
-    tally = msgspec.msgpack.decode(
+    statistics = msgspec.msgpack.decode(
         base64.b64decode(entry["tally"]), type=RasterStatistics, dec_hook=_decoded
     )
     row, column = entry["tile"]
-    return FinishedTile(row, column, tuple(FileState(*file) for file in entry["files"]), tally)
+    return FinishedTile(row, column, tuple(FileState(*file) for file in entry["files"]), statistics)
 
 
 def _encoded(value: Any) -> Any:

@@ -146,7 +146,7 @@ def files_of(layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any]) ->
 
 @dataclass(frozen=True)
 class SurfaceValues:
-    """What the surfaces of a terrain are worth, by id: the index of the surface and one."""
+    """Values of the surfaces of a terrain, by id: the index of the surface and one."""
 
     terrain: Terrain = field(repr=False)
 

@@ -1,4 +1,4 @@
-"""What a grid of pixels cannot keep of a terrain: walls, and what is narrow; and how it is said."""
+"""What a grid of pixels loses of a terrain: walls, narrow features, shape between the pixels."""
 
 from __future__ import annotations
 
@@ -16,8 +16,36 @@ from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Planes
 
+Floats = NDArray[np.float64]
+
+FIRST = 20
+"""So many narrow features are named."""
+
+POINTS = 100_000
+"""The interpolation error is measured at up to so many points."""
+
 _NOISE = 1e-6
-"""Differences from here on are worth a word, in parts of a pixel."""
+"""Smaller interpolation errors, in parts of a pixel, are not named in the sentence."""
+
+_PLASTIC = 1.32471795724474602596
+"""The plastic number spreads points over a square as the golden section does over a line."""
+
+_LEVEL = 1e-7
+"""A jump counts from here on, in parts of the largest height that an element adds …"""
+_LOW = 1e-3
+"""… and of a pixel: what is lower makes a ramp of less than 0.06°."""
+
+_SHARE = 0.5
+"""A ramp between two pixels is that of the wall between them if so much of it is."""
+
+_TESTS = 1 << 15
+_PIXELS_PER_TEST = 1 << 14
+_LEAST_TESTS = 32
+"""So many pairs are tested, or one for so many pixels if these are more. A window has its share of
+them by its pixels, but no fewer than the last."""
+
+_UNIT = 1 << 20
+"""Lengths are added as whole numbers of such parts of a pixel: in any order they are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +110,7 @@ class RasterLoss:
         narrow: elements whose cells are narrower than a pixel.
         details: other elements with a straight stretch of a curve narrower than a pixel.
         nodata: pixels without a height.
-        misfit: what lies between the pixels; None where no four of them have heights.
+        interpolation: what lies between the pixels; None where no four of them have heights.
     """
 
     resolution: float
@@ -94,7 +122,7 @@ class RasterLoss:
     narrow: SubpixelFeatures
     details: SubpixelFeatures
     nodata: int
-    misfit: InterpolationError | None
+    interpolation: InterpolationError | None
 
     @property
     def steepest_degrees(self) -> float:
@@ -104,10 +132,6 @@ class RasterLoss:
 
     def as_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
-
-        def narrows(found: SubpixelFeatures) -> dict[str, Any]:
-            return {"count": found.count, "first": [asdict(one) for one in found.first]}
-
         steepest, highest = self.steepest, self.highest
         return {
             "walls": {
@@ -124,10 +148,10 @@ class RasterLoss:
                 "largest_jump": highest
                 and {"height": highest.size, "x": highest.x, "y": highest.y},
             },
-            "narrow_elements": narrows(self.narrow),
-            "narrow_details": narrows(self.details),
+            "narrow_elements": asdict(self.narrow),
+            "narrow_details": asdict(self.details),
             "nodata": self.nodata,
-            "interpolation": self.misfit and asdict(self.misfit),
+            "interpolation": self.interpolation and asdict(self.interpolation),
         }
 
     def sentence(self) -> str:
@@ -149,8 +173,10 @@ class RasterLoss:
                 _counted(self.details.count, "element has", "elements have")
                 + " details narrower than a pixel"
             )
-        if self.misfit and self.misfit.largest > _NOISE * self.resolution:
-            parts.append(f"pixels differ from the model by up to {_length(self.misfit.largest)}")
+        if self.interpolation and self.interpolation.largest > _NOISE * self.resolution:
+            parts.append(
+                f"pixels differ from the model by up to {_length(self.interpolation.largest)}"
+            )
         if not parts:
             return "Lost: nothing; no walls, nothing narrower than a pixel."
         return f"Lost: {'; '.join(parts)}."
@@ -162,10 +188,6 @@ def _length(value: float) -> str:
 
 def _counted(count: int, one: str, several: str) -> str:
     return f"{count:,} {one if count == 1 else several}"
-
-
-FIRST = 20
-"""So many are named."""
 
 
 def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, SubpixelFeatures]:
@@ -185,10 +207,8 @@ def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, S
     details = finest_details(terrain.arrays, wide, tall)
     detailed = within & ~narrow & (details < side)
     slim, track_widths = _tracks(terrain, grid)
-    narrow, widths = (
-        np.append(narrow, slim & (track_widths < side)),
-        np.append(widths, track_widths),
-    )
+    narrow = np.append(narrow, slim & (track_widths < side))
+    widths = np.append(widths, track_widths)
     return _named(terrain, narrow, widths), _named(terrain, detailed, details)
 
 
@@ -219,20 +239,13 @@ def _named(
     return SubpixelFeatures(len(indices), first)
 
 
-POINTS = 100_000
-_PLASTIC = 1.32471795724474602596
-"""The plastic number spreads points over a square as the golden section does over a line."""
-
-Floats = NDArray[np.float64]
-
-
 def interpolation_error(
     terrain: Terrain, grid: Grid, dtype: np.dtype[Any]
 ) -> InterpolationError | None:
     """Compare at up to POINTS points; None where no four pixels with heights lie around one.
 
-    Half of the points are evenly spread, half are the middles of elements. Pixels are worth what
-    the queries say at their centres, rounded to `dtype`.
+    Half of the points are evenly spread, half are the middles of elements. Pixels have the heights
+    that the queries give at their centres, rounded to `dtype`.
     """
     columns = grid.columns(Window(0, 0, 1, grid.width))
     rows = grid.rows(Window(0, 0, grid.height, 1))[::-1]
@@ -292,24 +305,6 @@ def _between(centres: Floats, at: Floats) -> tuple[NDArray[np.int64], Floats]:
     gap = centres[i + 1] - centres[i]
     part = np.divide(at - centres[i], gap, out=np.zeros(len(at)), where=gap > 0)
     return i, np.clip(part, 0.0, 1.0)
-
-
-_LEVEL = 1e-7
-"""A jump is one from here on, in parts of what any one element is worth …"""
-_LOW = 1e-3
-"""… and of a pixel: what is lower makes a ramp of less than 0.06°."""
-
-_SHARE = 0.5
-"""A ramp between two pixels is that of the wall between them if so much of it is."""
-
-_TESTS = 1 << 15
-_PIXELS_PER_TEST = 1 << 14
-_LEAST_TESTS = 32
-"""So many pairs are tested, or one for so many pixels if these are more. A window has its share of
-them by its pixels, but no fewer than the last."""
-
-_UNIT = 1 << 20
-"""Lengths are added as whole numbers of such parts of a pixel: in any order they are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -449,7 +444,7 @@ class LossFinder:
             narrow=narrow,
             details=details,
             nodata=nodata,
-            misfit=interpolation_error(self._terrain, self._grid, self._dtype),
+            interpolation=interpolation_error(self._terrain, self._grid, self._dtype),
         )
 
     def _name(self, window: Window, pair: int) -> int:

@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import os
 import threading
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +14,29 @@ import msgspec
 import numpy as np
 
 from terratool.errors import RequestError, WriteError
+from terratool.field.records import scalar_columns
 from terratool.field.terrain import Terrain
 from terratool.output import refuse_existing, stop_on_signals, whole_file
 from terratool.raster.export import (
     COMPANIONS,
+    HEIGHTS,
     MosaicLayout,
     Progress,
     RasterReport,
+    RasterRequest,
     WrittenFile,
-    checked_dtype,
     checked_threads,
     paths_of,
     refuse_full_disk,
     report_of,
 )
-from terratool.raster.formats import RasterFormat
+from terratool.raster.formats import RasterFormat, plain_coding
 from terratool.raster.geotiff import Compression, crs_of
 from terratool.raster.grid import Grid
 from terratool.raster.journal import Journal, journal_of
-from terratool.raster.layers import files_of, layers_named
 from terratool.raster.loss import LossFinder
 from terratool.raster.prefetch import heights_type, prefetch
-from terratool.raster.statistics import RasterStatistics, StatisticsSum, in_order
+from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.tiles import (
     INDEX,
     OWNED,
@@ -58,14 +59,9 @@ def export_mosaic(
     grid: Grid,
     folder: str | Path,
     path: str | Path | None = None,
-    layers: Sequence[str] = ("height",),
+    request: RasterRequest = HEIGHTS,
     *,
     tile_size: int = TILE_SIZE,
-    dtype: str = "float32",
-    compression: Compression | None = None,
-    overwrite: bool = False,
-    losses: bool = True,
-    threads: int | None = None,
     dask: str | None = None,
     progress: Progress | None = None,
 ) -> RasterReport:
@@ -81,14 +77,9 @@ def export_mosaic(
         folder: where the tiles go; is made if need be.
         path: the index, a .vrt; in the folder, if not said. Where there are several files to a
             tile, the others have indexes with the name of their layer before the suffix.
-        layers: names from `terratool.raster.layers.LAYERS`.
+        request: what is written, and how. With `overwrite` it begins anew, whatever is there. Each
+            thread makes a tile; with "local" for `dask`, there are as many processes instead.
         tile_size: pixels on the side of a tile, a multiple of 512.
-        dtype: "float32" or "float64", of all layers of numbers.
-        compression: of the tiles.
-        overwrite: whether to begin anew, whatever is there.
-        losses: whether to find out what the pixels do not show.
-        threads: that make a tile each; as many as there are processors, if not said. With "local"
-            for `dask`, number of processes.
         dask: address of a Dask scheduler whose workers make the tiles, or "local" for processes on
             this machine.
         progress: is told the number of pixels of each tile that is done.
@@ -106,15 +97,15 @@ def export_mosaic(
             f"{index.name}: the index of a mosaic is a .vrt.",
             "Give such a name, or none: the tiles go to the folder of --tiles.",
         )
-    files = files_of(layers_named(layers), terrain, checked_dtype(dtype))
-    compression = compression or Compression()
-    plan = MosaicPlan(grid, files, compression, tile_size, losses, folder)
+    files, overwrite = request.files(terrain), request.overwrite
+    compression = request.compression or Compression()
+    plan = MosaicPlan(grid, files, compression, tile_size, request.losses, folder)
     indexes = paths_of(index, files)
     crs_of(terrain)
-    threads = checked_threads(threads)
+    threads = checked_threads(request.threads)
     connection: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
     if dask is not None:
-        from terratool.raster.dask import connected
+        from terratool.raster.dask import connected, made_by_dask
 
         connection = connected(dask, threads)
     with (
@@ -137,18 +128,23 @@ def export_mosaic(
         scratch = journal.begin(overwrite)
         stack.callback(remove_scratch, scratch)
         tiler = TileMaker(terrain, plan, scratch)
-        tally, kept = _make(tiler, jobs, journal, threads, client, dask, progress)
-        _write_indexes(indexes, plan, terrain, tally, journal, scratch)
+        made = (
+            made_by_threads(tiler, jobs, threads)
+            if dask is None
+            else made_by_dask(client, tiler, jobs, dask)
+        )
+        statistics, kept = _add_up(made, plan, jobs, journal, progress)
+        _write_indexes(indexes, tiler, statistics, journal)
     tiles = MosaicLayout(given, tile_size, plan.rows, plan.columns, kept, len(jobs) - kept)
+    error = compression.max_z_error
     written = tuple(
         WrittenFile(
-            name, bands, statistics, bands.dtype, bands.nodata, 1.0, 0.0,
-            compression.max_z_error if bands.kind == "number" else 0.0, grid.width * grid.height,
+            name, bands, parts, plain_coding(bands), error if bands.kind == "number" else 0.0
         )
-        for name, bands, statistics in zip(indexes, files, tally.statistics, strict=True)
-    )  # fmt: skip
-    lost = LossFinder(terrain, grid, heights_type(files)) if losses else None
-    return report_of(terrain, grid, written, tally, lost, tiles)
+        for name, bands, parts in zip(indexes, files, statistics.statistics, strict=True)
+    )
+    losses = LossFinder(terrain, grid, heights_type(files)) if request.losses else None
+    return report_of(terrain, grid, written, statistics, losses, tiles)
 
 
 def request_of(terrain: Terrain, plan: MosaicPlan) -> dict[str, Any]:
@@ -175,10 +171,8 @@ def fingerprint(terrain: Terrain) -> str:
     values: list[Any] = [*arrays, *arrays.curves, *(arrays.tracks if terrain.tracks else ())]
     for value in values:
         if isinstance(value, np.ndarray):
-            # field by field: what lies between the fields of a record means nothing
-            names = value.dtype.names
-            columns = [value[name] for name in names] if names else [value]
-            for column in columns:
+            # number by number: what lies between the members of a record means nothing
+            for column in scalar_columns(value):
                 digest.update(f"{column.dtype.str}{column.shape}".encode())
                 digest.update(np.ascontiguousarray(column).data)
     return digest.hexdigest()
@@ -210,40 +204,30 @@ def _seems(plan: MosaicPlan, known: FinishedTile | None) -> bool:
         return False
 
 
-def _make(
-    tiler: TileMaker,
-    jobs: list[Job],
+def _add_up(
+    made: Generator[Done, None, None],
+    plan: MosaicPlan,
+    jobs: Sequence[Job],
     journal: Journal,
-    threads: int,
-    client: Any,
-    dask: str | None,
     progress: Progress | None,
 ) -> tuple[RasterStatistics, int]:
-    """Make all tiles; what is known of all together, and how many were kept."""
-    account = StatisticsSum(tiler.plan.files)
-    kept = 0
-
-    def noted(done: Iterable[Done]) -> Iterator[tuple[int, FinishedTile]]:
-        nonlocal kept
-        for number, finished, was_kept in done:
+    """Note tiles as they are made; the statistics of all, and how many were kept."""
+    total = StatisticsSum(plan.files)
+    kept = wanted = 0
+    waiting: dict[int, FinishedTile] = {}  # the order of tiles decides the last bits of means
+    with contextlib.closing(made):
+        for number, finished, was_kept in made:
             if not was_kept:
                 journal.add_tile(finished)
             kept += was_kept
             if progress:
                 window = jobs[number][1].window
                 progress(window.height * window.width)
-            yield number, finished
-
-    if dask is None:
-        done = made_by_threads(tiler, jobs, threads)
-    else:
-        from terratool.raster.dask import made_by_dask
-
-        done = made_by_dask(client, tiler, jobs, dask)
-    with contextlib.closing(done):
-        for finished in in_order(noted(done)):
-            account.add(finished.tally)
-    return account.total(), kept
+            waiting[number] = finished
+            while wanted in waiting:
+                total.add(waiting.pop(wanted).statistics)
+                wanted += 1
+    return total.total(), kept
 
 
 class _StoppedError(Exception):
@@ -268,19 +252,15 @@ def made_by_threads(
 
 
 def _write_indexes(
-    paths: Sequence[Path],
-    plan: MosaicPlan,
-    terrain: Terrain,
-    tally: RasterStatistics,
-    journal: Journal,
-    scratch: Path,
+    paths: Sequence[Path], tiler: TileMaker, statistics: RasterStatistics, journal: Journal
 ) -> None:
+    plan = tiler.plan
     for file, path in enumerate(paths):
-        text = index_of(path, plan, file, terrain, tally)
+        text = index_of(path, plan, file, tiler.terrain, statistics)
         # known before it is there, so that the next run does not take it for another's
         journal.add_index(
             _seen(path, plan.folder), hashlib.blake2b(text, digest_size=16).hexdigest()
         )
-        within = scratch if path.absolute().parent == plan.folder else None
+        within = tiler.scratch if path.absolute().parent == plan.folder else None
         with whole_file(path, True, COMPANIONS, within) as part:
             part.write_bytes(text)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,12 +41,6 @@ class Planes:
     slope_y: NDArray[Any] | None = None
     labels: NDArray[np.uint32] | None = None
 
-    def rows(self, begin: int, end: int) -> Planes:
-        """Some of the rows, not copied."""
-        heights, *others = (None if p is None else p[begin:end] for p in self._all())
-        assert heights is not None
-        return Planes(heights, *others)
-
     def cropped(self, height: int, width: int) -> Planes:
         """The first rows and columns, not copied."""
         heights, *others = (None if p is None else p[:height, :width] for p in self._all())
@@ -62,8 +55,8 @@ class Painter:
     """Paints windows of a grid over a terrain; may be used by several threads at a time.
 
     At every pixel centre the same elements as the queries find, the same heights and slopes but for
-    the rounding of sums in double precision and then to the type of the planes. What a pixel is
-    worth depends neither on the window nor on the planes that are asked for.
+    the rounding of sums in double precision and then to the type of the planes. The value of a
+    pixel depends neither on the window nor on the planes that are asked for.
 
     Args:
         terrain: the terrain.
@@ -122,19 +115,6 @@ class Painter:
         kernels.paint(painter, x, y, self._grid.resolution, window.row, window.column, planes)
         self._idle.append(painter)
         return planes
-
-    def paint_bands(self, window: Window, planes: Planes, threads: int) -> None:
-        """As `paint`, bands of rows on several threads; makes no other difference."""
-        self._check(window, planes)
-
-        def paint_band(row: int) -> None:
-            height = min(kernels.TILE_HEIGHT, window.height - row)
-            part = Window(window.row + row, window.column, height, window.width)
-            self.paint(part, planes.rows(row, row + height))
-
-        with ThreadPoolExecutor(threads) as pool:
-            for _ in pool.map(paint_band, range(0, window.height, kernels.TILE_HEIGHT)):
-                pass
 
     def _check(self, window: Window, planes: Planes) -> None:
         shape = (window.height, window.width)

@@ -1,23 +1,27 @@
-"""What the windows of a raster hold: made by one thread each, several ahead of who writes them."""
+"""Windows of a raster, painted by several threads ahead of the one that writes them."""
 
 from __future__ import annotations
 
+import contextlib
+import math
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands, layer_painter
 from terratool.raster.loss import LossCounts, LossFinder
 from terratool.raster.painter import Painter, Planes
-from terratool.raster.statistics import BandStatistics, band_statistics
+from terratool.raster.statistics import BandStatistics, RasterStatistics, band_statistics
 
 TILE = 512
 """Side of a tile of a GeoTIFF."""
@@ -36,34 +40,8 @@ def processors() -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class WindowContent:
-    """What a window holds.
-
-    Attributes:
-        window: which one.
-        statistics: for each file that of its bands; none for surfaces and colours.
-        counts: (surfaces + 1,) int64 pixels of each surface id, of the files that hold them.
-        nodata: pixels without a height.
-        losses: what the pixels do not show; None where it was not asked for.
-        space: where the pixels are.
-    """
-
-    window: Window
-    statistics: tuple[tuple[BandStatistics, ...], ...]
-    counts: NDArray[np.int64]
-    nodata: int
-    losses: LossCounts | None
-    space: WindowBuffer
-
-    @property
-    def pixels(self) -> tuple[NDArray[Any], ...]:
-        """For each file its bands, (bands, height, width)."""
-        return self.space.pixels
-
-
-@dataclass(frozen=True, slots=True)
 class WindowBuffer:
-    """Memory for a window; to be given it anew takes as long as to paint it.
+    """Memory for a window; to allocate it anew takes as long as to paint it.
 
     Attributes:
         planes: of the window, with margins if these are wanted.
@@ -74,8 +52,24 @@ class WindowBuffer:
     pixels: tuple[NDArray[Any], ...]
 
 
+@dataclass(frozen=True, slots=True)
+class WindowContent:
+    """A painted window, what is known of it, and where its pixels are."""
+
+    window: Window
+    statistics: RasterStatistics
+    buffer: WindowBuffer
+
+
 class WindowMaker:
-    """Makes the windows of a raster's files; may be used by several threads at a time."""
+    """Makes the windows of a raster's files; may be used by several threads at a time.
+
+    Args:
+        terrain: the terrain.
+        grid: the pixels.
+        files: what the files hold.
+        losses: finds what the pixels do not show, where it is asked for.
+    """
 
     def __init__(
         self,
@@ -84,6 +78,7 @@ class WindowMaker:
         files: Sequence[Bands],
         losses: LossFinder | None = None,
     ) -> None:
+        self.terrain, self.grid, self.files = terrain, grid, files
         layers = [layer for bands in files for layer in bands.layers]
         self._painter = Painter(
             terrain,
@@ -93,62 +88,72 @@ class WindowMaker:
             slopes=any(layer.slopes for layer in layers),
             labels=losses is not None,
         )
-        self._files = files
-        self._lay = [layer_painter(bands, terrain) for bands in files]
-        self._spaces: deque[WindowBuffer] = deque()
+        self._layer_painters = [layer_painter(bands, terrain) for bands in files]
+        self._buffers: deque[WindowBuffer] = deque()
         self._ids = len(terrain.surfaces) + 1
         self._losses = losses
 
     def make(self, window: Window) -> WindowContent:
-        """Paint a window and lay it out for each file."""
+        """Paint a window and lay it out for each file.
+
+        Raises:
+            RequestError: it has numbers beyond those of its type.
+        """
         painted = self._losses.margins(window) if self._losses else window
-        space = self._space(window, painted)
-        self._painter.paint(painted, space.planes)
-        part = self._losses.of(window, space.planes) if self._losses else None
-        planes = space.planes.cropped(window.height, window.width)
-        pixels = space.pixels
-        for lay, bands in zip(self._lay, pixels, strict=True):
-            lay(planes, bands)
+        buffer = self._buffer(window, painted)
+        self._painter.paint(painted, buffer.planes)
+        lost = self._losses.of(window, buffer.planes) if self._losses else LossCounts()
+        planes = buffer.planes.cropped(window.height, window.width)
+        for paint_layers, bands in zip(self._layer_painters, buffer.pixels, strict=True):
+            paint_layers(planes, bands)
         statistics = tuple(
             tuple(map(band_statistics, bands)) if file.kind == "number" else ()
-            for file, bands in zip(self._files, pixels, strict=True)
+            for file, bands in zip(self.files, buffer.pixels, strict=True)
         )
+        _refuse_infinite(chain.from_iterable(statistics))
         heights = [
             part.count
-            for file, parts in zip(self._files, statistics, strict=True)
+            for file, parts in zip(self.files, statistics, strict=True)
             for name, part in zip(file.names, parts, strict=False)
             if name == "height"
         ]
         ground = heights[0] if heights else int(np.count_nonzero(~np.isnan(planes.heights)))
         nodata = window.width * window.height - ground
-        return WindowContent(window, statistics, self._counts(planes), nodata, part, space)
+        known = RasterStatistics(statistics, self._counts(planes), nodata, lost)
+        return WindowContent(window, known, buffer)
 
     def reuse(self, made: WindowContent) -> None:
         """Take back the memory of a window whose pixels are no longer needed."""
-        self._spaces.append(made.space)
+        self._buffers.append(made.buffer)
 
-    def _space(self, window: Window, painted: Window) -> WindowBuffer:
-        try:
-            space = self._spaces.pop()
-        except IndexError:
-            pass
-        else:
-            shape, inner = space.planes.heights.shape, space.pixels[0].shape[1:]
+    def _buffer(self, window: Window, painted: Window) -> WindowBuffer:
+        with contextlib.suppress(IndexError):
+            buffer = self._buffers.pop()
+            shape, inner = buffer.planes.heights.shape, buffer.pixels[0].shape[1:]
             if shape == (painted.height, painted.width) and inner == (window.height, window.width):
-                return space
+                return buffer
         return WindowBuffer(
             self._painter.blank(painted),
             tuple(
                 np.empty((bands.count, window.height, window.width), bands.dtype)
-                for bands in self._files
+                for bands in self.files
             ),
         )
 
     def _counts(self, planes: Planes) -> NDArray[np.int64]:
-        if not any(file.kind == "surface" for file in self._files):
+        if not any(file.kind == "surface" for file in self.files):
             return np.zeros(0, np.int64)
         assert planes.surfaces is not None
         return np.bincount(planes.surfaces.ravel(), minlength=self._ids)
+
+
+def _refuse_infinite(bands: Iterable[BandStatistics]) -> None:
+    if any(math.inf in (-part.low, part.high) for part in bands if part.count):
+        raise RequestError(
+            "Some numbers go beyond 3.4e38, the largest ones of the file.",
+            "Look at the vScale and vOffset of the elements and at the soils, or add "
+            "--dtype float64.",
+        )
 
 
 def heights_type(files: Sequence[Bands]) -> np.dtype[Any]:

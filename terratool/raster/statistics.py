@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.errors import RequestError
 from terratool.kernels import raster as kernels
 from terratool.raster.layers import Bands
 from terratool.raster.loss import LossCounts
-
-if TYPE_CHECKING:
-    from terratool.raster.prefetch import WindowContent
-
 
 _COLUMNS = 512
 
@@ -88,7 +83,7 @@ def combined(parts: Iterable[BandStatistics]) -> BandStatistics:
 
 @dataclass(frozen=True, slots=True)
 class RasterStatistics:
-    """What is known of some windows.
+    """What is known of the pixels of some windows.
 
     Attributes:
         statistics: for each file that of its bands; none for surfaces and colours.
@@ -103,24 +98,8 @@ class RasterStatistics:
     lost: LossCounts
 
 
-def window_statistics(made: WindowContent) -> RasterStatistics:
-    """What is known of one window.
-
-    Raises:
-        RequestError: it has numbers beyond those of its type.
-    """
-    for statistics in made.statistics:
-        if any(math.inf in (-part.low, part.high) for part in statistics if part.count):
-            raise RequestError(
-                "Some numbers go beyond 3.4e38, the largest ones of the file.",
-                "Look at the vScale and vOffset of the elements and at the soils, or add "
-                "--dtype float64.",
-            )
-    return RasterStatistics(made.statistics, made.counts, made.nodata, made.losses or LossCounts())
-
-
 class StatisticsSum:
-    """The sum of what was added to it; the order decides the last bits of means."""
+    """The statistics of all windows added to it; their order decides the last bits of means."""
 
     def __init__(self, files: Sequence[Bands]) -> None:
         self._statistics = [
@@ -130,26 +109,15 @@ class StatisticsSum:
         self._nodata = 0
         self._lost = LossCounts()
 
-    def add(self, tally: RasterStatistics) -> None:
-        """Add what is known of other windows."""
-        for total, parts in zip(self._statistics, tally.statistics, strict=True):
-            total[:] = map(BandStatistics.with_, total, parts)
-        self._counts = tally.counts + self._counts if self._counts.size else tally.counts
-        self._nodata += tally.nodata
-        self._lost += tally.lost
+    def add(self, part: RasterStatistics) -> None:
+        """Add those of other windows."""
+        for total, bands in zip(self._statistics, part.statistics, strict=True):
+            total[:] = map(BandStatistics.with_, total, bands)
+        self._counts = part.counts + self._counts if self._counts.size else part.counts
+        self._nodata += part.nodata
+        self._lost += part.lost
 
     def total(self) -> RasterStatistics:
-        """What is known of all that was added."""
+        """Those of all windows."""
         statistics = tuple(map(tuple, self._statistics))
         return RasterStatistics(statistics, self._counts, self._nodata, self._lost)
-
-
-def in_order(numbered: Iterator[tuple[int, Any]]) -> Iterator[Any]:
-    """What comes with the numbers 0, 1, 2, … in any order, by number."""
-    waiting: dict[int, Any] = {}
-    wanted = 0
-    for number, value in numbered:
-        waiting[number] = value
-        while wanted in waiting:
-            yield waiting.pop(wanted)
-            wanted += 1

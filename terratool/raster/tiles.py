@@ -27,6 +27,7 @@ from terratool.raster.layers import Bands
 from terratool.raster.loss import LossFinder
 from terratool.raster.prefetch import TILE, WindowMaker, heights_type
 from terratool.raster.statistics import RasterStatistics
+from terratool.raster.writers import Storage
 
 INDEX = "mosaic.vrt"
 """The index, if it is not given another name."""
@@ -36,7 +37,6 @@ OWNED = re.compile(
     f"({'|'.join(re.escape(end[1:]) for end in COMPANIONS)})?"
 )
 """Names of tiles and of their indexes, and of what GDAL keeps beside them."""
-
 
 SCRATCH = f"{PART}tiles-"
 """How the names of folders begin in which tiles are made."""
@@ -124,13 +124,13 @@ class FinishedTile:
     Attributes:
         row, column: which one.
         files: what they are like.
-        tally: what is known of its pixels.
+        statistics: of its pixels.
     """
 
     row: int
     column: int
     files: tuple[FileState, ...]
-    tally: RasterStatistics
+    statistics: RasterStatistics
 
 
 Job = tuple[int, RasterTile, FinishedTile | None]
@@ -195,17 +195,15 @@ class TileMaker:
         if known and all(map(is_complete, paths, known.files)):
             return known, True
         self.check()
+        storage = Storage(RasterFormat("GTiff"), plan.compression)
         with contextlib.ExitStack() as stack:
             parts = [
                 stack.enter_context(whole_file(path, True, COMPANIONS, self.scratch))
                 for path in paths
             ]
-            filled = fill_files(
-                parts, RasterFormat("GTiff"), self.terrain, plan.grid, plan.files, self._maker,
-                plan.compression, window=tile.window, progress=progress,
-            )  # fmt: skip
-            files = tuple(map(_whole, parts))
-        return FinishedTile(tile.row, tile.column, files, filled.tally), False
+            filled = fill_files(parts, self._maker, storage, window=tile.window, progress=progress)
+            files = tuple(map(_state_of, parts))
+        return FinishedTile(tile.row, tile.column, files, filled.statistics), False
 
     def check(self, _pixels: int = 0) -> None:
         """Find out whether tiles are still wanted.
@@ -251,5 +249,5 @@ def checksum(path: Path) -> str:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
-def _whole(path: Path) -> FileState:
+def _state_of(path: Path) -> FileState:
     return FileState(path.name, path.stat().st_size, checksum(path))

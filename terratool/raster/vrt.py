@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from terratool.field.terrain import Terrain
@@ -17,6 +16,7 @@ from terratool.raster.geotiff import (
     describe,
     statistics_tags,
     transform_of,
+    xml_bytes,
     xml_text,
 )
 from terratool.raster.layers import Bands
@@ -31,7 +31,7 @@ _TYPES = {
 
 
 def index_of(
-    path: Path, plan: MosaicPlan, file: int, terrain: Terrain, tally: RasterStatistics
+    path: Path, plan: MosaicPlan, file: int, terrain: Terrain, statistics: RasterStatistics
 ) -> bytes:
     """The text of an index; it names the tiles relative to where it is.
 
@@ -40,7 +40,7 @@ def index_of(
         plan: the tiles.
         file: which file of each tile it is of.
         terrain: the terrain.
-        tally: what is known of all pixels.
+        statistics: of all pixels.
     """
     grid, bands = plan.grid, plan.files[file]
     root = Element("VRTDataset", rasterXSize=str(grid.width), rasterYSize=str(grid.height))
@@ -55,20 +55,18 @@ def index_of(
     if bands.kind == "color":
         _metadata(root, {"INTERLEAVE": "PIXEL"}, domain="IMAGE_STRUCTURE")
     for number in range(bands.count):
-        band = _band(root, bands, number, terrain, tally)
-        exact = not plan.compression.max_z_error
-        if exact and tally.statistics[file] and tally.statistics[file][number].count:
-            pixels = grid.width * grid.height
+        band = _band(root, bands, number, terrain, statistics)
+        own = statistics.statistics[file]
+        if own and own[number].count and not plan.compression.max_z_error:
             # before all else: GDAL's schema of these files has an order
             band.insert(0, Element("Metadata"))
-            _items(band[0], statistics_tags(tally.statistics[file][number], pixels))
+            _items(band[0], statistics_tags(own[number], grid.width * grid.height))
         _sources(band, path, plan, file, number + 1)
-    ElementTree.indent(root)
-    return f"{ElementTree.tostring(root, encoding='unicode')}\n".encode()
+    return xml_bytes(root)
 
 
 def _band(
-    root: Element, bands: Bands, number: int, terrain: Terrain, tally: RasterStatistics
+    root: Element, bands: Bands, number: int, terrain: Terrain, statistics: RasterStatistics
 ) -> Element:
     band = SubElement(
         root, "VRTRasterBand", dataType=_TYPES[bands.dtype.name], band=str(number + 1),
@@ -87,7 +85,7 @@ def _band(
         for color in colormap(terrain).values():
             SubElement(table, "Entry", {f"c{n}": str(c) for n, c in enumerate(color, 1)})
     if bands.kind == "surface":
-        describe(band, terrain, tally.counts)
+        describe(band, terrain, statistics.counts)
     return band
 
 

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -27,6 +27,8 @@ from terratool.raster.geotiff import (
     CACHE_BYTES,
     MOST_COLORS,
     Compression,
+    GeoTiff,
+    RasterExtent,
     check_blocks,
     cog_options,
     complaints,
@@ -39,6 +41,10 @@ from terratool.raster.statistics import BandStatistics
 
 _TRUSTED = frozenset(["COG", "PNG", "AAIGrid", "XYZ", "SRTMHGT"])
 _HINT = "Ask for a .tif, or for a layer or type that this format holds."
+_SHIFT = 1e-3
+"""So far, in pixels, a raster may have moved: coordinates are rounded where they are text."""
+
+Pixels = NDArray[Any]
 
 
 def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threads: int) -> None:
@@ -61,8 +67,10 @@ def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threa
         stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False,
     )  # fmt: skip
     if done.returncode:
-        told = done.stdout.strip()
-        message = told or f"{path.name}: cannot be written (GDAL's driver {driver} crashed)."
+        message = (
+            done.stdout.strip()
+            or f"{path.name}: cannot be written (GDAL's driver {driver} crashed)."
+        )
         raise WriteError(message, _HINT)
 
 
@@ -80,10 +88,6 @@ def main() -> None:
 def _copy(source: Path, path: Path, driver: str, options: dict[str, Any]) -> None:
     with complaints(path, _HINT), rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
         rasterio.shutil.copy(source, path, driver=driver, strict=True, **options)
-
-
-_ASIDE = 1e-3
-"""So far, in pixels, a raster may have moved: coordinates are rounded where they are text."""
 
 
 def difference(one: Path, other: Path, bands: Bands, nodata: float) -> float:
@@ -134,7 +138,7 @@ def _compare_places(a: Any, b: Any, path: Path) -> None:
         raise _unfit(path, f"{a.count} × {a.height} × {a.width} pixels")
     nowhere = b.transform.is_identity and b.crs is None
     if not nowhere and any(
-        abs(p - q) > _ASIDE * a.transform.a for p, q in zip(a.bounds, b.bounds, strict=True)
+        abs(p - q) > _SHIFT * a.transform.a for p, q in zip(a.bounds, b.bounds, strict=True)
     ):
         raise _unfit(path, "where the pixels are")
     # many formats write a reference system in their own words, which have no number
@@ -145,9 +149,6 @@ def _compare_places(a: Any, b: Any, path: Path) -> None:
 
 def _unfit(path: Path, what: str) -> WriteError:
     return WriteError(f"{path.name}: its format does not keep {what}.", "Ask for a .tif instead.")
-
-
-Pixels = NDArray[Any]
 
 
 class RasterWriter(Protocol):
@@ -166,25 +167,33 @@ class RasterWriter(Protocol):
         """Take what is known when all windows are written."""
 
 
+@dataclass(frozen=True, slots=True)
+class Storage:
+    """How files are stored.
+
+    Attributes:
+        form: their format.
+        compression: of GeoTIFFs.
+        threads: that paint and compress; 0 for the calling one alone.
+    """
+
+    form: RasterFormat
+    compression: Compression
+    threads: int = 0
+
+
 @contextlib.contextmanager
 def open_writer(
-    path: Path,
-    form: RasterFormat,
-    terrain: Terrain,
-    grid: Grid,
-    bands: Bands,
-    compression: Compression,
-    coding: Coding | None,
-    threads: int,
-    window: Window | None = None,
+    path: Path, extent: RasterExtent, bands: Bands, storage: Storage, coding: Coding | None
 ) -> Iterator[RasterWriter]:
     """A file of a format to be written; complete when the block has ended.
 
-    A GeoTIFF may hold a `window` of the grid; the names of its surfaces do not stand beside it, but
-    in the index of the mosaic that it is a tile of.
+    Only a GeoTIFF may hold less than its grid. It is then a tile of a mosaic, whose index has the
+    names of the surfaces.
     """
+    form, compression, threads = storage.form, storage.compression, storage.threads
     if form.driver == "NPY":
-        yield _Array(path, bands, grid)
+        yield _Array(path, bands, extent.grid)
         return
     direct = form.driver == "GTiff"
     first = path if direct else path.with_name(f"{path.stem}.first.tif")
@@ -194,16 +203,15 @@ def open_writer(
     nodata = None if coding is None else coding.nodata
     tiff = form.driver in ("GTiff", "COG")
     colors = MOST_COLORS if tiff else 256
-    with geotiff(
-        first, terrain, grid, coded, first_compression, threads, nodata, window, colors
-    ) as file:
+    with geotiff(first, extent, coded, first_compression, threads, nodata, colors) as file:
         if coding is not None and not coding.exact:
             file.file.scales = (coding.scale,) * bands.count
             file.file.offsets = (coding.offset,) * bands.count
-        into = _Raster(file, None if window else first, terrain, bands, coding)
+        named = None if extent.window or bands.kind != "surface" else first
+        writer = _Raster(file, named, extent.terrain, coding)
         if tiff and bands.kind == "number":
-            into.difference = compression.max_z_error
-        yield into
+            writer.difference = compression.max_z_error
+        yield writer
     if direct:
         return
     options = cog_options(bands, compression) if form.driver == "COG" else dict(form.options)
@@ -212,7 +220,7 @@ def open_writer(
     copied(first, path, form.driver, options, threads)
     if form.driver != "COG":
         nothing = form.nodata if bands.kind == "number" else math.nan
-        into.difference += difference(first, path, coded, nothing)
+        writer.difference += difference(first, path, coded, nothing)
     first.unlink()
     first.with_name(first.name + ".aux.xml").unlink(missing_ok=True)
 
@@ -248,13 +256,11 @@ class _Raster:
     """A GeoTIFF, the file itself or what it is copied from."""
 
     def __init__(
-        self, file: Any, named: Path | None, terrain: Terrain, bands: Bands, coding: Coding | None
+        self, file: GeoTiff, named: Path | None, terrain: Terrain, coding: Coding | None
     ) -> None:
-        self._file, self._named, self._terrain, self._bands = file, named, terrain, bands
-        self._coding = coding
-        self.difference = 0.0
-        if coding is not None:
-            self.difference = coding.difference
+        """`named` is the file whose surfaces get names; None if it has none."""
+        self._file, self._named, self._terrain, self._coding = file, named, terrain, coding
+        self.difference = coding.difference if coding else 0.0
 
     def write(self, window: Window, pixels: Pixels) -> None:
         self._file.write(window, pixels if self._coding is None else self._coding.encode(pixels))
@@ -262,5 +268,5 @@ class _Raster:
     def finish(self, statistics: Sequence[BandStatistics], counts: NDArray[np.int64]) -> None:
         if not self.difference:  # or they would be those of other numbers
             self._file.finish(statistics)
-        if self._bands.kind == "surface" and self._named:
+        if self._named:
             name_surfaces(self._named, self._terrain, counts)

@@ -20,7 +20,7 @@ from terratool.kernels import traversability as kernels
 from terratool.output import refuse_existing, whole_file
 from terratool.raster.export import COMPANIONS, checked_threads, refuse_full_disk
 from terratool.raster.formats import raster_format
-from terratool.raster.geotiff import Compression, GeoTiff, crs_of, geotiff
+from terratool.raster.geotiff import Compression, GeoTiff, RasterExtent, crs_of, geotiff
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
 from terratool.raster.layers import Bands, Layer
 from terratool.raster.prefetch import TILE, prefetch
@@ -309,7 +309,7 @@ def _opened(
     for part, bands in zip(parts, _FILES, strict=True):
         nodata = None if bands is NUMBERS else 0.0
         file = stack.enter_context(
-            geotiff(part, terrain, grid, bands, Compression(), threads, nodata)
+            geotiff(part, RasterExtent(terrain, grid), bands, Compression(), threads, nodata)
         )
         if bands is VERDICT:
             file.file.write_colormap(1, {int(key): (*c, 255) for key, c in COLORS.items()})

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, YARD, Ran, run
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, YARD, Ran, call
 
 HEADER = "x,y,z,surface,element,nx,ny,nz"
 SLOPE = sqrt(0.5)
@@ -51,7 +51,7 @@ def heights(ran: Ran) -> list[tuple[float, float, float]]:
 
 def test_answers_as_csv(yard: Path) -> None:
     """Each point has its row; what it does not have is an empty cell."""
-    found = rows(run("query", yard, *(n for point in ANSWERS for n in point)))
+    found = rows(call("query", yard, *(n for point in ANSWERS for n in point)))
     for (point, (z, surface, element, normal)), row in zip(ANSWERS.items(), found, strict=True):
         assert (float(row[0]), float(row[1])) == point
         assert row[3:5] == [surface or "", element or ""]
@@ -61,7 +61,7 @@ def test_answers_as_csv(yard: Path) -> None:
 
 def test_answers_as_json(yard: Path) -> None:
     """The same as JSON, with null for what there is not, and a version."""
-    ran = run("query", yard, *(n for point in ANSWERS for n in point), "--format", "json")
+    ran = call("query", yard, *(n for point in ANSWERS for n in point), "--format", "json")
     assert (ran.code, ran.err) == (0, "")
     report = json.loads(ran.out)
     points = report if isinstance(report, list) else report["points"]
@@ -76,14 +76,14 @@ def test_answers_as_json(yard: Path) -> None:
 
 def test_json_carries_a_version(yard: Path) -> None:
     """A script can tell the version of the report, as with every other JSON."""
-    report = json.loads(run("query", yard, 1, 1, "--format", "json").out)
+    report = json.loads(call("query", yard, 1, 1, "--format", "json").out)
     assert isinstance(report, dict)
     assert report["format_version"] == 1
 
 
 def test_the_surface_with_a_comma_is_quoted(yard: Path) -> None:
     """A name cannot shift the columns."""
-    assert run("query", yard, 1, 1).out.splitlines()[1].startswith('1.0,1.0,2.0,"wet, grey",/elem')
+    assert call("query", yard, 1, 1).out.splitlines()[1].startswith('1.0,1.0,2.0,"wet, grey",/elem')
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_negative_numbers_are_no_options(
     yard: Path, texts: list[str], points: list[tuple[float, float]]
 ) -> None:
     """Coordinates may be negative, in any spelling, before options and behind them."""
-    assert heights(run("query", yard, *texts)) == [(x, y, 2.0) for x, y in points]
+    assert heights(call("query", yard, *texts)) == [(x, y, 2.0) for x, y in points]
 
 
 RAMP = [(1.0, -1.0, 3.0), (2.5, -2.0, 4.5)]
@@ -135,7 +135,7 @@ RAMP = [(1.0, -1.0, 3.0), (2.5, -2.0, 4.5)]
 )
 def test_csv_of_many_kinds(yard: Path, text: str) -> None:
     """A header in any order or none, any usual delimiter, comments, marks and line ends."""
-    assert_ramp(run("query", yard, "--points", "-", stdin=text))
+    assert_ramp(call("query", yard, "--points", "-", stdin=text))
 
 
 @pytest.mark.parametrize("text", ["y,x\r\n-1,1\r\n-2,2.5\r\n", "\ufeffx;y\n1;-1\n2.5;-2"])
@@ -143,7 +143,7 @@ def test_csv_from_a_file(yard: Path, tmp_path: Path, text: str) -> None:
     """A file is read as a pipe is."""
     path = tmp_path / "points.csv"
     path.write_bytes(text.encode())
-    assert_ramp(run("query", yard, "--points", path))
+    assert_ramp(call("query", yard, "--points", path))
 
 
 def assert_ramp(ran: Ran) -> None:
@@ -155,7 +155,7 @@ def assert_ramp(ran: Ran) -> None:
 @pytest.mark.parametrize(("form", "length"), [("csv", 1), ("json", 0)])
 def test_no_points(yard: Path, text: str, form: str, length: int) -> None:
     """No points make no answers, and that is good."""
-    ran = run("query", yard, "--points", "-", "--format", form, stdin=text)
+    ran = call("query", yard, "--points", "-", "--format", form, stdin=text)
     assert (ran.code, ran.err) == (0, "")
     if form == "csv":
         assert ran.out.splitlines() == [HEADER][:length]
@@ -184,7 +184,7 @@ def test_a_malformed_line(yard: Path, tmp_path: Path, text: str, line: int) -> N
     """A line that holds no point exits 3 and is named by its number."""
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
-    ran = run("query", yard, "--points", path)
+    ran = call("query", yard, "--points", path)
     assert ran.code == 3
     assert ran.err.startswith(f"terratool: {path}:{line}: "), ran.err
 
@@ -195,7 +195,7 @@ def test_points_in_another_encoding(yard: Path, tmp_path: Path, piped: bool) -> 
     path = tmp_path / "points.csv"
     path.write_bytes("name,x,y\ncafé,1,2\n".encode("latin-1"))
     source = "-" if piped else path
-    ran = run("query", yard, "--points", source, stdin=path.read_bytes() if piped else b"")
+    ran = call("query", yard, "--points", source, stdin=path.read_bytes() if piped else b"")
     assert ran.code == 3
     assert "UTF-8" in ran.err
 
@@ -203,7 +203,7 @@ def test_points_in_another_encoding(yard: Path, tmp_path: Path, piped: bool) -> 
 def test_points_that_are_not_there(yard: Path, tmp_path: Path) -> None:
     """A missing file of points exits 3 and leaves standard output empty."""
     path = tmp_path / "absent.csv"
-    ran = run("query", yard, "--points", path)
+    ran = call("query", yard, "--points", path)
     assert ran.code == 3
     assert ran.err.startswith(f"terratool: {path}: cannot be read ")
     assert ran.out == ""
@@ -213,7 +213,7 @@ def test_more_points_than_one_chunk(yard: Path) -> None:
     """A long list is answered whole and in order."""
     count = 70_001
     text = "".join(f"{i % 5},{-(i % 3)}\n" for i in range(1, count + 1))
-    found = run("query", yard, "--points", "-", stdin=text).out.splitlines()[1:]
+    found = call("query", yard, "--points", "-", stdin=text).out.splitlines()[1:]
     assert len(found) == count
     for index in (1, 65_536, 65_537, count):
         x, y, z = found[index - 1].split(",")[:3]

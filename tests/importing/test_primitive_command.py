@@ -23,7 +23,7 @@ from terratool.importing.primitive.insert import (
     write,
 )
 from terratool.text.format import canonical
-from tests.commands import run_here as run
+from tests.commands import call as run
 
 COLUMNS, ROWS, SIDE = 40, 26, 0.5
 WEST, NORTH = 431200.0, 5768413.0

@@ -17,7 +17,7 @@ from terratool.importing.sources import open_source
 from terratool.importing.terrain import survey
 from terratool.importing.terrain.build import ImportOptions, import_terrain
 from tests.commands import ROOT, SAMPLE
-from tests.commands import run_here as run
+from tests.commands import call as run
 
 
 @pytest.fixture

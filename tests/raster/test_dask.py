@@ -22,16 +22,15 @@ import rasterio
 
 from terratool.errors import RequestError, WriteError
 from terratool.raster import dask as ours
-from terratool.raster.export import RasterReport, export_dem
+from terratool.raster.export import RasterReport
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import files_of, layers_named
-from terratool.raster.mosaic import export_mosaic
 from terratool.raster.painter import Painter
 from terratool.raster.tiles import MosaicPlan, TileMaker
 from tests.commands import COMMAND, ENVIRONMENT
 from tests.conftest import terrain_of
-from tests.mosaics import ALL, SITE, contents, finished, wait_until
+from tests.mosaics import ALL, SITE, contents, export_dem, export_mosaic, finished, wait_until
 
 distributed = pytest.importorskip("distributed", reason="Dask is an extra: terratool[dask]")
 
@@ -41,7 +40,7 @@ def grid_at(resolution: float) -> Grid:
 
 
 def mosaic(folder: Path, grid: Grid, **options: Any) -> RasterReport:
-    return export_mosaic(terrain_of(SITE), grid, folder, **{"tile_size": 512, **options})
+    return export_mosaic(terrain_of(SITE), grid, folder, **options)
 
 
 def parts(folder: Path) -> set[str]:

@@ -23,9 +23,10 @@ from hypothesis import strategies as st
 from terratool import output
 from terratool.errors import DefinitionError, RequestError, WriteError
 from terratool.raster import export, geotiff
-from terratool.raster.export import export_dem
 from terratool.raster.grid import Grid, Window, default_resolution, grid_over
+from tests.commands import call
 from tests.conftest import terrain_of
+from tests.mosaics import export_dem
 
 # asymmetric and oblong: a flip, a transposition or a shift by half a pixel shows
 SITE: dict[str, Any] = {
@@ -54,11 +55,6 @@ SITE: dict[str, Any] = {
 def read(path: Path) -> tuple[np.ndarray, Any]:
     with rasterio.open(path) as file:
         return file.read(1), file.profile
-
-
-def run(*arguments: object, **more: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "terratool", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **more)
 
 
 @pytest.mark.parametrize("resolution", [0.25, 0.7, 2, 3, 5])
@@ -204,10 +200,10 @@ class TestWholeOrNotAtAll:
     def test_an_existing_file_is_kept(self, tmp_path: Path, saved: Callable[..., Path]) -> None:
         out = tmp_path / "a.tif"
         out.write_text("mine")
-        refused = run("export-dem", saved(SITE), out)
-        assert refused.returncode == 3 and "--overwrite" in refused.stderr
+        refused = call("export-dem", saved(SITE), out)
+        assert refused.code == 3 and "--overwrite" in refused.err
         assert out.read_text() == "mine"
-        assert run("export-dem", saved(SITE), out, "--overwrite").returncode == 0
+        assert call("export-dem", saved(SITE), out, "--overwrite").code == 0
         assert read(out)[0].shape == (40, 60)
 
     def test_what_stands_behind_a_name_is_respected(
@@ -218,10 +214,10 @@ class TestWholeOrNotAtAll:
         text = source.read_bytes()
         os.mkfifo(tmp_path / "pipe")
         for out in (source, tmp_path / "pipe"):
-            assert run("export-dem", source, out, "--overwrite").returncode == 3
+            assert call("export-dem", source, out, "--overwrite").code == 3
         assert source.read_bytes() == text and (tmp_path / "pipe").is_fifo()
         (tmp_path / "link.tif").symlink_to(tmp_path / "real.tif")
-        assert run("export-dem", source, tmp_path / "link.tif").returncode == 0
+        assert call("export-dem", source, tmp_path / "link.tif").code == 0
         assert (tmp_path / "link.tif").is_symlink() and read(tmp_path / "real.tif")[0].size
 
     def test_a_failure_in_the_middle_leaves_nothing(
@@ -346,10 +342,10 @@ class TestWholeOrNotAtAll:
     def test_unknown_crs(
         self, tmp_path: Path, saved: Callable[..., Path], crs: Any, code: int
     ) -> None:
-        done = run("export-dem", saved({**SITE, "crs": crs}), tmp_path / "a.tif")
-        assert done.returncode == code
+        done = call("export-dem", saved({**SITE, "crs": crs}), tmp_path / "a.tif")
+        assert done.code == code
         assert (tmp_path / "a.tif").exists() == (code == 0)
-        assert ("unknown" in done.stderr) == (code == 1) and "Traceback" not in done.stderr
+        assert ("unknown" in done.err) == (code == 1)
 
     def test_unknown_crs_raises(self) -> None:
         with pytest.raises(DefinitionError, match="nonsense"):
@@ -372,24 +368,25 @@ class TestWholeOrNotAtAll:
         ids=str,
     )
     def test_every_way_of_being_wrong(
-        self, tmp_path: Path, saved: Callable[..., Path], arguments: list[str], code: int
-    ) -> None:
+        self, tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch,
+        arguments: list[str], code: int,
+    ) -> None:  # fmt: skip
         """One sentence and a hint on stderr, the right exit code, and no output file."""
         names = {
             "good": saved(SITE, "good.json"),
             "bad": saved({**SITE, "size": -1}, "bad.json"),
         }
         before = sorted(tmp_path.rglob("*"))
-        done = run("export-dem", *(a.format(**names) for a in arguments), cwd=tmp_path)
-        assert done.returncode == code, done.stderr
-        assert done.stdout == "" and "Traceback" not in done.stderr
-        assert len(done.stderr.strip().splitlines()) >= 2
+        monkeypatch.chdir(tmp_path)
+        done = call("export-dem", *(a.format(**names) for a in arguments))
+        assert (done.code, done.out) == (code, ""), done.err
+        assert len(done.err.strip().splitlines()) >= 2
         assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_the_command_says_what_it_did(tmp_path: Path, saved: Callable[..., Path]) -> None:
-    done = run("export-dem", saved(SITE), tmp_path / "a.tif", "--json")
-    report = json.loads(done.stdout)
+    done = call("export-dem", saved(SITE), tmp_path / "a.tif", "--json")
+    report = json.loads(done.out)
     pixels, _ = read(tmp_path / "a.tif")
     assert report["format_version"] == 2
     assert (report["width"], report["height"], report["resolution"]) == (60, 40, 0.2)
@@ -399,5 +396,5 @@ def test_the_command_says_what_it_did(tmp_path: Path, saved: Callable[..., Path]
     (band,) = file["bands"]
     assert band["low"] == np.nanmin(pixels) and band["high"] == np.nanmax(pixels)
     assert (band["name"], band["unit"], file["dtype"]) == ("height", "m", "float32")
-    text = run("export-dem", saved(SITE), tmp_path / "b.tif").stdout
+    text = call("export-dem", saved(SITE), tmp_path / "b.tif").out
     assert "60 × 40 pixels of 0.2 (a tenth of the smallest cell)" in text

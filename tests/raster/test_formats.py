@@ -15,11 +15,10 @@ import rasterio
 from rio_cogeo.cogeo import cog_validate
 
 from terratool.errors import RequestError, WriteError
-from terratool.raster.export import export_dem
 from terratool.raster.geotiff import COMPRESSIONS, Compression
 from terratool.raster.grid import Grid, grid_over
-from terratool.raster.mosaic import export_mosaic
 from tests.conftest import terrain_of
+from tests.mosaics import export_dem, export_mosaic
 from tests.raster.test_layers import SITE
 
 needs_gdalinfo = pytest.mark.skipif(
@@ -175,12 +174,12 @@ class TestOthers:
         with rasterio.open(tmp_path / "a.png") as file:
             pixels = file.read(1)
             assert file.dtypes == ("uint16",) and file.nodata == 0
-            assert file.scales == pytest.approx((written.scale,), rel=1e-12)
-            assert file.offsets == pytest.approx((written.offset,), rel=1e-12)
+            assert file.scales == pytest.approx((written.coding.scale,), rel=1e-12)
+            assert file.offsets == pytest.approx((written.coding.offset,), rel=1e-12)
         assert np.array_equal(pixels == 0, np.isnan(plain))
         ground = pixels > 0
         assert (pixels[ground].min(), pixels.max()) == (1, 65535)
-        read = pixels[ground] * written.scale + written.offset
+        read = pixels[ground] * written.coding.scale + written.coding.offset
         difference = abs(read - plain[ground]).max()
         assert 0 < difference <= written.difference * (1 + 1e-6)
         assert written.difference == pytest.approx(np.ptp(plain[ground]) / 65534 / 2, rel=1e-6)
@@ -191,7 +190,7 @@ class TestOthers:
         )
         (written,) = export_dem(terrain, grid_over(terrain, 1), tmp_path / "a.png").files
         with rasterio.open(tmp_path / "a.png") as file:
-            assert np.all(file.read(1) * written.scale + written.offset == 3)
+            assert np.all(file.read(1) * written.coding.scale + written.coding.offset == 3)
         assert written.difference == 0
 
     @pytest.mark.parametrize("layer", ["surface", "color"])
@@ -215,7 +214,7 @@ class TestOthers:
         (written,) = export_dem(terrain, grid, tmp_path / f"a.{suffix}").files
         with rasterio.open(tmp_path / f"a.{suffix}") as file:
             pixels = file.read(1).astype(np.float64)
-            nodata = written.nodata if file.nodata is None else file.nodata
+            nodata = written.coding.nodata if file.nodata is None else file.nodata
         pixels[pixels == nodata] = np.nan
         assert np.array_equal(np.isnan(pixels), np.isnan(plain))
         assert np.nanmax(abs(pixels - plain)) <= written.difference + 1e-12

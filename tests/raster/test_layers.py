@@ -17,10 +17,10 @@ from rasterio.enums import ColorInterp
 from terratool.cli import export_dem as command
 from terratool.errors import RequestError
 from terratool.raster import geotiff
-from terratool.raster.export import export_dem
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.layers import LAYERS, NO_COLOR
 from tests.conftest import terrain_of
+from tests.mosaics import export_dem
 
 SOIL = {
     "cohesion": "cohesion", "friction": "fricAngle", "sinkage": "sinkage", "sonar": "sonarRefl",

@@ -411,20 +411,22 @@ class TestMisfit:
     def test_of_a_tent(self, resolution: float) -> None:
         """The ridge between two pixels is cut by half of what a pixel climbs."""
         terrain = terrain_with(type="tent", vScale=1)
-        misfit = statement_of(terrain, resolution, np.float64).misfit
-        assert misfit
+        error = statement_of(terrain, resolution, np.float64).interpolation
+        assert error
         cut = 0.2 * resolution / 2
-        assert misfit.largest == pytest.approx(cut, rel=1e-9)
-        assert (misfit.x, misfit.y) == (5, 5)
-        assert misfit.element == "/elemTree"
+        assert error.largest == pytest.approx(cut, rel=1e-9)
+        assert (error.x, error.y) == (5, 5)
+        assert error.element == "/elemTree"
         share = resolution / (10 - resolution)
-        assert misfit.rms == pytest.approx(cut * math.sqrt(share / 3), rel=0.05)
-        assert misfit.points == min(100_000, 4 * round(10 / resolution) ** 2) // 2 + 1
+        assert error.rms == pytest.approx(cut * math.sqrt(share / 3), rel=0.05)
+        assert error.points == min(100_000, 4 * round(10 / resolution) ** 2) // 2 + 1
 
     def test_of_what_is_bilinear_is_rounding(self) -> None:
         """In float32 what that rounds off, in float64 nothing."""
         terrain = terrain_with(type="slope", vScale=1)
-        single, double = (statement_of(terrain, 0.3, t).misfit for t in (np.float32, np.float64))
+        single, double = (
+            statement_of(terrain, 0.3, t).interpolation for t in (np.float32, np.float64)
+        )
         assert single and double
         assert 1e-9 < single.largest < 1e-7
         assert double.largest < 1e-14
@@ -434,26 +436,26 @@ class TestMisfit:
         """Its middle is looked at, and it is named."""
         needle = at(3, 3, type="box", cells=1001, children=[
             {"type": "box", "cellX": 500, "cellY": 500, "vScale": 9}])  # fmt: skip
-        misfit = statement_of(terrain_with(needle), 0.1).misfit
-        assert misfit
-        assert misfit.largest == pytest.approx(9)
-        assert misfit.element == "/elemTree/children/0/children/0"
+        error = statement_of(terrain_with(needle), 0.1).interpolation
+        assert error
+        assert error.largest == pytest.approx(9)
+        assert error.element == "/elemTree/children/0/children/0"
 
     def test_where_a_corner_has_no_height_is_skipped(self) -> None:
         """And where there is nothing but such corners there is no answer."""
         hole = at(0, 0, 10, 5, type="nothing", surface="hole")
         terrain = terrain_with(hole, type="tent", surface="rock", vScale=1)
-        misfit = statement_of(terrain, 0.1).misfit
-        assert misfit
-        assert misfit.y > 5
-        assert statement_of(terrain_with({**hole, "span": [10, 10]}), 0.1).misfit is None
+        error = statement_of(terrain, 0.1).interpolation
+        assert error
+        assert error.y > 5
+        assert statement_of(terrain_with({**hole, "span": [10, 10]}), 0.1).interpolation is None
 
     @pytest.mark.parametrize("size", [[10, 1], [1, 10], 1])
     def test_of_a_row_of_pixels(self, size: Any) -> None:
         """Or a column, or one: interpolated along it."""
-        misfit = statement_of(terrain_with(type="hill", vScale=1, size=size), 1.0).misfit
-        assert misfit
-        assert math.isfinite(misfit.largest)
+        error = statement_of(terrain_with(type="hill", vScale=1, size=size), 1.0).interpolation
+        assert error
+        assert math.isfinite(error.largest)
 
 
 class TestStatement:
@@ -480,7 +482,7 @@ class TestStatement:
         assert about.sentence().startswith("Lost: about 1,234,568 m of wall became")
         slight = replace(self.everything, steepest=None)
         assert slight.sentence().startswith("Lost: 12.3 m of wall became ramps (2.12 m in one ")
-        only = replace(self.nothing, misfit=self.everything.misfit)
+        only = replace(self.nothing, interpolation=self.everything.interpolation)
         assert only.sentence() == "Lost: pixels differ from the model by up to 0.5 m."
 
     def test_as_json(self) -> None:

@@ -15,14 +15,14 @@ import rasterio
 
 from terratool.errors import WriteError
 from terratool.raster import export, tiles
-from terratool.raster.export import RasterReport, export_dem
+from terratool.raster.export import RasterReport
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.journal import NAME, journal_of
-from terratool.raster.mosaic import export_mosaic, fingerprint
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, run
+from terratool.raster.mosaic import fingerprint
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
 from tests.conftest import terrain_of
-from tests.mosaics import ALL, SITE, contents, finished, wait_until
+from tests.mosaics import ALL, SITE, contents, export_dem, export_mosaic, finished, wait_until
 
 TILES = 6  # 1200 × 800 pixels in tiles of 512, which divides neither side
 
@@ -35,7 +35,7 @@ def grid() -> Grid:
 def mosaic(folder: Path, *arguments: Any, **options: Any) -> RasterReport:
     terrain = terrain_of(SITE)
     grid = grid_over(terrain, 0.01)
-    return export_mosaic(terrain, grid, folder, *arguments, **{"tile_size": 512, **options})
+    return export_mosaic(terrain, grid, folder, *arguments, **options)
 
 
 def pixels_of(path: Path) -> bytes:
@@ -167,13 +167,13 @@ class TestResumed:
             for name, *_ in json.loads(json.loads(line)[1])["files"]
         ]  # fmt: skip
         before = {name: (folder / name).stat() for name in names}
-        done = json.loads(run(*arguments, folder).out)
+        done = json.loads(call(*arguments, folder).out)
         assert done["tiles"]["kept"] == len(names) / 2 >= 5
         assert done["tiles"]["kept"] + done["tiles"]["made"] == 12 * 8
         for name, was in before.items():
             now = (folder / name).stat()
             assert (now.st_ino, now.st_mtime_ns) == (was.st_ino, was.st_mtime_ns)
-        uninterrupted = json.loads(run(*arguments, tmp_path / "b").out)
+        uninterrupted = json.loads(call(*arguments, tmp_path / "b").out)
         assert contents(folder) == contents(tmp_path / "b")
         for key in ("nodata", "surfaces", "losses", "lacking"):
             assert done[key] == uninterrupted[key]
@@ -348,7 +348,7 @@ class TestAnother:
             raise WriteError("The disk is lost.")
 
         with monkeypatch.context() as patch, pytest.raises(WriteError, match="is lost"):
-            patch.setattr("terratool.raster.mosaic._make", lost)
+            patch.setattr("terratool.raster.mosaic.made_by_threads", lost)
             mosaic(tmp_path / "a")
         assert [path.name for path in (tmp_path / "a").iterdir()] == [NAME]
         report = mosaic(tmp_path / "a", tile_size=1024)
@@ -430,7 +430,7 @@ class TestWrong:
         """Also while a file is closed, of which GDAL says nothing."""
         resource = pytest.importorskip("resource", reason="there are no limits on Windows")
         arguments = ["export-dem", saved(SITE), "--resolution", "0.02", "--threads", "1"]
-        assert run(*arguments, tmp_path / "a.tif").code == 0
+        assert call(*arguments, tmp_path / "a.tif").code == 0
         limit = (tmp_path / "a.tif").stat().st_size - short
 
         def limited() -> None:
@@ -480,13 +480,15 @@ class TestWrong:
 
 def test_the_command_says_what_it_did(tmp_path: Path, saved: Callable[..., Path]) -> None:
     arguments = ["export-dem", saved(SITE), "--resolution", "0.01", "--tile-size", "512"]
-    done = run(*arguments, "--tiles", tmp_path / "a", "--json")
+    done = call(*arguments, "--tiles", tmp_path / "a", "--json")
     assert json.loads(done.out)["tiles"] == {
         "folder": str(tmp_path / "a"), "size": 512, "rows": 2, "columns": 3, "kept": 0, "made": 6,
     }  # fmt: skip
     (tmp_path / "a" / "tile-0-0.tif").unlink()
-    text = run(*arguments, "--tiles", tmp_path / "a").out
+    text = call(*arguments, "--tiles", tmp_path / "a").out
     assert "2 × 3 tiles of 512², 1 made, 5 kept of an earlier run" in text
     assert f"{tmp_path / 'a' / 'mosaic.vrt'}: float32" in text
-    plain = run("export-dem", ROOT / "samples" / "paper-example.json", tmp_path / "a.tif", "--json")
+    plain = call(
+        "export-dem", ROOT / "samples" / "paper-example.json", tmp_path / "a.tif", "--json"
+    )
     assert json.loads(plain.out)["tiles"] is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,13 @@ def paint_all(
     planes = painter.blank(window)
     if threads == 1:
         return painter.paint(window, planes)
-    painter.paint_bands(window, planes, threads)
+
+    def paint(part: Window) -> None:
+        rows = slice(part.row - window.row, part.row - window.row + part.height)
+        painter.paint(part, Planes(*(getattr(planes, name)[rows] for name in Planes.__slots__)))
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(paint, window.cut(132, window.width)))
     return planes
 
 
@@ -60,10 +67,10 @@ def steepest_sum(terrain: Terrain) -> float:
     knots = arrays.curves.knots
     steepest = 0.0
     for kind in arrays.kinds:
-        for axis in "xy":
-            first, count = int(kind[f"{axis}_first"]), int(kind[f"{axis}_count"])
-            if kind[f"knotted_{axis}"]:
-                own = knots[int(kind[f"{axis}_knot"]) :]
+        for axis in (0, 1):
+            first, count = int(kind["pieces"][axis, 0]), int(kind["count"][axis])
+            if kind["knotted"][axis]:
+                own = knots[int(kind["knots"][axis, 0]) :]
                 count = int(np.argmax(np.isinf(own)))
                 lengths = np.diff(np.append(own[:count], 1.0))
                 c = pieces[first : first + count] * lengths[:, None] ** np.array([0, 0, 1, 2])
@@ -354,7 +361,7 @@ class TestEnds:
         if turn % 90 == 0:
             cosine, sine = round(cosine), round(sine)
         pose["cos"], pose["sin_v"], pose["sin_u"] = cosine, sine * aspect, sine / aspect
-        pose["width"] = pose["height"] = 1
+        pose["size"] = 1
         pose["turned"] = turn != 0
         return pose
 
@@ -536,8 +543,6 @@ def test_arrays_that_do_not_fit_are_refused(kind: str) -> None:
     planes = Planes(heights, None if kind == "missing" else ids)
     with pytest.raises(ValueError, match="is wanted"):
         painter.paint(Window(0, 0, 5, 5), planes)
-    with pytest.raises(ValueError, match="is wanted"):
-        painter.paint_bands(Window(0, 0, 5, 5), planes, 2)
     assert not heights.any() and not ids.any()
 
 
