@@ -1,14 +1,15 @@
 """Record what every command writes and what the library answers, to compare two states of the code.
 
-    python benchmarks/freeze.py record DIR [--only WORD,...] [DEM ...]
-        files, texts, exit codes and arrays
+    python benchmarks/freeze.py record DIR [--like OTHER] [--only WORD,...] [DEM ...]
+        files, texts, exit codes and arrays; of the generated terrains of another recording
     python benchmarks/freeze.py compare DIR OTHER
         names what is not the same byte by byte
 
 With --only, just commands whose names begin with one of the words, and the arrays if `arrays` is
 one; what only the first of two recordings has is then no difference.
 
-A recording compares only with one made by the same versions of NumPy, GDAL and Hypothesis.
+A recording compares only with one made by the same versions of NumPy and GDAL. What Hypothesis
+generates depends on the constants in the code, so give --like from the second recording on.
 """
 
 from __future__ import annotations
@@ -199,15 +200,27 @@ def generated() -> Iterator[tuple[str, dict[str, Any]]]:
                 yield f"random-{label.lower()}-{seed:02}", made
 
 
-def record_arrays(out: Path) -> None:
+def recorded(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The definitions of a recording."""
+    for path in sorted((folder / "arrays").glob("*.npz")):
+        with np.load(path) as found:
+            if "definition" in found:
+                yield path.stem, json.loads(found["definition"].tobytes())
+
+
+def record_arrays(out: Path, like: Path | None = None) -> None:
     """What the library answers: heights, samples, windows, losses, meshes."""
-    definitions = [
-        *generated(),
-        *(
-            (f"sample-{path.stem}", json.loads(path.read_text()))
-            for path in sorted((ROOT / "samples").glob("*.json"))
-        ),
-    ]
+    definitions = (
+        recorded(like)
+        if like
+        else [
+            *generated(),
+            *(
+                (f"sample-{path.stem}", json.loads(path.read_text()))
+                for path in sorted((ROOT / "samples").glob("*.json"))
+            ),
+        ]
+    )
     folder = out / "arrays"
     folder.mkdir()
     for name, definition in definitions:
@@ -316,6 +329,8 @@ def differing(one: Path, other: Path) -> Iterator[str]:
     for path in sorted(first & second):
         if filecmp.cmp(one / path, other / path, shallow=False):
             continue
+        if path.suffix == ".said" and _without_chance(one, path) == _without_chance(other, path):
+            continue
         if path.suffix != ".npz":
             yield f"{path}: differs"
             continue
@@ -325,6 +340,12 @@ def differing(one: Path, other: Path) -> Iterator[str]:
                 yield f"{path}: {name} is only in one"
             elif _told(a[name]) != _told(b[name]):
                 yield f"{path}: {name} differs{_by(a[name], b[name])}"
+
+
+def _without_chance(folder: Path, path: Path) -> bytes:
+    """What a command said, without how long it took and where it ran."""
+    said = (folder / path).read_bytes().replace(bytes(folder), b"")
+    return re.sub(rb"(?m)^terratool: .*, \d+ s.*\n", b"", said)
 
 
 def _told(values: np.ndarray) -> bytes:
@@ -348,18 +369,25 @@ def _by(a: np.ndarray, b: np.ndarray) -> str:
 def main() -> None:
     match sys.argv[1:]:
         case ["record", out, *dems]:
+            like: Path | None = None
             only: tuple[str, ...] = ("",)
+            if dems[:1] == ["--like"]:
+                like, dems = Path(dems[1]), dems[2:]
             if dems[:1] == ["--only"]:
                 only, dems = tuple(dems[1].split(",")), dems[2:]
             folder = Path(out)
             folder.mkdir(parents=True)
             if "arrays".startswith(only):
-                record_arrays(folder)
+                record_arrays(folder, like)
             if only != ("arrays",):
                 record_commands(folder, [Path(dem) for dem in dems], only)
             (folder / "only").write_text(",".join(only))
         case ["compare", one, other]:
             lines = list(differing(Path(one), Path(other)))
+            if any(": definition differs" in line for line in lines):
+                lines.insert(
+                    0, "The definitions differ: record the second one with --like the first."
+                )
             print("\n".join([*lines, f"{len(files(Path(one)))} files, {len(lines)} differences"]))
             sys.exit(bool(lines))
         case _:

@@ -14,7 +14,8 @@ from msgspec.structs import asdict
 
 from terratool import __version__
 from terratool.definition.findings import Finding
-from terratool.definition.rules import Rule, all_rules
+from terratool.definition.rules import RULES
+from terratool.definition.rules.base import Rule
 from terratool.text.display import Excerpt, columns_of, printable
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
@@ -27,7 +28,7 @@ def log(findings: Iterable[Finding], unreadable: Sequence[tuple[str, str]]) -> d
         findings: what was found.
         unreadable: names of files that could not be read, and why.
     """
-    rules = all_rules()
+    rules = RULES
     places = {code: index for index, code in enumerate(rules)}
     driver = {
         "name": "terratool",

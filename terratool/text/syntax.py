@@ -54,6 +54,18 @@ class JsonSyntaxError(Exception):
         self.inside = inside
 
 
+def bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
+    """Bytes that are no UTF-8."""
+    before = data[: error.start].decode("utf-8")
+    message = f"the byte 0x{data[error.start]:02X} is not valid UTF-8."
+    hint = "Save the file as UTF-8."
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        message = "the file begins as UTF-16 where UTF-8 is expected."
+    elif b"\0" in data:
+        hint = NO_TEXT
+    return JsonSyntaxError("TT109", len(before), message, hint)
+
+
 def bad_number(text: str, offset: int) -> JsonSyntaxError:
     """Something at an offset that begins like a number and is none."""
     spelling = token(text, offset).group()  # type: ignore[union-attr]

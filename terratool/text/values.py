@@ -25,11 +25,16 @@ def read_values(data: bytes) -> Any:
     """Plain dicts, lists, strings, numbers, booleans and None; the last of repeated keys.
 
     Raises:
-        jsontext.MisspeltError: at the first character that RFC 8259 does not allow.
-        UnicodeDecodeError: the bytes are no UTF-8.
+        JsonSyntaxError: at the first byte that is no UTF-8, or the first character that RFC 8259
+            does not allow.
     """
     if not data.isascii():
-        data.decode("utf-8")
+        try:
+            data.decode("utf-8")
+        except UnicodeDecodeError as error:
+            from terratool.text.syntax import bad_encoding
+
+            raise bad_encoding(data, error) from error
     try:
         return _decoder.decode(data)
     except (msgspec.MsgspecError, RecursionError):  # or whole numbers longer than Python reads

@@ -28,7 +28,7 @@ from terratool.cli.report import (
 )
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check
-from terratool.definition.rules import all_rules
+from terratool.definition.rules import RULES
 from terratool.text.locate import positions_of
 from terratool.text.source import Source
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, run
@@ -376,10 +376,10 @@ def test_sarif_says_what_it_is_and_which_rules_there_are() -> None:
     assert one["columnKind"] == "unicodeCodePoints"
     driver = one["tool"]["driver"]
     assert (driver["name"], driver["semanticVersion"]) == ("terratool", __version__)
-    assert [rule["id"] for rule in driver["rules"]] == list(all_rules())
+    assert [rule["id"] for rule in driver["rules"]] == list(RULES)
     for rule in driver["rules"]:
         assert rule["defaultConfiguration"]["level"] in ("error", "warning")
-        assert rule["defaultConfiguration"]["level"] == all_rules()[rule["id"]].severity
+        assert rule["defaultConfiguration"]["level"] == RULES[rule["id"]].severity
         assert rule["shortDescription"]["text"].endswith(".")
         assert "To mend: " in rule["help"]["text"]
 

@@ -17,7 +17,7 @@ import pytest
 
 from terratool.cli.main import main
 from terratool.cli.report import REPORTERS
-from terratool.definition.rules import all_rules
+from terratool.definition.rules import RULES
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, run
 
 GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
@@ -266,7 +266,7 @@ def test_select_and_ignore(options: list[str], shown: str) -> None:
     """Codes and beginnings of codes, in any case, in lists; what is not wanted does not count."""
     found = report("-", *options, stdin=MANY)
     assert [finding["code"] for finding in found["findings"]] == shown.split()
-    errors = sum(all_rules()[code].severity == "error" for code in shown.split())
+    errors = sum(RULES[code].severity == "error" for code in shown.split())
     assert found["summary"]["errors"] == errors
     assert found["summary"]["warnings"] == len(shown.split()) - errors
     assert found["summary"]["invalid"] == (errors > 0)
@@ -543,11 +543,10 @@ def test_rules_as_markdown() -> None:
     """Every rule has a section, to which the table at the top leads, and its examples are JSON."""
     page = run("rules", "--markdown").out
     headings = re.findall(r"^## (TT\d+) (\S+)$", page, re.MULTILINE)
-    assert headings == [(rule.code, rule.name) for rule in all_rules().values()]
+    assert headings == [(rule.code, rule.name) for rule in RULES.values()]
     links = re.findall(r"^\| \[(TT\d+)\]\(#(\S+)\) \| (\w+) \| \S.*\. \|$", page, re.MULTILINE)
     assert links == [
-        (rule.code, f"{rule.code.lower()}-{rule.name}", rule.severity)
-        for rule in all_rules().values()
+        (rule.code, f"{rule.code.lower()}-{rule.name}", rule.severity) for rule in RULES.values()
     ]
     assert page.count("```") == 2 * page.count("```json") > 0
     for section in page.split("\n## ")[1:]:
@@ -566,5 +565,5 @@ def test_a_rule_by_its_code_in_any_case() -> None:
     assert ran.out.startswith("TT104 missing-key (error)\n\n")
     assert ran == run("rules", "TT104") == run("rules", "Tt104")
     listed = run("rules", "tt1").out.splitlines()
-    assert [line.split()[0] for line in listed] == [c for c in all_rules() if c[:3] == "TT1"]
+    assert [line.split()[0] for line in listed] == [c for c in RULES if c[:3] == "TT1"]
     assert run("rules", "TT9").code == 2
