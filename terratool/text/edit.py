@@ -10,7 +10,8 @@ import json
 import re
 from typing import Any, NamedTuple
 
-from terratool.text.format import canonical
+from terratool.text.display import unescape
+from terratool.text.format import Layout, member_lines
 from terratool.text.locate import Address, offsets
 
 _gap = re.compile(rb"[ \t\n\r]*").match
@@ -84,7 +85,7 @@ class Edit(NamedTuple):
         return data[: self.begin] + self.new + data[self.end :]
 
 
-def set_member(data: bytes, pointer: str, key: str, value: Any) -> Edit:
+def set_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) -> Edit:
     """What sets a member of an object: the value of that key changes, or it is added at the end.
 
     Args:
@@ -93,20 +94,23 @@ def set_member(data: bytes, pointer: str, key: str, value: Any) -> Edit:
             "" for the definition.
         key: of the member.
         value: plain values: a primitive, the children of an element, or tracks.
+        layout: of the definition.
     """
     inside = _container(data, offsets(data, [Address(pointer)])[0], key)
     style = _style(data, inside)
     if inside.member is None:
         spelled = json.dumps(key, ensure_ascii=False)
-        return _added(inside, style, _text(style, pointer, spelled, value))
+        return _added(inside, style, _text(style, pointer, spelled, value, layout))
     member = inside.member
     spelled = data[member.begin : member.key_end].decode()
     colon = ": " if style.broken else style.colon
-    text = _text(style, pointer, spelled, value)[len(spelled + colon) :]
+    text = _text(style, pointer, spelled, value, layout)[len(spelled + colon) :]
     return Edit(member.value, member.end, text.encode())
 
 
-def append_child(data: bytes, pointer: str, element: dict[str, Any], has_children: bool) -> Edit:
+def append_child(
+    data: bytes, pointer: str, element: dict[str, Any], has_children: bool, layout: Layout
+) -> Edit:
     """What adds an element at the end of the children of another one.
 
     Args:
@@ -114,13 +118,14 @@ def append_child(data: bytes, pointer: str, element: dict[str, Any], has_childre
         pointer: JSON pointer of the parent.
         element: plain values.
         has_children: whether the parent has the key `children`.
+        layout: of the definition.
     """
     if not has_children:
-        return set_member(data, pointer, "children", [element])
+        return set_member(data, pointer, "children", [element], layout)
     where = pointer + "/children"
     inside = _container(data, offsets(data, [Address(where)])[0], None)
     style = _style(data, inside)
-    return _added(inside, style, _text(style, where, "", element))
+    return _added(inside, style, _text(style, where, "", element, layout))
 
 
 def _added(inside: Container, style: Style, text: str) -> Edit:
@@ -182,25 +187,17 @@ def _colon(data: bytes, inside: Container) -> str:
     return found[1].decode() if found else ": "
 
 
-def _text(style: Style, where: str, key: str, value: Any) -> str:
+def _text(style: Style, where: str, key: str, value: Any, layout: Layout) -> str:
     """A member, or an item if the key is empty, from its first character to its last."""
     if not style.broken:
         return (key + style.colon if key else "") + _inline(value, style)
     # in the canonical layout, at the depth that it will have there
-    depth = where.count("/children")
-    member = f"{key}: {json.dumps(value, ensure_ascii=False)}"
-    if not where:
-        text, base = f"{{{member}}}", 2
-    elif where == "/elemTypes":
-        text, base = f'{{"elemTypes": {{{member}}}}}', 4
-    else:
-        inner = member if key else f'"children": [{member.removeprefix(": ")}]'
-        around = depth if key else depth - 1
-        text = '{"children": [' * around + f"{{{inner}}}" + "]}" * around
-        text, base = f'{{"elemTree": {text}}}', 4 * around + (4 if key else 6)
-    lines = [line[base:] for line in canonical(text).split("\n") if line.startswith(" " * base)]
+    depth = where.count("/") + 1
+    for token in where.split("/")[1:]:
+        layout = layout.of(unescape(token))
+    lines = member_lines(key, json.dumps(value, ensure_ascii=False), layout, depth)
     joint = style.line_end + style.indent
-    return joint.join(_indented_by(line, style.unit) for line in lines)
+    return joint.join(_indented_by(line[2 * depth :], style.unit) for line in lines)
 
 
 def _indented_by(line: str, unit: str) -> str:
@@ -262,10 +259,3 @@ def _end_of(data: bytes, start: int) -> int:
             if depth == 0:
                 break
     return match.end()
-
-
-def object_of(members: dict[str, Any]) -> str:
-    """Primitives by name as a text of their own, laid out as in `elemTypes`."""
-    text = canonical(json.dumps({"elemTypes": members}, ensure_ascii=False))
-    lines = [line.removeprefix("  ") for line in text.split("\n")[1:-2]]
-    return "\n".join([lines[0].removeprefix('"elemTypes": '), *lines[1:], ""])

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 from terratool.text import syntax
 from terratool.text.display import escape, shown, unescape
 from terratool.text.source import line_starts
-from terratool.text.syntax import A_KEY, A_VALUE, JsonSyntaxError
+from terratool.text.syntax import A_KEY, A_VALUE, JsonSyntaxError, open_brackets
 
 MAX_DEPTH = 10_000
+_TOKEN = 16
+"""Characters of the longest token that is read at once: a pair of escapes, or a literal."""
 
 _space = re.compile(r"[ \t\n\r]*").match
 _number = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?").match
@@ -22,6 +25,7 @@ _nonfinite = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE).fullmatch
 _ESCAPES = {
     '"': '"', "\\": "\\", "/": "/", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t",
 }  # fmt: skip
+_tokens = re.compile(r'"(?:[^"\\]++|\\.)*+"|[-+.0-9a-zA-Z]++|[{}\[\]]').finditer
 _LITERALS = {"true": True, "false": False, "null": None}
 
 
@@ -70,11 +74,18 @@ class JsonText:
         return line, offset - self._line_starts[line - 1] + 1
 
 
+def tokens(text: str) -> Iterator[str]:
+    """The brackets and scalars of a text without errors of syntax, as they are spelled."""
+    for match in _tokens(text):
+        yield match.group()
+
+
 def parse(text: str) -> JsonText:
     """Parse a text.
 
     Raises:
-        MisspeltError: at the first character that RFC 8259 does not allow, or that nests too deep.
+        JsonSyntaxError: at the first character that RFC 8259 does not allow, or that nests too
+            deep.
     """
     start = _space(text, 0).end()  # type: ignore[union-attr]
     if start == len(text):
@@ -254,81 +265,24 @@ def _escaped(text: str, offset: int) -> tuple[str, int]:
     return chr(unit), end
 
 
-_SPACE = r"[ \t\n\r]*+"
-_HEX = "[0-9a-fA-F]"
-_ESCAPE = (
-    r'\\(?:["\\/bfnrt]'
-    rf"|u[dD][89abAB]{_HEX}{{2}}\\u[dD][c-fC-F]{_HEX}{{2}}"
-    rf"|u(?![dD][89a-fA-F]){_HEX}{{4}})"
-)
-_TEXT = rf'"(?:[^"\\\x00-\x1f]++|{_ESCAPE})*+"'
-_SCALAR = rf"(?:{_TEXT}|-?(?:0|[1-9][0-9]*+)(?:\.[0-9]++)?+(?:[eE][-+]?[0-9]++)?+|true|false|null)"
-_NEXT = rf"{_SPACE},{_SPACE}"
-_VECTOR = rf"\[{_SPACE}(?:{_SCALAR}(?:{_NEXT}{_SCALAR})*+)?+{_SPACE}\]"
-_KEY = rf"{_TEXT}{_SPACE}:{_SPACE}"
-_MEMBER = rf"{_KEY}(?:{_SCALAR}|{_VECTOR})"
-_RECORD = rf"\{{{_SPACE}(?:{_MEMBER}(?:{_NEXT}{_MEMBER})*+)?+{_SPACE}\}}"
+def parse_near(text: str, fault: int) -> None:
+    """Read what may be the first place at which a text is no JSON, and a little before it.
 
-_members = re.compile(rf"(?:{_SPACE}{_MEMBER}{_SPACE},)*+").match
-_items = re.compile(rf"(?:{_SPACE}(?:{_SCALAR}|{_VECTOR}|{_RECORD}){_SPACE},)*+").match
-_last_member = re.compile(rf"{_SPACE}{_MEMBER}{_SPACE}(?=\}})").match
-_last_item = re.compile(rf"{_SPACE}(?:{_SCALAR}|{_VECTOR}|{_RECORD}){_SPACE}(?=\])").match
-_open_member = re.compile(rf"{_SPACE}{_KEY}([{{\[])").match
-_open_item = re.compile(rf"{_SPACE}([{{\[])").match
-_close = re.compile(rf"{_SPACE}([}}\]])").match
-_comma = re.compile(rf"{_SPACE},").match
-_CLOSING = {"{": "}", "[": "]"}
-_DEEP = 100
-"""Brackets open at once from which on only the careful parser goes."""
-
-
-def explain(text: str) -> None:
-    """Find the first place at which a text is no JSON.
+    Args:
+        text: the text, which is JSON up to the token at `fault`.
+        fault: offset in characters.
 
     Raises:
-        MisspeltError: there is one.
+        JsonSyntaxError: the same one as `parse` raises, if there is one near.
     """
-    offset, stack, fresh = _skim(text)
+    begins, behind = open_brackets(text, max(0, fault - _TOKEN))
     # what came before is replaced by the least that opens the same brackets
-    before = "".join('{"":' if bracket == "{" else "[" for bracket in stack[:-1]) + stack[-1:]
-    if stack and not fresh:
-        before += '"":0,' if stack[-1] == "{" else "0,"
+    before = "".join('{"":' if text[at] == "{" else "[" for at in begins[:-1])
+    before += "".join(text[at] for at in begins[-1:])
+    if behind and (not begins or begins[-1] != behind - 1):  # the last bracket closed a value
+        before += '"":[]' if before.endswith("{") else "[]"
     try:
-        parse(before + text[offset:])
+        parse(before + text[behind:])
     except JsonSyntaxError as error:
-        error.offset += offset - len(before)
+        error.offset += behind - len(before)
         raise
-
-
-def _skim(text: str) -> tuple[int, str, bool]:
-    """A place from which to parse on, the brackets open there, and whether the last is empty."""
-    good: tuple[int, str, bool] = (0, "", True)
-    offset, stack = 0, ""
-    while len(stack) < _DEEP:
-        inside = stack[-1:]
-        run = (_members if inside == "{" else _items)(text, offset) if inside else None
-        if run is not None and run.end() > offset:
-            offset = run.end()
-            good = offset, stack, False
-        opening = (_open_member if inside == "{" else _open_item)(text, offset)
-        if opening is not None:
-            offset = opening.end()
-            stack += opening[1]
-            good = offset, stack, True
-            # an empty one closes at once, unless a comma before it wants an item
-            closing = _close(text, offset)
-        else:
-            last = (_last_member if inside == "{" else _last_item)(text, offset) if inside else None
-            if last is None:
-                return good
-            closing = _close(text, last.end())
-        while closing is not None and stack and closing[1] == _CLOSING[stack[-1]]:
-            offset, stack = closing.end(), stack[:-1]
-            closing = _close(text, offset)
-        if stack != good[1]:
-            comma = _comma(text, offset)
-            if comma is None or not stack:
-                return good
-            offset = comma.end()
-            good = offset, stack, False
-    return good

@@ -172,16 +172,23 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSynta
     return JsonSyntaxError("TT101", offset, message, hint)
 
 
-def innermost(text: str, offset: int) -> int:
-    """Where the innermost object or list begins that is open at an offset; -1 outside of all."""
-    begins, at = [-1], 0
-    while match := _to_bracket(text, at, offset):
-        at = match.end()
-        if text[at - 1] in "{[":
-            begins.append(at - 1)
+def open_brackets(text: str, offset: int) -> tuple[list[int], int]:
+    """Where the objects and lists begin that are open at an offset, and the last bracket ends."""
+    begins: list[int] = []
+    behind = 0
+    while match := _to_bracket(text, behind, offset):
+        behind = match.end()
+        if text[behind - 1] in "{[":
+            begins.append(behind - 1)
         else:
             begins.pop()
-    return begins[-1]
+    return begins, behind
+
+
+def innermost(text: str, offset: int) -> int:
+    """Where the innermost object or list begins that is open at an offset; -1 outside of all."""
+    begins, _ = open_brackets(text, offset)
+    return begins[-1] if begins else -1
 
 
 def _meant(text: str, offset: int, wanted: str) -> str:

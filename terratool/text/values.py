@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -17,6 +18,9 @@ Repeated = tuple[str, int]
 """A key that stood in its object before: its pointer, and the how-many-th it is."""
 
 _CONTAINERS = frozenset([dict, list])
+
+_byte = re.compile(r".*\(byte ([0-9]+)\)").fullmatch
+"""Where msgspec found that a text is no JSON; it says nothing where that is the end."""
 
 _decoder = msgspec.json.Decoder(float_hook=float)  # numbers beyond floats are infinite
 
@@ -37,11 +41,15 @@ def read_values(data: bytes) -> Any:
             raise bad_encoding(data, error) from error
     try:
         return _decoder.decode(data)
-    except (msgspec.MsgspecError, RecursionError):  # or whole numbers longer than Python reads
+    except (msgspec.MsgspecError, RecursionError) as error:
+        # no JSON, or nested too deep, or a whole number longer than Python reads
         from terratool.text import scan
 
         text = data.decode("utf-8")
-        scan.explain(text)
+        if type(error) is msgspec.DecodeError:
+            at = _byte(str(error))
+            fault = data[: int(at[1])].decode("utf-8", "ignore") if at else text
+            scan.parse_near(text, len(fault))
         return scan.parse(text).value
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from terratool.definition.layout import canonical
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import RULES
-from terratool.text.format import canonical
 from terratool.text.source import read_source
 
 HERE = Path(__file__).parents[1]

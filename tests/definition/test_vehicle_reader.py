@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 import terratool
 from terratool.cli.report import REPORTERS
 from terratool.definition.keys import VEHICLE_KEYS, document_kind
+from terratool.definition.layout import canonical
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.vehicle import (
     AxleText,
@@ -27,7 +28,6 @@ from terratool.definition.vehicle import (
     VehicleText,
     WheelsText,
 )
-from terratool.text.format import canonical
 from terratool.text.source import Source
 from tests.commands import ROOT, run
 from tests.schemas import subschemas

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from msgspec import UNSET
 
+from terratool.definition.layout import TERRAIN
 from terratool.definition.model import Definition, Element
 from terratool.definition.reader import CheckOptions, check, load_definition
 from terratool.errors import DefinitionError, RequestError
@@ -141,12 +142,13 @@ def text_with(
     """
     data = target.data
     for name, primitive in primitives.items():
-        data = set_member(data, "/elemTypes", name, primitive).applied(data)
+        data = set_member(data, "/elemTypes", name, primitive, TERRAIN).applied(data)
     if target.place is not None:
         parent = _element(target.definition, target.place.parent)
         has_children = parent is not None and parent.children is not UNSET
         for element in elements:
-            data = append_child(data, target.place.parent, element, has_children).applied(data)
+            edit = append_child(data, target.place.parent, element, has_children, TERRAIN)
+            data = edit.applied(data)
             has_children = True
     checked = check(Source(str(target.path), data), CheckOptions(warnings=False))
     if checked.definition is None:
