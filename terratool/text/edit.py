@@ -13,23 +13,12 @@ from typing import Any, NamedTuple
 from terratool.text.display import unescape
 from terratool.text.format import Layout, member_lines
 from terratool.text.locate import Address, offsets
+from terratool.text.scan import Member, first_value, members, value_end
 
-_gap = re.compile(rb"[ \t\n\r]*").match
-_token = re.compile(rb'[ \t\n\r]*("(?:[^"\\]++|\\.)*+"|[{}\[\],:]|[^{}\[\],:" \t\n\r]++)').match
-_bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]]').finditer
 _line_end = re.compile(rb"\r\n|\n|\r").search
 _blank = re.compile(rb"[ \t]*").match
 _indented = re.compile(rb"[\r\n]([ \t]+)[^ \t\r\n]").search
 _colons = re.compile(rb'"(?:[^"\\]++|\\.)*+"([ \t]*:[ \t]*)').search
-
-
-class Member(NamedTuple):
-    """A member of an object or an item of a list, by offsets in bytes; an item's key is empty."""
-
-    begin: int
-    key_end: int
-    value: int
-    end: int
 
 
 class Container(NamedTuple):
@@ -37,7 +26,6 @@ class Container(NamedTuple):
 
     Attributes:
         open: offset of its opening bracket.
-        close: offset of its closing one.
         first_gap, last_gap: the white space before its first and its last member.
         last: its last member, None if it is empty.
         size: how many there are.
@@ -45,7 +33,6 @@ class Container(NamedTuple):
     """
 
     open: int
-    close: int
     first_gap: bytes
     last_gap: bytes
     last: Member | None
@@ -220,42 +207,15 @@ def _inline(value: Any, style: Style) -> str:
 
 def _container(data: bytes, start: int, key: str | None) -> Container:
     """The object or list that begins there, and what stands in it."""
-    last = member = None
-    first_gap = _gap(data, start + 1).group()  # type: ignore[union-attr]
-    last_gap = first_gap
-    count = 0
-    at = start + 1
-    before = at
-    listed = data[start : start + 1] == b"["
-    while True:
-        begin = _gap(data, at).end()  # type: ignore[union-attr]
-        if data[begin : begin + 1] in (b"}", b"]"):
-            return Container(start, begin, first_gap, last_gap, last, count, member)
-        if data[begin : begin + 1] == b",":
-            before = at = begin + 1
-            continue
-        key_end, value = begin, begin
-        if not listed:
-            key_end = _token(data, begin).end()  # type: ignore[union-attr]
-            value = _gap(data, _token(data, key_end).end()).end()  # type: ignore[union-attr]
-        at = _end_of(data, value)
-        last, last_gap = Member(begin, key_end, value, at), data[before:begin]
-        count += 1
-        if key is not None and json.loads(data[begin:key_end]) == key:
-            member = last
-
-
-def _end_of(data: bytes, start: int) -> int:
-    """Where the value that begins there ends."""
-    if data[start : start + 1] not in (b"{", b"["):
-        return _token(data, start).end()  # type: ignore[union-attr]
-    depth = 0
-    for match in _bracket(data, start):
-        first = data[match.start()]
-        if first in b"{[":
-            depth += 1
-        elif first in b"}]":
-            depth -= 1
-            if depth == 0:
-                break
-    return match.end()
+    inside = list(members(data, start, lambda _, __, value: value_end(data, value, len(data))))
+    if not inside:
+        gap = data[start + 1 : first_value(data, start + 1)]
+        return Container(start, gap, gap, None, 0, None)
+    first_gap = last_gap = data[start + 1 : inside[0].begin]
+    if len(inside) > 1:
+        last_gap = data[inside[-2].end : inside[-1].begin].partition(b",")[2]
+    found = None
+    for member in inside:
+        if key is not None and json.loads(data[member.begin : member.key_end]) == key:
+            found = member
+    return Container(start, first_gap, last_gap, inside[-1], len(inside), found)

@@ -43,14 +43,14 @@ def read_values(data: bytes) -> Any:
         return _decoder.decode(data)
     except (msgspec.MsgspecError, RecursionError) as error:
         # no JSON, or nested too deep, or a whole number longer than Python reads
-        from terratool.text import scan
+        from terratool.text.syntax import parse, parse_near
 
         text = data.decode("utf-8")
         if type(error) is msgspec.DecodeError:
             at = _byte(str(error))
             fault = data[: int(at[1])].decode("utf-8", "ignore") if at else text
-            scan.parse_near(text, len(fault))
-        return scan.parse(text).value
+            parse_near(text, len(fault))
+        return parse(text).value
 
 
 def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
@@ -84,9 +84,9 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
     try:
         value = json.loads(data, object_pairs_hook=look)
     except (ValueError, RecursionError):
-        from terratool.text import scan
+        from terratool.text.syntax import parse
 
-        keys = [pointer for pointer, _ in scan.parse(data.decode("utf-8")).duplicates]
+        keys = [pointer for pointer, _ in parse(data.decode("utf-8")).duplicates]
         first = dict.fromkeys(keys)
         return list(_repeated([*first, *keys]))[:limit], len(keys)
     repeated = [each for _, each in zip(range(limit), _pointed(value, found), strict=False)]

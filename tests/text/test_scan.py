@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terratool.text.scan import MAX_DEPTH, parse
-from terratool.text.syntax import JsonSyntaxError
+from terratool.text.syntax import MAX_DEPTH, JsonSyntaxError, parse
 from tests.layouts import Cursor, Layout, gaps, texts, values
 
 
