@@ -60,7 +60,6 @@ lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one run
 	$(BIN)/python benchmarks/query.py
 	$(BIN)/python benchmarks/painting.py
-	$(BIN)/python benchmarks/rutting.py
 	$(BIN)/python benchmarks/exporting.py
 	$(BIN)/python benchmarks/compiling.py
 	$(BIN)/python benchmarks/validating.py

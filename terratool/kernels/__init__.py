@@ -1,4 +1,4 @@
-"""The innermost loops, in C++ (see docs/design.md): a part for each package that they serve.
+"""The innermost loops, in C++ (see docs/internals.md): a part for each package that they serve.
 
 They are built twice: for any processor of the platform, and for those of x86-64-v3 (AVX2), chosen
 when this is imported. The environment variable `TERRATOOL_CPU=baseline` forces the first. Both give
