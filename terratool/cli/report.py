@@ -16,7 +16,7 @@ from terratool import __version__
 from terratool.definition.findings import Finding
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
-from terratool.text.display import Excerpt, columns_of, printable
+from terratool.text.display import Excerpt, columns_of, counted, printable
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 
@@ -168,7 +168,7 @@ def _summed_up(summary: ValidationSummary) -> str:
 
 
 def _count(number: int, noun: str) -> str:
-    return f"{number or 'no':{',' if number else ''}} {noun}{'' if number == 1 else 's'}"
+    return counted(number, noun) if number else f"no {noun}s"
 
 
 def as_json(report: ValidationReport) -> str:

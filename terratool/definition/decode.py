@@ -72,8 +72,8 @@ def type_in_words(item: Any) -> str:
 
 
 @lru_cache(maxsize=256)
-def unknown_key(kind: type, key: str, beside: frozenset[str]) -> tuple[str, str]:
-    """Message and hint for a key that a kind of object does not have, among the keys beside it."""
+def unknown_key(kind: type, key: str, present: frozenset[str]) -> tuple[str, str]:
+    """Message and hint for a key that a kind of object does not have, among those present."""
     from difflib import get_close_matches
 
     known = list(SLOTS[kind])
@@ -81,7 +81,7 @@ def unknown_key(kind: type, key: str, beside: frozenset[str]) -> tuple[str, str]
     if not close and len(key) <= _LONG:
         close = get_close_matches(key, known, 1, 0.6)
     hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
-    if close and close[0] in beside:
+    if close and close[0] in present:
         hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
     hint += " A key of your own begins with x-."
     return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint
@@ -128,7 +128,7 @@ def decode(value: Any, kind: Kind, found: RemarkLog) -> Decoded:
 class _Decoder:
     """Fits values into a model.
 
-    What does not fit is told to `found`, and noted as left out in `decoded`.
+    Remarks on what does not fit go to `found`; it is noted as left out in `decoded`.
     """
 
     def __init__(self, found: RemarkLog) -> None:
@@ -373,7 +373,7 @@ class _Decoder:
         for key, slot in SLOTS[Element].items():
             if key in used and key != "children":
                 columns[slot.name] = [value.get(key, UNSET) for value in values]
-                self._mend(key, slot, columns[slot.name])
+                self._convert_column(key, slot, columns[slot.name])
             else:
                 columns[slot.name] = [UNSET] * len(values)
         self._own_keys(used - SLOTS[Element].keys(), values)
@@ -410,7 +410,7 @@ class _Decoder:
         self._wrong_type(index, "", "an element", "an object", value)
         return {}  # keeps its place, so that the others keep their pointers
 
-    def _mend(self, key: str, slot: QuickCheck, column: list[Any]) -> None:
+    def _convert_column(self, key: str, slot: QuickCheck, column: list[Any]) -> None:
         """Convert what has to be, and leave out what does not fit."""
         types = set(map(type, column)) - {UnsetType}
         if types <= slot.types:
@@ -419,7 +419,7 @@ class _Decoder:
                 if slot.number and int in types:
                     column[:] = [float(n) if type(n) is int else n for n in column]
                 return
-        wanted, uncounted, misfits = KEYS[Element][key], 0, 0
+        wanted, out_of_range, wrong_types = KEYS[Element][key], 0, 0
         unfit: set[Owner] = set()
         full = self._found.full("TT106")
         for index, item in enumerate(column):
@@ -432,12 +432,12 @@ class _Decoder:
                         column[index] = float(item)
                     continue
                 if full and -BIGGEST <= item <= BIGGEST:  # nobody wants to read of it
-                    uncounted += 1
+                    out_of_range += 1
                     column[index] = UNSET
                     unfit.add(index)
                     continue
             elif its in NEVER and self._found.full("TT105"):
-                misfits += 1
+                wrong_types += 1
                 column[index] = UNSET
                 unfit.add(index)
                 continue
@@ -447,8 +447,8 @@ class _Decoder:
                 column[index] = UNSET
                 unfit.add(index)
                 full = self._found.full("TT106")
-        self._found.take("TT106", iter(()), uncounted)
-        self._found.take("TT105", iter(()), misfits)
+        self._found.take("TT106", iter(()), out_of_range)
+        self._found.take("TT105", iter(()), wrong_types)
         if unfit:
             self.decoded.unfit[key] = unfit
 

@@ -49,7 +49,7 @@ class IgnoreLists:
     def __bool__(self) -> bool:
         return bool(self._lists)
 
-    def others(self, code: str, remarks: Iterable[Remark], tree: Tree) -> Iterator[Remark]:
+    def unsilenced(self, code: str, remarks: Iterable[Remark], tree: Tree) -> Iterator[Remark]:
         """The warnings that no list around them silences; the lists that do are of use."""
         lists: dict[Owner, list[tuple[Owner, int]]] = {}
         for owner, index, listed in self._codes:
@@ -343,7 +343,7 @@ def _apply_rules(
         ):
             remarks = rule.check(subject)
             if ignores and rule.severity == "warning":
-                remarks = ignores.others(rule.code, remarks, decoded.tree)
+                remarks = ignores.unsilenced(rule.code, remarks, decoded.tree)
             found.take(rule.code, remarks)
     if options.warnings:
         idle = ("TT211",) if kind == "terrain" and options.max_step is None else ()
@@ -364,13 +364,16 @@ def _placed(
         (tree.pointer(remark.element) if remark.element >= 0 else "") + remark.pointer
         for _, remark in found.kept
     ]
-    spots = [
+    addresses = [
         Address(pointer, remark.on_key, remark.occurrence)
         for pointer, (_, remark) in zip(pointers, found.kept, strict=True)
     ]
     in_order = sorted(
         zip(
-            locate(source.data, spots, found.counts["TT102"] > 0), found.kept, pointers, strict=True
+            locate(source.data, addresses, found.counts["TT102"] > 0),
+            found.kept,
+            pointers,
+            strict=True,
         ),
         key=lambda each: (each[0].line, each[0].column, each[1][0]),
     )

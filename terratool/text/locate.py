@@ -39,27 +39,27 @@ class Position(NamedTuple):
     excerpt: Excerpt
 
 
-def locate(data: bytes, spots: Sequence[Address], repeated: bool = False) -> list[Position]:
+def locate(data: bytes, addresses: Sequence[Address], repeated: bool = False) -> list[Position]:
     """Where values stand in a JSON text in UTF-8; that of what is absent is its parent's.
 
     Args:
         data: the text.
-        spots: what is looked for.
+        addresses: what is looked for.
         repeated: keys may stand twice in an object; the last one counts.
     """
-    return positions_of(data, offsets(data, spots, repeated))
+    return positions_of(data, offsets(data, addresses, repeated))
 
 
-def offsets(data: bytes, spots: Sequence[Address], repeated: bool = False) -> list[int]:
+def offsets(data: bytes, addresses: Sequence[Address], repeated: bool = False) -> list[int]:
     """The same as offsets in bytes."""
     try:
         root = _Value(data, first_value(data), len(data))
-        return [_offset(root, spot, repeated) for spot in spots]
+        return [_offset(root, address, repeated) for address in addresses]
     except RecursionError:  # nested too deep for skipping
         from terratool.text.syntax import parse
 
         text = parse(data.decode("utf-8"))
-        return [len(text.text[: text.offset(*spot)].encode()) for spot in spots]
+        return [len(text.text[: text.offset(*address)].encode()) for address in addresses]
 
 
 def positions_of(data: bytes, at: Sequence[int]) -> list[Position]:
@@ -178,15 +178,15 @@ def _length(raw: Raw) -> int:
     return len(memoryview(raw))
 
 
-def _offset(root: _Value, spot: Address, repeated: bool) -> int:
+def _offset(root: _Value, address: Address, repeated: bool) -> int:
     value, offset = root, root.start
-    tokens = spot.pointer.split("/")[1:]
+    tokens = address.pointer.split("/")[1:]
     for depth, token in enumerate(tokens, 1):
         last = depth == len(tokens)
-        wanted = spot.occurrence if last and spot.occurrence > 1 else 0 if repeated else 1
+        wanted = address.occurrence if last and address.occurrence > 1 else 0 if repeated else 1
         found = value.find(token, wanted)
         if found is None:
             break
         key_at, value = found
-        offset = key_at if last and spot.on_key else value.start
+        offset = key_at if last and address.on_key else value.start
     return offset

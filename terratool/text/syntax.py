@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from terratool.text.display import escape, shown, unescape
-from terratool.text.source import line_starts
 
 A_KEY = "a key in double quotes"
 A_VALUE = "a value"
@@ -91,7 +89,6 @@ class JsonText:
     duplicates: list[tuple[str, int]]
     _places: dict[int, dict[str, tuple[int, int]] | list[int]]
     _start: int
-    _line_starts: list[int] = field(default_factory=list)
 
     def offset(self, pointer: str, on_key: bool = False, occurrence: int = 1) -> int:
         """Where the value (or its key) that a pointer names begins; its parent if absent."""
@@ -112,13 +109,6 @@ class JsonText:
                 break
             value = value[step]
         return offset
-
-    def line_column(self, offset: int) -> tuple[int, int]:
-        """Line and column, both from 1, of an offset; CRLF, LF and CR end a line."""
-        if not self._line_starts:
-            self._line_starts.extend(line_starts(self.text))
-        line = bisect_right(self._line_starts, offset)
-        return line, offset - self._line_starts[line - 1] + 1
 
 
 def parse(text: str) -> JsonText:

@@ -50,16 +50,16 @@ class Subject(_Subject, frozen=True, kw_only=True):
     max_step: float | None = None
 
     @cached_property
-    def flaws(self) -> dict[str, tuple[CurveError, ...]]:
+    def curve_errors(self) -> dict[str, tuple[CurveError, ...]]:
         """What is wrong with the curves of primitives, by name; none of those that are good."""
         found = ((name, problems(p)) for name, p in self.definition.primitives.items())
-        return {name: flaws for name, flaws in found if flaws}
+        return {name: curve_errors for name, curve_errors in found if curve_errors}
 
     @cached_property
-    def outlines(self) -> dict[str, ShapeSummary]:
+    def summaries(self) -> dict[str, ShapeSummary]:
         """What the curves of primitives are like, by name; none of those that mean nothing."""
         primitives = self.definition.primitives.items()
-        return {name: summarise_shape(p) for name, p in primitives if name not in self.flaws}
+        return {name: summarise_shape(p) for name, p in primitives if name not in self.curve_errors}
 
 
 class VehicleSubject(_Subject, frozen=True, kw_only=True):
