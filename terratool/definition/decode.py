@@ -280,17 +280,19 @@ class _Decoder:
         for index, part in enumerate(item):
             rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
             if isinstance(part, list) and len(part) == 2:
-                points.append(
-                    tuple(
-                        self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
-                        for i, value in enumerate(part)
-                    )
-                )
+                points.append(self._pair(part, owner, rest, subject, key))
             elif isinstance(part, list):
                 self._wrong_type(owner, rest, subject, wanted.words, part)
             else:
                 points.append(self._single(_NUMBER, part, owner, rest, subject, key))
         return tuple(points)
+
+    def _pair(self, pair: list[Any], owner: Owner, rest: str, subject: str, key: str) -> Any:
+        """A knot or a point."""
+        return tuple(
+            self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
+            for i, value in enumerate(pair)
+        )
 
     def _path(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
         if not isinstance(item, list):
@@ -298,15 +300,10 @@ class _Decoder:
         points = []
         for index, part in enumerate(item):
             rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
-            if not isinstance(part, list) or len(part) != 2:
+            if isinstance(part, list) and len(part) == 2:
+                points.append(self._pair(part, owner, rest, subject, key))
+            else:
                 self._wrong_type(owner, rest, subject, "a point [x, y], two numbers", part)
-                continue
-            points.append(
-                tuple(
-                    self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
-                    for i, value in enumerate(part)
-                )
-            )
         return tuple(points)
 
     def _depth(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
