@@ -284,7 +284,7 @@ def arrays(definition: dict[str, Any]) -> dict[str, Any]:
         mesh = built.mesh
         found[f"mesh-{solid}-vertices"], found[f"mesh-{solid}-faces"] = mesh.vertices, mesh.faces
         found[f"mesh-{solid}-surfaces"], found[f"mesh-{solid}-walls"] = mesh.surfaces, mesh.walls
-        found[f"mesh-{solid}-error"] = np.array([built.error, built.aside, built.shell])
+        found[f"mesh-{solid}-error"] = np.array([built.error, built.loss.wall_offset, built.shell])
     return found
 
 

@@ -24,8 +24,7 @@ from pydelatin import Delatin
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
-from terratool.importing.samples import PixelLattice, SampledHeights
-from terratool.importing.sources import open_source
+from terratool.importing.sources import PixelGrid, SampledHeights, open_source
 from terratool.importing.terrain.build import ImportOptions, import_terrain
 
 Floats = NDArray[np.float64]
@@ -95,9 +94,9 @@ def tin(heights: Floats, error: float) -> int:
 
 def ours(heights: Floats, error: float, path: Path) -> tuple[int, str, float]:
     """Bytes, the method, and the error that was measured."""
-    lattice = PixelLattice(0.0, 0.0, 1.0, 1.0, heights.shape[1], heights.shape[0])
+    grid = PixelGrid(0.0, 0.0, 1.0, 1.0, heights.shape[1], heights.shape[0])
     report = import_terrain(
-        SampledHeights(lattice, heights), path, ImportOptions(error), overwrite=True
+        SampledHeights(grid, heights), path, ImportOptions(error), overwrite=True
     )
     return report.size, report.method.sentence, report.bound
 
@@ -172,7 +171,7 @@ def main() -> None:
             dems = {}
             for file in sys.argv[1:]:
                 with open_source(file) as source:
-                    heights = source.read(0, source.lattice.rows)
+                    heights = source.read(0, source.grid.rows)
                     dems[Path(file).stem[:16]] = np.nan_to_num(heights, nan=np.nanmin(heights))
         sizes(dems, folder)
         if not sys.argv[1:]:

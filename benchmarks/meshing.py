@@ -23,7 +23,7 @@ from terrains import s2
 
 from terratool.field.terrain import Terrain, load
 from terratool.mesh.build import build
-from terratool.mesh.files import write_mesh
+from terratool.mesh.export import write_mesh
 from terratool.mesh.types import Mesh
 
 

@@ -15,7 +15,13 @@ from scipy.sparse.csgraph import dijkstra
 
 from terratool.raster.grid import Grid
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.route.graph import build, cheapest, drivable, rates, turning_arc
+from terratool.traversability.route.graph import (
+    build_graph,
+    cheapest_paths,
+    drivable,
+    rates,
+    turning_arc,
+)
 from terratool.traversability.route.routes import MOST_STATES
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
@@ -39,7 +45,6 @@ def site(pixels: int) -> Survey:
     grid = Grid(0.0, 0.0, 0.1, pixels, pixels)
     return Survey(
         grid,
-        grid.whole,
         (np.sin(x / 7) * np.cos(y / 11)).astype(np.float32),
         np.zeros(shape[1:], np.uint8),
         plane(np.where(barred, Verdict.NO_GO, Verdict.GO), np.uint8),
@@ -57,8 +62,8 @@ def planned(survey: Survey) -> None:
     """Build the graph of a survey and search it from a corner."""
     can = drivable(survey)
     rate, arc = rates(survey, ROVER, "time"), turning_arc(survey, ROVER)
-    graph = build(rate, can, can, survey.heights, survey.grid.resolution, arc)
-    cheapest(graph, graph.at(0, 0))
+    graph = build_graph(rate, can, can, survey.heights, survey.grid.resolution, arc)
+    cheapest_paths(graph, graph.at(0, 0))
 
 
 def plain(survey: Survey) -> csr_array:

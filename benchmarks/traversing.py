@@ -14,7 +14,8 @@ from terratool.field.terrain import Terrain
 from terratool.raster.export import export_dem
 from terratool.raster.grid import grid_over
 from terratool.text.source import Source
-from terratool.traversability.map import map_to_tif
+from terratool.traversability.map import write_map
+from terratool.traversability.survey import Surveyor
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
 VEHICLE = Vehicle(
@@ -36,9 +37,9 @@ def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -
     seconds = medians(
         {
             "heights": lambda: export_dem(terrain, grid, out, overwrite=True, losses=False),
-            "map": lambda: map_to_tif(terrain, VEHICLE, grid, out, overwrite=True),
-            "one": lambda: map_to_tif(terrain, VEHICLE, grid, None, threads=1),
-            "two": lambda: map_to_tif(terrain, VEHICLE, grid, None, threads=2),
+            "map": lambda: write_map(Surveyor(terrain, VEHICLE, grid), out, overwrite=True),
+            "one": lambda: write_map(Surveyor(terrain, VEHICLE, grid), None, threads=1),
+            "two": lambda: write_map(Surveyor(terrain, VEHICLE, grid), None, threads=2),
         },
         runs,
     )

@@ -8,12 +8,12 @@ import numpy as np
 from measure import line, medians
 
 from terratool.importing.sampling import sample
-from terratool.importing.triangles import Triangles
+from terratool.importing.sources import Triangles
 from terratool.kernels import importing as kernels
 
 
 def sheet(side: int) -> Triangles:
-    """An uneven lattice of side × side points over 1000 × 1000."""
+    """An uneven grid of side × side points over 1000 × 1000."""
     rng = np.random.default_rng(1)
     step = 1000 / (side - 1)
     x, y = np.meshgrid(*[np.linspace(0, 1000, side)] * 2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,10 @@ import pytest
 import trimesh
 
 from terratool.field.terrain import Terrain
+from terratool.mesh.export import MeshOptions, MeshReport, export_mesh
+from terratool.mesh.tiles import MeshTilesReport, TileCount, export_tiles
 from terratool.mesh.types import BuiltMesh, Mesh
+from tests.conftest import terrain_of
 
 STRAIGHT: dict[str, Any] = {
     "floor": {"x": [0]},
@@ -42,6 +47,44 @@ ROUND: dict[str, Any] = {
     "ball": {"x": "dome", "combine": "radial"},
 }
 SURFACES: dict[str, Any] = {"grass": {"color": [0, 150, 0]}, "rock": {}, "hole": {"void": True}}
+
+# oblong, far away and symmetric in no way: a flip, a transposition or a shift shows
+SITE: dict[str, Any] = {
+    "descr": "A site",
+    "size": [12, 8],
+    "origin": [500000, 4649776],
+    "surfTypes": {"rock": {"color": [90, 80, 70]}, "hole": {"void": True}, "grass": {}},
+    "elemTypes": {
+        "slope": {"x": [0, 1, 1.5], "y": [1, 3]},
+        "box": {"x": [1]},
+        "bell": {"x": "cosbell", "y": []},
+        "column": {"combine": "radial", "x": [1]},
+    },
+    "elemTree": {
+        "type": "slope",
+        "surface": "rock",
+        "cells": [6, 4],
+        "children": [
+            {"type": "box", "cellX": 4, "cellY": 2, "vScale": 5, "turnDeg": 30},
+            {"type": "box", "cellX": 0, "cellY": 3, "surface": "hole"},
+            {"type": "bell", "cellX": 1, "cellY": 0, "span": [2, 1], "vScale": 2},
+            {"type": "column", "cellX": 5, "cellY": 0, "surface": "grass"},
+        ],
+    },
+}
+# no walls, no void
+HILL: dict[str, Any] = {
+    **{key: SITE[key] for key in ("descr", "size", "origin", "surfTypes", "elemTypes")},
+    "elemTree": {
+        "type": "slope",
+        "surface": "rock",
+        "cells": [6, 4],
+        "children": [
+            {"type": "bell", "cellX": 1, "cellY": 0, "span": [3, 2], "vScale": 2},
+            {"type": "bell", "cellX": 4, "cellY": 3, "surface": "grass", "vScale": -1},
+        ],
+    },
+}
 
 
 def random_definition(
@@ -86,6 +129,72 @@ def random_definition(
         root.pop(key, None)
     root["type"] = "ramp"
     return {"size": 10, "surfTypes": SURFACES, "elemTypes": primitives, "elemTree": root}
+
+
+def flat(*children: dict[str, Any], size: Any = 10, **more: Any) -> Terrain:
+    """A level floor with elements in cells of 1 × 1; `box` is as high as its vScale."""
+    definition = {
+        "size": size,
+        "surfTypes": {"hole": {"void": True}},
+        "elemTypes": {
+            "floor": {"x": [0]},
+            "box": {"x": [1]},
+            "bell": {"x": "cosbell", "y": []},
+            "column": {"combine": "radial", "x": [1]},
+        },
+        "elemTree": {"type": "floor", "cells": 10, "children": list(children)},
+        **more,
+    }
+    return terrain_of(definition)
+
+
+def box(x: int, y: int, height: float, **more: Any) -> dict[str, Any]:
+    return {"type": "box", "cellX": x, "cellY": y, "vScale": height, **more}
+
+
+def crowd(seed: int = 3) -> Terrain:
+    """Straight, curved and round elements, turned and nested."""
+    return terrain_of(random_definition(seed, 120, STRAIGHT | CURVED | ROUND, ("grass", "rock")))
+
+
+def read(path: Path) -> Mesh:
+    """A .ply as trimesh reads it, where the file says that it is."""
+    found = trimesh.load_mesh(path, process=False)
+    rows = found.metadata["_ply_raw"]["face"]["data"]
+    (origin,) = re.findall(rb"comment origin (.*)\n", path.read_bytes())
+    return Mesh(
+        vertices=np.array(found.vertices, np.float64),
+        faces=np.array(found.faces, np.int32),
+        surfaces=rows["surface"].ravel().astype(np.int32),
+        walls=rows["wall"].ravel().astype(bool),
+        origin=np.array([float(word) for word in origin.split()]),
+        names=(),
+        colors=np.zeros((0, 3), np.uint8),
+    )
+
+
+def exported(
+    terrain: Terrain, path: Path, *args: Any, overwrite: bool = False, **options: Any
+) -> MeshReport:
+    """Write a mesh with some options."""
+    return export_mesh(terrain, path, MeshOptions(*args, **options), overwrite=overwrite)
+
+
+def exported_tiles(
+    terrain: Terrain,
+    folder: Path,
+    suffix: str,
+    error: float,
+    rows: int | None = None,
+    columns: int | None = None,
+    *,
+    world: bool = False,
+    **options: Any,
+) -> MeshTilesReport:
+    """Write tiles with some options."""
+    count = TileCount(rows=rows, columns=columns)
+    wanted = MeshOptions(error, world=world)
+    return export_tiles(terrain, folder, suffix, wanted, count, **options)
 
 
 def flat_areas(mesh: Mesh) -> np.ndarray:

@@ -81,7 +81,7 @@ def survey(grid: Grid = GRID, headings: int = 8) -> Survey:
     stack = np.stack([verdict] * headings)
     stack[0][stack[0] == 1] = 2
     return Survey(
-        grid, grid.whole, heights, np.ones(shape, np.uint8), stack, np.stack([reason] * headings),
+        grid, heights, np.ones(shape, np.uint8), stack, np.stack([reason] * headings),
         every, every * 0, every * 0, every * 0.01, every * 0.1, every * 100,
     )  # fmt: skip
 
@@ -143,7 +143,6 @@ def report(**changes: Any) -> TraversabilityReport:
         "surfaces": (SAND, ROCK, BOG, BARE),
         "summary": SUMMARY,
         "verdict": Verdict.NO_GO,
-        "sentence": "There is no way: step at (121, 208), /elemTree/children/3, for 0.4 m.",
         "routes": (WAY, NO_WAY, WAYPOINTS),
         "reach": Reach(place(105.0, 202.0), 0.625, 0.5, best_cells()),
         "preview": survey(),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.raster.grid import Grid, Window
+from terratool.raster.grid import Grid
 from terratool.traversability.results import Reason, Survey, Verdict
 from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
 from tests.conftest import terrain_of
@@ -80,7 +80,6 @@ def drawn(
     grid = Grid(*origin, resolution, *shape[1:])
     return Survey(
         grid,
-        Window(0, 0, *shape[1:]),
         heights.astype(np.float32),
         np.ones(shape[1:], np.uint8),
         np.broadcast_to(signs[..., 0], shape).copy(),

@@ -18,12 +18,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import terratool.traversability.arrays  # noqa: F401, it declares records
+import terratool.traversability.wheel  # noqa: F401, it declares records
 from terratool import kernels
 from terratool.field.bounds import nonzero_edges
 from terratool.mesh.plan import plan_of
-from terratool.mesh.triangulate import Triangulation
-from terratool.mesh.types import COVER, Regions
+from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.survey import soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.surveys import ROVER
@@ -71,7 +70,7 @@ def known(kind: str) -> Any:
         np.array([[0, 1, 2]], np.int32),
         np.full((1, 3), -1, np.int32),
     )
-    flag, nothing = np.zeros(1, bool), (np.zeros(2, np.int64), np.empty(0, COVER))
+    flag, nothing = np.zeros(1, bool), (np.zeros(2, np.int64), np.empty(0, COVERING_ELEMENT))
     region = Regions(*nothing, np.zeros(1, np.int32), flag, flag, np.zeros(1), np.zeros(1))
     return kernels.mesh.Refinement(
         plan.kept, region, triangle, np.zeros(1, np.int32), np.zeros((1, 3)), np.full(4, -1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from terratool.importing.triangles import Triangles
+from terratool.importing.sources import Triangles
 from terratool.importing.vrml.scene import read_vrml
 from tests.viewers import output, python_with_coin
 

@@ -154,9 +154,9 @@ INLINE Read read_number(Reader& reader, Powers powers) {
 
 // Read numbers from a byte of a text on, up to what is none.
 // `powers` are those of ten from -MAX_EXPONENT to MAX_EXPONENT, as sums of two doubles. Returns the
-// numbers; which of them Python must read, and where they begin; where the next word begins; and
-// whether that should be a number, but is none.
-inline std::tuple<std::vector<double>, std::vector<std::pair<i64, i64>>, i64, bool> read_numbers(
+// numbers; which of them Python must read, and where they begin; and where the next word begins,
+// which is no number even if it begins like one.
+inline std::tuple<std::vector<double>, std::vector<std::pair<i64, i64>>, i64> read_numbers(
     Span<const u8> text, i64 at, Matrix<const double> powers
 ) {
     std::vector<double> numbers;
@@ -167,9 +167,9 @@ inline std::tuple<std::vector<double>, std::vector<std::pair<i64, i64>>, i64, bo
         i64 begin = reader.at();
         bool negative = reader.take('-');
         if (!negative && !reader.take('+') && !reader.is('.') && !reader.is_class(DIGIT))
-            return {std::move(numbers), std::move(hard), begin, false};
+            return {std::move(numbers), std::move(hard), begin};
         auto [kind, value] = read_number(reader, {powers});
-        if (kind == WRONG) return {std::move(numbers), std::move(hard), begin, true};
+        if (kind == WRONG) return {std::move(numbers), std::move(hard), begin};
         if (kind == HARD) hard.emplace_back(count_of(numbers), begin);
         numbers.push_back(negative ? -value : value);
     }

@@ -184,7 +184,7 @@ private:
             head = i32(n);
         }
         bool good = dents > 0;  // without a dent, and not convex, it runs around more than once
-        bool beside = false;
+        bool stays_near = false;
         int level = CLEAR_ALL_ROUND;
         i64 tried = 0, rest = count, n = 0;
         while (rest > 3) {
@@ -204,7 +204,7 @@ private:
             add_face(a, n, c);
             corners_[a].after = i32(c), corners_[c].before = i32(a);
             --rest;
-            beside = beside || tried > PATIENCE;
+            stays_near = stays_near || tried > PATIENCE;
             tried = 0;
             dents -= corners_[n].is_dent;
             corners_[n].is_dent = false;
@@ -215,10 +215,11 @@ private:
                     --dents;
                 }
             }
-            // every other corner first makes better triangles; but few ears are found beside the
-            // last
+            // every other corner first makes better triangles; but few ears are found near
+            // the last
             n = corners_[c].after;
-            if (beside) n = square_distance(corners_[a].before, c) <= square_distance(a, n) ? a : c;
+            if (stays_near)
+                n = square_distance(corners_[a].before, c) <= square_distance(a, n) ? a : c;
         }
         i64 a = corners_[n].before, c = corners_[n].after;
         double area = cross(a, n, c);

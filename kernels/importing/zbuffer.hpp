@@ -213,18 +213,18 @@ inline std::tuple<i64, i64> count_holes(Matrix<double> heights) {
     for (double height : heights.flat()) missing += isnan(height);
     if (!missing) return {0, 0};
     std::vector<i64> beyond;
-    auto look = [&](i64 row, i64 column) {
+    auto reach = [&](i64 row, i64 column) {
         bool inside = 0 <= row && row < rows && 0 <= column && column < columns;
         if (!inside || !isnan(heights(row, column))) return;
         heights(row, column) = INF;
         beyond.push_back(row * columns + column);
     };
-    for (i64 column = 0; column < columns; ++column) look(0, column), look(rows - 1, column);
-    for (i64 row = 0; row < rows; ++row) look(row, 0), look(row, columns - 1);
+    for (i64 column = 0; column < columns; ++column) reach(0, column), reach(rows - 1, column);
+    for (i64 row = 0; row < rows; ++row) reach(row, 0), reach(row, columns - 1);
     for (std::size_t n = 0; n < beyond.size(); ++n) {
         i64 row = beyond[n] / columns, column = beyond[n] % columns;
-        look(row + 1, column), look(row - 1, column);
-        look(row, column + 1), look(row, column - 1);
+        reach(row + 1, column), reach(row - 1, column);
+        reach(row, column + 1), reach(row, column - 1);
     }
     for (i64 at : beyond) heights.flat()[at] = NaN;
     return {missing - count_of(beyond), count_of(beyond)};
@@ -252,8 +252,8 @@ INLINE Vector3 cross(const Vector3& a, const Vector3& b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-// What faces are like: the area of vertical ones that are not wholly on the rim of a rectangle; and
-// how many are to be seen from above, vertical, without area, and outside of the rectangle.
+// What faces are like: the area of vertical ones that are not wholly on the border of a rectangle;
+// and how many are to be seen from above, vertical, without area, and outside of the rectangle.
 inline std::tuple<double, std::vector<i64>> survey_faces(
     Points vertices, Faces faces, double west, double south, double east, double north
 ) {

@@ -11,7 +11,7 @@
 #pragma once
 
 #include "lattice.hpp"
-#include "sides.hpp"
+#include "heights.hpp"
 
 namespace terratool::mesh {
 
@@ -25,7 +25,7 @@ struct CurveBounds {
 
 // Bounds of a cubic between two places, and of its derivatives in t.
 // `per` is how fast its own parameter runs with t.
-INLINE CurveBounds piece_bounds(In pieces, u64 row, double s0, double s1, double per) {
+INLINE CurveBounds cubic_bounds(In pieces, u64 row, double s0, double s1, double per) {
     double f0 = piece_value(pieces, row, s0), f1 = piece_value(pieces, row, s1);
     double g0 = piece_slope(pieces, row, s0), g1 = piece_slope(pieces, row, s1);
     double c2 = 2.0 * pieces[row + 2], c3 = 6.0 * pieces[row + 3];
@@ -48,13 +48,13 @@ INLINE CurveBounds curve_bounds(
         double value = pieces[u64(curve.first) * 4];
         return {value, value, 0.0, 0.0};
     }
-    t0 = held(plan, group, t0, near_end), t1 = held(plan, group, t1, near_end);
+    t0 = clamp_to_group(plan, group, t0, near_end), t1 = clamp_to_group(plan, group, t1, near_end);
     auto [i, row, s] = piece_at(plan, curve, group, t0);
     auto [k, last_row, end] = piece_at(plan, curve, group, t1);
     double per = curve.knotted ? 1.0 : curve.count;
     double span = t1 - t0;
     if (i == k) {
-        CurveBounds one = piece_bounds(pieces, row, s, max(s, end), per);
+        CurveBounds one = cubic_bounds(pieces, row, s, max(s, end), per);
         return {one.low, one.high, one.slope, 0.125 * one.bend * span * span};
     }
     double own = 1.0;  // the length of the first piece in its own parameter
@@ -62,9 +62,9 @@ INLINE CurveBounds curve_bounds(
         i64 knot = curve.knot + i;
         own = plan.field->curves.knots[knot + 1] - plan.field->curves.knots[knot];
     }
-    CurveBounds all = piece_bounds(pieces, row, s, max(s, own), per);
+    CurveBounds all = cubic_bounds(pieces, row, s, max(s, own), per);
     double varied = all.bend * (own - s) / per;
-    CurveBounds last_piece = piece_bounds(pieces, last_row, 0.0, end, per);
+    CurveBounds last_piece = cubic_bounds(pieces, last_row, 0.0, end, per);
     varied += last_piece.bend * end / per;
     auto widen = [&](double low, double high, double slope, double bend) {
         all.low = min(all.low, low), all.high = max(all.high, high);
@@ -77,10 +77,10 @@ INLINE CurveBounds curve_bounds(
     if (k > i + 1) {
         i64 level = 0;
         while ((i64(2) << level) <= k - i - 1) ++level;
-        i64 rows = axis.reach + level * i64(axis.pieces);
+        i64 rows = axis.first_bounds + level * i64(axis.pieces);
         for (i64 at : {rows + i + 1, rows + k - (i64(1) << level)}) {
-            const Reach& reach = plan.reaches[at];
-            widen(reach.low, reach.high, reach.slope, reach.bend);
+            const PieceBounds& pieces_there = plan.piece_bounds[at];
+            widen(pieces_there.low, pieces_there.high, pieces_there.slope, pieces_there.bend);
         }
     }
     double chord = 0.125 * all.bend * span * span + 0.25 * jumps * span;
@@ -90,9 +90,9 @@ INLINE CurveBounds curve_bounds(
 // As element_error, for a disc with a factor of 1.
 // The distance from the middle is linear in each sector of the polygon. Across m of the lines
 // between them its gradient turns by 2 m tan(π/n).
-inline double radial_error(const Plan& plan, const Cover& cover, const Corners& at) {
+inline double radial_error(const Plan& plan, const CoveringElement& covering, const Corners& at) {
     constexpr double inward = 1e-6;  // corners count as this much nearer to the middle, in parts
-    const Known e(plan, cover.element);
+    const ElementView e(plan, covering.element);
     u32 corners = e.frame.corners;
     i64 n = corners;
     double middle_u = (at[0].u + at[1].u + at[2].u) / 3.0;
@@ -121,19 +121,20 @@ inline double radial_error(const Plan& plan, const Cover& cover, const Corners& 
     double outward = wide / std::cos(half);
     if (2 * lines < n) outward = min(outward, 0.5 * double(lines) * std::tan(half) * wide);
     outward *= 0.5;  // of t
-    double rim = e.frame.rim, near_end = rounded(e.frame);
+    double straight_from = e.frame.straight_from, near_end = rounding_of(e.frame);
     double t0 = max(0.5 + 0.5 * least - outward, 0.5), t1 = 0.5 + 0.5 * most;
     CurveAt curve = x_curve(e.kind);
-    auto [bottom, top, slope, chord] =
-        curve_bounds(plan, curve, e.x, cover.group_x, min(t0, rim), min(t1, rim), near_end);
-    if (t1 > rim) {  // straight from there on
-        double before = curve_at(plan, curve, cover.group_x, rim, near_end);
-        double last = curve_at(plan, curve, cover.group_x, 1.0, near_end);
-        double steep = abs(last - before) / (1.0 - rim);
-        if (t0 >= rim) return min(steep * outward, abs(last - before));
+    auto [bottom, top, slope, chord] = curve_bounds(
+        plan, curve, e.x, covering.group_x, min(t0, straight_from), min(t1, straight_from), near_end
+    );
+    if (t1 > straight_from) {  // straight from there on
+        double before = curve_at(plan, curve, covering.group_x, straight_from, near_end);
+        double last = curve_at(plan, curve, covering.group_x, 1.0, near_end);
+        double steep = abs(last - before) / (1.0 - straight_from);
+        if (t0 >= straight_from) return min(steep * outward, abs(last - before));
         bottom = min(bottom, last), top = max(top, last);
         // the bend lies in a part of the range only, but counts with all of it
-        chord *= 2.0 * (t1 - t0) / (rim - t0);
+        chord *= 2.0 * (t1 - t0) / (straight_from - t0);
         chord += 0.25 * (slope + steep) * (t1 - t0);
         slope = max(slope, steep);
     }
@@ -141,18 +142,18 @@ inline double radial_error(const Plan& plan, const Cover& cover, const Corners& 
 }
 
 // How far at most an element is from a triangle whose corners are on it, in units of the terrain.
-inline double element_error(const Plan& plan, const Cover& cover, const Corners& at) {
-    const Known e(plan, cover.element);
+inline double element_error(const Plan& plan, const CoveringElement& covering, const Corners& at) {
+    const ElementView e(plan, covering.element);
     double size = abs(e.element.scale);
     if (size == 0.0) return 0.0;
     u8 combine = e.kind.combine;
-    if (combine == RADIAL) return size * radial_error(plan, cover, at);
-    double near_end = rounded(e.frame);
+    if (combine == RADIAL) return size * radial_error(plan, covering, at);
+    double near_end = rounding_of(e.frame);
     double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
     double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
     CurveAt curve_x = x_curve(e.kind), curve_y = y_curve(e.kind);
-    auto x = curve_bounds(plan, curve_x, e.x, cover.group_x, low_u, high_u, near_end);
-    auto y = curve_bounds(plan, curve_y, e.y, cover.group_y, low_v, high_v, near_end);
+    auto x = curve_bounds(plan, curve_x, e.x, covering.group_x, low_u, high_u, near_end);
+    auto y = curve_bounds(plan, curve_y, e.y, covering.group_y, low_v, high_v, near_end);
     double wide = high_u - low_u, tall = high_v - low_v;
     double rise_x = x.high - x.low, rise_y = y.high - y.low;
     double along = min(x.bend, rise_x), across = min(y.bend, rise_y);
@@ -164,24 +165,26 @@ inline double element_error(const Plan& plan, const Cover& cover, const Corners&
         return size * min(error, rise_x * most_y + most_x * rise_y);
     }
     if (combine == SUM) return size * (along + across);
-    // where one of both is the answer everywhere, the other one is worth nothing
+    // where one of both is the answer everywhere, the other one does not count
     if (x.low >= y.high) return size * (combine == MIN ? across : along);
     if (y.low >= x.high) return size * (combine == MIN ? along : across);
     // min(x, y) is half of x + y - |x - y|, and |d| of a linear d is missed by 2 min(d, -d) at most
     double above = 0.0, below = 0.0;
     for (auto [u, v] : at) {
-        double rise = curve_at(plan, curve_x, cover.group_x, u, near_end);
-        rise -= curve_at(plan, curve_y, cover.group_y, v, near_end);
+        double rise = curve_at(plan, curve_x, covering.group_x, u, near_end);
+        rise -= curve_at(plan, curve_y, covering.group_y, v, near_end);
         above = max(above, rise), below = max(below, -rise);
     }
     return size * (along + across + min(above, below));
 }
 
-// A place in a triangle: shares of its corners b and c.
-struct Shares {
+// A place in a triangle by barycentric coordinates: those of its corners b and c.
+struct Barycentric {
     double s, r;
 
-    INLINE Shares half_way(Shares to) const { return {0.5 * (s + to.s), 0.5 * (r + to.r)}; }
+    INLINE Barycentric half_way(Barycentric to) const {
+        return {0.5 * (s + to.s), 0.5 * (r + to.r)};
+    }
     INLINE UV in(const Corners& at) const {
         double q = 1.0 - s - r;
         return {q * at[0].u + s * at[1].u + r * at[2].u, q * at[0].v + s * at[1].v + r * at[2].v};
@@ -190,34 +193,35 @@ struct Shares {
 
 struct ErrorAt {
     double error;
-    Shares place;
+    Barycentric place;
 };
 
-// A triangle in its region: its heights, and where its corners are in each of the covers.
-struct InRegion {
+// A triangle in its region: its heights, and where its corners are in each covering element.
+struct RegionTriangle {
     const Plan& plan;
-    Span<const Cover> covers;
-    double drop;
+    Span<const CoveringElement> covering;
+    double rut_depth;
     std::array<double, 3> heights;
     Span<const Corners> corners;
 
     // How far the region is from the triangle at a place.
-    double error_at(Shares at) const {
+    double error_at(Barycentric at) const {
         double z = 0.0;
-        for (std::size_t k = 0; k < covers.size(); ++k)
-            z += element_height(plan, covers[k], at.in(corners[k]));
+        for (std::size_t k = 0; k < covering.size(); ++k)
+            z += element_height(plan, covering[k], at.in(corners[k]));
         auto [za, zb, zc] = heights;
-        z = z - drop;
+        z = z - rut_depth;
         return z - (za + at.s * (zb - za) + at.r * (zc - za));
     }
 
     // How far it is from a part of the triangle with its corners on it; infinite beyond `enough`.
-    double bound(const std::array<Shares, 3>& part, double enough) const {
+    double bound(const std::array<Barycentric, 3>& part, double enough) const {
         double total = 0.0;
-        for (std::size_t k = 0; k < covers.size(); ++k) {
+        for (std::size_t k = 0; k < covering.size(); ++k) {
             const Corners& own = corners[k];
-            total +=
-                element_error(plan, covers[k], {part[0].in(own), part[1].in(own), part[2].in(own)});
+            total += element_error(
+                plan, covering[k], {part[0].in(own), part[1].in(own), part[2].in(own)}
+            );
             if (total > enough) return INF;
         }
         return total;
@@ -227,14 +231,14 @@ struct InRegion {
 // How far a triangle is from its region, and where.
 //
 // If the answer is at most `enough`, nothing in the triangle is farther. Otherwise it is an error
-// found there, or a bound that no finer look brought below `enough`.
-inline ErrorAt largest_error(const InRegion& triangle, double enough) {
+// found there, or a bound that no smaller part brought below `enough`.
+inline ErrorAt largest_error(const RegionTriangle& triangle, double enough) {
     constexpr int deepest = 6;  // a triangle is quartered so often at most …
     constexpr int coarse = 3;   // … as often where it is known already that it is too far off
     // the place of the largest error is known well enough where no other is this much larger
     constexpr double largest = 1.0;
     struct Part {
-        std::array<Shares, 3> corners;
+        std::array<Barycentric, 3> corners;
         std::array<double, 3> errors;  // there
         int depth;
     };
@@ -261,7 +265,7 @@ inline ErrorAt largest_error(const InRegion& triangle, double enough) {
                 doubt = {error, {(p0.s + p1.s + p2.s) / 3.0, (p0.r + p1.r + p2.r) / 3.0}};
             continue;
         }
-        Shares p01 = p0.half_way(p1), p12 = p1.half_way(p2), p20 = p2.half_way(p0);
+        Barycentric p01 = p0.half_way(p1), p12 = p1.half_way(p2), p20 = p2.half_way(p0);
         double e01 = triangle.error_at(p01), e12 = triangle.error_at(p12);
         double e20 = triangle.error_at(p20);
         if (abs(e01) > most.error) most = {abs(e01), p01};

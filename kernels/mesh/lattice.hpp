@@ -29,19 +29,7 @@ INLINE double longest_side(Point a, Point b, Point c) {
     return max3(length(a, b), length(b, c), length(c, a));
 }
 
-// The smallest distance of a corner from the longest side of its triangle, in points.
-inline double thinnest(Points points, Triangles triangles) {
-    double least = INF;
-    for (i64 t = 0; t < triangles.rows(); ++t) {
-        Point a = point_at(points, triangles(t, 0)), b = point_at(points, triangles(t, 1));
-        Point c = point_at(points, triangles(t, 2));
-        double longest = longest_side(a, b, c), twice = double(area(a, b, c));
-        least = min(least, longest > 0.0 ? twice / longest : 0.0);
-    }
-    return least;
-}
-
-// Triangles lower than `near`: their longest side, then the corner.
+// Triangles whose corner is nearer than `near` to their longest side: that side, then the corner.
 inline Rows<i64, 3> find_thin(Points points, Triangles triangles, double near) {
     Rows<i64, 3> found;
     for (i64 t = 0; t < triangles.rows(); ++t) {
@@ -51,7 +39,8 @@ inline Rows<i64, 3> find_thin(Points points, Triangles triangles, double near) {
             Point a = point_at(points, p), b = point_at(points, q), c = point_at(points, r);
             double side = length(a, b);
             if (side < length(b, c) || side < length(c, a)) continue;
-            if (double(area(a, b, c)) < near * side) found.push_back({p, q, r});
+            double altitude = side > 0.0 ? double(area(a, b, c)) / side : 0.0;
+            if (altitude < near) found.push_back({p, q, r});
             break;
         }
     }

@@ -1,17 +1,263 @@
 // Triangles are refined until they are near enough to the heights of their regions.
+//
+// They are split, and edges turned where that makes triangles rounder. Edges between regions are
+// split but never turned. Which side of an edge a vertex lies on is known exactly: no triangle ever
+// has no area.
 #pragma once
 
-#include "editing.hpp"
+#include <deque>
+
 #include "error_bounds.hpp"
 
 namespace terratool::mesh {
+
+// No triangle is made that is lower than so many points; where nothing else helps, of any area.
+constexpr double LOWEST = 2.0, ANY = 0.0;
+
+// The arrays of a triangulation, the region of each triangle, and the heights at its corners.
+struct EditedTriangles {
+    Rows<i64, 2> points;
+    Rows<i32, 3> triangles, neighbours;
+    std::vector<i32> regions;
+    Rows<double, 3> heights;
+    double largest_error = 0.0;  // that they may have, those in affine regions apart
+};
+
+template <class Visit> void visit_results(EditedTriangles& e, Visit visit) {
+    visit("points", e.points), visit("triangles", e.triangles), visit("neighbours", e.neighbours);
+    visit("regions", e.regions), visit("heights", e.heights);
+    visit("largest_error", e.largest_error);
+}
+
+class EditableTriangulation {
+public:
+    // `region_of` are the regions of the triangles, `heights` those of their corners, each from its
+    // own side; `locked` the x, y, x, y of sides whose edges stay as they are, -1 for none.
+    EditableTriangulation(
+        const Triangulation& from, Span<const i32> region_of, Matrix<const double> heights,
+        Span<const i64> locked
+    )
+        : points_(rows<2>(from.points)), triangles_(rows<3>(from.triangles)),
+          neighbours_(rows<3>(from.neighbours)), of_(region_of.begin(), region_of.end()),
+          heights_(rows<3>(heights)), queued_(region_of.size()) {
+        std::copy_n(locked.begin(), 4, locked_.begin());
+        for (i64 t = 0; t < count(); ++t) enqueue(t);
+    }
+
+    i64 count() const { return count_of(triangles_); }
+
+    // Put a point into a triangle, if none becomes too low. Returns whether it was.
+    // `z` is its height.
+    bool split_inside(i64 t, Point p, double z) {
+        const Side one(*this, t, 0);
+        Point a = point(one.a), b = point(one.b), c = point(one.c);
+        if (is_low(a, b, p) || is_low(b, c, p) || is_low(c, a, p)) return false;
+        i32 at = add_point(p), region = of_[t];
+        i64 new_one = add_triangle(), new_two = add_triangle();
+        write(t, region, {one.a, one.b, at}, {one.za, one.zb, z}, {one.beyond, new_one, new_two});
+        write(new_one, region, {one.b, one.c, at}, {one.zb, one.zc, z}, {one.to_bc, new_two, t});
+        write(new_two, region, {one.c, one.a, at}, {one.zc, one.za, z}, {one.to_ca, t, new_one});
+        relink(one.to_bc, t, new_one);
+        relink(one.to_ca, t, new_two);
+        legalize_edges({t, new_one, new_two, NONE}, at);
+        return true;
+    }
+
+    // Put a point on an edge, if no triangle becomes too low. Returns whether it was.
+    // `z` is its height in the region of the triangle, `z_beyond` in that of the neighbour.
+    bool split_edge(i64 t, i64 e, Point p, double z, double z_beyond, double least = LOWEST) {
+        const Side one(*this, t, e);
+        Point a = point(one.a), b = point(one.b), c = point(one.c);
+        if (is_low(a, p, c, least) || is_low(p, b, c, least)) return false;
+        i64 other = one.beyond;
+        if (other >= 0) {
+            Point d = point(triangles_[other][last_corner(edge_to(other, t))]);
+            if (is_low(b, p, d, least) || is_low(p, a, d, least)) return false;
+        } else if (area(a, b, p) != 0 || is_locked(t, e)) {  // the edge of all is straight
+            return false;
+        }
+        i32 at = add_point(p), region = of_[t];
+        i64 new_one = add_triangle(), new_two = NONE;
+        if (other >= 0) {
+            new_two = add_triangle();
+            const Side two(*this, other, edge_to(other, t));  // from b to a, and d
+            i32 beyond = of_[other];
+            // other keeps b-p-d, the second new one gets p-a-d
+            write(
+                other, beyond, {two.a, at, two.c}, {two.za, z_beyond, two.zc},
+                {new_one, new_two, two.to_ca}
+            );
+            write(
+                new_two, beyond, {at, two.b, two.c}, {z_beyond, two.zb, two.zc},
+                {t, two.to_bc, other}
+            );
+            relink(two.to_bc, other, new_two);
+        }
+        // t keeps a-p-c, the first new one gets p-b-c
+        write(t, region, {one.a, at, one.c}, {one.za, z, one.zc}, {new_two, new_one, one.to_ca});
+        write(new_one, region, {at, one.b, one.c}, {z, one.zb, one.zc}, {other, one.to_bc, t});
+        relink(one.to_bc, t, new_one);
+        legalize_edges({t, new_one, other, new_two}, at);
+        return true;
+    }
+
+    // All triangles; they are no longer here then.
+    EditedTriangles take() {
+        queue_.clear();
+        return {
+            std::move(points_), std::move(triangles_), std::move(neighbours_), std::move(of_),
+            std::move(heights_)
+        };
+    }
+
+protected:
+    Rows<i64, 2> points_;
+    Rows<i32, 3> triangles_, neighbours_;
+    std::vector<i32> of_;
+    Rows<double, 3> heights_;
+    std::vector<u8> queued_;  // whether a triangle is in the queue
+    std::deque<i32> queue_;   // triangles to examine
+
+    // A triangle, beginning with one of its edges: corners, their heights, and what is beyond.
+    struct Side {
+        i32 a, b, c;
+        double za, zb, zc;
+        i64 beyond, to_bc, to_ca;
+
+        Side(const EditableTriangulation& all, i64 t, i64 e) {
+            i64 f = next_corner(e), g = last_corner(e);
+            const auto &corners = all.triangles_[t], &neighbours = all.neighbours_[t];
+            const auto& heights = all.heights_[t];
+            a = corners[e], b = corners[f], c = corners[g];
+            za = heights[e], zb = heights[f], zc = heights[g];
+            beyond = neighbours[e], to_bc = neighbours[f], to_ca = neighbours[g];
+        }
+    };
+
+    Point point(i64 p) const { return {points_[p][0], points_[p][1]}; }
+    std::array<Point, 3> corners(i64 t) const {
+        return {point(triangles_[t][0]), point(triangles_[t][1]), point(triangles_[t][2])};
+    }
+    double length_of(i64 t, i64 e) const {
+        return length(point(triangles_[t][e]), point(triangles_[t][next_corner(e)]));
+    }
+
+    // Have a triangle examined, again.
+    void enqueue(i64 t) {
+        if (!std::exchange(queued_[t], u8(1))) queue_.push_back(i32(t));
+    }
+
+    // Which edge of a triangle leads to another.
+    i64 edge_to(i64 t, i64 other) const {
+        i64 e = 0;
+        while (neighbours_[t][e] != other) ++e;
+        return e;
+    }
+
+    // Whether an edge lies on a seam, where the tile beyond has the same edge.
+    bool is_locked(i64 t, i64 e) const {
+        if (neighbours_[t][e] >= 0) return false;
+        const auto &a = points_[triangles_[t][e]], &b = points_[triangles_[t][next_corner(e)]];
+        for (int side = 0; side < 4; ++side)
+            if (a[side % 2] == locked_[side] && b[side % 2] == locked_[side]) return true;
+        return false;
+    }
+
+private:
+    std::array<i64, 4> locked_;
+    std::vector<i64> checks_;  // triangles with an edge that may be turned
+
+    template <std::size_t width, class From>
+    static std::vector<std::array<std::remove_const_t<From>, width>> rows(Matrix<From> from) {
+        std::vector<std::array<std::remove_const_t<From>, width>> out(from.rows());
+        for (i64 row = 0; row < from.rows(); ++row)
+            std::copy_n(from[row].begin(), width, out[row].begin());
+        return out;
+    }
+
+    i32 add_point(Point p) {
+        points_.push_back({p.x, p.y});
+        return i32(points_.size() - 1);
+    }
+    i64 add_triangle() {
+        triangles_.emplace_back(), neighbours_.emplace_back(), heights_.emplace_back();
+        of_.push_back(NONE), queued_.push_back(0);
+        return count() - 1;
+    }
+
+    // Set a triangle.
+    void write(
+        i64 t, i32 region, std::array<i32, 3> corners, std::array<double, 3> heights,
+        std::array<i64, 3> neighbours
+    ) {
+        triangles_[t] = corners;
+        heights_[t] = heights;
+        neighbours_[t] = {i32(neighbours[0]), i32(neighbours[1]), i32(neighbours[2])};
+        of_[t] = region;
+        enqueue(t);
+    }
+
+    // Tell a triangle that beyond one of its edges there is another one now.
+    void relink(i64 t, i64 old, i64 now) {
+        if (t >= 0) neighbours_[t][edge_to(t, old)] = i32(now);
+    }
+
+    // Whether a triangle would be lower than is allowed, have no area, or be turned over.
+    static bool is_low(Point a, Point b, Point c, double least = LOWEST) {
+        i64 twice = area(a, b, c);
+        return twice <= 0 || double(twice) < least * longest_side(a, b, c);
+    }
+
+    // Whether d lies outside of the circle through a, b, c, or so nearly that it may.
+    static bool is_round(Point a, Point b, Point c, Point d) {
+        double ax = double(a.x - d.x), ay = double(a.y - d.y);
+        double bx = double(b.x - d.x), by = double(b.y - d.y);
+        double cx = double(c.x - d.x), cy = double(c.y - d.y);
+        double aa = ax * ax + ay * ay, bb = bx * bx + by * by, cc = cx * cx + cy * cy;
+        double one = aa * (bx * cy - by * cx), two = bb * (ax * cy - ay * cx);
+        double three = cc * (ax * by - ay * bx);
+        return one - two + three <= 1e-9 * (abs(one) + abs(two) + abs(three));
+    }
+
+    // Turn edges opposite to a new point until all are as round as they may be (Lawson, 1977).
+    void legalize_edges(std::array<i64, 4> around, i32 p) {
+        constexpr std::size_t most = 4096;  // so many may wait
+        checks_.assign(around.begin(), around.end());
+        while (!checks_.empty()) {
+            i64 t = checks_.back();
+            checks_.pop_back();
+            if (t < 0) continue;
+            i64 e = 0;
+            while (e < 3 && triangles_[t][last_corner(e)] != p) ++e;
+            if (e == 3) continue;
+            const Side one(*this, t, e);
+            i64 other = one.beyond;
+            if (other < 0 || of_[other] != of_[t]) continue;
+            const Side two(*this, other, edge_to(other, t));
+            Point a = point(one.a), b = point(one.b), c = point(one.c), d = point(two.c);
+            if (is_round(a, b, c, d) || is_low(a, d, c) || is_low(d, b, c)) continue;
+            i32 region = of_[t];
+            write(
+                t, region, {one.a, two.c, one.c}, {one.za, two.zc, one.zc},
+                {two.to_bc, other, one.to_ca}
+            );
+            write(
+                other, region, {two.c, one.b, one.c}, {two.zc, one.zb, one.zc},
+                {two.to_ca, one.to_bc, t}
+            );
+            relink(two.to_bc, other, t);
+            relink(one.to_bc, t, other);
+            if (checks_.size() + 2 <= most) checks_.push_back(t), checks_.push_back(other);
+        }
+    }
+};
 
 class Refinement : public EditableTriangulation {
 public:
     Refinement(const Plan& plan, const Regions& regions, EditableTriangulation triangles)
         : EditableTriangulation(std::move(triangles)), plan_(plan), regions_(regions) {}
 
-    // Refine triangles to an error, at most so many; whether there are more to look at.
+    // Refine triangles to an error, at most so many; whether there are more.
     bool refine(double allowed, i64 most) {
         constexpr double least = 0.25;  // so much is left where polygons for discs take up the rest
         for (i64 n = 0; n < most && !queue_.empty(); ++n) {
@@ -19,23 +265,23 @@ public:
             queue_.pop_front();
             queued_[t] = 0;
             i64 region = of_[t];
-            if (regions_.plane[region] || regions_.voids[region]) continue;
-            double aside = regions_.asides[region];
-            double enough = max(allowed - aside, least * allowed);
+            if (regions_.affine[region] || regions_.voids[region]) continue;
+            double polygon_error = regions_.polygon_errors[region];
+            double enough = max(allowed - polygon_error, least * allowed);
             auto [error, place] = error_of(t, enough);
-            if (error <= enough || !improve(t, place))
-                largest_error_ = max(largest_error_, error + aside);
+            if (error <= enough || !insert_point(t, place))
+                largest_error_ = max(largest_error_, error + polygon_error);
         }
         return !queue_.empty();
     }
 
     // Split edges where the higher side changes, with one height for both sides.
-    // Returns whether there are triangles to look at again.
-    bool part_crossings(double tolerance) {
+    // Returns whether there are triangles to refine again.
+    bool split_crossings(double tolerance) {
         for (i64 t = 0; t < count(); ++t) {
             if (regions_.voids[of_[t]]) continue;
             for (i64 e = 0; e < 3; ++e) {
-                if (!part_crossing(t, e, tolerance)) continue;
+                if (!split_crossing(t, e, tolerance)) continue;
                 --t;  // once more
                 break;
             }
@@ -43,13 +289,17 @@ public:
         return !queue_.empty();
     }
 
-    // The largest error that triangles may have, those in plane regions apart.
-    double largest_error() const { return largest_error_; }
+    // All triangles; they are no longer here then.
+    EditedTriangles take() {
+        EditedTriangles found = EditableTriangulation::take();
+        found.largest_error = largest_error_;
+        return found;
+    }
 
 private:
     const Plan& plan_;
     const Regions& regions_;
-    std::vector<Corners> corners_;  // where corners are in each of the covers of a region
+    std::vector<Corners> corners_;  // where corners are in each element of a region
     double largest_error_ = 0.0;
 
     double height(i64 t, double x, double y) const {
@@ -59,15 +309,19 @@ private:
     // How far a triangle is from its region, and where; see mesh::largest_error.
     ErrorAt error_of(i64 t, double enough) {
         i64 region = of_[t];
-        auto covers = regions_.covers_of(region);
-        corners_.resize(max(corners_.size(), covers.size()));
+        auto covering = regions_.covering_of(region);
+        corners_.resize(max(corners_.size(), covering.size()));
         for (int c = 0; c < 3; ++c) {
             auto [x, y] = point(triangles_[t][c]);
-            for (std::size_t k = 0; k < covers.size(); ++k)
-                corners_[k][c] = place_in_shape(plan_, covers[k].element, double(x), double(y));
+            for (std::size_t k = 0; k < covering.size(); ++k)
+                corners_[k][c] = place_in_shape(plan_, covering[k].element, double(x), double(y));
         }
         return mesh::largest_error(
-            {plan_, covers, regions_.drops[region], heights_[t], {corners_.data(), covers.size()}},
+            {plan_,
+             covering,
+             regions_.rut_depths[region],
+             heights_[t],
+             {corners_.data(), covering.size()}},
             enough
         );
     }
@@ -135,7 +389,7 @@ private:
     }
 
     // Insert a point in a triangle, at or near a place.
-    bool improve(i64 t, Shares place) {
+    bool insert_point(i64 t, Barycentric place) {
         constexpr double near_side = 0.05;  // in heights of the triangle: the side is split instead
         auto [s, r] = place;
         double q = 1.0 - s - r;
@@ -161,7 +415,7 @@ private:
     }
 
     // Split an edge if the higher side changes along it; whether it was.
-    bool part_crossing(i64 t, i64 e, double tolerance) {
+    bool split_crossing(i64 t, i64 e, double tolerance) {
         i64 other = neighbours_[t][e];
         if (other < t || regions_.voids[of_[other]]) return false;
         const Side side(*this, t, e);

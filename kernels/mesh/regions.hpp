@@ -1,22 +1,108 @@
 // Regions: which elements cover a place, and with which stretch of their curves; which ruts do.
 #pragma once
 
+#include <tuple>
+
 #include "../field/query.hpp"
-#include "chords.hpp"
-#include "outlines.hpp"
+#include "../field/tracks.hpp"
 #include "segments.hpp"
 
 namespace terratool::mesh {
+
+// Rows of places from the south on.
+struct RowFrame {
+    double south, per;
+    i64 rows;
+
+    // The row of a place, the first or the last where it lies beyond them.
+    INLINE i64 row_of(double y) const {
+        return i64(min(max((y - south) * per, 0.0), double(rows) - 1.0));
+    }
+};
+
+// Visit the rows that each edge passes, a level one none: visit(edge, row).
+template <class Visit>
+INLINE void visit_rows(Matrix<const i64> edges, const RowFrame& frame, Visit visit) {
+    for (i64 e = 0; e < edges.rows(); ++e) {
+        i64 y0 = edges(e, 1), y1 = edges(e, 3);
+        if (y0 == y1) continue;
+        i64 last = frame.row_of(double(max(y0, y1)));
+        for (i64 row = frame.row_of(double(min(y0, y1))); row <= last; ++row) visit(e, row);
+    }
+}
+
+// For each row of places the edges that pass it: where they begin in the entries, and these.
+inline std::tuple<std::vector<i64>, std::vector<u32>> index_rows(
+    Matrix<const i64> edges, In frame, i64 rows
+) {
+    RowFrame index{frame[0], frame[1], rows};
+    std::vector<i64> offsets(rows + 1);
+    visit_rows(edges, index, [&](i64, i64 row) { ++offsets[row + 1]; });
+    for (i64 row = 0; row < rows; ++row) offsets[row + 1] += offsets[row];
+    std::vector<u32> entries(offsets[rows]);
+    std::vector<i64> ends(offsets.begin(), offsets.end() - 1);
+    visit_rows(edges, index, [&](i64 e, i64 row) { entries[ends[row]++] = u32(e); });
+    return {std::move(offsets), std::move(entries)};
+}
+
+// The tracks that hold places.
+class TracksAt {
+public:
+    explicit TracksAt(const Plan& plan)
+        : outlines_(plan.outlines), tracks_(plan.field->tracks), marks_(tracks_.passes.size()) {}
+
+    // The indices of those that hold a place on the lattice, in any order.
+    // A place is inside where a ray to the west passes an odd number of a track's edges.
+    const std::vector<i64>& find(double x, double y) {
+        constexpr u8 odd = 1, seen = 2;
+        found_.clear();
+        RowFrame index{outlines_.frame[0], outlines_.frame[1], count_of(outlines_.offsets) - 1};
+        if (index.rows < 1) return found_;
+        i64 row = index.row_of(y);
+        for (i64 k = outlines_.offsets[row]; k < outlines_.offsets[row + 1]; ++k) {
+            i64 e = outlines_.entries[k];
+            auto edge = outlines_.edges[e];
+            double x0 = double(edge[0]), y0 = double(edge[1]);
+            double x1 = double(edge[2]), y1 = double(edge[3]);
+            if ((y0 <= y) == (y1 <= y)) continue;
+            if (min(x0, x1) > x) continue;
+            if (max(x0, x1) > x) {
+                double across = (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0);
+                if ((across > 0.0) == (y1 > y0)) continue;
+            }
+            u8& mark = marks_[outlines_.owners[e]];
+            if (!mark) found_.push_back(outlines_.owners[e]);
+            mark = (mark ^ odd) | seen;
+        }
+        std::erase_if(found_, [&](i64 track) { return !(std::exchange(marks_[track], 0) & odd); });
+        return found_;
+    }
+
+    // Depth of the rut that the tracks found make together, and which decides the surface.
+    // As rut_at of the field; `ground` is the index of the ground's surface, -1 for none.
+    Rut rut(i64 ground) const {
+        RutOfAll all{tracks_};
+        for (i64 track : found_)
+            if (!all.add(track, ground)) return {0.0, -1};
+        return all.rut();
+    }
+
+private:
+    const Outlines& outlines_;
+    const Tracks& tracks_;
+    std::vector<u8> marks_;  // all 0 but while tracks are looked for
+    std::vector<i64> found_;
+};
 
 constexpr u64 SEED = 0x9E3779B97F4A7C15, TRACK_SEED = 0xD1B54A32D192ED03;
 
 // The hash of a hash and one number more.
 INLINE u64 hash64(u64 key, u64 more) { return terratool::hash64(key ^ more); }
 
-struct Covering {
+struct Coverage {
     bool holds;
     u64 key;  // a hash of how it covers the place
-    Cover cover;
+    CoveringElement covering;
     bool affine;
 };
 
@@ -25,10 +111,10 @@ INLINE bool is_in_cell(const Frame& f, double x, double y) {
 }
 
 // Whether an element covers a place, and how.
-inline Covering cover_at(const Plan& plan, i64 index, double x, double y) {
-    const Known e(plan, index);
+inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
+    const ElementView e(plan, index);
     const Frame& f = e.frame;
-    constexpr Covering none{false, 0, {0, 0, 0}, false};
+    constexpr Coverage none{false, 0, {0, 0, 0}, false};
     if (!is_in_cell(f, x, y)) return none;
     UV own = place_in_cell(f, x, y);
     if (e.pose.turned) own = turned(e.pose, own.u, own.v);
@@ -41,10 +127,10 @@ inline Covering cover_at(const Plan& plan, i64 index, double x, double y) {
     } else if (is_beyond(own)) {
         return none;
     }
-    auto [along, across] = weights(e);
-    Between x_lines = between_lines(plan, e.x, along, at.u);
+    double along = f.weight_x, across = f.weight_y;
+    BetweenLines x_lines = between_lines(plan, e.x, along, at.u);
     x_lines.passed += chords_before(plan.chords.of(index, false), at.u);
-    Between y_lines = x_lines;
+    BetweenLines y_lines = x_lines;
     if (!radial) {
         y_lines = between_lines(plan, e.y, across, at.v);
         y_lines.passed += chords_before(plan.chords.of(index, true), at.v);
@@ -60,29 +146,31 @@ inline Covering cover_at(const Plan& plan, i64 index, double x, double y) {
     u64 passed = u64(x_lines.passed + (y_lines.passed << 32));
     u64 key = hash64(hash64(hash64(SEED, u64(index)), passed), side);
     bool affine = straight;
-    if (e.kind.combine == PRODUCT) affine = (e.x.level && e.y.linear) || (e.y.level && e.x.linear);
-    else if (radial) affine = e.x.linear && f.rim > 1.0;
-    double faint = min(along * e.x.faintest, across > 0.0 ? across * e.y.faintest : INF);
+    if (e.kind.combine == PRODUCT)
+        affine = (e.x.constant && e.y.linear) || (e.y.constant && e.x.linear);
+    else if (radial) affine = e.x.linear && f.straight_from > 1.0;
+    double faint =
+        min(along * e.x.smallest_crease, across > 0.0 ? across * e.y.smallest_crease : INF);
     affine = e.element.scale == 0.0 || (affine && faint > DRAWN * plan.error);
     return {true, key, {u32(index), u32(x_lines.group), u32(y_lines.group)}, affine};
 }
 
 // What elements do at a place all together.
-struct CoveringAll {
+struct CombinedCoverage {
     u64 key = 1;
     i64 top = NO_ELEMENT;  // that decides the surface
-    bool plane = true;     // all are affine
+    bool affine = true;    // all are affine
 };
 
 constexpr u32 GROUND = ~u32(0);  // in the place of an element: what the root is in
 
-// Which elements cover a place on the lattice: visit(cover). `pending` is scratch.
+// Which elements cover a place on the lattice: visit(covering element). `pending` is scratch.
 template <class Visit>
-CoveringAll covering_elements(
+CombinedCoverage covering_elements(
     const Plan& plan, double x, double y, std::vector<u32>& pending, Visit visit
 ) {
     const Field& field = *plan.field;
-    CoveringAll all;
+    CombinedCoverage all;
     double world_x = plan.origin[0] + x * plan.pitch, world_y = plan.origin[1] + y * plan.pitch;
     pending.assign(1, GROUND);
     while (!pending.empty()) {
@@ -104,19 +192,19 @@ CoveringAll covering_elements(
             u32 below = field.elements[index].grid;
             if (below && is_in_cell(frame, x, y)) pending.push_back(index);
             if (!frame.drawn) continue;
-            Covering found = cover_at(plan, index, x, y);
+            Coverage found = coverage_at(plan, index, x, y);
             if (!found.holds) continue;
-            visit(found.cover);
+            visit(found.covering);
             all.key += found.key;
             all.top = max(all.top, i64(index));
-            all.plane = all.plane && found.affine;
+            all.affine = all.affine && found.affine;
         }
     }
     return all;
 }
 
 // The centroid of a triangle, on the lattice.
-INLINE Place middle(Points points, Triangles triangles, i64 t) {
+INLINE Position centroid(Points points, Triangles triangles, i64 t) {
     i64 a = triangles(t, 0), b = triangles(t, 1), c = triangles(t, 2);
     return {
         double(points(a, 0) + points(b, 0) + points(c, 0)) / 3.0,
@@ -125,56 +213,65 @@ INLINE Place middle(Points points, Triangles triangles, i64 t) {
 }
 
 // For each triangle a hash of what covers its middle.
-inline std::vector<i64> keys_of(const Plan& plan, Points points, Triangles triangles) {
+inline std::vector<i64> region_keys(const Plan& plan, Points points, Triangles triangles) {
     std::vector<i64> keys(triangles.rows());
     std::vector<u32> pending;
     TracksAt tracks(plan);
     for (i64 t = 0; t < triangles.rows(); ++t) {
-        auto [x, y] = middle(points, triangles, t);
-        u64 key = covering_elements(plan, x, y, pending, [](Cover) {}).key;
+        auto [x, y] = centroid(points, triangles, t);
+        u64 key = covering_elements(plan, x, y, pending, [](CoveringElement) {}).key;
         for (i64 track : tracks.find(x, y)) key += hash64(TRACK_SEED, u64(track));
         keys[t] = i64(key);
     }
     return keys;
 }
 
-// What regions are, each asked in the middle of the triangle that is `chosen` for it: members of
-// Regions, in their order; booleans are 0 or 1.
-inline std::tuple<
-    std::vector<i64>, std::vector<Cover>, std::vector<i32>, std::vector<u8>, std::vector<u8>,
-    std::vector<double>, std::vector<double>>
-describe_regions(const Plan& plan, Points points, Triangles triangles, Span<const i64> chosen) {
+// The members of Regions; booleans are 0 or 1.
+struct FoundRegions {
+    std::vector<i64> offsets;
+    std::vector<CoveringElement> covering;
+    std::vector<i32> surfaces;
+    std::vector<u8> voids, affine;
+    std::vector<double> polygon_errors, rut_depths;
+
+    explicit FoundRegions(std::size_t count)
+        : offsets(count + 1), surfaces(count), voids(count), affine(count), polygon_errors(count),
+          rut_depths(count) {}
+};
+
+template <class Visit> void visit_results(FoundRegions& r, Visit visit) {
+    visit("offsets", r.offsets), visit("covering", r.covering), visit("surfaces", r.surfaces);
+    visit("voids", r.voids), visit("affine", r.affine);
+    visit("polygon_errors", r.polygon_errors), visit("rut_depths", r.rut_depths);
+}
+
+// What regions are, each asked in the middle of the triangle that is `chosen` for it.
+inline FoundRegions describe_regions(
+    const Plan& plan, Points points, Triangles triangles, Span<const i64> chosen
+) {
     const Field& field = *plan.field;
-    std::size_t count = chosen.size();
-    std::vector<i64> offsets(count + 1);
-    std::vector<Cover> covers;
-    std::vector<i32> surfaces(count);
-    std::vector<u8> voids(count), plane(count);
-    std::vector<double> asides(count), drops(count);
+    FoundRegions found(chosen.size());
     std::vector<u32> pending;
     TracksAt tracks(plan);
-    double aside = 0.0;  // of all covers so far
-    for (std::size_t r = 0; r < count; ++r) {
-        auto [x, y] = middle(points, triangles, chosen[r]);
-        double before = aside;
-        CoveringAll all = covering_elements(plan, x, y, pending, [&](Cover cover) {
-            covers.push_back(cover);
-            aside += plan.frames[cover.element].aside;
+    double polygon_error = 0.0;  // of all regions so far
+    for (std::size_t r = 0; r < chosen.size(); ++r) {
+        auto [x, y] = centroid(points, triangles, chosen[r]);
+        double before = polygon_error;
+        auto all = covering_elements(plan, x, y, pending, [&](CoveringElement covering) {
+            found.covering.push_back(covering);
+            polygon_error += plan.frames[covering.element].polygon_error;
         });
-        offsets[r + 1] = count_of(covers);
+        found.offsets[r + 1] = count_of(found.covering);
         i64 ground = surface_of(field, all.top);
-        voids[r] = is_void(field, all.top), plane[r] = all.plane;
-        asides[r] = aside - before;
-        surfaces[r] = i32(ground);
-        if (tracks.find(x, y).empty() || voids[r]) continue;
+        found.voids[r] = is_void(field, all.top), found.affine[r] = all.affine;
+        found.polygon_errors[r] = polygon_error - before;
+        found.surfaces[r] = i32(ground);
+        if (tracks.find(x, y).empty() || found.voids[r]) continue;
         Rut rut = tracks.rut(ground);
-        drops[r] = rut.depth;
-        if (rut.worn >= 0) surfaces[r] = field.tracks.surface[rut.worn];
+        found.rut_depths[r] = rut.depth;
+        if (rut.worn >= 0) found.surfaces[r] = field.tracks.surface[rut.worn];
     }
-    return {
-        std::move(offsets), std::move(covers), std::move(surfaces), std::move(voids),
-        std::move(plane),   std::move(asides), std::move(drops),
-    };
+    return found;
 }
 
 }  // namespace terratool::mesh

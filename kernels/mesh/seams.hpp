@@ -3,7 +3,7 @@
 
 #include <tuple>
 
-#include "sides.hpp"
+#include "heights.hpp"
 
 namespace terratool::mesh {
 
@@ -11,7 +11,7 @@ namespace terratool::mesh {
 constexpr i64 SHORTEST_SEAM = 64;
 
 // A seam is a line x = const, or y = const if its `axis` is 1; along it lie these regions.
-struct Profile {
+struct SeamHeights {
     const Plan& plan;
     const Regions& regions;
     bool on_y;
@@ -21,9 +21,9 @@ struct Profile {
         double begin, end, low, high;  // places on the seam, and heights there
     };
 
-    // Height of a region at a place of the seam, or `beside` it.
-    double height(i64 region, double place, double beside = 0.0) const {
-        double across = double(at) + beside;
+    // Height of a region at a place of the seam, or so far from it.
+    double height(i64 region, double place, double offset = 0.0) const {
+        double across = double(at) + offset;
         return on_y ? height_in(plan, regions, region, place, across)
                     : height_in(plan, regions, region, across, place);
     }
@@ -66,35 +66,35 @@ struct Profile {
 
 // Edges along a seam: the place where each ends, and the heights where it begins and ends.
 //
-// `of` says which region lies in each stretch, `passes` where the stretches begin and end, `beside`
-// how far from each of these no vertices are.
-inline std::tuple<std::vector<i64>, Rows<double, 2>> follow(
-    const Plan& plan, const Regions& regions, Span<const i32> of, i64 axis, i64 at,
-    Span<const i64> passes, In beside
+// `region_of` says which region lies in each stretch, `passes` where the stretches begin and end,
+// `clearance` how far from each of these no vertices are.
+inline std::tuple<std::vector<i64>, Rows<double, 2>> divide_seam(
+    const Plan& plan, const Regions& regions, Span<const i32> region_of, i64 axis, i64 at,
+    Span<const i64> passes, In clearance
 ) {
     constexpr std::size_t deepest = 64;  // so often an edge is halved
     struct End {
         double place, height;
     };
-    Profile profile{plan, regions, axis == 1, at};
+    SeamHeights profile{plan, regions, axis == 1, at};
     std::vector<i64> ends;
     Rows<double, 2> heights;
     std::vector<End> pending;
     for (std::size_t k = 0; k + 1 < passes.size(); ++k) {
-        i64 region = of[k];
+        i64 region = region_of[k];
         bool is_void = regions.voids[region];
         auto end_at = [&](double place) {
             return End{place, is_void ? 0.0 : profile.height(region, place)};
         };
         End begin = end_at(double(passes[k]));
-        double lowest = begin.place + beside[k];
-        double highest = double(passes[k + 1]) - beside[k + 1];
+        double lowest = begin.place + clearance[k];
+        double highest = double(passes[k + 1]) - clearance[k + 1];
         pending.assign(1, end_at(double(passes[k + 1])));
         while (!pending.empty()) {
             End end = pending.back();
-            Profile::Edge edge{begin.place, end.place, begin.height, end.height};
+            SeamHeights::Edge edge{begin.place, end.place, begin.height, end.height};
             double middle = std::nearbyint(0.5 * (begin.place + end.place));
-            if (!(is_void || regions.plane[region]) && end.place - begin.place >= 2 * SHORTEST_SEAM
+            if (!(is_void || regions.affine[region]) && end.place - begin.place >= 2 * SHORTEST_SEAM
                 && lowest <= middle && middle <= highest && pending.size() < deepest
                 && (profile.misses(region, edge) || profile.is_bent(region, edge))) {
                 pending.push_back(end_at(middle));

@@ -1,22 +1,98 @@
 // Segments that the edges of a mesh follow: footprints, vertical steps, creases, where min changes.
 //
 // They are clipped to the cell of their element and to the part that is meshed, and rounded to the
-// lattice.
+// lattice. Where triangles of equal sides would be many more, a curve is divided into chords, too:
+// where the other curve is constant, and where a tangent is vertical, as at the edge of a dome.
 #pragma once
 
-#include "sides.hpp"
+#include "heights.hpp"
 
 namespace terratool::mesh {
+
+// How many of some chords end at or before `t`.
+INLINE i64 chords_before(In chords, double t) {
+    auto is_before = [t](double chord) { return chord <= t; };
+    return std::partition_point(chords.begin(), chords.end(), is_before) - chords.begin();
+}
+
+// The largest t to which a chord from `t` misses a curve by no more than `allowed`.
+inline double chord_end(
+    const Plan& plan, const CurveAt& curve, i64 group, double t, double allowed
+) {
+    constexpr int halvings = 30, tests = 8;
+    auto value = [&](double at) { return curve_at(plan, curve, group, at, 0.0); };
+    double low = t, high = plan.groups[group].high, end = high, begin_z = value(t);
+    for (int n = 0; n < halvings; ++n) {
+        double end_z = value(end);
+        bool fits = true;
+        for (int k = 1; k < tests && fits; ++k) {
+            double z = value(t + (end - t) * double(k) / double(tests));
+            fits = abs(z - begin_z - (end_z - begin_z) * double(k) / double(tests)) <= allowed;
+        }
+        (fits ? low : high) = end;
+        if (low >= high) break;
+        end = 0.5 * (low + high);
+    }
+    return low;
+}
+
+// The chords of all elements.
+inline Chords find_chords(const Plan& plan) {
+    constexpr double share = 0.95;        // chords may miss a curve by so much of the error …
+    constexpr double steep_share = 0.25;  // … where a tangent is vertical by so much …
+    constexpr double ring_share = 0.45;   // … and in a disc by so much
+    constexpr int most = 4096;            // no curve has more chords between two steps
+    Chords chords;
+    auto append = [&](const ElementView& e, const CurveAt& curve, const Axis& axis, double weight) {
+        bool radial = e.kind.combine == RADIAL;
+        double part = radial ? ring_share : axis.steep ? steep_share : share;
+        double allowed = part * plan.error / weight;
+        for (i64 line = -1; line < i64(axis.lines); ++line) {
+            i64 group = axis.group;
+            if (line >= 0) {
+                group = plan.lines[axis.line + line].group;
+                if (!std::isinf(plan.lines[axis.line + line].crease)) continue;
+            }
+            double t = plan.groups[group].low, end = plan.groups[group].high;
+            if (radial) t = max(t, 0.5), end = min(end, e.frame.straight_from);
+            for (int n = 0; n < most; ++n) {
+                double last = t;
+                t = min(chord_end(plan, curve, group, t, allowed), end);
+                if (t <= last || t >= plan.groups[group].high) break;
+                chords.ends.push_back(t);
+            }
+        }
+    };
+    auto mark = [&] { chords.begins.push_back(u32(chords.ends.size())); };
+    chords.begins.reserve(2 * plan.frames.size() + 1);
+    for (std::size_t index = 0; index < plan.frames.size(); ++index) {
+        const ElementView e(plan, i64(index));
+        bool exists = e.frame.drawn && e.element.scale != 0.0;
+        bool radial = e.kind.combine == RADIAL;
+        // what has children has their edges in it
+        bool lone = e.element.grid == 0 && (e.kind.combine == PRODUCT || e.kind.combine == SUM);
+        auto wants = [&](const Axis& own, const Axis& other) {
+            return exists && (own.steep || (lone && other.constant && !own.linear));
+        };
+        mark();
+        if (radial ? exists && e.x.ringed : wants(e.x, e.y))
+            append(e, x_curve(e.kind), e.x, e.frame.weight_x);
+        mark();
+        if (!radial && wants(e.y, e.x)) append(e, y_curve(e.kind), e.y, e.frame.weight_y);
+    }
+    mark();
+    return chords;
+}
 
 // What lies outside by less, in points of the lattice, is inside.
 constexpr double SLACK = 1e-3;
 
-struct Place {  // on the lattice, not rounded
+struct Position {  // on the lattice, not rounded
     double x, y;
 };
 
 // A stretch of a segment, in parts of it; none where it ends before it begins.
-struct Stretch {
+struct Interval {
     double low = 0.0, high = 1.0;
 
     // Narrow it to where a linear function is at most `slack`.
@@ -29,24 +105,13 @@ struct Stretch {
         else if (after > 0.0) high = min(high, before / (before - after));
     }
     // Narrow a segment to a rectangle.
-    INLINE void cut(double west, double south, double east, double north, Place a, Place b) {
+    INLINE void cut(double west, double south, double east, double north, Position a, Position b) {
         cut(west - a.x, west - b.x, SLACK);
         cut(a.x - east, b.x - east, SLACK);
         cut(south - a.y, south - b.y, SLACK);
         cut(a.y - north, b.y - north, SLACK);
     }
 };
-
-struct Weights {
-    double along, across;
-};
-
-// How much a change of the curve x, and of the curve y, may change the height of an element.
-INLINE Weights weights(const Known& e) {
-    double along = abs(e.element.scale), across = along;
-    if (e.kind.combine == PRODUCT) along *= e.y.most, across *= e.x.most;
-    return {along, e.kind.combine == RADIAL ? 0.0 : across};
-}
 
 // A crease is an edge if the chord over it misses by more than so much of the error.
 constexpr double DRAWN = 0.5;
@@ -60,13 +125,13 @@ INLINE Span<const Line> lines_of(const Plan& plan, const Axis& axis) {
     return plan.lines.subspan(axis.line, axis.lines);
 }
 
-struct Between {
+struct BetweenLines {
     i64 passed, group;
 };
 
 // Between which drawn lines of a curve `t` lies, and in which group.
-INLINE Between between_lines(const Plan& plan, const Axis& axis, double weight, double t) {
-    Between at{0, axis.group};
+INLINE BetweenLines between_lines(const Plan& plan, const Axis& axis, double weight, double t) {
+    BetweenLines at{0, axis.group};
     for (const Line& line : lines_of(plan, axis)) {
         if (line.t > t) break;
         at.passed += is_drawn(plan, line, weight);
@@ -108,8 +173,8 @@ public:
 
     // All segments of an element.
     void draw(i64 index) {
-        const Known e(plan_, index);
-        auto [along, across] = weights(e);
+        const ElementView e(plan_, index);
+        double along = e.frame.weight_x, across = e.frame.weight_y;
         if (e.pose.turned) draw_trims(e);
         if (e.kind.combine == RADIAL) {
             draw_ring(e, 1.0, 1);
@@ -138,8 +203,8 @@ private:
     Put put_;
 
     // A segment on the lattice, clipped to the cell of its element if it is `trimmed`.
-    void draw_on_lattice(const Known& e, bool trimmed, Place a, Place b) {
-        Stretch kept;
+    void draw_on_lattice(const ElementView& e, bool trimmed, Position a, Position b) {
+        Interval kept;
         In bounds = plan_.bounds;
         const Frame& f = e.frame;
         kept.cut(bounds[0], bounds[1], bounds[2], bounds[3], a, b);
@@ -147,9 +212,9 @@ private:
         if (kept.low >= kept.high) return;
         auto rounded = [&](double share) {
             double x = a.x + share * (b.x - a.x), y = a.y + share * (b.y - a.y);
-            return Place{std::nearbyint(x), std::nearbyint(y)};
+            return Position{std::nearbyint(x), std::nearbyint(y)};
         };
-        Place begin = rounded(kept.low), end = rounded(kept.high);
+        Position begin = rounded(kept.low), end = rounded(kept.high);
         if (begin.x == end.x && begin.y == end.y) return;
         // one direction, so that the same edge of two elements is the same segment
         if (begin.x > end.x || (begin.x == end.x && begin.y > end.y)) std::swap(begin, end);
@@ -157,7 +222,7 @@ private:
     }
 
     // A segment given in (u, v) of the element's primitive.
-    void draw_in_shape(const Known& e, UV a, UV b) {
+    void draw_in_shape(const ElementView& e, UV a, UV b) {
         const Frame& f = e.frame;
         const Pose& pose = e.pose;
         double wide = f.east - f.west, tall = f.north - f.south;
@@ -167,14 +232,14 @@ private:
                 at.u = 0.5 + p * pose.cos + q * pose.sin_v;
                 at.v = 0.5 + q * pose.cos - p * pose.sin_u;
             }
-            return Place{f.west + at.u * wide, f.south + at.v * tall};
+            return Position{f.west + at.u * wide, f.south + at.v * tall};
         };
         draw_on_lattice(e, pose.turned != 0, on_lattice(a), on_lattice(b));
     }
 
     // The polygon that stands for a circle of so many radii of the disc.
     // Only each `stride`-th corner of the disc's polygon is used.
-    void draw_ring(const Known& e, double rho, i64 stride) {
+    void draw_ring(const ElementView& e, double rho, i64 stride) {
         i64 corners = e.frame.corners;
         double step = 2.0 * PI / double(corners);
         const UV first{0.5 + 0.5 * rho, 0.5};
@@ -189,7 +254,7 @@ private:
     }
 
     // How many corners of a disc's polygon the ring at `t` may go at a time.
-    i64 stride_at(const Known& e, double t) {
+    i64 stride_at(const ElementView& e, double t) {
         constexpr double allowed = 0.2;  // the height may change by so much of the error
         constexpr double share = 0.01;   // the slope is that of a secant over so much of the way on
         CurveAt curve = x_curve(e.kind);
@@ -209,7 +274,7 @@ private:
     }
 
     // The lines where the chords of a curve meet.
-    void draw_chords(const Known& e, bool on_y) {
+    void draw_chords(const ElementView& e, bool on_y) {
         for (double t : plan_.chords.of(e.index, on_y)) {
             if (e.kind.combine == RADIAL) draw_ring(e, 2.0 * t - 1.0, stride_at(e, t));
             else if (on_y) draw_in_shape(e, {0.0, t}, {1.0, t});
@@ -218,7 +283,7 @@ private:
     }
 
     // The lines from the middle of a disc to the corners of its polygon.
-    void draw_spokes(const Known& e) {
+    void draw_spokes(const ElementView& e) {
         i64 corners = e.frame.corners;
         for (i64 k = 0; k < corners; ++k) {
             double angle = double(k) * (2.0 * PI / double(corners));
@@ -229,7 +294,7 @@ private:
     }
 
     // The sides of the cell where they trim what is turned.
-    void draw_trims(const Known& e) {
+    void draw_trims(const ElementView& e) {
         const Frame& f = e.frame;
         const Pose& pose = e.pose;
         double slack = SLACK * max(f.per_x, f.per_y);
@@ -241,7 +306,7 @@ private:
             double q0 = (a0 - 0.5) * pose.sin_u + (b0 - 0.5) * pose.cos;
             double p1 = (a1 - 0.5) * pose.cos - (b1 - 0.5) * pose.sin_v;
             double q1 = (a1 - 0.5) * pose.sin_u + (b1 - 0.5) * pose.cos;
-            Stretch kept;
+            Interval kept;
             if (e.kind.combine == RADIAL) {
                 double half = PI / double(f.corners), reach = 0.5 * std::cos(half);
                 for (i64 k = 0; k < f.corners; ++k) {
@@ -259,14 +324,14 @@ private:
             double x0 = f.west + a0 * (f.east - f.west), y0 = f.south + b0 * (f.north - f.south);
             double x1 = f.west + a1 * (f.east - f.west), y1 = f.south + b1 * (f.north - f.south);
             auto at = [&](double share) {
-                return Place{x0 + share * (x1 - x0), y0 + share * (y1 - y0)};
+                return Position{x0 + share * (x1 - x0), y0 + share * (y1 - y0)};
             };
             draw_on_lattice(e, true, at(kept.low), at(kept.high));
         }
     }
 
     // The lines where the two curves of a minimum or maximum are equal.
-    void draw_ties(const Known& e) {
+    void draw_ties(const ElementView& e) {
         CurveAt curve_x = x_curve(e.kind), curve_y = y_curve(e.kind);
         i64 along = count_pieces(plan_, curve_x), across = count_pieces(plan_, curve_y);
         for (i64 i = 0; i < along; ++i) {
@@ -283,7 +348,7 @@ private:
                     begin = {u0 + (b - a) / slope_a, v0};
                     end = {u0 + (b + slope_b * (v1 - v0) - a) / slope_a, v1};
                 }
-                Stretch kept;
+                Interval kept;
                 kept.cut(u0 - begin.u, u0 - end.u, 0.0);
                 kept.cut(begin.u - u1, end.u - u1, 0.0);
                 kept.cut(v0 - begin.v, v0 - end.v, 0.0);

@@ -19,19 +19,19 @@ template <class T> INLINE T min3(T a, T b, T c) { return min(min(a, b), c); }
 template <class T> INLINE T max3(T a, T b, T c) { return max(max(a, b), c); }
 
 struct Frame {
-    double west, south, east, north, per_x, per_y;
+    double west, south, east, north, per_x, per_y, weight_x, weight_y;
     u32 corners;
-    double aside, rim;
+    double polygon_error, straight_from;
     u8 drawn;
 };
 
 struct Axis {
     u32 line, lines, group;
-    u8 level, linear;
-    double most, inner, slope;
+    u8 constant, linear;
+    double inner_slope, slope;
     u8 steep, ringed;
-    double faintest;
-    u32 reach, pieces, turn;
+    double smallest_crease;
+    u32 first_bounds, pieces, turn;
 };
 
 struct Line {
@@ -39,7 +39,7 @@ struct Line {
     u32 group;
 };
 
-struct Reach {
+struct PieceBounds {
     double low, high, slope, bend;
 };
 
@@ -48,30 +48,32 @@ struct Group {
     i64 first, last;
 };
 
-struct Cover {
+struct CoveringElement {
     u32 element, group_x, group_y;
 };
 
 template <class Visit> void visit_members(Frame& f, Visit visit) {
     visit("west", f.west), visit("south", f.south), visit("east", f.east), visit("north", f.north);
     visit("per_x", f.per_x), visit("per_y", f.per_y);
-    visit("corners", f.corners), visit("aside", f.aside), visit("rim", f.rim);
+    visit("weight_x", f.weight_x), visit("weight_y", f.weight_y);
+    visit("corners", f.corners), visit("polygon_error", f.polygon_error),
+        visit("straight_from", f.straight_from);
     visit("drawn", f.drawn);
 }
 
 template <class Visit> void visit_members(Axis& a, Visit visit) {
     visit("line", a.line), visit("lines", a.lines), visit("group", a.group);
-    visit("level", a.level), visit("linear", a.linear);
-    visit("most", a.most), visit("inner", a.inner), visit("slope", a.slope);
-    visit("steep", a.steep), visit("ringed", a.ringed), visit("faintest", a.faintest);
-    visit("reach", a.reach), visit("pieces", a.pieces), visit("turn", a.turn);
+    visit("constant", a.constant), visit("linear", a.linear);
+    visit("inner_slope", a.inner_slope), visit("slope", a.slope);
+    visit("steep", a.steep), visit("ringed", a.ringed), visit("smallest_crease", a.smallest_crease);
+    visit("first_bounds", a.first_bounds), visit("pieces", a.pieces), visit("turn", a.turn);
 }
 
 template <class Visit> void visit_members(Line& l, Visit visit) {
     visit("t", l.t), visit("crease", l.crease), visit("group", l.group);
 }
 
-template <class Visit> void visit_members(Reach& r, Visit visit) {
+template <class Visit> void visit_members(PieceBounds& r, Visit visit) {
     visit("low", r.low), visit("high", r.high), visit("slope", r.slope), visit("bend", r.bend);
 }
 
@@ -79,7 +81,7 @@ template <class Visit> void visit_members(Group& g, Visit visit) {
     visit("low", g.low), visit("high", g.high), visit("first", g.first), visit("last", g.last);
 }
 
-template <class Visit> void visit_members(Cover& c, Visit visit) {
+template <class Visit> void visit_members(CoveringElement& c, Visit visit) {
     visit("element", c.element), visit("group_x", c.group_x), visit("group_y", c.group_y);
 }
 
@@ -96,7 +98,7 @@ template <class Visit> void visit_arguments(Outlines& o, Visit visit) {
     visit("offsets", o.offsets), visit("entries", o.entries);
 }
 
-// Where the chords of elements' curves end, in t; see chords.hpp.
+// Where the chords of elements' curves end, in t; see segments.hpp.
 struct Chords {
     std::vector<double> ends;
     std::vector<u32> begins;  // in the ends: of each element's curve x, then of its curve y
@@ -113,7 +115,7 @@ struct Plan {
     Matrix<const Axis> axes;
     Span<const Line> lines;
     Span<const Group> groups;
-    Span<const Reach> reaches;
+    Span<const PieceBounds> piece_bounds;
     Matrix<const double> turns;
     In origin;
     double pitch;
@@ -125,7 +127,7 @@ struct Plan {
 
 template <class Visit> void visit_arguments(Plan& p, Visit visit) {
     visit("field", p.field), visit("frames[E]", p.frames), visit("axes[_,2]", p.axes);
-    visit("lines", p.lines), visit("groups", p.groups), visit("reaches", p.reaches);
+    visit("lines", p.lines), visit("groups", p.groups), visit("piece_bounds", p.piece_bounds);
     visit("turns[_,2]", p.turns), visit("origin[2]", p.origin);
     visit("pitch", p.pitch), visit("bounds[4]", p.bounds), visit("error", p.error);
     visit("outlines", p.outlines);
@@ -133,20 +135,21 @@ template <class Visit> void visit_arguments(Plan& p, Visit visit) {
 
 struct Regions {
     Span<const i64> offsets;
-    Span<const Cover> covers;
+    Span<const CoveringElement> covering;
     Span<const i32> surfaces;
-    Span<const bool> voids, plane;
-    In asides, drops;
+    Span<const bool> voids, affine;
+    In polygon_errors, rut_depths;
 
-    INLINE Span<const Cover> covers_of(i64 region) const {
-        return covers.subspan(offsets[region], offsets[region + 1] - offsets[region]);
+    INLINE Span<const CoveringElement> covering_of(i64 region) const {
+        return covering.subspan(offsets[region], offsets[region + 1] - offsets[region]);
     }
 };
 
 template <class Visit> void visit_arguments(Regions& r, Visit visit) {
-    visit("offsets[r+1]", r.offsets), visit("covers", r.covers), visit("surfaces[r]", r.surfaces);
-    visit("voids[r]", r.voids), visit("plane[r]", r.plane);
-    visit("asides[r]", r.asides), visit("drops[r]", r.drops);
+    visit("offsets[r+1]", r.offsets), visit("covering", r.covering),
+        visit("surfaces[r]", r.surfaces);
+    visit("voids[r]", r.voids), visit("affine[r]", r.affine);
+    visit("polygon_errors[r]", r.polygon_errors), visit("rut_depths[r]", r.rut_depths);
 }
 
 // Triangles in the plane.
@@ -161,7 +164,7 @@ template <class Visit> void visit_arguments(Triangulation& t, Visit visit) {
 }
 
 // An element, with all that is known of it.
-struct Known {
+struct ElementView {
     i64 index;
     const Element& element;
     const Kind& kind;
@@ -169,7 +172,7 @@ struct Known {
     const Frame& frame;
     const Axis &x, &y;
 
-    INLINE Known(const Plan& plan, i64 at)
+    INLINE ElementView(const Plan& plan, i64 at)
         : index(at), element(plan.field->elements[at]), kind(plan.field->kinds[element.kind]),
           pose(plan.field->poses[element.pose]), frame(plan.frames[at]),
           x(plan.axes(element.kind, 0)), y(plan.axes(element.kind, 1)) {}

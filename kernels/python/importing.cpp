@@ -105,7 +105,7 @@ void bind_importing(nb::module_ m) {
     m.attr("MAX_EXPONENT") = MAX_EXPONENT;
     def<&read_numbers>(
         m, "read_numbers",
-        "Numbers of a text; which are hard; where they end; whether the next should be one.",
+        "Numbers of a text; which of them are hard, and where they begin; where they end.",
         {"text[_]", "at", "powers[121,2]"}
     );
     def<&triangulate>(

@@ -1,7 +1,6 @@
 // What Python sees of kernels/mesh.
 #include "field.hpp"
 
-#include "../mesh/nonmanifold_edges.hpp"
 #include "../mesh/refining.hpp"
 #include "../mesh/regions.hpp"
 #include "../mesh/seams.hpp"
@@ -10,6 +9,21 @@
 #include "modules.hpp"
 
 namespace terratool::python {
+
+// A struct of arrays that a kernel makes becomes a dictionary.
+template <class T>
+concept Made = requires(T& made) { visit_results(made, [](const char*, auto&) {}); };
+
+template <Made T> struct Result<T> {
+    COLD static std::string type() { return "dict[str, Any]"; }
+    static nb::object of(T&& made) {
+        nb::dict results;
+        visit_results(made, [&]<class M>(const char* name, M& member) {
+            results[name] = Result<M>::of(std::move(member));
+        });
+        return std::move(results);
+    }
+};
 
 namespace {
 
@@ -64,7 +78,9 @@ private:
         check_index((curve.first + pieces) * 4 <= count_of(curves.pieces), "a piece");
         check_index(!curve.knotted || curve.knot + pieces < count_of(curves.knots), "a knot");
         while ((i64(1) << levels) <= pieces) ++levels;
-        check_index(axis.reach + levels * pieces <= count_of(p.reaches), "a reach");
+        check_index(
+            axis.first_bounds + levels * pieces <= count_of(p.piece_bounds), "bounds of pieces"
+        );
         check_index(axis.turn + pieces <= p.turns.rows(), "a turn");
     }
 };
@@ -73,8 +89,8 @@ private:
 class KeptRefinement {
 public:
     KeptRefinement(
-        nb::handle plan, nb::handle regions, nb::handle plane, nb::handle of, nb::handle heights,
-        nb::handle locked
+        nb::handle plan, nb::handle regions, nb::handle triangulation, nb::handle region_of,
+        nb::handle heights, nb::handle locked
     );
 
 private:
@@ -103,25 +119,21 @@ template <> struct Argument<Refinement> : KnownArgument<KeptRefinement> {
 namespace {
 
 KeptRefinement::KeptRefinement(
-    nb::handle plan, nb::handle regions, nb::handle plane, nb::handle of, nb::handle heights,
-    nb::handle locked
+    nb::handle plan, nb::handle regions, nb::handle triangulation, nb::handle region_of,
+    nb::handle heights, nb::handle locked
 )
     : plan_(nb::borrow(plan)), regions_(regions, where("regions")),
       refinement(
           Argument<Plan>(plan, where("plan")).get(), regions_.get(),
           EditableTriangulation(
-              Argument<Triangulation>(plane, where("plane")).get(),
-              Argument<Span<const i32>>(of, where("of[m]")).get(),
+              Argument<Triangulation>(triangulation, where("triangulation")).get(),
+              Argument<Span<const i32>>(region_of, where("region_of[m]")).get(),
               Argument<Matrix<const double>>(heights, where("heights[m,3]")).get(),
               Argument<Span<const i64>>(locked, where("locked[4]")).get()
           )
       ) {}
 
 auto take(Refinement& refinement) { return refinement.take(); }
-double largest_error(Refinement& refinement) { return refinement.largest_error(); }
-bool split_edge(Refinement& refinement, i64 triangle, i64 edge, i64 x, i64 y) {
-    return refinement.split_edge(triangle, edge, {x, y}, 0.0, 0.0);
-}
 
 }  // namespace
 
@@ -130,20 +142,20 @@ void bind_mesh(nb::module_ m) {
     m.attr("SHORTEST_SEAM") = SHORTEST_SEAM;
     m.def(
         "check_records",
-        [](nb::handle frame, nb::handle axis, nb::handle line, nb::handle reach, nb::handle group,
-           nb::handle cover) {
+        [](nb::handle frame, nb::handle axis, nb::handle line, nb::handle piece, nb::handle group,
+           nb::handle covering) {
             check_record<Frame>(frame);
             check_record<Axis>(axis);
             check_record<Line>(line);
-            check_record<Reach>(reach);
+            check_record<PieceBounds>(piece);
             check_record<Group>(group);
-            check_record<Cover>(cover);
+            check_record<CoveringElement>(covering);
         },
-        "frame"_a, "axis"_a, "line"_a, "reach"_a, "group"_a, "cover"_a,
+        "frame"_a, "axis"_a, "line"_a, "piece"_a, "group"_a, "covering"_a,
         nb::sig(
             "def check_records(frame: np.dtype[Any], axis: np.dtype[Any], "
-            "line: np.dtype[Any], reach: np.dtype[Any], group: np.dtype[Any], "
-            "cover: np.dtype[Any]) -> None"
+            "line: np.dtype[Any], piece: np.dtype[Any], group: np.dtype[Any], "
+            "covering: np.dtype[Any]) -> None"
         ),
         "Refuse dtypes that are not the structs of the kernels."
     );
@@ -153,7 +165,7 @@ void bind_mesh(nb::module_ m) {
     nb::class_<KeptRefinement>(m, "Refinement", "Triangles that are refined.")
         .def(
             nb::init<nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle>(),
-            "plan"_a, "regions"_a, "plane"_a, "of"_a, "heights"_a, "locked"_a
+            "plan"_a, "regions"_a, "triangulation"_a, "region_of"_a, "heights"_a, "locked"_a
         );
 
     def<&index_rows>(
@@ -171,16 +183,12 @@ void bind_mesh(nb::module_ m) {
         m, "weld", "For each vertex the one that it becomes.",
         {"points[_,2]", "limits[4]", "seams[4]", "near"}
     );
-    def<&thinnest>(
-        m, "thinnest", "The smallest distance of a corner from the longest side.",
-        {"points[_,2]", "triangles[_,3]"}
-    );
     def<&find_thin>(
-        m, "find_thin", "Triangles lower than `near`: longest side, then corner.",
+        m, "find_thin", "Triangles lower than `near`: their longest side, then the corner.",
         {"points[_,2]", "triangles[_,3]", "near"}
     );
-    def<&keys_of>(
-        m, "keys_of", "For each triangle a number of what covers its middle.",
+    def<&region_keys>(
+        m, "region_keys", "For each triangle a number of what covers its middle.",
         {"plan", "points[_,2]", "triangles[_,3]"}
     );
     def<&describe_regions>(
@@ -189,49 +197,39 @@ void bind_mesh(nb::module_ m) {
     );
     def<&corner_heights>(
         m, "corner_heights", "Heights of triangles at their corners.",
-        {"plan", "regions", "points[_,2]", "triangles[m,3]", "of[m]"}
+        {"plan", "regions", "points[_,2]", "triangles[m,3]", "region_of[m]"}
     );
-    def<&follow>(
-        m, "follow", "Where edges along a seam end, and heights at both of their ends.",
-        {"plan", "regions", "of[k]", "axis", "at", "passes[k+1]", "beside[k+1]"}
+    def<&divide_seam>(
+        m, "divide_seam", "Where edges along a seam end, and heights at both of their ends.",
+        {"plan", "regions", "region_of[k]", "axis", "at", "passes[k+1]", "clearance[k+1]"}
     );
 
     def<&Refinement::refine>(
         m, "refine", "Refine some triangles; whether there are more.",
         {"refinement", "allowed", "most"}
     );
-    def<&Refinement::part_crossings>(
-        m, "part_crossings",
+    def<&Refinement::split_crossings>(
+        m, "split_crossings",
         "Split edges where the higher side changes; whether there are triangles to refine.",
         {"refinement", "tolerance"}
     );
-    def<&split_edge>(
-        m, "split_edge", "Put a point of height 0 on an edge; whether it was.",
-        {"refinement", "triangle", "edge", "x", "y"}
-    );
-    def<&largest_error>(
-        m, "largest_error", "The largest error that triangles may have.", {"refinement"}
-    );
-    def<&take>(
-        m, "take", "Points, corners, neighbours, regions and heights; the end of it.",
-        {"refinement"}
-    );
+    def<&take>(m, "take", "All triangles; the end of it.", {"refinement"});
 
     def<&find_levels>(
         m, "find_levels", "The different heights at each vertex.",
-        {"triangles[m,3]", "heights[m,3]", "solid[m]", "on_rim", "base", "tolerance"}
+        {"triangles[m,3]", "heights[m,3]", "solid[m]", "on_boundary", "base", "tolerance"}
     );
     def<&raise_walls>(
         m, "raise_walls", "The walls between triangles.",
         {"neighbours[m,3]", "corners[m,3]", "levels"}
     );
     def<&raise_skirt>(
-        m, "raise_skirt", "The walls from the base up to the rim of the ground.",
-        {"triangles[m,3]", "corners[m,3]", "rim[_,2]", "begins", "levels"}
+        m, "raise_skirt", "The walls from the base up to where the ground ends.",
+        {"triangles[m,3]", "corners[m,3]", "outer_edges[_,2]", "begins", "levels"}
     );
-    def<&part_wedges>(
-        m, "part_wedges", "Give each solid wedge vertices of its own.",
-        {"plane", "corners[m,3]", "begins", "faces[f,3]", "owners[f]", "below[_,3]"}
+    def<&separate_wedges>(
+        m, "separate_wedges", "Give each solid wedge vertices of its own.",
+        {"triangulation", "corners[m,3]", "begins", "faces[f,3]", "owners[f]", "below[_,3]"}
     );
 
     def<&put_points>(

@@ -1,6 +1,5 @@
 // What Python sees of kernels/traversability.
-#include "../traversability/climbing.hpp"
-#include "../traversability/judging.hpp"
+#include "../traversability/stance.hpp"
 #include "bind.hpp"
 #include "modules.hpp"
 
@@ -29,15 +28,11 @@ public:
     VehicleOnSoils on;
 };
 
-double slip_at(double half, double radius, double shear_modulus, double utilisation) {
-    return slip_for(contact_at(half, {radius, 0.0}), radius, shear_modulus, utilisation);
-}
-
 Drive drive(
     const Layout& layout, In load, const Soils& soil, double pull, const Wheel& wheel,
     double max_torque
 ) {
-    auto wheels = footings_of(layout, soil[0]);
+    auto wheels = wheels_on(layout, soil[0]);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
     sink_wheels(wheels, wheel);
     return drive_wheels(wheels, pull, wheel, max_torque);
@@ -47,14 +42,16 @@ double tipping_on(const Layout& layout, double along, double across) {
     return tipping(layout, gravity(along, across));
 }
 
-std::optional<Stand> find_stand(const VehicleOnSoils& on, i64 soil, double along, double across) {
+std::optional<SlopeState> find_state(
+    const VehicleOnSoils& on, i64 soil, double along, double across
+) {
     (void)on.soils.at(soil);  // refuses what is none
     return on.find(soil, along, across);
 }
 
-Stand stand_on(const VehicleOnSoils& on, i64 soil, double along, double across) {
-    auto wheels = footings_of(on.vehicle.layout, on.soils.at(soil));
-    return stand(on.vehicle, along, across, wheels);
+SlopeState state_on(const VehicleOnSoils& on, i64 soil, double along, double across) {
+    auto wheels = wheels_on(on.vehicle.layout, on.soils.at(soil));
+    return slope_state(on.vehicle, along, across, wheels);
 }
 
 }  // namespace
@@ -116,17 +113,10 @@ void bind_traversability(nb::module_ m) {
         m, "measured_stresses", "Normal and shear stress.",
         {"load[n]", "torque[n]", "half[n]", "wheel"}
     );
-    def<&slip_at>(
-        m, "slip_for", "Slip that mobilises a share of the strength.",
-        {"half", "radius", "shear_modulus", "utilisation"}
-    );
 
     def<&wheel_loads>(
-        m, "wheel_loads", "Loads of a vehicle's wheels at angles, one after the other.",
-        {"layout", "weight", "pitch[n]", "roll[n]"}
-    );
-    def<&gravity>(
-        m, "gravity", "Direction of gravity on a plane with two tangents.", {"along", "across"}
+        m, "wheel_loads", "Loads of a vehicle's wheels on a slope.",
+        {"layout", "weight", "pitch", "roll"}
     );
     def<&tipping_on>(
         m, "tipping", "The share of a tip-over angle that is used.", {"layout", "along", "across"}
@@ -136,28 +126,29 @@ void bind_traversability(nb::module_ m) {
         {"layout", "load[w]", "soil", "pull", "wheel", "max_torque"}
     );
     def<&steepest>(
-        m, "steepest", "The largest slope on each soil, and the reason that limits it.",
-        {"across", "layout", "weight", "soils", "slip", "wheel", "max_torque"}
+        m, "steepest", "The largest slope on a soil, and the reason that limits it.",
+        {"across", "layout", "weight", "soil", "slip", "wheel", "max_torque"}
     );
     def<&judge>(
         m, "judge", "Verdict, reason and largest share of measures.",
-        {"shares[m,n]", "go[m]", "strict[m]", "reasons[m]"}
+        {"shares[m]", "go[m]", "strict[m]", "reasons[m]"}
     );
 
-    def<&find_stand>(
-        m, "find_stand", "How a vehicle stands on a slope, if that is in its tables.",
+    def<&find_state>(
+        m, "tabulated_state", "What a slope and a soil ask of a vehicle, if its tables have it.",
         {"vehicle", "soil", "along", "across"}
     );
-    def<&stand_on>(
-        m, "stand", "How a vehicle stands on a slope.", {"vehicle", "soil", "along", "across"}
+    def<&state_on>(
+        m, "slope_state", "What a slope and a soil ask of a vehicle.",
+        {"vehicle", "soil", "along", "across"}
     );
     def<&judge_cells>(
         m, "judge_cells", "Judge a vehicle with a heading at every reference point.",
         {"vehicle", "stance", "east", "north", "out"}
     );
     def<&highest>(
-        m, "highest", "The highest ground under offsets, each raised.",
-        {"ground[_,_,_]", "first", "offsets[k,3]", "lift[k]", "out[_,_]"}
+        m, "highest", "The highest ground under offsets.",
+        {"ground[_,_,_]", "first", "offsets[k,3]", "out[_,_]"}
     );
     def<&supports>(
         m, "supports", "How high a wheel stands at every pixel.",

@@ -47,17 +47,14 @@ template <class Visit> INLINE void visit_points(Matrix<float> points, Visit visi
         visit_blocks(points.columns(), [&](i64 j, auto count) { visit(i, j, count); });
 }
 
-// For each reference point the highest ground under offsets, each raised by its `lift`.
-inline void highest(
-    Ground ground, i64 first, Offsets offsets, Span<const float> lift, Matrix<float> out
-) {
+// For each reference point the highest ground under offsets.
+inline void highest(Ground ground, i64 first, Offsets offsets, Matrix<float> out) {
     visit_points(out, [&](i64 i, i64 j, auto count) {
         Block best;
         best.fill(NO_GROUND);
         for (i64 n = 0; n < offsets.rows(); ++n) {
             const float* row = swept_row(ground, first, offsets[n], i) + j;
-            float raised = lift[n];
-            for (i64 k = 0; k < count; ++k) best[k] = higher(row[k] + raised, best[k]);
+            for (i64 k = 0; k < count; ++k) best[k] = higher(row[k], best[k]);
         }
         std::copy_n(best.data(), i64(count), &out(i, j));
     });

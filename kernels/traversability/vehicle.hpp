@@ -1,12 +1,13 @@
-// A vehicle on a slope: what each wheel bears, when it tips over, what it asks of its wheels to
-// push.
+// A vehicle on a slope: the load of each wheel, tip-over, what driving asks of its wheels, and the
+// steepest slopes.
 #pragma once
 
-#include "wheels.hpp"
+#include "terramechanics.hpp"
+#include "verdicts.hpp"
 
 namespace terratool::traversability {
 
-// The wheels of a vehicle; terratool/traversability/loads.py says what it means.
+// The wheels of a vehicle; terratool/traversability/limits.py says what it means.
 struct Layout {
     Matrix<const double> shares;
     Span<const bool> driven;
@@ -42,10 +43,6 @@ struct Gravity {
     double forward, left, down;
 };
 
-template <class Visit> void visit_members(Gravity& g, Visit visit) {
-    visit("forward", g.forward), visit("left", g.left), visit("down", g.down);
-}
-
 // Gravity on a plane that rises by `along` (a tangent) where the body heads and by `across` to its
 // left.
 INLINE Gravity gravity(double along, double across) {
@@ -78,25 +75,27 @@ inline double tip_reserve(const Layout& layout, const Gravity& g) {
 }
 
 // A wheel of a vehicle, what it bears, and the soil that it stands on.
-struct Footing {
+struct LoadedWheel {
     bool driven;
     Soil soil;
     double load;
     Contact contact;
 };
 
-using Footings = Span<Footing>;
+using LoadedWheels = Span<LoadedWheel>;
 
 // The wheels of a vehicle, all on one soil.
-inline std::vector<Footing> footings_of(const Layout& layout, const Soil& soil) {
+inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soil& soil) {
     return each(layout.driven.size(), [&](std::size_t n) {
-        return Footing{layout.driven[n], soil, 0.0, {}};
+        return LoadedWheel{layout.driven[n], soil, 0.0, {}};
     });
 }
 
 // Let the wheels bear a weight; whether one would be pulled up.
 // Such a wheel bears nothing, and the others as much as there is.
-inline bool load_wheels(Footings wheels, const Layout& layout, double weight, const Gravity& g) {
+inline bool load_wheels(
+    LoadedWheels wheels, const Layout& layout, double weight, const Gravity& g
+) {
     double total = 0.0;
     bool lifted = false;
     for (i64 n = 0; n < count_of(wheels); ++n) {
@@ -107,19 +106,19 @@ inline bool load_wheels(Footings wheels, const Layout& layout, double weight, co
         total += load;
     }
     if (lifted && total > 0.0)
-        for (Footing& f : wheels) f.load *= weight * g.down / total;
+        for (LoadedWheel& f : wheels) f.load *= weight * g.down / total;
     return lifted;
 }
 
-struct Sunk {
+struct Sinkage {
     double deepest;  // sinkage, m
     double held;     // what holds the wheels, N
 };
 
 // Let loaded wheels sink in.
-inline Sunk sink_wheels(Footings wheels, const Wheel& wheel) {
-    Sunk sunk{0.0, 0.0};
-    for (Footing& f : wheels) {
+inline Sinkage sink_wheels(LoadedWheels wheels, const Wheel& wheel) {
+    Sinkage sunk{0.0, 0.0};
+    for (LoadedWheel& f : wheels) {
         f.contact = contact_under(f.load, f.soil.sinkage, wheel);
         sunk.deepest = max(sunk.deepest, f.contact.sinkage);
         sunk.held += grip(f.load, f.contact, f.soil, wheel);
@@ -127,16 +126,14 @@ inline Sunk sink_wheels(Footings wheels, const Wheel& wheel) {
     return sunk;
 }
 
-// Loads of a vehicle's wheels, N, at (n,) angles: the body stands on a plane that rises at `pitch`
-// where it heads and at `roll` to its left.
-inline std::vector<double> wheel_loads(const Layout& layout, double weight, In pitch, In roll) {
-    auto wheels = footings_of(layout, {});
-    std::vector<double> out;
-    for (std::size_t n = 0; n < pitch.size(); ++n) {
-        load_wheels(wheels, layout, weight, gravity(tan(pitch[n]), tan(roll[n])));
-        for (const Footing& f : wheels) out.push_back(f.load);
-    }
-    return out;
+// Loads of a vehicle's wheels, N: the body stands on a plane that rises at the angle `pitch` where
+// it heads and at `roll` to its left.
+inline std::vector<double> wheel_loads(
+    const Layout& layout, double weight, double pitch, double roll
+) {
+    auto wheels = wheels_on(layout, {});
+    load_wheels(wheels, layout, weight, gravity(tan(pitch), tan(roll)));
+    return each(wheels.size(), [&](std::size_t n) { return wheels[n].load; });
 }
 
 struct Pull {
@@ -145,9 +142,9 @@ struct Pull {
 };
 
 // Drawbar pull of all driven wheels at a share of strength.
-inline Pull pulls(Footings wheels, double share, const Wheel& wheel, double max_torque) {
+inline Pull pulls(LoadedWheels wheels, double share, const Wheel& wheel, double max_torque) {
     Pull total{0.0, false};
-    for (const Footing& f : wheels) {
+    for (const LoadedWheel& f : wheels) {
         if (!f.driven) continue;
         Traction found = traction(f.load, f.contact, f.soil, share, wheel, max_torque);
         total.force += found.drawbar;
@@ -157,24 +154,26 @@ inline Pull pulls(Footings wheels, double share, const Wheel& wheel, double max_
 }
 
 // The share of strength that a slip mobilises under all driven wheels.
-inline double least_mobilised(Footings wheels, const Wheel& wheel, double slip) {
+inline double least_mobilised(LoadedWheels wheels, const Wheel& wheel, double slip) {
     double least = 1.0;
-    for (const Footing& f : wheels)
+    for (const LoadedWheel& f : wheels)
         if (f.driven)
             least = min(least, mobilised(f.contact, wheel.radius, f.soil.shear_modulus, slip));
     return least;
 }
 
 // What all wheels that are not driven resist, N.
-inline double resistances(Footings wheels) {
+inline double resistances(LoadedWheels wheels) {
     double total = 0.0;
-    for (const Footing& f : wheels)
+    for (const LoadedWheel& f : wheels)
         if (!f.driven) total += towed(f.load, f.contact);
     return total;
 }
 
 // The share of strength at which all driven wheels together push with `pull`; or infinity.
-inline double common_share(Footings wheels, double pull, const Wheel& wheel, double max_torque) {
+inline double common_share(
+    LoadedWheels wheels, double pull, const Wheel& wheel, double max_torque
+) {
     constexpr double enough = 1e-13;  // relative accuracy of the root
     constexpr int steps = 100;
     auto lacking = [&](double share) {
@@ -221,12 +220,12 @@ template <class Visit> void visit_members(Drive& d, Visit visit) {
 }
 
 // To be held back each driven wheel takes its part by load.
-inline Drive hold_back(Footings wheels, double total, const Wheel& wheel) {
+inline Drive brake(LoadedWheels wheels, double total, const Wheel& wheel) {
     Drive drive{0.0, 0.0, 0.0, 0.0};
     double borne = 0.0;
-    for (const Footing& f : wheels)
+    for (const LoadedWheel& f : wheels)
         if (f.driven) borne += f.load;
-    for (const Footing& f : wheels) {
+    for (const LoadedWheel& f : wheels) {
         if (!(f.driven && borne > 0.0)) continue;
         Demand need = demand(f.load, f.contact, f.soil, total * f.load / borne, wheel);
         drive.utilisation = max(drive.utilisation, need.utilisation);
@@ -241,15 +240,15 @@ inline Drive hold_back(Footings wheels, double total, const Wheel& wheel) {
 // The driven wheels share it so that each uses the same share U of its soil's strength; a wheel at
 // its motor's limit leaves the rest to the others. Below what the wheels resist by themselves they
 // are held back.
-inline Drive drive_wheels(Footings wheels, double pull, const Wheel& wheel, double max_torque) {
+inline Drive drive_wheels(LoadedWheels wheels, double pull, const Wheel& wheel, double max_torque) {
     double total = pull + resistances(wheels);
-    if (total < pulls(wheels, 0.0, wheel, INF).force) return hold_back(wheels, total, wheel);
+    if (total < pulls(wheels, 0.0, wheel, INF).force) return brake(wheels, total, wheel);
     double limit = INF;
     Drive drive{common_share(wheels, total, wheel, limit), 0.0, 0.0, 0.0};
     for (bool helped = false;; helped = true) {
         double share = drive.utilisation, acting = min(share, 1.0);
         drive.torque = drive.slip = drive.torques = 0.0;
-        for (const Footing& f : wheels) {
+        for (const LoadedWheel& f : wheels) {
             if (!f.driven) continue;
             double torque = traction(f.load, f.contact, f.soil, acting, wheel, limit).torque;
             drive.torque = max(drive.torque, torque);
@@ -264,6 +263,92 @@ inline Drive drive_wheels(Footings wheels, double pull, const Wheel& wheel, doub
         drive.utilisation = more, limit = max_torque;
     }
     return drive;
+}
+
+constexpr double DEGREE = PI / 180.0;
+
+struct Reserve {
+    double force;  // N; the vehicle stays where it is above 0
+    Reason limit;
+};
+
+// What its wheels can push beyond what a slope asks for, and what limits them.
+inline Reserve climb_reserve(
+    LoadedWheels wheels, const Layout& layout, double weight, double angle, double slip,
+    const Wheel& wheel, double max_torque
+) {
+    Gravity g = gravity(tan(angle), 0.0);
+    if (load_wheels(wheels, layout, weight, g)) return {-INF, Reason::TIP_OVER};
+    if (sink_wheels(wheels, wheel).deepest >= wheel.radius) return {-INF, Reason::SINKAGE};
+    double share = least_mobilised(wheels, wheel, slip);
+    Pull pushed = pulls(wheels, share, wheel, max_torque);
+    return {
+        pushed.force - resistances(wheels) + weight * g.forward,
+        pushed.motor      ? Reason::TORQUE
+            : share < 1.0 ? Reason::SLIP
+                          : Reason::TRACTION
+    };
+}
+
+// What holds its wheels beyond what pulls them down a slope, and what limits them.
+inline Reserve cross_reserve(
+    LoadedWheels wheels, const Layout& layout, double weight, double angle, const Wheel& wheel
+) {
+    Gravity g = gravity(0.0, tan(angle));
+    load_wheels(wheels, layout, weight, g);
+    Sinkage sunk = sink_wheels(wheels, wheel);
+    if (sunk.deepest >= wheel.radius) return {-INF, Reason::SINKAGE};
+    return {sunk.held + weight * g.left, Reason::SIDE_SLIP};
+}
+
+struct Slope {
+    double angle;  // rad; below 0 where it cannot even be on the level
+    u8 reason;     // `Reason`, what limits it
+};
+
+template <class Visit> void visit_members(Slope& s, Visit visit) {
+    visit("angle", s.angle), visit("reason", s.reason);
+}
+
+// The largest angle with something in `reserve`, and what limits it.
+// The first root going up counts: beyond it none does. It is looked for in steps, and then between
+// two.
+template <class ReserveAt> Slope steepest_slope(ReserveAt reserve_at) {
+    constexpr double step = 0.25 * DEGREE, upright = 89.99 * DEGREE;
+    double low = 0.0, high = 0.0, top = 0.0;
+    bool done = false;
+    Reason limit = Reason::NONE;
+    for (int halvings = 0; halvings < 50;) {
+        Reserve reserve = reserve_at(high);
+        if (reserve.force > 0.0) {
+            low = high;
+        } else {
+            if (high == 0.0) return {-1.0, u8(reserve.limit)};
+            limit = reserve.limit, top = high, done = true;
+        }
+        if (done) {
+            ++halvings;
+            high = 0.5 * (low + top);
+        } else if (high >= upright) {
+            break;
+        } else {
+            high = min(high + step, upright);
+        }
+    }
+    return {low >= upright ? PI / 2.0 : low, u8(limit)};
+}
+
+// The largest slope, and what limits it, on one soil. `slip` is the largest when climbing; across
+// nothing turns.
+inline Slope steepest(
+    bool across, const Layout& layout, double weight, const Soils& soil, double slip,
+    const Wheel& wheel, double max_torque
+) {
+    auto wheels = wheels_on(layout, soil[0]);
+    return steepest_slope([&](double angle) {
+        return across ? cross_reserve(wheels, layout, weight, angle, wheel)
+                      : climb_reserve(wheels, layout, weight, angle, slip, wheel, max_torque);
+    });
 }
 
 }  // namespace terratool::traversability

@@ -59,21 +59,14 @@ struct Judgement {
     }
 };
 
-// Verdict, reason and largest share of measures (m, n); `reasons` are numbers of `Reason`.
-inline std::tuple<std::vector<u8>, std::vector<u8>, std::vector<double>> judge(
-    Matrix<const double> shares, In go, Span<const bool> strict, Span<const u8> reasons
+// Verdict, reason and largest share of measures (m,); `reasons` are numbers of `Reason`.
+inline std::tuple<i64, i64, double> judge(
+    In shares, In go, Span<const bool> strict, Span<const u8> reasons
 ) {
-    std::vector<u8> verdicts, why;
-    std::vector<double> worst;
-    for (i64 n = 0; n < shares.columns(); ++n) {
-        Judgement judgement{Verdict::UNKNOWN};
-        for (i64 m = 0; m < shares.rows(); ++m)
-            judgement.add(Reason(reasons[m]), shares(m, n), go[m], strict[m]);
-        verdicts.push_back(u8(judgement.verdict));
-        why.push_back(u8(judgement.reason));
-        worst.push_back(judgement.worst);
-    }
-    return {verdicts, why, worst};
+    Judgement judgement{Verdict::UNKNOWN};
+    for (std::size_t m = 0; m < shares.size(); ++m)
+        judgement.add(Reason(reasons[m]), shares[m], go[m], strict[m]);
+    return {i64(judgement.verdict), i64(judgement.reason), judgement.worst};
 }
 
 }  // namespace terratool::traversability

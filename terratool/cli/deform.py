@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -129,10 +130,7 @@ def as_dict(deformed: Deformed, output: str, added_bytes: int) -> dict[str, Any]
         "driven_again": deformed.again,
         "length": deformed.length,
         "points": deformed.points,
-        "surfaces": [
-            {"surface": rut.surface, "length": rut.length, "depth": rut.depth}
-            for rut in deformed.ruts
-        ],
+        "surfaces": list(map(asdict, deformed.ruts)),
     }
 
 

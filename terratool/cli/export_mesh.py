@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -11,12 +13,9 @@ import click
 from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from terratool.field.terrain import Terrain
     from terratool.mesh.elevation import ElevationGridReport
-    from terratool.mesh.export import MeshReport
-    from terratool.mesh.mosaic import MeshTilesReport as Tiles
+    from terratool.mesh.export import MeshOptions, MeshReport
+    from terratool.mesh.tiles import MeshTilesReport
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -104,7 +103,7 @@ def command(**options: Any) -> None:
     .ply, .usdc or .usda (these two need terratool[usd]). Faces have the colours and names of their
     surfaces, as far as the format has a place for them. z is up, but y in a .glb.
     """
-    _export("", **options)
+    _export(_Request("", **options))
 
 
 @click.command(
@@ -118,7 +117,7 @@ def obj(**options: Any) -> None:
     The same as export-mesh with an OUTPUT that ends in .obj: a group and a material for each
     surface, z up.
     """
-    _export(".obj", **options)
+    _export(_Request(".obj", **options))
 
 
 @click.command(
@@ -131,251 +130,190 @@ def vrml(**options: Any) -> None:
 
     The same as export-mesh with an OUTPUT that ends in .wrl: a Shape for each surface, z up.
     """
-    _export(".wrl", **options)
+    _export(_Request(".wrl", **options))
 
 
-def _export(
-    suffix: str,
-    file: str,
-    output: str,
-    max_error: float | None,
-    max_faces: int | None,
-    bounds: tuple[float, float, float, float] | None,
-    solid: bool,
-    base: float | None,
-    origin: str,
-    tile_faces: int | None,
-    overwrite: bool,
-    as_json: bool,
-    elevation_grid: bool = False,
-    resolution: float | None = None,
-) -> None:
-    """Write a mesh, or a grid of heights, and say what it is; a suffix is the only one allowed."""
-    from terratool.mesh.elevation import export_elevation_grid
-    from terratool.mesh.export import check_numbers, export_mesh
-    from terratool.mesh.files import check_request
+@dataclass(frozen=True, slots=True)
+class _Request:
+    """The arguments and options of a command; `suffix` is the only one allowed, if any."""
 
-    _refuse_other_suffix(suffix, output)
-    others = {
-        "--max-error": max_error,
-        "--max-faces": max_faces,
-        "--solid": solid or None,
-        "--base": base,
-        "--origin world": origin == "world" or None,
-        "--tile-faces": tile_faces,
-    }
-    _refuse_odd(elevation_grid, resolution, others)
-    # before a large definition is read
-    check_numbers(max_error, max_faces, solid, base)
-    report: ElevationGridReport | MeshReport | Tiles
-    if tile_faces is not None:
-        _refuse_untiled(tile_faces, max_faces, solid)
-        folder, suffix = _folder_of(output)
-        _refuse_definition_in(file, folder)
-        report = _tiled(
-            load(file), folder, suffix, max_error, bounds, tile_faces, origin == "world", overwrite
+    suffix: str
+    file: str
+    output: str
+    max_error: float | None
+    max_faces: int | None
+    bounds: tuple[float, float, float, float] | None
+    solid: bool
+    base: float | None
+    origin: str
+    tile_faces: int | None
+    overwrite: bool
+    as_json: bool
+    elevation_grid: bool = False
+    resolution: float | None = None
+
+    @property
+    def world(self) -> bool:
+        return self.origin == "world"
+
+    def options(self) -> MeshOptions:
+        """What is wanted of a mesh."""
+        from terratool.mesh.export import MeshOptions
+
+        return MeshOptions(
+            self.max_error, self.max_faces, self.bounds, self.solid, self.base, self.world
         )
-        _say(report, tiles_as_text(report), as_json)
-        return
-    form = check_request(output, overwrite, origin == "world")
-    _refuse_definition(file, output, form.companions)
-    terrain = load(file)
-    if elevation_grid:
-        with Status("writing"):
-            report = export_elevation_grid(terrain, output, resolution, bounds, overwrite=overwrite)
-        lines = grid_as_text(report)
-    else:
-        with Status("meshing") as status:
-            report = export_mesh(
-                terrain,
-                output,
-                max_error,
-                max_faces,
-                bounds,
-                solid=solid,
-                base=base,
-                world=origin == "world",
-                overwrite=overwrite,
-                progress=status.say,
+
+    def check(self) -> None:
+        """Refuse another format than the command is for, and options that do not go together."""
+        from terratool.errors import RequestError
+
+        if self.suffix and Path(self.output).suffix.lower() != self.suffix:
+            name = {".obj": "export-obj", ".wrl": "export-vrml"}[self.suffix]
+            raise RequestError(
+                f"{self.output}: {name} writes {self.suffix} files only.",
+                f"Choose a name that ends in {self.suffix}, or use export-mesh.",
             )
-        lines = as_text(report)
-    _say(report, lines, as_json)
-
-
-def _say(
-    report: ElevationGridReport | MeshReport | Tiles, lines: Iterator[str], as_json: bool
-) -> None:
-    """Print a report."""
-    if as_json:
-        click.echo(json.dumps(report.to_json(), indent=2, ensure_ascii=False))
-    else:
-        for line in lines:
-            click.echo(line)
-
-
-def _refuse_other_suffix(suffix: str, output: str) -> None:
-    """Refuse another format than the command is for."""
-    from pathlib import Path
-
-    from terratool.errors import RequestError
-
-    if suffix and Path(output).suffix.lower() != suffix:
-        name = {".obj": "export-obj", ".wrl": "export-vrml"}[suffix]
-        raise RequestError(
-            f"{output}: {name} writes {suffix} files only.",
-            f"Choose a name that ends in {suffix}, or use export-mesh.",
-        )
-
-
-def _refuse_odd(grid: bool, resolution: float | None, others: dict[str, Any]) -> None:
-    """Refuse options that do not go together."""
-    from terratool.errors import RequestError
-
-    if not grid:
-        if resolution is not None:
+        if self.resolution is not None and not self.elevation_grid:
             raise RequestError(
                 "--resolution is about a grid of heights, but a mesh is asked for.",
                 "Add --elevation-grid, or say --max-error instead.",
             )
+        given = {
+            "--max-error": self.max_error is not None,
+            "--max-faces": self.max_faces is not None,
+            "--solid": self.solid,
+            "--base": self.base is not None,
+            "--origin world": self.world,
+            "--tile-faces": self.tile_faces is not None,
+        }
+        for name in filter(given.get, given):
+            if self.elevation_grid:
+                raise RequestError(
+                    f"{name} is about a mesh, but a grid of heights is asked for.",
+                    f"Leave out {name} or --elevation-grid.",
+                )
+        self.options().check()
+        if self.tile_faces is None:
+            return
+        if self.tile_faces < 1:
+            raise RequestError(
+                f"Tiles of {self.tile_faces} faces are asked for.", "Ask for 1 or more."
+            )
+        for name in ("--max-faces", "--solid"):
+            if given[name]:
+                raise RequestError(
+                    f"{name} is about one mesh, but tiles are asked for.",
+                    f"Leave out {name} or --tile-faces.",
+                )
+
+
+def _export(request: _Request) -> None:
+    """Write a mesh, tiles or a grid of heights, and say what it is."""
+    request.check()  # before a large definition is read
+    report: MeshReport | ElevationGridReport | MeshTilesReport
+    if request.tile_faces is not None:
+        report, lines = _export_tiles(request)
+    elif request.elevation_grid:
+        report, lines = _export_grid(request)
+    else:
+        report, lines = _export_mesh(request)
+    if request.as_json:
+        click.echo(json.dumps(report.to_json(), indent=2, ensure_ascii=False))
         return
-    for name, value in others.items():
-        if value is not None:
-            raise RequestError(
-                f"{name} is about a mesh, but a grid of heights is asked for.",
-                f"Leave out {name} or --elevation-grid.",
-            )
+    place = " ".join(f"{number:.12g}" for number in report.origin)
+    click.echo(f"{lines[0]}\n{lines[1]}: zero is at {place}")
+    for line in lines[2:]:
+        click.echo(line)
 
 
-def _refuse_untiled(tile_faces: int, max_faces: int | None, solid: bool) -> None:
-    """Refuse what tiles cannot be."""
-    from terratool.errors import RequestError
+def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
+    """Write a mesh; its report, and this in lines for people."""
+    from terratool.mesh.export import export_mesh
+    from terratool.mesh.loss import counted, length
 
-    if tile_faces < 1:
-        raise RequestError(f"Tiles of {tile_faces} faces are asked for.", "Ask for 1 or more.")
-    for name, value in (("--max-faces", max_faces), ("--solid", solid or None)):
-        if value is not None:
-            raise RequestError(
-                f"{name} is about one mesh, but tiles are asked for.",
-                f"Leave out {name} or --tile-faces.",
-            )
+    _check_output(request)
+    terrain = load(request.file)
+    with Status("meshing") as status:
+        report = export_mesh(
+            terrain,
+            request.output,
+            request.options(),
+            overwrite=request.overwrite,
+            progress=status.say,
+        )
+    loss = report.statement
+    closed = "" if report.base is None else f", closed by a base at {report.base:.6g}"
+    first = (
+        f"{counted(report.faces, 'face')}, {report.walls:,} of them upright{closed}; "
+        f"an error of {length(loss.wanted)} was wanted ({report.chosen})"
+    )
+    return report, [first, ", ".join(map(str, report.files)), *loss.sentences()]
 
 
-def _folder_of(output: str) -> tuple[Path, str]:
-    """The folder for tiles, and the suffix of their files."""
-    from pathlib import Path
+def _export_grid(request: _Request) -> tuple[ElevationGridReport, list[str]]:
+    """Write a grid of heights; its report, and this in lines for people."""
+    from terratool.mesh.elevation import export_elevation_grid
 
-    from terratool.mesh.formats.table import mesh_format
+    _check_output(request)
+    terrain = load(request.file)
+    with Status("writing"):
+        report = export_elevation_grid(
+            terrain,
+            request.output,
+            request.resolution,
+            request.bounds,
+            overwrite=request.overwrite,
+        )
+    wide, tall = report.spacing
+    first = f"{report.columns} × {report.rows} nodes of {wide:.6g} × {tall:.6g} ({report.chosen})"
+    return report, [first, str(report.files[0]), *report.statement.sentences(max(wide, tall))]
 
-    path = Path(output)
-    mesh_format(path)
-    return path.with_suffix(""), path.suffix.lower()
 
-
-def _refuse_definition_in(file: str, folder: Path) -> None:
-    """Refuse to write tiles over the definition: those of an earlier run are removed."""
-    from pathlib import Path
-
+def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
+    """Write tiles; their report, and this in lines for people."""
     from terratool.errors import WriteError
+    from terratool.mesh.formats.table import mesh_format
+    from terratool.mesh.loss import length
+    from terratool.mesh.tiles import TileCount, export_tiles
 
-    if folder.is_dir() and Path(file).exists() and Path(file).resolve().parent == folder.resolve():
+    file, output = Path(request.file), Path(request.output)
+    mesh_format(output)
+    folder = output.with_suffix("")
+    # tiles of an earlier run are removed
+    if folder.is_dir() and file.exists() and file.resolve().parent == folder.resolve():
         raise WriteError(
             f"{folder}: holds the definition itself.", "Choose another folder for the tiles."
         )
-
-
-def _tiled(
-    terrain: Terrain,
-    folder: Path,
-    suffix: str,
-    max_error: float | None,
-    bounds: tuple[float, float, float, float] | None,
-    tile_faces: int,
-    world: bool,
-    overwrite: bool,
-) -> Tiles:
-    """Write tiles."""
-    from terratool.field.terrain import check_bounds
-    from terratool.mesh.export import default_error, relief_of
-    from terratool.mesh.mosaic import export_tiles
-
-    if bounds is not None:
-        check_bounds(bounds, terrain)
-    chosen = "as asked"
+    terrain = load(request.file)
     with Status("meshing") as status:
-        if max_error is None:
-            max_error, chosen = default_error(relief_of(terrain, bounds))
-
-        def tell(done: int, tiles: int, faces: int) -> None:
-            status.say(f"{done} of {tiles} tiles, {faces:,} faces")
-
-        return export_tiles(
+        report = export_tiles(
             terrain,
             folder,
-            suffix,
-            max_error,
-            bounds,
-            tile_faces=tile_faces,
-            overwrite=overwrite,
-            descr=terrain.descr,
-            chosen=chosen,
-            world=world,
-            progress=tell,
+            output.suffix.lower(),
+            request.options(),
+            TileCount(request.tile_faces or 1),
+            overwrite=request.overwrite,
+            progress=lambda done, tiles, faces: status.say(
+                f"{done} of {tiles} tiles, {faces:,} faces"
+            ),
         )
+    loss = report.statement
+    first = (
+        f"{report.faces:,} faces, {report.walls:,} of them upright, in {report.rows} × "
+        f"{report.columns} tiles; an error of {length(loss.wanted)} was wanted ({report.chosen})"
+    )
+    return report, [first, str(report.index), *loss.sentences()]
 
 
-def _refuse_definition(file: str, output: str, companions: tuple[str, ...]) -> None:
-    """Refuse to write over the definition."""
-    from pathlib import Path
-
+def _check_output(request: _Request) -> None:
+    """Refuse what can be known to fail before the definition is read, or to write over it."""
     from terratool.errors import WriteError
+    from terratool.mesh.export import check_request
     from terratool.output import is_same_file
 
-    paths = [Path(output), *(Path(output).with_suffix(suffix) for suffix in companions)]
-    for path in paths:
-        if is_same_file(path, file):
+    form = check_request(request.output, request.overwrite, request.world)
+    output = Path(request.output)
+    for path in (output, *(output.with_suffix(suffix) for suffix in form.companions)):
+        if is_same_file(path, request.file):
             raise WriteError(f"{path}: is the definition itself.", "Choose another name.")
-
-
-def as_text(report: MeshReport) -> Iterator[str]:
-    """A report in lines for people."""
-    from terratool.mesh.loss import counted, length
-
-    statement = report.statement
-    closed = "" if report.base is None else f", closed by a base at {report.base:.6g}"
-    yield (
-        f"{counted(report.faces, 'face')}, {report.walls:,} of them upright{closed}; "
-        f"an error of {length(statement.wanted)} was wanted ({report.chosen})"
-    )
-    yield f"{_files(report)}: zero is at {_place(report)}"
-    yield from statement.sentences()
-
-
-def tiles_as_text(report: Tiles) -> Iterator[str]:
-    """A report of tiles in lines for people."""
-    from terratool.mesh.loss import length
-
-    yield (
-        f"{report.faces:,} faces, {report.walls:,} of them upright, in {report.rows} × "
-        f"{report.columns} tiles; an error of {length(report.statement.wanted)} was wanted "
-        f"({report.chosen})"
-    )
-    yield f"{report.index}: zero is at {_place(report)}"
-    yield from report.statement.sentences()
-
-
-def grid_as_text(report: ElevationGridReport) -> Iterator[str]:
-    """A report of a grid of heights in lines for people."""
-    yield (
-        f"{report.columns} × {report.rows} nodes of {report.spacing[0]:.6g} × "
-        f"{report.spacing[1]:.6g} ({report.chosen})"
-    )
-    yield f"{report.file}: zero is at {_place(report)}"
-    yield from report.statement.sentences()
-
-
-def _files(report: MeshReport) -> str:
-    return ", ".join(map(str, report.files))
-
-
-def _place(report: MeshReport | ElevationGridReport | Tiles) -> str:
-    return " ".join(f"{number:.12g}" for number in report.origin)

@@ -12,8 +12,8 @@ from terratool.cli.terminal import Status, called
 
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive, PrimitiveRequest
-    from terratool.importing.primitive.insert import TargetDefinition
-    from terratool.importing.samples import SampledHeights
+    from terratool.importing.primitive.insert import CellPath, TargetDefinition
+    from terratool.importing.sources import SampledHeights, SourceOptions
 
 _MOST_STEPS = 64
 """A mesh with more walls all across is one of bars, which no curve of this kind is for."""
@@ -66,29 +66,15 @@ _MOST_STEPS = 64
     "--overwrite", is_flag=True, help="Replace a primitive of that name, and an OUT that exists."
 )
 @click.option("--json", "as_json", is_flag=True, help="Say what was found as JSON.")
-def command(
-    source: str,
-    name: str,
-    into: str | None,
-    output: str | None,
-    place: str | None,
-    span: str | None,
-    samples: int | None,
-    terms: int,
-    turn: bool,
-    combine: Any,
-    recognise: bool,
-    tolerance: float | None,
-    overwrite: bool,
-    as_json: bool,
-    **options: Any,
-) -> None:
+def command(source: str, name: str, overwrite: bool, as_json: bool, **values: Any) -> None:
     """Make a primitive of a patch of heights from SOURCE, a DEM or a mesh.
 
     Without --into, the entry for elemTypes is written to standard output, and what is to be said of
     it to standard error. The error is that of the compiled primitive at the centres of the pixels.
     """
-    from terratool.errors import MissedError, RequestError
+    from pathlib import Path
+
+    from terratool.errors import MissedError, WriteError
     from terratool.importing.primitive import insert
     from terratool.importing.primitive.build import (
         PrimitiveRequest,
@@ -96,77 +82,71 @@ def command(
         names_of,
         sentences,
     )
+    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 
-    wanted = PrimitiveRequest(samples, turn, terms, recognise, tolerance, combine)
+    chosen = options_of(values)
+    into, output, place, span = (values.pop(key) for key in ("into", "output", "place", "span"))
+    wanted = PrimitiveRequest(**values)
     names = names_of(name, wanted)
-    if place is not None and into is None:
-        raise RequestError("--place is about a definition.", "Name it with --into.")
-    if span is not None and place is None:
-        raise RequestError("--span is about a place.", "Say where with --place.")
+    cell = _cell(into, place, span)
     target = None
     if into is not None:
-        where = None if place is None else insert.parse_cell_path(place, span)
-        target = insert.target_of(into, names, where, output, overwrite)
+        target = insert.target_of(into, names, cell, output, overwrite)
     elif output is not None:
-        _refuse_output(output, overwrite)
-    if output is not None:
-        _refuse_source(source, output)
+        refuse_existing(Path(output), overwrite)
+        refuse_missing_folder(Path(output))
+    if output is not None and is_same_file(output, source):
+        raise WriteError(f"{output}: is the source itself.", "Choose another name.")
     with Status(f"reading {called(source)}") as status:
-        patch, wanted = _read(source, options, wanted)
+        patch, wanted = _read(source, chosen, wanted)
         status.say("fitting")
         imported = import_primitive(patch, name, wanted)
-    largest = imported.misfit.largest
-    if tolerance is not None and largest > tolerance:
+    largest = imported.error.largest
+    if wanted.tolerance is not None and largest > wanted.tolerance:
         for line in sentences(imported):
             click.echo(line, err=True)
         raise MissedError(
-            f"The error is {largest:.4g} {imported.unit}, and {tolerance:g} is allowed; nothing "
-            "was written.",
+            f"The error is {largest:.4g} {imported.unit}, and {wanted.tolerance:g} is allowed; "
+            "nothing was written.",
             "Allow more, or try more --terms, --turn or a smaller patch.",
         )
     _deliver(imported, target, output, overwrite, as_json)
 
 
+def _cell(into: str | None, place: str | None, span: str | None) -> CellPath | None:
+    """Where elements go, if anywhere."""
+    from terratool.errors import RequestError
+    from terratool.importing.primitive.insert import parse_cell_path
+
+    if place is not None and into is None:
+        raise RequestError("--place is about a definition.", "Name it with --into.")
+    if span is not None and place is None:
+        raise RequestError("--span is about a place.", "Say where with --place.")
+    return None if place is None else parse_cell_path(place, span)
+
+
 def _read(
-    source: str, options: dict[str, Any], wanted: PrimitiveRequest
+    source: str, options: SourceOptions, wanted: PrimitiveRequest
 ) -> tuple[SampledHeights, PrimitiveRequest]:
     """The patch, and what is wanted with the walls of a mesh as steps."""
     from dataclasses import replace
 
     from terratool.importing.primitive.build import read_samples
-    from terratool.importing.sources import is_mesh, open_source, refuse_odd
+    from terratool.importing.sources import check_options, is_mesh, open_source
 
-    chosen = options_of(options)
     if not is_mesh(source) or wanted.turn:
-        with open_source(source, chosen) as heights:
+        with open_source(source, options) as heights:
             return read_samples(heights), wanted
     from terratool.importing.meshes import read_triangles
     from terratool.importing.sampling import sample, steps
 
-    refuse_odd(source, chosen)
-    triangles = read_triangles(source, chosen.up, chosen.scale)
-    samples = sample(triangles, chosen.resolution, chosen.bounds, name=source)
-    x_steps, y_steps = (tuple(each.tolist()) for each in steps(triangles, samples.lattice.bounds))
+    check_options(source, options)
+    triangles = read_triangles(source, options.up, options.scale)
+    samples = sample(triangles, options.resolution, options.bounds, name=source)
+    x_steps, y_steps = (tuple(each.tolist()) for each in steps(triangles, samples.grid.bounds))
     if len(x_steps) + len(y_steps) > _MOST_STEPS:
         return samples, wanted
     return samples, replace(wanted, x_steps=x_steps, y_steps=y_steps)
-
-
-def _refuse_output(output: str, overwrite: bool) -> None:
-    from pathlib import Path
-
-    from terratool.output import refuse_existing, refuse_missing_folder
-
-    refuse_existing(Path(output), overwrite)
-    refuse_missing_folder(Path(output))
-
-
-def _refuse_source(source: str, output: str) -> None:
-    from terratool.errors import WriteError
-    from terratool.output import is_same_file
-
-    if is_same_file(output, source):
-        raise WriteError(f"{output}: is the source itself.", "Choose another name.")
 
 
 def _deliver(

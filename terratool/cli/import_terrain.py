@@ -60,19 +60,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 )
 @click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
-def command(
-    source: str,
-    output: str,
-    max_error: float,
-    surfaces: str | None,
-    fill: bool,
-    structures: bool,
-    walls: bool,
-    methods: tuple[str, ...],
-    overwrite: bool,
-    as_json: bool,
-    **values: Any,
-) -> None:
+def command(source: str, output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
     """Write a DEM or a mesh, SOURCE, as a definition, OUTPUT.
 
     The terrain is within E of the DEM everywhere, which is bilinear between the centres of its
@@ -85,31 +73,25 @@ def command(
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
     from terratool.importing.terrain.build import ImportOptions, import_terrain
-    from terratool.importing.terrain.methods import named
+    from terratool.importing.terrain.methods import methods_named
     from terratool.output import is_same_file
 
     if not output.endswith((".json", ".json.gz")):
         raise RequestError(
             f"{output}: is no name of a definition.", "Let it end in .json or .json.gz."
         )
-    for name in (source, surfaces):
+    chosen = options_of(values)
+    for name in (source, values["surfaces"]):
         if name and is_same_file(name, output):
             raise RequestError(
                 f"{output}: is the same file as {name}.", "Give the definition another name."
             )
-    options = ImportOptions(
-        max_error=max_error,
-        methods=tuple(method for name in methods for method in named(name)),
-        fill=fill,
-        structures=structures,
-        walls=walls,
-        surfaces=surfaces,
-        title=Path(source).name,
-    )
+    methods = tuple(method for name in values.pop("methods") for method in methods_named(name))
+    options = ImportOptions(methods=methods, title=Path(source).name, **values)
     with contextlib.ExitStack() as stack:
         with Status(f"reading {called(source)}"):
-            heights = stack.enter_context(open_source(source, options_of(values)))
-        pixels = heights.lattice.rows * heights.lattice.columns
+            heights = stack.enter_context(open_source(source, chosen))
+        pixels = heights.grid.rows * heights.grid.columns
         with Status("reading and writing", 2 * pixels) as progress:
             report = import_terrain(heights, output, options, overwrite, progress)
     if as_json:
@@ -123,29 +105,29 @@ def command(
 
 def as_dict(report: ImportReport, output: str) -> dict[str, Any]:
     """A report ready for JSON."""
-    lattice, misfit = report.lattice, report.misfit
+    grid, error = report.grid, report.error
     return {
         "format_version": 1,
         "file": output,
         "bytes": report.size,
-        "width": lattice.columns,
-        "height": lattice.rows,
-        "pixel": [lattice.dx, lattice.dy],
-        "bounds": list(lattice.bounds),
-        "crs": lattice.crs,
-        "unit": lattice.unit,
+        "width": grid.columns,
+        "height": grid.rows,
+        "pixel": [grid.dx, grid.dy],
+        "bounds": list(grid.bounds),
+        "crs": grid.crs,
+        "unit": grid.unit,
         "method": report.method.sentence if report.method else None,
         "step": report.step,
         "relief": report.relief,
         "error": {
-            "wanted": report.max_error,
+            "wanted": report.options.max_error,
             "bound": None if report.walls else report.bound,
-            "largest": misfit.largest,
-            "at": list(misfit.where or ()),
-            "rms": misfit.rms,
+            "largest": error.largest,
+            "at": list(error.where or ()),
+            "rms": error.rms,
         },
         "nodata": report.unknown,
-        "filled": report.filled,
+        "filled": report.options.fill,
         "structures": report.structures,
         "walls": report.walls,
         "surfaces": report.surfaces,
@@ -155,12 +137,12 @@ def as_dict(report: ImportReport, output: str) -> dict[str, Any]:
 
 def as_text(report: ImportReport, output: str) -> Iterator[str]:
     """A report in lines for people."""
-    lattice, misfit, unit = report.lattice, report.misfit, report.lattice.unit
-    pixels = lattice.rows * lattice.columns
-    size = f"{lattice.dx:g}" if lattice.dx == lattice.dy else f"{lattice.dx:g} × {lattice.dy:g}"
-    filled = ", filled" if report.filled else ""
+    grid, error, unit = report.grid, report.error, report.grid.unit
+    pixels = grid.rows * grid.columns
+    size = f"{grid.dx:g}" if grid.dx == grid.dy else f"{grid.dx:g} × {grid.dy:g}"
+    filled = ", filled" if report.options.fill else ""
     what = f", {report.unknown:,} without a height{filled}" if report.unknown else ""
-    yield f"{lattice.columns} × {lattice.rows} pixels of {size}{what}"
+    yield f"{grid.columns} × {grid.rows} pixels of {size}{what}"
     if report.structures:
         found = ", ".join(f"{count} {kind}" for kind, count in report.structures.items())
         yield f"Structures: {found}"
@@ -168,15 +150,15 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     if report.method:
         how = f", by {report.method.sentence} in steps of {report.step:g} {unit}"
     if report.relief:
-        share = f" ({100 * misfit.largest / report.relief:.3g} % of the relief)"
+        share = f" ({100 * error.largest / report.relief:.3g} % of the relief)"
     yield f"{output}: {report.size:,} bytes, {8 * report.size / pixels:.3g} bits a pixel{how}"
-    at = " at {:.10g} {:.10g}".format(*misfit.where) if misfit.where and misfit.largest else ""
-    rms = f"{misfit.rms:.4g} {unit} RMS"
-    yield f"Error at the pixels: at most {misfit.largest:.4g} {unit}{share}{at}, {rms}"
+    at = " at {:.10g} {:.10g}".format(*error.where) if error.where and error.largest else ""
+    rms = f"{error.rms:.4g} {unit} RMS"
+    yield f"Error at the pixels: at most {error.largest:.4g} {unit}{share}{at}, {rms}"
     if report.walls:
         yield (
-            f"Everywhere else within {report.max_error:g} {unit}, but for gaps of a pixel where "
-            "structures have upright walls or sharp edges."
+            f"Everywhere else within {report.options.max_error:g} {unit}, but for gaps of a pixel "
+            "where structures have upright walls or sharp edges."
         )
     else:
         yield f"Everywhere between them: at most {report.bound:.4g} {unit}"

@@ -123,7 +123,7 @@ def command(
 
     from terratool.output import whole_file
     from terratool.text.display import printable
-    from terratool.traversability.assess import Request, assess, planned
+    from terratool.traversability.assess import Request, assess, plan_assessment
     from terratool.traversability.conditions import parse
     from terratool.traversability.report import document, tables
     from terratool.traversability.route.waypoints import read_waypoints
@@ -144,18 +144,17 @@ def command(
     )
     terrain = load(file)
     pictured = any(Path(path).suffix.lower() == ".html" for path in reports)
-    grids = planned(terrain, vehicle, request, mapped=map_ is not None, pictured=pictured)
+    planned = plan_assessment(terrain, vehicle, request, mapped=map_ is not None, pictured=pictured)
 
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place
         parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
         routed = bool(routes or waypoints or reachable)
         then = "looking for ways" if routed else "finishing"
-        with Status("judging", grids.pixels, then=then) as progress:
+        with Status("judging", planned.pixels, then=then) as progress:
             report = assess(
-                terrain, vehicle, request,
-                name=Path(file).name, map_path=map_, pictured=pictured, overwrite=overwrite,
-                threads=threads, progress=progress, grids=grids, stack=stack,
+                planned, name=Path(file).name, map_path=map_, overwrite=overwrite, threads=threads,
+                progress=progress, stack=stack,
             )  # fmt: skip
         for part, render in zip(parts, renderers, strict=True):
             part.write_text(render(report), encoding="utf-8", newline="\n")
@@ -167,7 +166,7 @@ def command(
             for line in tables.as_lines(report):
                 click.echo(line)
     except BrokenPipeError:
-        if not held:  # whoever reads no further must be told all the same
+        if not held:  # the conditions are named all the same
             raise
     for text, why in held:
         click.echo(f"terratool: --fail-on {printable(text.strip())}: {why}.", err=True)

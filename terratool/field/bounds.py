@@ -1,16 +1,16 @@
-"""How far curves reach: their pieces in units of their length, their ends and their bounds."""
+"""Bounds of curves, of heights, and of how much an element or a track matters."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.records import COMBINE, FieldArrays
+from terratool.field.records import COMBINE, FieldArrays, TrackArrays
 
 _LEVEL = 1e-12
-"""What a curve is worth at an end, in parts of its largest value, and still counts as 0."""
+"""A value at the end of a curve that counts as 0, in parts of its largest value."""
 
 Floats = NDArray[np.float64]
 
@@ -42,50 +42,82 @@ def curve_hulls(pieces: Floats) -> Floats:
 
 def largest_heights(arrays: FieldArrays) -> Floats:
     """No less than what each element adds to a height, without sign; (n,)."""
-    sizes = np.empty(len(arrays.kinds))
-    for k, kind in enumerate(arrays.kinds):
-        x, y = (np.abs(curve_hulls(curve_pieces(arrays, kind, axis)[1])).max() for axis in "xy")
-        if kind["combine"] == COMBINE["product"]:
-            sizes[k] = x * y
-        elif kind["combine"] == COMBINE["sum"]:
-            sizes[k] = x + y
-        else:
-            sizes[k] = max(x, y)
+    x, y = _curve_sizes(arrays, end=True).T
+    combine = arrays.kinds["combine"]
+    sizes = np.where(combine == COMBINE["sum"], x + y, np.maximum(x, y))
+    sizes = np.where(combine == COMBINE["product"], x * y, sizes)
     elements = arrays.elements
     largest: Floats = np.abs(elements["scale"]) * sizes[elements["kind"]]
     largest += np.abs(elements["offset"])
     return largest
 
 
+def curve_weights(arrays: FieldArrays) -> Floats:
+    """How much the height of each element changes at most where its curve x, or y, changes by 1.
+
+    (n, 2); 0 for y of a disc, which has one curve.
+    """
+    elements, combine = arrays.elements, arrays.kinds["combine"][arrays.elements["kind"]]
+    weights = np.repeat(np.abs(elements["scale"])[:, None], 2, axis=1)
+    product = combine == COMBINE["product"]
+    weights[product] *= _curve_sizes(arrays, end=False)[elements["kind"][product], ::-1]
+    weights[combine == COMBINE["radial"], 1] = 0.0
+    return weights
+
+
+def _curve_sizes(arrays: FieldArrays, end: bool) -> Floats:
+    """Largest value without sign of the curves x and y of each kind, (kinds, 2).
+
+    With or without a step at the very `end`, which is the height of a line only.
+    """
+    sizes = np.empty((len(arrays.kinds), 2))
+    for k, kind in enumerate(arrays.kinds):
+        for a, axis in enumerate("xy"):
+            starts, pieces = curve_pieces(arrays, kind, axis)
+            sizes[k, a] = np.abs(curve_hulls(pieces if end else pieces[starts < 1.0])).max()
+    return sizes
+
+
+def largest_depths(tracks: TrackArrays) -> Floats:
+    """Depth of the deepest rut that each track makes by itself, (tracks,)."""
+    depths = np.where(np.isnan(tracks.depths), 0.0, tracks.depths).max(axis=1)[tracks.law]
+    return np.asarray(depths * tracks.passes**tracks.power)
+
+
 def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
     """For each kind, whether it is other than 0 somewhere on the edge of its whole footprint."""
     out = np.ones(len(arrays.kinds), np.uint8)
     for k, kind in enumerate(arrays.kinds):
-        (x_start, x_end, x_least, x_most), (y_start, y_end, y_least, y_most) = (
-            _ends(arrays, kind, axis) for axis in "xy"
-        )
-        level = x_start == x_end == y_start == y_end == 0.0
+        x, y = (_ends(arrays, kind, axis) for axis in "xy")
+        level = x.start == x.end == y.start == y.end == 0.0
         if kind["combine"] == COMBINE["radial"]:  # only the right half is used
-            out[k] = x_end != 0.0
+            out[k] = x.end != 0.0
         elif kind["combine"] == COMBINE["product"]:
-            out[k] = not (level or x_least == x_most == 0.0 or y_least == y_most == 0.0)
+            out[k] = not (level or x.least == x.most == 0.0 or y.least == y.most == 0.0)
         elif kind["combine"] == COMBINE["min"]:
-            out[k] = not (level and min(x_least, y_least) == 0.0)
+            out[k] = not (level and min(x.least, y.least) == 0.0)
         elif kind["combine"] == COMBINE["max"]:
-            out[k] = not (level and max(x_most, y_most) == 0.0)
+            out[k] = not (level and max(x.most, y.most) == 0.0)
     return out
 
 
-def _ends(arrays: FieldArrays, kind: Any, axis: str) -> tuple[float, float, float, float]:
+class _Ends(NamedTuple):
     """Size of a curve at its start and its end, and bounds of its values; 0 if almost so."""
+
+    start: float
+    end: float
+    least: float
+    most: float
+
+
+def _ends(arrays: FieldArrays, kind: Any, axis: str) -> _Ends:
     starts, pieces = curve_pieces(arrays, kind, axis)
     hulls = curve_hulls(pieces)
     level = _LEVEL * np.abs(hulls).max()
     # where a step stands at the very end, the curve arrives before it
     arrivals = hulls[3, starts < 1.0][-1], hulls[3, -1]
     numbers = abs(hulls[0, 0]), np.abs(arrivals).max(), hulls.min(), hulls.max()
-    start, end, least, most = (0.0 if abs(n) <= level else float(n) for n in numbers)
-    return start, end, least, most
+    return _Ends(*(0.0 if abs(n) <= level else float(n) for n in numbers))
 
 
 def finest_details(arrays: FieldArrays, wide: Floats, tall: Floats) -> Floats:

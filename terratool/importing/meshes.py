@@ -4,30 +4,36 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import logging
-import math
 import re
+import struct
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError, TerratoolError
-from terratool.importing.headers import check_gltf, declared_faces
+from terratool.importing.sources import Triangles, join_triangles, refuse_missing_vertices
 from terratool.importing.threemf import read_3mf
-from terratool.importing.triangles import Triangles
+from terratool.importing.vrml.scene import UP, read_vrml, stated_up
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+MAX_VALUES = 2**28
+"""Values of glTF that the file does not hold, and that would have to be made up."""
 
+_HEAD = 1 << 16
+"""Bytes in which a header has to say how many faces there are."""
 
+_JSON, _MAGIC = 0x4E4F534A, b"glTF"
+_MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines", 6: "triangle fans"}
+_PACKED = ("EXT_meshopt_compression", "KHR_draco_mesh_compression")
 MAX_ENTITIES = 20_000_000
 """Blocks within blocks that come to more than these are refused."""
 
@@ -40,84 +46,6 @@ _UNITS = {
     14: ("decimetre", 0.1),
 }
 """Names of $INSUNITS, and what they are in metres (DXF reference, header variables)."""
-
-
-def read_dxf(path: Path) -> Triangles:
-    """The faces in the model space of a drawing; polygons are cut into triangles.
-
-    Raises:
-        ReadError: blocks are nested without end.
-        Exception: whatever ezdxf raises where the file is no DXF.
-    """
-    import ezdxf
-    from ezdxf.disassemble import recursive_decompose
-
-    drawing = ezdxf.readfile(path)
-    corners: list[tuple[float, float, float]] = []
-    others: Counter[str] = Counter()
-    for count, entity in enumerate(recursive_decompose(drawing.modelspace())):
-        if count >= MAX_ENTITIES:
-            raise ReadError(
-                f"{path}: its blocks come to more than {MAX_ENTITIES:,} entities.",
-                "Explode and purge the drawing, and export the terrain alone.",
-            )
-        before = len(corners)
-        for polygon in _polygons(entity):
-            for triangle in _triangles(polygon):
-                corners.extend((point.x, point.y, point.z) for point in triangle)
-        if len(corners) == before:
-            others[entity.dxftype()] += 1
-    notes = []
-    if others:
-        listed = ", ".join(f"{number:,} {kind}" for kind, number in sorted(others.items()))
-        notes.append(f"The drawing also has entities without faces, which were left out: {listed}.")
-    unit = _UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
-    if unit:
-        notes.append(
-            f"The drawing says that its unit is the {unit[0]}; coordinates are taken as they are, "
-            f"a scale of {unit[1]:g} makes metres of them."
-        )
-    vertices = np.array(corners, np.float64).reshape(-1, 3)
-    faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-    return Triangles(vertices, faces, tuple(notes))
-
-
-def _polygons(entity: Any) -> Any:
-    """The faces of an entity as lists of points."""
-    from ezdxf.render.mesh import MeshBuilder
-
-    kind = entity.dxftype()
-    if kind == "3DFACE":
-        return [entity.wcs_vertices()]
-    if kind == "MESH":
-        return MeshBuilder.from_mesh(entity).faces_as_vertices()
-    if kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
-        return MeshBuilder.from_polyface(entity).faces_as_vertices()
-    return ()
-
-
-def _triangles(polygon: Any) -> Iterator[Any]:
-    """A polygon of points as triangles between the same points; none if it has less than three."""
-    points = list(polygon)
-    count = len(points)
-    first = 0
-    if count > 3:
-        bends = [(points[n] - points[n - 1]).cross(points[n - count + 1] - points[n])
-                 for n in range(count)]  # fmt: skip
-        normal = sum((points[n - 1].cross(points[n]) for n in range(count)), start=0 * points[0])
-        inward = [n for n in range(count) if bends[n].dot(normal) < 0]
-        if inward and count > 4:
-            from ezdxf.math.triangulation import mapbox_earcut_3d
-
-            # it gives points that are rounded, and all in one plane
-            for ear in mapbox_earcut_3d(points):
-                yield [min(points, key=corner.distance) for corner in ear]
-            return
-        first = inward[0] if inward else 0
-    points = points[first:] + points[:first]
-    for n in range(1, count - 1):
-        yield points[0], points[n], points[n + 1]
-
 
 MAX_FACES = 2**26
 """Instances of instances that come to more faces than these are refused."""
@@ -163,7 +91,7 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
     path = Path(path)
     if up not in (None, "y", "z"):
         raise RequestError(f"No mesh has its {up} axis up.", "Give y or z.")
-    if not (math.isfinite(scale) and 0 < abs(scale) < LARGEST and scale > 0):
+    if not 0 < scale < LARGEST:
         raise RequestError(f"The scale is {scale:g}.", "Give a factor above 0.")
     reader = _reader_of(path)
     triangles = _cleaned(_attempted(reader, path), path)
@@ -272,8 +200,7 @@ def _cleaned(triangles: Triangles, path: Path) -> Triangles:
             "Points and lines have to be triangulated first; a file that is cut short has to be "
             "exported again.",
         )
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise ReadError(f"{path}: a face refers to a vertex that is not there.", "Export it again.")
+    refuse_missing_vertices(path, faces, len(vertices))
     with np.errstate(invalid="ignore"):
         bad: NDArray[np.bool_] = ~np.all(np.abs(vertices) < LARGEST, axis=1)
     if bad.any():
@@ -310,39 +237,33 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
         )
     placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
     parts = [(matrix, scene.geometry[name]) for matrix, name in placed]
-    others = Counter(type(part).__name__ for _, part in parts if not hasattr(part, "faces"))
-    if others and not notes:
-        notes += (f"Parts of the file have no faces and were left out: {sum(others.values()):,}.",)
-    triangles = _joined([part for part in parts if hasattr(part[1], "faces")], notes, path)
+    meshes = [part for part in parts if hasattr(part[1], "faces")]
+    if len(meshes) < len(parts) and not notes:
+        notes += (
+            f"Parts of the file have no faces and were left out: {len(parts) - len(meshes):,}.",
+        )
+    if sum(len(mesh.faces) for _, mesh in meshes) > MAX_FACES:
+        raise ReadError(
+            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
+        )
+    triangles = join_triangles(
+        ((_moved(mesh.vertices, matrix), np.asarray(mesh.faces)) for matrix, mesh in meshes), path
+    )
     declared = declared_faces(path)
     if 0 < len(triangles.faces) < declared:
         raise ReadError(
             f"{path}: has {len(triangles.faces):,} of {declared:,} faces; it is cut short.",
             "Export it again.",
         )
-    return triangles
+    return replace(triangles, notes=notes)
 
 
-def _joined(parts: list[tuple[Any, Any]], notes: tuple[str, ...], path: Path) -> Triangles:
-    """Meshes of trimesh with their 4 × 4 matrices as one."""
-    if sum(len(part.faces) for _, part in parts) > MAX_FACES:
-        raise ReadError(
-            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
-        )
-    points, corners, first = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
-    for matrix, part in parts:
-        own = np.asarray(part.vertices, np.float64)
-        faces = np.asarray(part.faces)
-        if len(faces) and (faces.min() < 0 or faces.max() >= len(own)):
-            raise ReadError(
-                f"{path}: a face refers to a vertex that is not there.", "Export it again."
-            )
-        if not np.array_equal(matrix, np.eye(4)):
-            own = own @ matrix[:3, :3].T + matrix[:3, 3]
-        points.append(own)
-        corners.append((faces + first).astype(np.int32))
-        first += len(own)
-    return Triangles(np.concatenate(points), np.concatenate(corners), notes)
+def _moved(vertices: Any, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vertices (n, 3) where a 4 × 4 matrix puts them."""
+    points = np.asarray(vertices, np.float64)
+    if np.array_equal(matrix, np.eye(4)):
+        return points
+    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
 def _counted_up(text: bytes) -> io.BytesIO:
@@ -387,16 +308,164 @@ def _as_utf8(text: bytes) -> bytes:
     return text
 
 
-def _read_vrml(path: Path) -> Triangles:
-    from terratool.importing.vrml.scene import read_vrml
-
-    return read_vrml(path)
+# --- headers -------------------------------------------------------------------------------------
 
 
-def _up_of_vrml(path: Path) -> str:
-    from terratool.importing.vrml.scene import UP, stated_up
+def check_gltf(path: Path) -> tuple[str, ...]:
+    """Refuse a glTF or GLB that is compressed or makes up values; say what else is not read.
 
-    return stated_up(path) or UP
+    Raises:
+        ReadError: it is, or does.
+        ValueError: the header is no JSON, or is cut short.
+    """
+    header = _gltf_header(path)
+    packed = [name for name in _PACKED if name in header.get("extensionsRequired", [])]
+    if packed:
+        raise ReadError(
+            f"{path}: is compressed by {packed[0]}.", "Export it without that compression."
+        )
+    accessors = header.get("accessors", [])
+    made_up = sum(item.get("count", 0) for item in accessors if "bufferView" not in item)
+    if made_up > MAX_VALUES:
+        raise ReadError(
+            f"{path}: its header asks for {made_up:,} values that the file does not hold.",
+            "Export it again.",
+        )
+    left: dict[str, int] = {}
+    for mesh in header.get("meshes", []):
+        for primitive in mesh["primitives"]:
+            position = accessors[primitive["attributes"]["POSITION"]]
+            if position.get("normalized") or "sparse" in position:
+                raise ReadError(
+                    f"{path}: its positions are {'sparse' if 'sparse' in position else 'packed'}.",
+                    "Export it with plain positions of type float.",
+                )
+            kind = _MODES.get(primitive.get("mode", 4))
+            if kind:
+                left[kind] = left.get(kind, 0) + 1
+    listed = ", ".join(f"{number:,} of {kind}" for kind, number in sorted(left.items()))
+    return (f"Parts of the file are no triangles and were left out: {listed}.",) if left else ()
+
+
+def declared_faces(path: Path) -> int:
+    """How many faces a PLY or OFF says that it has, or a text of STL begins; 0 for others."""
+    kind = path.suffix.lower()
+    with open(path, "rb") as file:
+        if kind == ".stl":
+            size = path.stat().st_size
+            head = file.read(84)
+            if len(head) == 84 and size == 84 + 50 * struct.unpack("<I", head[80:])[0]:
+                return 0
+            return (head + file.read()).lower().count(b"outer loop")
+        head = file.read(_HEAD)
+    if kind == ".ply":
+        found = re.search(rb"^element\s+face\s+(\d+)", head, re.MULTILINE)
+    elif kind == ".off":
+        found = re.search(rb"OFF\s+\d+\s+(\d+)", re.sub(rb"#[^\n]*", b"", head))
+    else:
+        return 0
+    return int(found[1]) if found else 0
+
+
+def _gltf_header(path: Path) -> dict[str, Any]:
+    with open(path, "rb") as file:
+        if path.suffix.lower() == ".gltf":
+            text = file.read()
+        else:
+            magic, _, _, length, kind = struct.unpack("<4s4I", _exactly(file.read(20), 20))
+            if magic != _MAGIC or kind != _JSON:
+                raise ValueError("it does not begin like a GLB")
+            text = _exactly(file.read(length), length)
+    header = json.loads(text)
+    if not isinstance(header, dict):
+        raise ValueError("its header is no object")
+    return header
+
+
+def _exactly(data: bytes, length: int) -> bytes:
+    if len(data) != length:
+        raise ValueError("it is cut short")
+    return data
+
+
+# --- DXF -----------------------------------------------------------------------------------------
+
+
+def read_dxf(path: Path) -> Triangles:
+    """The faces in the model space of a drawing; polygons are cut into triangles.
+
+    Raises:
+        ReadError: blocks are nested without end.
+        Exception: whatever ezdxf raises where the file is no DXF.
+    """
+    import ezdxf
+    from ezdxf.disassemble import recursive_decompose
+
+    drawing = ezdxf.readfile(path)
+    corners: list[tuple[float, float, float]] = []
+    others: Counter[str] = Counter()
+    for count, entity in enumerate(recursive_decompose(drawing.modelspace())):
+        if count >= MAX_ENTITIES:
+            raise ReadError(
+                f"{path}: its blocks come to more than {MAX_ENTITIES:,} entities.",
+                "Explode and purge the drawing, and export the terrain alone.",
+            )
+        before = len(corners)
+        for polygon in _polygons(entity):
+            for triangle in _triangles(polygon):
+                corners.extend((point.x, point.y, point.z) for point in triangle)
+        if len(corners) == before:
+            others[entity.dxftype()] += 1
+    notes = []
+    if others:
+        listed = ", ".join(f"{number:,} {kind}" for kind, number in sorted(others.items()))
+        notes.append(f"The drawing also has entities without faces, which were left out: {listed}.")
+    unit = _UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
+    if unit:
+        notes.append(
+            f"The drawing says that its unit is the {unit[0]}; coordinates are taken as they are, "
+            f"a scale of {unit[1]:g} makes metres of them."
+        )
+    vertices = np.array(corners, np.float64).reshape(-1, 3)
+    faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    return Triangles(vertices, faces, tuple(notes))
+
+
+def _polygons(entity: Any) -> Any:
+    """The faces of an entity as lists of points."""
+    from ezdxf.render.mesh import MeshBuilder
+
+    kind = entity.dxftype()
+    if kind == "3DFACE":
+        return [entity.wcs_vertices()]
+    if kind == "MESH":
+        return MeshBuilder.from_mesh(entity).faces_as_vertices()
+    if kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
+        return MeshBuilder.from_polyface(entity).faces_as_vertices()
+    return ()
+
+
+def _triangles(polygon: Any) -> Iterator[Any]:
+    """A polygon of points as triangles between the same points; none if it has less than three."""
+    points = list(polygon)
+    count = len(points)
+    first = 0
+    if count > 3:
+        bends = [(points[n] - points[n - 1]).cross(points[n - count + 1] - points[n])
+                 for n in range(count)]  # fmt: skip
+        normal = sum((points[n - 1].cross(points[n]) for n in range(count)), start=0 * points[0])
+        inward = [n for n in range(count) if bends[n].dot(normal) < 0]
+        if inward and count > 4:
+            from ezdxf.math.triangulation import mapbox_earcut_3d
+
+            # it gives points that are rounded, and all in one plane
+            for ear in mapbox_earcut_3d(points):
+                yield [min(points, key=corner.distance) for corner in ear]
+            return
+        first = inward[0] if inward else 0
+    points = points[first:] + points[:first]
+    for n in range(1, count - 1):
+        yield points[0], points[n], points[n + 1]
 
 
 READERS = {
@@ -408,7 +477,7 @@ READERS = {
     ".off": Reader("OFF", partial(_by_trimesh, kind="off")),
     ".3mf": Reader("3MF", read_3mf),
     ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
-    ".wrl": Reader("VRML", _read_vrml, up=_up_of_vrml),
-    ".wrz": Reader("VRML", _read_vrml, up=_up_of_vrml),
+    ".wrl": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
+    ".wrz": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
 }
 """Formats of meshes by suffix."""

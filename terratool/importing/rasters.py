@@ -1,4 +1,4 @@
-"""Rasters as sources of heights: whatever GDAL opens, read by rows from the south."""
+"""Rasters as sources: whatever GDAL opens, as heights or as classes, by rows from the south."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import rasterio
@@ -16,12 +18,13 @@ from rasterio._err import CPLE_BaseError
 from rasterio.crs import CRS
 from rasterio.enums import ColorInterp, Resampling
 from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError, WarpOperationError
+from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
 from terratool.errors import ReadError, RequestError
-from terratool.field.terrain import Bounds
-from terratool.importing.samples import PixelLattice, extremes
+from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
+from terratool.raster.layers import LAYERS
 
 HIGHEST = 1e9
 """A definition's heights stay below this in size."""
@@ -30,18 +33,76 @@ SUSPECTS = (-999.0, -9999.0, -32767.0, -32768.0, -99999.0, 9999.0, 32767.0, 6553
 """Numbers that often stand for nodata in files that do not say so."""
 
 _CACHE_BYTES = 1 << 27
-_ON_LATTICE = 1e-6
+_ON_GRID = 1e-6
 _COLORS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.palette)
+
+_MOST_CLASSES = 65536
+_MOST_READ = 1 << 24
+"""Classes may be much finer than the DEM; about so many pixels are read at a time."""
+
+_SOILS = {
+    "cohesion": "cohesion",
+    "friction": "fricAngle",
+    "sinkage": "sinkage",
+    "sonar": "sonarRefl",
+}
+"""Layers of a DEM by name, and their keys in a surface."""
+
+SurfaceEntry = tuple[str, dict[str, Any]]
+"""Name and members of a surface."""
+
+
+@contextlib.contextmanager
+def _opened(name: str, **environment: Any) -> Iterator[Any]:
+    """A raster as rasterio opens it.
+
+    Raises:
+        ReadError: it cannot be opened.
+    """
+    with warnings.catch_warnings(), rasterio.Env(**environment), contextlib.ExitStack() as stack:
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with gdal_errors(name):
+            file = stack.enter_context(rasterio.open(name))
+        yield file
+
+
+@contextlib.contextmanager
+def gdal_errors(name: str) -> Iterator[None]:
+    """GDAL's errors as ours.
+
+    Raises:
+        ReadError: GDAL, or rasterio, raised what it raises for files that it cannot read.
+    """
+    try:
+        yield
+    except (RasterioError, CPLE_BaseError, WarpOperationError, OSError, ValueError) as error:
+        reason = str(error.__cause__ or error).strip().rstrip(".")
+        reason = reason.removeprefix(f"{name}: ").removeprefix(f"'{name}' ")
+        raise ReadError(
+            f"{name}: cannot be read as a raster ({reason or type(error).__name__}).",
+            "Check the path, and the file with gdalinfo -checksum.",
+        ) from error
+
+
+def _refuse_turned(name: str, transform: Affine, tolerance: float, hint: str) -> None:
+    if abs(transform.b) + abs(transform.d) > tolerance * (abs(transform.a) + abs(transform.e)):
+        raise ReadError(f"{name}: its pixels are turned against its reference system.", hint)
+
+
+# --- heights -------------------------------------------------------------------------------------
 
 
 @dataclass(slots=True)
 class RasterHeights:
-    """One band of an open raster, as a `Heights`.
+    """One band of an open raster; it is a `HeightSource`.
 
     Attributes:
         file: what rasterio opened, or a warp of it.
         window: the pixels that are read.
-        flips: whether the file's rows begin in the south, its columns in the east.
+        south_up: whether the file's rows begin in the south.
+        east_first: whether its columns begin in the east.
+        scale: factor and offset of the file's numbers.
+        about: notes known before the reading.
         infinite: pixels that were.
         suspects: pixels that may be nodata, by their height.
         others: lowest and highest height of the others.
@@ -51,41 +112,40 @@ class RasterHeights:
     file: Any
     band: int
     window: Window
-    flips: tuple[bool, bool]
-    lattice: PixelLattice
+    south_up: bool
+    east_first: bool
+    grid: PixelGrid
     nodata: float | None
     scale: tuple[float, float]
     about: list[str]
     infinite: int = 0
     suspects: dict[float, int] = field(default_factory=dict)
-    others: list[float] = field(default_factory=lambda: [math.inf, -math.inf])
+    others: tuple[float, float] = (math.inf, -math.inf)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about what a user should know, after the reading."""
-        count = self.infinite
-        what = "1 pixel is" if count == 1 else f"{count:,} pixels are"
-        extra = [f"{what} infinite: taken as nodata."] if count else []
+        found = list(self.about)
+        if self.infinite:
+            found.append(f"{_pixels(self.infinite)} infinite: taken as nodata.")
         low, high = self.others
-        for height, pixels in self.suspects.items():
+        for height, count in self.suspects.items():
             if low < high and max(low - height, height - high) > high - low:
-                what = "1 pixel is" if pixels == 1 else f"{pixels:,} pixels are"
-                extra.append(
-                    f"{what} {height:g}, far from all others: if that stands for nodata, add "
-                    f"--nodata {height:g}."
+                found.append(
+                    f"{_pixels(count)} {height:g}, far from all others: if that stands for nodata, "
+                    f"add --nodata {height:g}."
                 )
-        return (*self.about, *extra)
+        return tuple(found)
 
-    def _look(self, heights: NDArray[np.float64], low: float, high: float) -> None:
+    def _count_suspects(self, heights: NDArray[np.float64], low: float, high: float) -> None:
         """See whether the lowest or the highest heights are suspect."""
         for height in (low, high):
             if height in SUSPECTS:
                 at = heights == height
                 self.suspects[height] = self.suspects.get(height, 0) + int(at.sum())
                 heights = np.where(at, math.nan, heights)
-                low, high, *_ = extremes(heights)
-        self.others[0] = min(self.others[0], low)
-        self.others[1] = max(self.others[1], high)
+                low, high, *_ = sample_range(heights)
+        self.others = min(self.others[0], low), max(self.others[1], high)
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """So many rows from `first`, (count, columns) float64; NaN for none.
@@ -93,10 +153,9 @@ class RasterHeights:
         Raises:
             ReadError: the file is broken there, or holds numbers that are no heights.
         """
-        south_up, east_first = self.flips
-        row = first if south_up else self.lattice.rows - first - count
+        row = first if self.south_up else self.grid.rows - first - count
         window = Window(self.window.col_off, self.window.row_off + row, self.window.width, count)
-        with complaints(self.name):
+        with gdal_errors(self.name):
             pixels = self.file.read(self.band, window=window, masked=True)
         heights = np.ma.filled(pixels.astype(np.float64), math.nan)
         if self.nodata is not None:
@@ -104,9 +163,9 @@ class RasterHeights:
         raw = heights
         if self.scale != (1.0, 0.0):
             heights = heights * self.scale[0] + self.scale[1]
-        low, high, _, infinite = extremes(heights)
+        low, high, _, infinite = sample_range(heights)
         self.infinite += infinite
-        self._look(heights, low, high)
+        self._count_suspects(heights, low, high)
         if max(-low, high) >= HIGHEST:
             at = np.nanargmax(np.abs(heights))
             raise ReadError(
@@ -114,48 +173,36 @@ class RasterHeights:
                 "takes.",
                 f"If it stands for nodata, add --nodata {float(raw.flat[at])!r}.",
             )
-        heights = heights[:: 1 if south_up else -1, :: -1 if east_first else 1]
+        heights = heights[:: 1 if self.south_up else -1, :: -1 if self.east_first else 1]
         return np.ascontiguousarray(heights)
 
 
+def _pixels(count: int) -> str:
+    return "1 pixel is" if count == 1 else f"{count:,} pixels are"
+
+
 @contextlib.contextmanager
-def open_raster(
-    name: str,
-    *,
-    band: int | None = None,
-    bounds: Bounds | None = None,
-    window: tuple[int, int, int, int] | None = None,
-    crs: str | None = None,
-    nodata: float | None = None,
-) -> Iterator[RasterHeights]:
+def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
     """Open a raster as heights.
 
     Args:
         name: a path, or whatever else GDAL opens.
-        band: from 1; the only one, if not said.
-        bounds: west, south, east, north in the raster's reference system (after `crs`): the pixels
-            whose centres lie within.
-        window: column and row of the north-west pixel, width and height in pixels of the file.
-        crs: a reference system to reproject to, bilinearly.
-        nodata: a number that stands for none, besides what the file says.
+        options: of its bounds, pixels count whose centres lie within.
 
     Raises:
         ReadError: it cannot be read, or is no raster of heights.
         RequestError: the band, bounds or window are not in it.
     """
+    cache = {"GDAL_CACHEMAX": _CACHE_BYTES, "AAIGRID_DATATYPE": "Float64"}
     with contextlib.ExitStack() as stack:
-        stack.enter_context(warnings.catch_warnings())
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        stack.enter_context(rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES, AAIGRID_DATATYPE="Float64"))
-        with complaints(name):
-            file = stack.enter_context(rasterio.open(name))
-        number = _band(name, file, band)
+        file = stack.enter_context(_opened(name, **cache))
+        band = _band(name, file, options.band)
         about: list[str] = []
-        scaled = file.scales[number - 1], file.offsets[number - 1]
-        if crs is not None:
-            file = stack.enter_context(_warped(name, file, crs, nodata))
-            about.append(f"Reprojected to {crs}, bilinearly.")
-        yield _heights(name, file, number, scaled, bounds, window, nodata, about)
+        scale = file.scales[band - 1], file.offsets[band - 1]
+        if options.crs is not None:
+            file = stack.enter_context(_reprojected(name, file, options.crs, options.nodata))
+            about.append(f"Reprojected to {options.crs}, bilinearly.")
+        yield _heights(name, file, band, scale, options, about)
 
 
 def _band(name: str, file: Any, band: int | None) -> int:
@@ -168,8 +215,7 @@ def _band(name: str, file: Any, band: int | None) -> int:
         )
     if band is not None and not 1 <= band <= file.count:
         raise RequestError(f"{name}: has no band {band}.", f"Its bands are 1 to {file.count}.")
-    colors = [kind for kind in file.colorinterp if kind in _COLORS]
-    if band is None and colors:
+    if band is None and any(kind in _COLORS for kind in file.colorinterp):
         raise ReadError(
             f"{name}: is a picture ({', '.join(kind.name for kind in file.colorinterp)}), "
             "not a raster of heights.",
@@ -184,18 +230,15 @@ def _band(name: str, file: Any, band: int | None) -> int:
                 "Choose one with --band.",
             )
         band = alpha.index(False) + 1
-    number = band or 1
-    kind = (
-        np.dtype(file.dtypes[number - 1]).kind if "complex" not in file.dtypes[number - 1] else "c"
-    )
-    if kind == "c":
+    band = band or 1
+    if "complex" in file.dtypes[band - 1]:
         raise ReadError(
             f"{name}: holds complex numbers, not heights.", "Name a raster of real numbers."
         )
-    return number
+    return band
 
 
-def _warped(name: str, file: Any, crs: str, nodata: float | None) -> Any:
+def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
     try:
         target = CRS.from_user_input(crs)
     except CRSError as error:
@@ -213,7 +256,7 @@ def _warped(name: str, file: Any, crs: str, nodata: float | None) -> Any:
             "pixels are resampled.",
             "Leave out --nodata or --crs, or change the file's with gdal_edit.py -a_nodata.",
         )
-    with complaints(name):
+    with gdal_errors(name):
         return WarpedVRT(
             file,
             crs=target,
@@ -229,86 +272,64 @@ def _heights(
     file: Any,
     band: int,
     scale: tuple[float, float],
-    bounds: Bounds | None,
-    window: tuple[int, int, int, int] | None,
-    nodata: float | None,
+    options: SourceOptions,
     about: list[str],
 ) -> RasterHeights:
+    """The pixels that are wanted of a band."""
     transform = file.transform
-    if abs(transform.b) + abs(transform.d) > 1e-9 * (abs(transform.a) + abs(transform.e)):
-        raise ReadError(
-            f"{name}: its pixels are turned against its reference system.",
-            "Add --crs with a reference system, to have it resampled north up.",
-        )
-    west, south, east, north = file.bounds
+    hint = "Add --crs with a reference system, to have it resampled north up."
+    _refuse_turned(name, transform, 1e-9, hint)
     south_up, east_first = transform.e > 0, transform.a < 0
-    west, east, south, north = (
-        min(west, east),
-        max(west, east),
-        min(south, north),
-        max(south, north),
-    )
     dx, dy = abs(transform.a), abs(transform.e)
+    west, east = sorted((file.bounds.left, file.bounds.right))
+    south, north = sorted((file.bounds.bottom, file.bounds.top))
     if file.crs is None and transform.is_identity:
         about.append("The raster does not say where it lies: a pixel is taken as 1 × 1.")
         south, north = 0.0, float(file.height)
         south_up = False
     # columns from the west and rows from the north of what is wanted
     columns, rows = (0, file.width), (0, file.height)
-    if window is not None:
-        column, row, width, height = window
-        if (
-            min(width, height) < 1
-            or min(column, row) < 0
-            or (column + width > file.width or row + height > file.height)
-        ):
+    if options.window is not None:
+        column, row, width, height = options.window
+        columns, rows = (column, column + width), (row, row + height)
+        if not (0 <= column < columns[1] <= file.width and 0 <= row < rows[1] <= file.height):
             raise RequestError(
                 f"{name}: the window {column} {row} {width} {height} is not within its "
                 f"{file.width} × {file.height} pixels.",
                 "Give column, row, width and height; columns and rows count from 0.",
             )
-        columns = (column, column + width)
-        rows = (row, row + height)
         if east_first:
             columns = file.width - columns[1], file.width - columns[0]
         if south_up:
             rows = file.height - rows[1], file.height - rows[0]
-    if bounds is not None:
-        if not all(map(math.isfinite, bounds)):
-            raise RequestError(
-                f"The bounds are {' '.join(f'{side:g}' for side in bounds)}.",
-                "Give four finite numbers: west, south, east, north.",
-            )
-        columns = _within(columns, bounds[0] - west, bounds[2] - west, dx)
-        rows = _within(rows, north - bounds[3], north - bounds[1], dy)
+    if options.bounds is not None:
+        low_x, low_y, high_x, high_y = options.bounds
+        columns = _within(columns, low_x - west, high_x - west, dx)
+        rows = _within(rows, north - high_y, north - low_y, dy)
         if columns[0] >= columns[1] or rows[0] >= rows[1]:
             raise RequestError(
                 f"{name}: no pixel has its centre in the bounds "
-                f"{' '.join(f'{side:.12g}' for side in bounds)}.",
+                f"{' '.join(f'{side:.12g}' for side in options.bounds)}.",
                 f"It lies in {west:.12g} {south:.12g} {east:.12g} {north:.12g}.",
             )
-    lattice = PixelLattice(
-        west + columns[0] * dx,
-        north - rows[1] * dy,
-        dx,
-        dy,
-        columns[1] - columns[0],
-        rows[1] - rows[0],
-        _spelled(file.crs),
-        _unit(file, band, west, east, south, north, about),
-    )
+    count_x, count_y = columns[1] - columns[0], rows[1] - rows[0]
+    unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)
+    grid = PixelGrid(
+        west + columns[0] * dx, north - rows[1] * dy, dx, dy, count_x, count_y,
+        _spelled(file.crs), unit,
+    )  # fmt: skip
     first_column = file.width - columns[1] if east_first else columns[0]
     first_row = file.height - rows[1] if south_up else rows[0]
-    part = Window(first_column, first_row, lattice.columns, lattice.rows)
+    window = Window(first_column, first_row, count_x, count_y)
     return RasterHeights(
-        name, file, band, part, (south_up, east_first), lattice, nodata, scale, about
+        name, file, band, window, south_up, east_first, grid, options.nodata, scale, about
     )
 
 
 def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tuple[int, int]:
     """Pixels whose centres lie from `low` to `high`, but for rounding."""
-    first = math.ceil(low / side - 0.5 - _ON_LATTICE)
-    last = math.floor(high / side - 0.5 + _ON_LATTICE)
+    first = math.ceil(low / side - 0.5 - _ON_GRID)
+    last = math.floor(high / side - 0.5 + _ON_GRID)
     return max(pixels[0], first), min(pixels[1], last + 1)
 
 
@@ -320,15 +341,20 @@ def _spelled(crs: CRS | None) -> str | None:
     return f"EPSG:{number}" if number else str(crs.to_wkt())
 
 
-def _unit(
-    file: Any, band: int, west: float, east: float, south: float, north: float, about: list[str]
-) -> str:
-    """What heights are measured in; what is odd is noted."""
+def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -> str:
+    """What heights are measured in; what is odd is noted.
+
+    Args:
+        file: the raster.
+        band: of the heights.
+        middle: x and y of its middle.
+        about: gets the notes.
+    """
     vertical = (file.units[band - 1] or "").strip()
     unit = "m" if vertical.lower() in ("", "m", "metre", "meter", "metres", "meters") else vertical
     if file.crs is not None and file.crs.is_geographic:
-        zone = min(60, int(((west + east) / 2 + 180) // 6) + 1)
-        code = (32600 if south + north >= 0 else 32700) + zone
+        zone = min(60, int((middle[0] + 180) // 6) + 1)
+        code = (32600 if middle[1] >= 0 else 32700) + zone
         about.append(
             f"x and y are degrees and heights {unit}, so that no slope is right: "
             f"add --crs EPSG:{code} to reproject."
@@ -342,15 +368,161 @@ def _unit(
     return unit
 
 
+# --- classes -------------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class ClassRaster:
+    """A raster of classes, open, sampled at the pixel centres of a grid.
+
+    Attributes:
+        surfaces: of the classes that the file says something of.
+        used: the classes met so far, in the order of their numbers.
+        lacking: pixels of the grid without a class.
+    """
+
+    name: str
+    file: Any
+    grid: PixelGrid
+    surfaces: dict[int, SurfaceEntry]
+    used: set[int] = field(default_factory=set)
+    lacking: int = 0
+
+    def read(self, first: int, count: int) -> NDArray[np.int64]:
+        """Classes of some rows from the south, (count, columns) int64; -1 for none."""
+        at = self.grid
+        x = at.west + (np.arange(at.columns) + 0.5) * at.dx
+        y = at.south + (np.arange(first, first + count) + 0.5) * at.dy
+        inverse = ~self.file.transform
+        columns = np.floor(inverse.a * x + inverse.c).astype(np.int64)
+        rows = np.floor(inverse.e * y + inverse.f).astype(np.int64)
+        in_x = (columns >= 0) & (columns < self.file.width)
+        in_y = (rows >= 0) & (rows < self.file.height)
+        classes = np.full((count, at.columns), -1, np.int64)
+        if not in_x.any() or not in_y.any():
+            self.lacking += classes.size
+            return classes
+        columns, rows = columns[in_x], rows[in_y]
+        west, north = int(columns.min()), int(rows.min())
+        window = Window(west, north, int(columns.max()) - west + 1, int(rows.max()) - north + 1)
+        if window.width * window.height > _MOST_READ and count > 1:
+            half = count // 2
+            return np.vstack([self.read(first, half), self.read(first + half, count - half)])
+        with gdal_errors(self.name):
+            pixels = self.file.read(1, window=window, masked=True)
+        pixels = pixels[np.ix_(rows - north, columns - west)]
+        values = np.ma.filled(pixels.astype(np.int64), -1)
+        values[(values < 0) | (values == np.iinfo(np.int64).max)] = -1
+        classes[np.ix_(in_y, in_x)] = values
+        self.lacking += int((classes < 0).sum())
+        self.used.update(np.unique(classes[classes >= 0]).tolist())
+        if len(self.used) > _MOST_CLASSES:
+            raise ReadError(
+                f"{self.name}: has more than {_MOST_CLASSES:,} classes.",
+                "Name a raster of classes, not of heights or other measures.",
+            )
+        return classes
+
+    def surface(self, number: int) -> SurfaceEntry:
+        """The surface of a class."""
+        return self.surfaces.get(number, (f"class-{number}", {}))
+
+
 @contextlib.contextmanager
-def complaints(name: str) -> Iterator[None]:
-    """GDAL's errors as ours."""
+def open_classes(name: str, grid: PixelGrid) -> Iterator[ClassRaster]:
+    """Open a raster of classes for the pixels of a grid, reprojected if need be.
+
+    Raises:
+        ReadError: it cannot be read, or holds no whole numbers.
+    """
+    with contextlib.ExitStack() as stack:
+        file = stack.enter_context(_opened(name))
+        if file.count != 1 or np.dtype(file.dtypes[0]).kind not in "iu":
+            raise ReadError(
+                f"{name}: is no raster of classes, which has one band of whole numbers.",
+                "Name one, as export-dem --layer surface writes.",
+            )
+        surfaces = _surfaces(name, file)
+        if grid.crs is not None and file.crs is not None and file.crs != grid.crs:
+            with gdal_errors(name):
+                file = stack.enter_context(_on_grid(file, grid))
+        _refuse_turned(name, file.transform, 0.0, "Resample it north up, as with gdalwarp.")
+        yield ClassRaster(name, file, grid, surfaces)
+
+
+def _on_grid(file: Any, grid: PixelGrid) -> WarpedVRT:
+    """The class that lies nearest to each pixel centre of a grid."""
+    west, _, _, north = grid.bounds
+    return WarpedVRT(
+        file,
+        crs=grid.crs,
+        transform=Affine(grid.dx, 0.0, west, 0.0, -grid.dy, north),
+        width=grid.columns,
+        height=grid.rows,
+        resampling=Resampling.nearest,
+        tolerance=0.01,
+        add_alpha=file.nodata is None,
+    )
+
+
+def _surfaces(name: str, file: Any) -> dict[int, SurfaceEntry]:
+    """Names, colours and soils of classes, as far as the file or the one beside it has them."""
+    found: dict[int, SurfaceEntry] = {}
+    table = _table(Path(name + ".aux.xml"))
     try:
-        yield
-    except (RasterioError, CPLE_BaseError, WarpOperationError, OSError, ValueError) as error:
-        reason = str(error.__cause__ or error).strip().rstrip(".")
-        reason = reason.removeprefix(f"{name}: ").removeprefix(f"'{name}' ")
+        colors = file.colormap(1)
+    except ValueError:
+        colors = {}
+    names: set[str] = {"void"}
+    for number in sorted(table.keys() | colors.keys()):
+        title, members = table.get(number, ("", {}))
+        title = title or f"class-{number}"
+        while title in names:
+            title += f"-{number}"
+        names.add(title)
+        color = {"color": list(colors[number][:3])} if number in colors else {}
+        found[number] = (title, {**members, **color})
+    return found
+
+
+def _table(path: Path) -> dict[int, SurfaceEntry]:
+    """Names and soils by class from the file in which GDAL keeps them."""
+    if not path.is_file():
+        return {}
+    try:
+        band = ElementTree.parse(path).getroot().find("PAMRasterBand")
+    except (ElementTree.ParseError, OSError) as error:
         raise ReadError(
-            f"{name}: cannot be read as a raster ({reason or type(error).__name__}).",
-            "Check the path, and the file with gdalinfo -checksum.",
+            f"{path}: cannot be read as XML ({error}).", "Mend it, or move it away."
         ) from error
+    if band is None:
+        return {}
+    names = [(item.text or "").strip() for item in band.findall("CategoryNames/Category")]
+    found: dict[int, SurfaceEntry] = {i: (text, {}) for i, text in enumerate(names)}
+    titles = [
+        column.findtext("Name") or ""
+        for column in band.findall("GDALRasterAttributeTable/FieldDefn")
+    ]
+    keys = {
+        f"{layer.bands[0]} ({layer.unit})" if layer.unit else layer.bands[0]: _SOILS[layer.name]
+        for layer in LAYERS.values()
+        if layer.name in _SOILS
+    }
+    for row in band.findall("GDALRasterAttributeTable/Row"):
+        cells = dict(zip(titles, (cell.text or "" for cell in row.findall("F")), strict=False))
+        try:
+            number = int(cells.get("Value", ""))
+        except ValueError:
+            continue
+        known = {keys[title]: _number(cell) for title, cell in cells.items() if title in keys}
+        members = {key: value for key, value in known.items() if value is not None}
+        found[number] = (cells.get("Class") or found.get(number, ("", {}))[0], members)
+    return found
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) and 0 <= value < 1e6 else None

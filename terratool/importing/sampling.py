@@ -1,88 +1,23 @@
-"""Meshes seen from above: heights at pixels, and the walls that a curve can carry."""
+"""Heights at pixels: of meshes seen from above, which may have walls for steps, and of fields."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Bounds, check_overlap
-from terratool.importing.samples import PixelLattice, SampledHeights
-from terratool.importing.triangles import Triangles
+from terratool.importing.sources import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
 
-NEAR = 1e-6
-"""Positions that differ by no more than this part of a side of the patch are one."""
-
-
-def steps(triangles: Triangles, bounds: Bounds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vertical walls that stand across the whole of a patch, parallel to one of its sides.
-
-    A wall may consist of any number of vertical faces in one plane that together leave no gap, be
-    they above one another or hidden by something higher. Walls on the rim of the patch do not
-    count, as there is nothing beyond them.
-
-    Args:
-        triangles: a mesh, z up.
-        bounds: west, south, east, north of the patch.
-
-    Returns:
-        The x of walls that run from south to north, and the y of those from west to east: two
-        float64 arrays in world coordinates, sorted, without duplicates; empty for none.
-    """
-    west, south, east, north = bounds
-    return (
-        _across(triangles, 0, (west, east), (south, north)),
-        _across(triangles, 1, (south, north), (west, east)),
-    )
-
-
-def _across(
-    triangles: Triangles, axis: int, side: tuple[float, float], other: tuple[float, float]
-) -> NDArray[np.float64]:
-    """Positions on one axis at which walls cover a range of the other one."""
-    near, gap = NEAR * (side[1] - side[0]), NEAR * (other[1] - other[0])
-    low, high = _range(triangles, axis)
-    begin, end = _range(triangles, 1 - axis)
-    bottom, top = _range(triangles, 2)
-    middle = 0.5 * (low + high)
-    chosen = (high - low <= near) & (top > bottom) & (end > begin)
-    chosen &= (middle > side[0] + near) & (middle < side[1] - near)
-    chosen &= (end >= other[0]) & (begin <= other[1])
-    where = np.flatnonzero(chosen)
-    where = where[np.argsort(middle[where], kind="stable")]
-    planes = np.split(where, np.flatnonzero(np.diff(middle[where]) > near) + 1)
-    found = [
-        0.5 * (middle[plane[0]] + middle[plane[-1]])
-        for plane in planes
-        if len(plane) and _cover(begin[plane], end[plane], other, gap)
-    ]
-    return np.array(found, np.float64)
-
-
-def _range(triangles: Triangles, axis: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest coordinate of each face, two (m,) float64."""
-    corners = triangles.vertices[:, axis][triangles.faces]
-    return corners.min(axis=1), corners.max(axis=1)
-
-
-def _cover(
-    begin: NDArray[np.float64], end: NDArray[np.float64], other: tuple[float, float], gap: float
-) -> bool:
-    """Whether intervals, (k,) float64 each, leave nothing of another one bare."""
-    order = np.argsort(begin, kind="stable")
-    begin, reached = begin[order], np.maximum.accumulate(end[order])
-    if begin[0] > other[0] + gap or reached[-1] < other[1] - gap:
-        return False
-    return bool((begin[1:] <= reached[:-1] + gap).all())
-
-
-Progress = Callable[[str], object]
+if TYPE_CHECKING:
+    from terratool.field.terrain import Terrain
+    from terratool.raster.grid import Window
 
 DEFAULT_PIXELS = 512
 """The longer side of a mesh has at most this many pixels if no resolution was given."""
@@ -92,6 +27,9 @@ NARROWEST = 1 / 65536
 
 MAX_PIXELS = 2**30
 """More heights than these, 8 GiB, are not made at once."""
+
+WALL_SLACK = 1e-6
+"""Positions that differ by no more than this part of a side of the patch are one."""
 
 _WHOLE = 1e-6
 """A quotient this near to a whole number of pixels is one."""
@@ -104,39 +42,6 @@ _FAR = 0.1
 
 _SAME = 1e-6
 """Two surfaces this near to each other, in parts of the relief, are one."""
-
-
-def read_mesh(
-    path: str | Path,
-    resolution: float | None = None,
-    up: str | None = None,
-    scale: float = 1.0,
-    bounds: Bounds | None = None,
-    progress: Progress | None = None,
-) -> SampledHeights:
-    """The heights of a mesh in a file, as seen from above.
-
-    Args:
-        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl or .wrz file.
-        resolution: side of a pixel; a 512th of the longer side or a little more, if None.
-        up: the axis that points up, "y" or "z"; what the format is known for, if None.
-        scale: a factor on all coordinates.
-        bounds: west, south, east, north of what is wanted, in the coordinates that `up` and `scale`
-            lead to; the whole mesh, if None.
-        progress: is told in words what is being done.
-
-    Raises:
-        ReadError: the file cannot be read, or has no face that is seen from above.
-        RequestError: a resolution, axis, scale or bounds that make no sense for this mesh.
-    """
-    from terratool.importing.meshes import read_triangles
-
-    if progress:
-        progress("Reading the mesh")
-    triangles = read_triangles(path, up, scale)
-    if progress:
-        progress(f"Sampling {len(triangles.faces):,} faces")
-    return sample(triangles, resolution, bounds, name=str(path))
 
 
 def sample(
@@ -172,8 +77,12 @@ def sample(
         )
     (low_x, low_y, low_z), (high_x, high_y, high_z) = kernels.find_extent(vertices, faces).tolist()
     extent = low_x, low_y, high_x, high_y
-    bounds = extent if bounds is None else _checked(bounds, extent, name)
-    upright, kinds = kernels.survey_faces(vertices, faces, *bounds)
+    if bounds is None:
+        bounds = extent
+    else:
+        check_overlap(bounds, extent, name)
+        bounds = (float(bounds[0]), float(bounds[1]), float(bounds[2]), float(bounds[3]))
+    vertical_area, kinds = kernels.survey_faces(vertices, faces, *bounds)
     seen, vertical, flat, outside = kinds.tolist()
     if vertical and not seen and not outside:
         raise ReadError(
@@ -182,46 +91,44 @@ def sample(
         )
     if flat == len(faces):
         raise ReadError(f"{name}: no face has an area.", "Check the coordinates of the mesh.")
-    lattice, why = _lattice(bounds, resolution)
+    grid, why = _grid(bounds, resolution)
     # the origin is taken off first, so that coordinates as large as those of UTM lose nothing
-    points = kernels.to_pixels(vertices, lattice.west, lattice.south, lattice.dx, lattice.dy)
-    spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / lattice.dx
+    points = kernels.to_pixels(vertices, grid.west, grid.south, grid.dx, grid.dy)
+    spacing = np.spacing(max(map(abs, (*extent, *bounds)))) / grid.dx
     try:
-        heights = np.full((lattice.rows, lattice.columns), np.nan)
+        heights = np.full((grid.rows, grid.columns), np.nan)
         counts = np.zeros(heights.shape, np.uint8)
         kernels.paint_faces(points, faces, min(max(_NEAR, 4 * spacing), _FAR), heights, counts)
         near = _SAME * (high_z - low_z)
         hidden = kernels.count_overhangs(points, faces, near, heights, counts)
-        missing = kernels.count_holes(heights)
+        holes, beyond = kernels.count_holes(heights)
     except MemoryError as error:
         raise RequestError(
-            f"{lattice.columns:,} × {lattice.rows:,} heights do not fit into memory.",
+            f"{grid.columns:,} × {grid.rows:,} heights do not fit into memory.",
             "Give a coarser resolution or smaller bounds.",
         ) from error
-    if sum(missing) == heights.size:
+    if holes + beyond == heights.size:
         raise RequestError(
-            f"At a resolution of {lattice.dx:g} no pixel has its centre on the mesh.",
-            f"It lies in {_text(extent)}; give a finer resolution or other bounds.",
+            f"At a resolution of {grid.dx:g} no pixel has its centre on the mesh.",
+            f"It lies in {' '.join(f'{side:.12g}' for side in extent)}; give a finer resolution or "
+            "other bounds.",
         )
-    lost = _Lost(upright, vertical, flat, outside, len(faces), hidden, *missing)
-    notes = (*triangles.notes, *why, *_sentences(lost, lattice))
-    return SampledHeights(lattice, heights, notes)
+    losses = _SamplingLosses(vertical_area, flat, outside, len(faces), hidden, holes, beyond)
+    return SampledHeights(grid, heights, (*triangles.notes, *why, *_sentences(losses, grid)))
 
 
 @dataclass(frozen=True, slots=True)
-class _Lost:
+class _SamplingLosses:
     """What pixels cannot show of a mesh.
 
     Attributes:
-        upright: area of vertical faces, but for those on the rim.
-        vertical, flat, outside, faces: vertical faces, those without area, those outside of the
-            bounds, all of them.
+        vertical_area: of vertical faces, but for those on the border.
+        flat, outside, faces: faces without area, those outside of the bounds, all of them.
         hidden: pixels with a surface below the highest one that is open to the air.
         holes, beyond: pixels without a height within the outline of the mesh, and beyond it.
     """
 
-    upright: float
-    vertical: int
+    vertical_area: float
     flat: int
     outside: int
     faces: int
@@ -230,73 +137,62 @@ class _Lost:
     beyond: int
 
 
-def _sentences(lost: _Lost, lattice: PixelLattice) -> Iterator[str]:
+def _sentences(losses: _SamplingLosses, grid: PixelGrid) -> Iterator[str]:
     """What is lost, in numbers."""
-    pixels = lattice.rows * lattice.columns
+    pixels = grid.rows * grid.columns
 
     def part(count: int) -> str:
         words = f"{count:,} of {pixels:,} pixels"
-        return f"{words} ({100 * count / pixels:.2g} %, {count * lattice.dx * lattice.dy:.4g} m²)"
+        return f"{words} ({100 * count / pixels:.2g} %, {count * grid.dx * grid.dy:.4g} m²)"
 
-    if lost.upright:
+    if losses.vertical_area:
         yield (
-            f"{lost.upright:,.4g} m² of vertical faces are not seen from above; each becomes a "
-            "step within one pixel."
+            f"{losses.vertical_area:,.4g} m² of vertical faces are not seen from above; each "
+            "becomes a step within one pixel."
         )
-    if lost.hidden:
+    if losses.hidden:
         yield (
-            f"In {part(lost.hidden)} a surface lies below the highest one, under an overhang; only "
-            "the highest is kept."
+            f"In {part(losses.hidden)} a surface lies below the highest one, under an overhang; "
+            "only the highest is kept."
         )
-    if lost.holes:
-        yield f"The mesh has holes: {part(lost.holes)} within its outline have no height."
-    if lost.beyond:
-        yield f"{part(lost.beyond)} lie beyond the outline of the mesh and have no height."
-    if lost.outside:
-        yield f"{lost.outside:,} of {lost.faces:,} faces lie outside of the bounds."
-    if lost.flat:
-        yield f"{lost.flat:,} of {lost.faces:,} faces have no area and count for nothing."
+    if losses.holes:
+        yield f"The mesh has holes: {part(losses.holes)} within its outline have no height."
+    if losses.beyond:
+        yield f"{part(losses.beyond)} lie beyond the outline of the mesh and have no height."
+    if losses.outside:
+        yield f"{losses.outside:,} of {losses.faces:,} faces lie outside of the bounds."
+    if losses.flat:
+        yield f"{losses.flat:,} of {losses.faces:,} faces have no area and count for nothing."
 
 
-def _checked(bounds: Bounds, extent: Bounds, name: str) -> Bounds:
-    """Bounds that are not empty and have something in common with a mesh.
-
-    Raises:
-        RequestError: they have not.
-    """
-    check_overlap(bounds, extent, name)
-    west, south, east, north = bounds
-    return float(west), float(south), float(east), float(north)
-
-
-def _lattice(bounds: Bounds, resolution: float | None) -> tuple[PixelLattice, tuple[str, ...]]:
+def _grid(bounds: Bounds, resolution: float | None) -> tuple[PixelGrid, tuple[str, ...]]:
     """Square pixels that cover the bounds, and a sentence if their size was left to us.
 
     Raises:
         RequestError: no resolution above 0, or too many pixels.
     """
     west, south, east, north = bounds
-    width, depth = east - west, north - south
+    sides = east - west, north - south
     why: tuple[str, ...] = ()
     if resolution is None:
-        resolution = _default_resolution(width, depth)
+        resolution = _default_resolution(*sides)
         why = (
             f"No resolution was given: a pixel is {resolution:.6g} m, a "
-            f"{max(width, depth) / resolution:.4g}th of the longer side.",
+            f"{max(sides) / resolution:.4g}th of the longer side.",
         )
     elif not (math.isfinite(resolution) and resolution > 0):
         raise RequestError(
             f"The resolution is {resolution:g}.", "Give the side of a pixel, a number above 0."
         )
-    columns, rows = (max(1.0, math.ceil(s / resolution - _WHOLE)) if s / resolution < 1e18 else 1e18
-                     for s in (width, depth))  # fmt: skip
+    quotients = [min(side / resolution, 1e18) for side in sides]
+    columns, rows = (max(1.0, math.ceil(quotient - _WHOLE)) for quotient in quotients)
     if columns * rows > MAX_PIXELS:
         raise RequestError(
             f"A resolution of {resolution:g} makes {columns:.4g} × {rows:.4g} pixels, more than "
             f"{MAX_PIXELS:,}.",
             "Give a coarser resolution or smaller bounds.",
         )
-    return PixelLattice(west, south, resolution, resolution, int(columns), int(rows)), why
+    return PixelGrid(west, south, resolution, resolution, int(columns), int(rows)), why
 
 
 def _default_resolution(width: float, depth: float) -> float:
@@ -311,5 +207,90 @@ def _default_resolution(width: float, depth: float) -> float:
     return longest / DEFAULT_PIXELS
 
 
-def _text(bounds: Bounds) -> str:
-    return " ".join(f"{side:.12g}" for side in bounds)
+# --- walls ---------------------------------------------------------------------------------------
+
+
+def steps(triangles: Triangles, bounds: Bounds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vertical walls that stand across the whole of a patch, parallel to one of its sides.
+
+    A wall may consist of any number of vertical faces in one plane that together leave no gap, be
+    they above one another or hidden by something higher. Walls on the border of the patch do not
+    count, as there is nothing beyond them.
+
+    Args:
+        triangles: a mesh, z up.
+        bounds: west, south, east, north of the patch.
+
+    Returns:
+        The x of walls that run from south to north, and the y of those from west to east: two
+        float64 arrays in world coordinates, sorted, without duplicates; empty for none.
+    """
+    west, south, east, north = bounds
+    return (
+        _across(triangles, 0, (west, east), (south, north)),
+        _across(triangles, 1, (south, north), (west, east)),
+    )
+
+
+def _across(
+    triangles: Triangles, axis: int, side: tuple[float, float], other: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Positions on one axis at which walls cover a range of the other one."""
+    near, gap = WALL_SLACK * (side[1] - side[0]), WALL_SLACK * (other[1] - other[0])
+    low, high = _range(triangles, axis)
+    begin, end = _range(triangles, 1 - axis)
+    bottom, top = _range(triangles, 2)
+    middle = 0.5 * (low + high)
+    chosen = (high - low <= near) & (top > bottom) & (end > begin)
+    chosen &= (middle > side[0] + near) & (middle < side[1] - near)
+    chosen &= (end >= other[0]) & (begin <= other[1])
+    where = np.flatnonzero(chosen)
+    where = where[np.argsort(middle[where], kind="stable")]
+    planes = np.split(where, np.flatnonzero(np.diff(middle[where]) > near) + 1)
+    found = [
+        0.5 * (middle[plane[0]] + middle[plane[-1]])
+        for plane in planes
+        if len(plane) and _covers(begin[plane], end[plane], other, gap)
+    ]
+    return np.array(found, np.float64)
+
+
+def _range(triangles: Triangles, axis: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and greatest coordinate of each face, two (m,) float64."""
+    corners = triangles.vertices[:, axis][triangles.faces]
+    return corners.min(axis=1), corners.max(axis=1)
+
+
+def _covers(
+    begin: NDArray[np.float64], end: NDArray[np.float64], other: tuple[float, float], gap: float
+) -> bool:
+    """Whether intervals, (k,) float64 each, leave nothing of another one bare."""
+    order = np.argsort(begin, kind="stable")
+    begin, reached = begin[order], np.maximum.accumulate(end[order])
+    if begin[0] > other[0] + gap or reached[-1] < other[1] - gap:
+        return False
+    return bool((begin[1:] <= reached[:-1] + gap).all())
+
+
+# --- fields --------------------------------------------------------------------------------------
+
+
+def paint_pixels(
+    terrain: Terrain, shape: tuple[int, int], window: Window | None = None
+) -> NDArray[np.float64]:
+    """Heights of a field at the centres of pixels of 1 × 1 from the origin on.
+
+    Args:
+        terrain: the field.
+        shape: rows and columns of all pixels.
+        window: which of them are wanted, its rows counted from the north; all, if None.
+
+    Returns:
+        (rows, columns) float64, row 0 the southernmost.
+    """
+    from terratool.raster.grid import Grid
+    from terratool.raster.painter import Painter
+
+    grid = Grid(0.0, 0.0, 1.0, *shape)
+    painter = Painter(terrain, grid, np.float64, surfaces=False)
+    return np.ascontiguousarray(painter.paint(window or grid.whole).heights[::-1])

@@ -1,15 +1,18 @@
-"""What a definition is imported from: one way to open rasters and meshes."""
+"""What a definition is imported from: heights at pixels, triangles; and how a source is opened."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Bounds, refuse_empty
-from terratool.importing.samples import HeightSource
 
 MESHES = (
     ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz",
@@ -23,6 +26,144 @@ _OTHER_MESHES = (
 
 
 @dataclass(frozen=True, slots=True)
+class PixelGrid:
+    """Pixels of equal size, which may be oblong, counted from the south-west.
+
+    Attributes:
+        west, south: world position of the south-west corner of the south-west pixel.
+        dx, dy: sides of a pixel along x and y, in units of the CRS.
+        columns, rows: how many there are.
+        crs: the reference system as a definition spells it ("EPSG:32633" or WKT), or None.
+        unit: what heights and sides are measured in, "m" if not known otherwise; "°" where x and y
+            are degrees.
+    """
+
+    west: float
+    south: float
+    dx: float
+    dy: float
+    columns: int
+    rows: int
+    crs: str | None = None
+    unit: str = "m"
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Sides along x and y."""
+        return self.columns * self.dx, self.rows * self.dy
+
+    @property
+    def bounds(self) -> Bounds:
+        """West, south, east, north of the outermost pixels' edges."""
+        width, depth = self.size
+        return self.west, self.south, self.west + width, self.south + depth
+
+
+class HeightSource(Protocol):
+    """A source of heights that is read by rows, so that it need not fit into memory.
+
+    Attributes:
+        grid: where the heights lie.
+        notes: sentences about what a user should know (a unit that was guessed, what was lost).
+    """
+
+    @property
+    def grid(self) -> PixelGrid: ...  # noqa: D102
+
+    @property
+    def notes(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    def read(self, first: int, count: int) -> NDArray[np.float64]:
+        """So many rows from `first`, (count, columns) float64; NaN for none."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SampledHeights:
+    """Heights in memory; it is a `HeightSource`.
+
+    Attributes:
+        values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
+    """
+
+    grid: PixelGrid
+    values: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+
+    def read(self, first: int, count: int) -> NDArray[np.float64]:
+        """So many rows from `first`, (count, columns) float64; NaN for none."""
+        return self.values[first : first + count]
+
+
+class SampleRange(NamedTuple):
+    """What some heights are like.
+
+    Attributes:
+        low, high: lowest and highest height, infinities where there is none.
+        unknown: how many are NaN.
+        infinite: how many of these were infinite.
+    """
+
+    low: float
+    high: float
+    unknown: int
+    infinite: int = 0
+
+
+def sample_range(heights: NDArray[np.float64]) -> SampleRange:
+    """The range of (rows, columns) float64 heights; those that are infinite become NaN."""
+    low = float(np.fmin.reduce(heights, axis=None, initial=np.inf)) + 0.0  # which is never -0
+    high = float(np.fmax.reduce(heights, axis=None, initial=-np.inf)) + 0.0
+    if low == -np.inf or high == np.inf:
+        infinite = np.isinf(heights)
+        heights[infinite] = np.nan
+        return sample_range(heights)._replace(infinite=int(infinite.sum()))
+    return SampleRange(low, high, int(np.count_nonzero(np.isnan(heights))))
+
+
+@dataclass(frozen=True, slots=True)
+class Triangles:
+    """Any triangles: they need not be closed, nor wound one way, nor in one part.
+
+    Attributes:
+        vertices: (n, 3) float64, x east, y north, z up once the axis that points up is known.
+        faces: (m, 3) int32, indices of vertices.
+        notes: sentences about what was left out, in numbers.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    notes: tuple[str, ...] = ()
+
+
+def join_triangles(
+    parts: Iterable[tuple[NDArray[np.float64], NDArray[Any]]], path: Path
+) -> Triangles:
+    """Meshes, each its vertices (n, 3) and faces (m, 3), as one.
+
+    Raises:
+        ReadError: a face refers to a vertex that is not there.
+    """
+    vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
+    for points, corners in parts:
+        refuse_missing_vertices(path, corners, len(points))
+        vertices.append(points)
+        faces.append((corners + count).astype(np.int32))
+        count += len(points)
+    return Triangles(np.concatenate(vertices), np.concatenate(faces))
+
+
+def refuse_missing_vertices(path: Path, faces: NDArray[Any], count: int) -> None:
+    """Refuse faces that refer to other vertices than `count` many.
+
+    Raises:
+        ReadError: they do.
+    """
+    if len(faces) and (faces.min() < 0 or faces.max() >= count):
+        raise ReadError(f"{path}: a face refers to a vertex that is not there.", "Export it again.")
+
+
+@dataclass(frozen=True, slots=True)
 class SourceOptions:
     """What to take from a source, and how.
 
@@ -30,8 +171,8 @@ class SourceOptions:
         bounds: west, south, east, north in the source's coordinates (those of `crs`, if given).
         window: column, row, width, height in pixels of a raster, from the north-west.
         band: of a raster, from 1.
-        crs: reference system to reproject a raster to.
-        nodata: a number that stands for none.
+        crs: reference system to reproject a raster to, bilinearly.
+        nodata: a number that stands for none, besides what a raster says.
         resolution: side of a pixel, for a mesh.
         up: the axis of a mesh that points up, "y" or "z"; as its format has it, if None.
         scale: factor on the coordinates of a mesh.
@@ -60,26 +201,21 @@ def open_source(name: str, options: SourceOptions = SourceOptions()) -> Iterator
         ReadError: it cannot be read, or has no heights.
         RequestError: an option does not fit it.
     """
-    refuse_odd(name, options)
+    check_options(name, options)
     if is_mesh(name):
-        from terratool.importing.sampling import read_mesh
+        from terratool.importing.meshes import read_triangles
+        from terratool.importing.sampling import sample
 
-        yield read_mesh(name, options.resolution, options.up, options.scale, options.bounds)
+        triangles = read_triangles(name, options.up, options.scale)
+        yield sample(triangles, options.resolution, options.bounds, name)
         return
     from terratool.importing.rasters import open_raster
 
-    with open_raster(
-        name,
-        band=options.band,
-        bounds=options.bounds,
-        window=options.window,
-        crs=options.crs,
-        nodata=options.nodata,
-    ) as heights:
+    with open_raster(name, options) as heights:
         yield heights
 
 
-def refuse_odd(name: str, options: SourceOptions) -> None:
+def check_options(name: str, options: SourceOptions) -> None:
     """Refuse options that are about the other kind of source, and what is neither.
 
     Raises:

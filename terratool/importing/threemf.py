@@ -17,14 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.headers import check_archive
-from terratool.importing.triangles import Triangles
+from terratool.importing.sources import Triangles, join_triangles
+
+MAX_UNPACKED = 2**32
+"""An archive that unpacks to more bytes than these is refused."""
 
 MAX_FACES = 2**26
 """Objects within objects that come to more faces than these are refused."""
 
 _PART = 100
-
 _METRES = {
     "micron": ("micrometres", 1e-6),
     "millimeter": ("millimetres", 0.001),
@@ -36,7 +37,6 @@ _METRES = {
 """Units by name, and in metres (section 3.4)."""
 
 _PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
-
 Key = tuple[str, str]
 """The file of an object, and its number there."""
 
@@ -78,7 +78,7 @@ def read_3mf(path: Path) -> Triangles:
             too many faces.
         Exception: whatever zipfile and expat raise where the file is no 3MF.
     """
-    check_archive(path)
+    _refuse_large(path)
     with zipfile.ZipFile(path) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(".model")]
         first = min(names, key=lambda name: not name.lower().endswith("3d/3dmodel.model"))
@@ -100,26 +100,36 @@ def read_3mf(path: Path) -> Triangles:
         raise ReadError(
             f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
         )
-    points, corners, count = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
     meshes = {
         key: (np.array(item.points).reshape(-1, 3), np.array(item.corners, np.int32).reshape(-1, 3))
         for key, item in model.objects.items()
     }
-    for placed in _spread(model.items, model):
-        own, faces = meshes[placed.key]
-        if len(faces) and (faces.min() < 0 or faces.max() >= len(own)):
-            raise ReadError(
-                f"{path}: a face refers to a vertex that is not there.", "Export it again."
-            )
-        points.append(own @ placed.matrix[:3] + placed.matrix[3])
-        corners.append(faces + np.int32(count))
-        count += len(own)
-    vertices = np.concatenate(points)
-    notes: tuple[str, ...] = ()
-    if factor != 1.0:
-        vertices *= factor
-        notes = (f"The file is in {unit}; metres were made of them.",)
-    return Triangles(vertices, np.concatenate(corners), notes)
+
+    def place(placed: _Placed) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        points, faces = meshes[placed.key]
+        return points @ placed.matrix[:3] + placed.matrix[3], faces
+
+    joined = join_triangles(map(place, _spread(model.items, model)), path)
+    if factor == 1.0:
+        return joined
+    notes = (f"The file is in {unit}; metres were made of them.",)
+    return Triangles(joined.vertices * factor, joined.faces, notes)
+
+
+def _refuse_large(path: Path) -> None:
+    """Refuse an archive that would fill the memory.
+
+    Raises:
+        ReadError: it would unpack to more than 4 GiB.
+        zipfile.BadZipFile: it is no archive.
+    """
+    with zipfile.ZipFile(path) as archive:
+        size = sum(info.file_size for info in archive.infolist())
+    if size > MAX_UNPACKED:
+        raise ReadError(
+            f"{path}: would unpack to {size:,} bytes.",
+            f"At most {MAX_UNPACKED:,} are read; export a smaller part.",
+        )
 
 
 def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:

@@ -214,9 +214,9 @@ MAX_EXPONENT: int = 60
 
 def read_numbers(
     text: NDArray[np.uint8], at: int, powers: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], list[tuple[int, int]], int, bool]:
+) -> tuple[NDArray[np.float64], list[tuple[int, int]], int]:
     """
-    Numbers of a text; which are hard; where they end; whether the next should be one.
+    Numbers of a text; which of them are hard, and where they begin; where they end.
 
     Shapes: text[_], powers[121,2].
     """

@@ -13,9 +13,9 @@ def check_records(
     frame: np.dtype[Any],
     axis: np.dtype[Any],
     line: np.dtype[Any],
-    reach: np.dtype[Any],
+    piece: np.dtype[Any],
     group: np.dtype[Any],
-    cover: np.dtype[Any],
+    covering: np.dtype[Any],
 ) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
 
@@ -31,8 +31,8 @@ class Refinement:
         self,
         plan: object,
         regions: object,
-        plane: object,
-        of: object,
+        triangulation: object,
+        region_of: object,
         heights: object,
         locked: object,
     ) -> None: ...
@@ -71,23 +71,16 @@ def weld(
     Shapes: points[_,2], limits[4], seams[4].
     """
 
-def thinnest(points: NDArray[np.int64], triangles: NDArray[np.int32]) -> float:
-    """
-    The smallest distance of a corner from the longest side.
-
-    Shapes: points[_,2], triangles[_,3].
-    """
-
 def find_thin(
     points: NDArray[np.int64], triangles: NDArray[np.int32], near: float
 ) -> NDArray[np.int64]:
     """
-    Triangles lower than `near`: longest side, then corner.
+    Triangles lower than `near`: their longest side, then the corner.
 
     Shapes: points[_,2], triangles[_,3].
     """
 
-def keys_of(
+def region_keys(
     plan: Plan, points: NDArray[np.int64], triangles: NDArray[np.int32]
 ) -> NDArray[np.int64]:
     """
@@ -98,15 +91,7 @@ def keys_of(
 
 def describe_regions(
     plan: Plan, points: NDArray[np.int64], triangles: NDArray[np.int32], chosen: NDArray[np.int64]
-) -> tuple[
-    NDArray[np.int64],
-    NDArray[np.uint8],
-    NDArray[np.int32],
-    NDArray[np.uint8],
-    NDArray[np.uint8],
-    NDArray[np.float64],
-    NDArray[np.float64],
-]:
+) -> dict[str, Any]:
     """
     Regions, from a triangle of each.
 
@@ -118,58 +103,48 @@ def corner_heights(
     regions: Any,
     points: NDArray[np.int64],
     triangles: NDArray[np.int32],
-    of: NDArray[np.int32],
+    region_of: NDArray[np.int32],
 ) -> NDArray[np.float64]:
     """
     Heights of triangles at their corners.
 
-    Shapes: points[_,2], triangles[m,3], of[m].
+    Shapes: points[_,2], triangles[m,3], region_of[m].
     """
 
-def follow(
+def divide_seam(
     plan: Plan,
     regions: Any,
-    of: NDArray[np.int32],
+    region_of: NDArray[np.int32],
     axis: int,
     at: int,
     passes: NDArray[np.int64],
-    beside: NDArray[np.float64],
+    clearance: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """
     Where edges along a seam end, and heights at both of their ends.
 
-    Shapes: of[k], passes[k+1], beside[k+1].
+    Shapes: region_of[k], passes[k+1], clearance[k+1].
     """
 
 def refine(refinement: Refinement, allowed: float, most: int) -> bool:
     """Refine some triangles; whether there are more."""
 
-def part_crossings(refinement: Refinement, tolerance: float) -> bool:
+def split_crossings(refinement: Refinement, tolerance: float) -> bool:
     """
     Split edges where the higher side changes; whether there are triangles to refine.
     """
 
-def split_edge(refinement: Refinement, triangle: int, edge: int, x: int, y: int) -> bool:
-    """Put a point of height 0 on an edge; whether it was."""
-
-def largest_error(refinement: Refinement) -> float:
-    """The largest error that triangles may have."""
-
-def take(
-    refinement: Refinement,
-) -> tuple[
-    NDArray[np.int64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]
-]:
-    """Points, corners, neighbours, regions and heights; the end of it."""
+def take(refinement: Refinement) -> dict[str, Any]:
+    """All triangles; the end of it."""
 
 def find_levels(
     triangles: NDArray[np.int32],
     heights: NDArray[np.float64],
     solid: NDArray[np.bool_],
-    on_rim: NDArray[np.bool_],
+    on_boundary: NDArray[np.bool_],
     base: float,
     tolerance: float,
-) -> tuple[float, NDArray[np.int64], NDArray[np.float64], NDArray[np.int32]]:
+) -> dict[str, Any]:
     """
     The different heights at each vertex.
 
@@ -188,18 +163,18 @@ def raise_walls(
 def raise_skirt(
     triangles: NDArray[np.int32],
     corners: NDArray[np.int32],
-    rim: NDArray[np.int32],
+    outer_edges: NDArray[np.int32],
     begins: NDArray[np.int64],
     levels: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """
-    The walls from the base up to the rim of the ground.
+    The walls from the base up to where the ground ends.
 
-    Shapes: triangles[m,3], corners[m,3], rim[_,2].
+    Shapes: triangles[m,3], corners[m,3], outer_edges[_,2].
     """
 
-def part_wedges(
-    plane: Any,
+def separate_wedges(
+    triangulation: Any,
     corners: NDArray[np.int32],
     begins: NDArray[np.int64],
     faces: NDArray[np.int32],

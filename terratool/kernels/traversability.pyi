@@ -118,20 +118,8 @@ def measured_stresses(
     Shapes: load[n], torque[n], half[n].
     """
 
-def slip_for(half: float, radius: float, shear_modulus: float, utilisation: float) -> float:
-    """Slip that mobilises a share of the strength."""
-
-def wheel_loads(
-    layout: Any, weight: float, pitch: NDArray[np.float64], roll: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """
-    Loads of a vehicle's wheels at angles, one after the other.
-
-    Shapes: pitch[n], roll[n].
-    """
-
-def gravity(along: float, across: float) -> dict[str, Any]:
-    """Direction of gravity on a plane with two tangents."""
+def wheel_loads(layout: Any, weight: float, pitch: float, roll: float) -> NDArray[np.float64]:
+    """Loads of a vehicle's wheels on a slope."""
 
 def tipping(layout: Any, along: float, across: float) -> float:
     """The share of a tip-over angle that is used."""
@@ -146,44 +134,40 @@ def drive(
     """
 
 def steepest(
-    across: bool, layout: Any, weight: float, soils: Any, slip: float, wheel: Any, max_torque: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The largest slope on each soil, and the reason that limits it."""
+    across: bool, layout: Any, weight: float, soil: Any, slip: float, wheel: Any, max_torque: float
+) -> dict[str, Any]:
+    """The largest slope on a soil, and the reason that limits it."""
 
 def judge(
     shares: NDArray[np.float64],
     go: NDArray[np.float64],
     strict: NDArray[np.bool_],
     reasons: NDArray[np.uint8],
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float64]]:
+) -> tuple[int, int, float]:
     """
     Verdict, reason and largest share of measures.
 
-    Shapes: shares[m,n], go[m], strict[m], reasons[m].
+    Shapes: shares[m], go[m], strict[m], reasons[m].
     """
 
-def find_stand(
+def tabulated_state(
     vehicle: VehicleOnSoils, soil: int, along: float, across: float
 ) -> dict[str, Any] | None:
-    """How a vehicle stands on a slope, if that is in its tables."""
+    """What a slope and a soil ask of a vehicle, if its tables have it."""
 
-def stand(vehicle: VehicleOnSoils, soil: int, along: float, across: float) -> dict[str, Any]:
-    """How a vehicle stands on a slope."""
+def slope_state(vehicle: VehicleOnSoils, soil: int, along: float, across: float) -> dict[str, Any]:
+    """What a slope and a soil ask of a vehicle."""
 
 def judge_cells(vehicle: VehicleOnSoils, stance: Any, east: float, north: float, out: Any) -> None:
     """Judge a vehicle with a heading at every reference point."""
 
 def highest(
-    ground: NDArray[np.float32],
-    first: int,
-    offsets: NDArray[np.int64],
-    lift: NDArray[np.float32],
-    out: NDArray[np.float32],
+    ground: NDArray[np.float32], first: int, offsets: NDArray[np.int64], out: NDArray[np.float32]
 ) -> None:
     """
-    The highest ground under offsets, each raised.
+    The highest ground under offsets.
 
-    Shapes: ground[_,_,_], offsets[k,3], lift[k], out[_,_].
+    Shapes: ground[_,_,_], offsets[k,3], out[_,_].
     """
 
 def supports(

@@ -46,12 +46,12 @@ class BudgetedMesh(NamedTuple):
     @property
     def miss(self) -> float:
         """How far the mesh is from the terrain, about."""
-        return self.built.error + max(self.built.faintest, self.built.ruts.deepest)
+        return self.built.error + max(self.built.loss.faintest, self.built.loss.ruts.deepest)
 
     @property
     def whole(self) -> bool:
         """Whether nothing is left out because it changes heights too little."""
-        return not (self.built.faint or self.built.ruts.shallow)
+        return not (self.built.loss.faint or self.built.loss.ruts.shallow)
 
 
 def within_budget(

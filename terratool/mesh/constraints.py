@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.field.bounds import largest_depths
 from terratool.field.records import TrackArrays
 from terratool.kernels import mesh as kernels
-from terratool.mesh.loss import RutLoss
-from terratool.mesh.types import MeshPlan, RutOutlines
+from terratool.mesh.types import MeshPlan, RutLoss, RutOutlines
 
 _WIDEST = 0.15
 """An outline may be off by so much of half the width of its track, however large the error."""
@@ -62,33 +62,27 @@ def outlines_of(plan: MeshPlan, least: float, narrowest: float) -> tuple[RutOutl
     narrow = near & (2.0 * _reaches(tracks) / plan.pitch < narrowest)
     shallow = near & ~narrow & (deepest <= least) if least > 0.0 else np.zeros_like(near)
     chosen = np.flatnonzero(near & ~narrow & ~shallow)
-    edges, owners, beside = _edges(plan, chosen)
+    edges, owners, offset = _edges(plan, chosen)
     return _indexed(edges, owners), RutLoss(
-        beside=beside * plan.pitch,
+        wall_offset=offset * plan.pitch,
         narrow=int(narrow.sum()),
         shallow=int(shallow.sum()),
         deepest=float(deepest[shallow].max(initial=0.0)),
     )
 
 
-def left_tracks(plan: MeshPlan) -> NDArray[np.int64]:
+def undrawn_tracks(plan: MeshPlan) -> NDArray[np.int64]:
     """Indices of the tracks of which nothing is drawn: left out, or far from what is meshed."""
     every = np.arange(len(plan.arrays.tracks.passes))
     return np.setdiff1d(every, plan.outlines.owners)
 
 
-def without(tracks: TrackArrays, out: NDArray[np.int64]) -> TrackArrays:
+def without_tracks(tracks: TrackArrays, out: NDArray[np.int64]) -> TrackArrays:
     """The tracks, some of which leave no rut."""
     level = np.where(np.isnan(tracks.depths[:1]), np.nan, 0.0)
     law, passes = tracks.law.copy(), tracks.passes.copy()
     law[out], passes[out] = len(tracks.depths), 0.0
     return tracks._replace(law=law, passes=passes, depths=np.concatenate([tracks.depths, level]))
-
-
-def largest_depths(tracks: TrackArrays) -> Floats:
-    """Depth of the deepest rut that each track makes by itself, (tracks,)."""
-    depths = np.where(np.isnan(tracks.depths), 0.0, tracks.depths).max(axis=1)[tracks.law]
-    return np.asarray(depths * tracks.passes**tracks.power)
 
 
 def _reaches(tracks: TrackArrays) -> Floats:
@@ -110,14 +104,14 @@ def _boxes(plan: MeshPlan) -> list[Floats]:
 def _edges(
     plan: MeshPlan, chosen: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32], float]:
-    """Edges of the outlines of tracks, whose each is, and how far they are off; on the lattice."""
+    """Edges of the outlines of tracks, the track of each, and how far they are off, in points."""
     import shapely
 
     tracks = plan.arrays.tracks
     reaches = _reaches(tracks) / plan.pitch
     around = shapely.box(*plan.bounds)
     edges, owners = [np.empty((0, 4), np.int64)], [np.empty(0, np.uint32)]
-    beside = 0.0
+    offset = 0.0
     for track in chosen.tolist():
         reach = float(reaches[track])
         allowed = max(min(plan.error / plan.pitch, _WIDEST * reach), _LEAST)
@@ -131,10 +125,10 @@ def _edges(
         found = _sides(shapely.intersection(outline, around, grid_size=1.0))
         if len(found):
             arc = reach * (1.0 - math.cos(0.25 * math.pi / chords))
-            beside = max(beside, arc + off_path + off_outline)
+            offset = max(offset, arc + off_path + off_outline)
         edges.append(found)
         owners.append(np.full(len(found), track, np.uint32))
-    return np.concatenate(edges), np.concatenate(owners), beside
+    return np.concatenate(edges), np.concatenate(owners), offset
 
 
 def _path(plan: MeshPlan, track: int) -> Any:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +11,9 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
-from terratool.mesh.files import check_request
+from terratool.mesh.export import ExportReport, check_request
 from terratool.mesh.formats.vrml import write_elevation_grid
-from terratool.mesh.loss import GridLoss, Peak, WallSummary
-from terratool.mesh.measure import spread, wall_summary
+from terratool.mesh.loss import GridLoss, Peak, WallSummary, spread, wall_summary
 from terratool.mesh.types import HeightGrid
 from terratool.output import whole_file
 
@@ -30,12 +27,16 @@ _MOST_NODES = 1 << 26
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class ElevationGridReport:
+class ElevationGridReport(
+    ExportReport,
+    frozen=True,
+    kw_only=True,
+    rename={"chosen": "resolution_chosen", "statement": "losses"},
+):
     """What was written as a grid of heights. Lengths are in units of the terrain.
 
     Attributes:
-        file: that was written.
+        files: the one that was written.
         bounds: west, south, east, north of the outermost nodes, in the world.
         origin: world position of the file's zero.
         columns, rows: number of nodes from west to east and from south to north.
@@ -44,7 +45,9 @@ class ElevationGridReport:
         statement: what it loses.
     """
 
-    file: Path
+    format_version: int = 1
+    geometry: str = "elevation grid"
+    files: tuple[Path]
     bounds: Bounds
     origin: tuple[float, float, float]
     columns: int
@@ -52,21 +55,6 @@ class ElevationGridReport:
     spacing: tuple[float, float]
     chosen: str
     statement: GridLoss
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
-        return {
-            "format_version": 1,
-            "geometry": "elevation grid",
-            "files": [str(self.file)],
-            "bounds": list(self.bounds),
-            "origin": list(self.origin),
-            "columns": self.columns,
-            "rows": self.rows,
-            "spacing": list(self.spacing),
-            "resolution_chosen": self.chosen,
-            "losses": self.statement.as_json(),
-        }
 
 
 def export_elevation_grid(
@@ -135,7 +123,7 @@ def export_elevation_grid(
     with whole_file(path, overwrite) as file:
         write_elevation_grid(grid, file, terrain.descr)
     return ElevationGridReport(
-        file=path,
+        files=(path,),
         bounds=part,
         origin=(part[0], part[1], 0.0),
         columns=len(x),
@@ -187,7 +175,6 @@ def _statement(
     largest = float(off[worst])
     scaled = off / largest if largest else off
     return GridLoss(
-        spacing=max(grid.spacing),
         walls=walls,
         points=len(off),
         miss=Peak(largest, float(x[worst]), float(y[worst])),

@@ -1,27 +1,30 @@
-"""The one way from a terrain to a mesh in a file: built, written and accounted for."""
+"""The one way from a terrain to a mesh in a file: built, written, and its loss measured."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from msgspec import UNSET, Struct, json
+from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.bounds import largest_heights
+from terratool.field.bounds import largest_depths, largest_heights
 from terratool.field.summary import height_range
 from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
 from terratool.mesh.budget import BudgetedMesh, within_budget
 from terratool.mesh.build import build
-from terratool.mesh.constraints import largest_depths
-from terratool.mesh.files import check_request, collapse_degenerate, rounding_of, write_mesh
-from terratool.mesh.loss import MeshLoss, counted, length
-from terratool.mesh.measure import omitted_elements, wall_summary
-from terratool.mesh.types import BuiltMesh
+from terratool.mesh.formats.common import points_of
+from terratool.mesh.formats.table import FORMATS, MeshFormat, mesh_format
+from terratool.mesh.loss import MeshLoss, counted, length, omitted_elements, wall_summary
+from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 
 SHARE = 1e-3
 """The largest error, if not said, in parts of the relief …"""
@@ -32,7 +35,70 @@ Progress = Callable[[str], object]
 
 
 @dataclass(frozen=True, slots=True)
-class MeshReport:
+class MeshOptions:
+    """What is wanted of a mesh.
+
+    Attributes:
+        max_error: the largest distance, along z, of the ground from the terrain; if not said, a
+            thousandth of the relief or of a unit, whichever is larger.
+        max_faces: the mesh has no more faces: its error grows, and elements are left out if that
+            is not enough.
+        bounds: world rectangle west, south, east, north; the whole terrain if None.
+        solid: whether to close it by sides and a bottom.
+        base: height of the bottom; somewhat below the lowest ground, if not said.
+        world: whether coordinates are those of the world rather than near 0.
+    """
+
+    max_error: float | None = None
+    max_faces: int | None = None
+    bounds: Bounds | None = None
+    solid: bool = False
+    base: float | None = None
+    world: bool = False
+
+    def check(self) -> None:
+        """Refuse numbers that make no sense for any terrain.
+
+        Raises:
+            RequestError: which one it is.
+        """
+        error, faces, base = self.max_error, self.max_faces, self.base
+        if error is not None and not (math.isfinite(error) and error > 0):
+            raise RequestError(
+                f"The largest error is {error:g}.", "Give a height above 0 with --max-error."
+            )
+        if faces is not None and faces < 1:
+            raise RequestError(f"At most {faces} faces are allowed.", "Allow 2 or more.")
+        if base is not None and not self.solid:
+            raise RequestError("There is a base, but no solid is asked for.", "Add --solid.")
+        if base is not None and not math.isfinite(base):
+            raise RequestError(f"The base is at {base:g}.", "Give a height.")
+
+    def error_for(self, terrain: Terrain) -> tuple[float, str]:
+        """The largest error, and in words who chose it."""
+        if self.max_error:
+            return self.max_error, "as asked"
+        relief = relief_of(terrain, self.bounds)
+        if relief * SHARE > LEAST_ERROR:
+            return relief * SHARE, f"1/1000 of the relief, {length(relief)}"
+        return LEAST_ERROR, "1 mm, as 1/1000 of the relief is less"
+
+
+class ExportReport(Struct, frozen=True, kw_only=True):
+    """What an export has written."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, ready for JSON."""
+        values: dict[str, Any] = json.decode(json.encode(self, enc_hook=str))
+        return values
+
+
+class MeshReport(
+    ExportReport,
+    frozen=True,
+    kw_only=True,
+    rename={"walls": "wall_faces", "chosen": "error_chosen", "statement": "losses"},
+):
     """What an export has written, and what it could not keep. Lengths are in units of the terrain.
 
     Attributes:
@@ -47,6 +113,8 @@ class MeshReport:
         statement: what it shows, and what it loses.
     """
 
+    format_version: int = 1
+    geometry: str = "faces"
     files: tuple[Path, ...]
     bounds: Bounds
     origin: tuple[float, float, float]
@@ -58,34 +126,12 @@ class MeshReport:
     chosen: str
     statement: MeshLoss
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
-        return {
-            "format_version": 1,
-            "geometry": "faces",
-            "files": [str(path) for path in self.files],
-            "bounds": list(self.bounds),
-            "origin": list(self.origin),
-            "faces": self.faces,
-            "wall_faces": self.walls,
-            "vertices": self.vertices,
-            "surfaces": self.surfaces,
-            "base": self.base,
-            "error_chosen": self.chosen,
-            "losses": self.statement.as_json(),
-        }
-
 
 def export_mesh(
     terrain: Terrain,
     path: str | Path,
-    max_error: float | None = None,
-    max_faces: int | None = None,
-    bounds: Bounds | None = None,
+    options: MeshOptions = MeshOptions(),
     *,
-    solid: bool = False,
-    base: float | None = None,
-    world: bool = False,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> MeshReport:
@@ -94,16 +140,9 @@ def export_mesh(
     Args:
         terrain: the terrain.
         path: the file; its suffix names the format.
-        max_error: the largest distance, along z, of the ground from the terrain; if not said, a
-            thousandth of the relief or of a unit, whichever is larger.
-        max_faces: the mesh has no more faces: its error grows, and elements are left out if that
-            is not enough.
-        bounds: world rectangle west, south, east, north; the whole terrain if None.
-        solid: whether to close it by sides and a bottom.
-        base: height of the bottom; somewhat below the lowest ground, if not said.
-        world: whether coordinates are those of the world rather than near 0.
+        options: what is wanted of the mesh.
         overwrite: whether files may be there already.
-        progress: is told in words how far it is.
+        progress: is called with words that say how far it is.
 
     Raises:
         WriteError: a file exists, or cannot be written.
@@ -111,20 +150,32 @@ def export_mesh(
             hold it.
     """
     path = Path(path)
-    check_request(path, overwrite, world)
-    check_numbers(max_error, max_faces, solid, base)
+    check_request(path, overwrite, options.world)
+    options.check()
+    bounds = options.bounds
     if bounds is not None:
         check_bounds(bounds, terrain)
-    relief = relief_of(terrain, bounds)
-    wanted, chosen = (max_error, "as asked") if max_error else default_error(relief)
-    attempt = partial(_attempt, terrain, bounds, solid, base, progress)
-    if max_faces is None:
+    wanted, chosen = options.error_for(terrain)
+    say = progress or (lambda _: None)
+    base: float | Literal["below"] | None = None
+    if options.solid:
+        base = "below" if options.base is None else options.base
+
+    def attempt(error: float, least: float) -> BuiltMesh:
+        say(f"meshing within {length(error)}")
+        built = build(terrain, error, bounds, least, base)
+        say(f"{counted(len(built.mesh.faces), 'face')} within {length(error)}")
+        return built
+
+    if options.max_faces is None:
         fit = BudgetedMesh(attempt(wanted, 0.0), wanted, 0.0)
     else:
         sizes = largest_heights(terrain.arrays)[1:]
         if terrain.tracks:
             sizes = np.append(sizes, largest_depths(terrain.arrays.tracks))
-        fit = within_budget(attempt, wanted, relief, float(sizes.max(initial=0.0)), max_faces)
+        largest = float(sizes.max(initial=0.0))
+        relief = relief_of(terrain, bounds)
+        fit = within_budget(attempt, wanted, relief, largest, options.max_faces)
     fit = fit._replace(built=collapse_degenerate(fit.built))
     mesh = fit.built.mesh
     if not len(mesh.faces):
@@ -132,47 +183,12 @@ def export_mesh(
             "There is no ground to be written: all of it is void.",
             "Give other --bounds." if bounds else "Ask terratool info what the terrain is.",
         )
-    if progress:
-        progress(f"writing {counted(len(mesh.faces), 'face')}")
-    files = write_mesh(mesh, path, overwrite, terrain.descr, world)
+    say(f"writing {counted(len(mesh.faces), 'face')}")
+    files = write_mesh(mesh, path, overwrite, terrain.descr, options.world)
     if not path.is_symlink():  # then they are where the user says
         files = path, *(path.with_name(file.name) for file in files[1:])
-    return _report(terrain, fit, files, bounds, solid, wanted, chosen, max_faces, world)
-
-
-def _attempt(
-    terrain: Terrain,
-    bounds: Bounds | None,
-    solid: bool,
-    base: float | None,
-    progress: Progress | None,
-    error: float,
-    least: float,
-) -> BuiltMesh:
-    """Build a mesh, and say so."""
-    if progress:
-        progress(f"meshing within {length(error)}")
-    closed: dict[str, Any] = {"base": "below" if base is None else base} if solid else {}
-    built = build(terrain, error, bounds, least, **closed)
-    if progress:
-        progress(f"{counted(len(built.mesh.faces), 'face')} within {length(error)}")
-    return built
-
-
-def _report(
-    terrain: Terrain,
-    fit: BudgetedMesh,
-    files: tuple[Path, ...],
-    bounds: Bounds | None,
-    solid: bool,
-    wanted: float,
-    chosen: str,
-    max_faces: int | None,
-    world: bool,
-) -> MeshReport:
-    built, mesh = fit.built, fit.built.mesh
     counts = np.bincount(mesh.surfaces[mesh.surfaces >= 0], minlength=len(mesh.names)).tolist()
-    x, y, z = (0.0, 0.0, 0.0) if world else mesh.origin.tolist()
+    x, y, z = (0.0, 0.0, 0.0) if options.world else mesh.origin.tolist()
     return MeshReport(
         files=files,
         bounds=clip_bounds(terrain, bounds),
@@ -181,19 +197,27 @@ def _report(
         walls=int(mesh.walls.sum()),
         vertices=len(mesh.vertices),
         surfaces=dict(zip(mesh.names, counts, strict=True)),
-        base=float(mesh.vertices[:, 2].min()) if solid else None,
+        base=float(mesh.vertices[:, 2].min()) if options.solid else None,
         chosen=chosen,
-        statement=MeshLoss(
-            wanted=wanted,
-            allowed=fit.error,
-            error=built.error,
-            max_faces=max_faces,
-            aside=built.aside,
-            rounding=rounding_of(mesh),
-            walls=wall_summary(mesh),
-            left=omitted_elements(terrain, built, fit.error, bounds, fit.least),
-            ruts=built.ruts if terrain.tracks else None,
-        ),
+        statement=_loss_of(terrain, fit, options, wanted),
+    )
+
+
+def _loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: float) -> MeshLoss:
+    built = fit.built
+    left = omitted_elements(terrain, built, fit.error, options.bounds, fit.least)
+    return MeshLoss(
+        wanted=wanted,
+        allowed=fit.error,
+        error=built.error,
+        max_faces=options.max_faces,
+        miss=built.error + (left.change.size if left.change else 0.0),
+        miss_measured=left.change is not None,
+        wall_offset=built.loss.wall_offset,
+        rounding=rounding_of(built.mesh),
+        walls=wall_summary(built.mesh),
+        left=left,
+        ruts=built.loss.ruts if terrain.tracks else UNSET,
     )
 
 
@@ -203,28 +227,123 @@ def relief_of(terrain: Terrain, bounds: Bounds | None) -> float:
     return high - low if low is not None and high is not None else 0.0
 
 
-def default_error(relief: float) -> tuple[float, str]:
-    """The largest error where none is asked for, and in words why."""
-    if relief * SHARE > LEAST_ERROR:
-        return relief * SHARE, f"1/1000 of the relief, {length(relief)}"
-    return LEAST_ERROR, "1 mm, as 1/1000 of the relief is less"
+def collapse_degenerate(built: BuiltMesh) -> BuiltMesh:
+    """The same with one vertex, not two, for the ends of each edge that has no length in a file.
+
+    Faces along such an edge are left out, so that a closed mesh stays closed. Vertices that lie at
+    the same place and share no edge stay apart.
+    """
+    mesh = built.mesh
+    roots = _roots(mesh)
+    if roots is None:
+        return built
+    faces = roots[mesh.faces]
+    kept = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    used = np.zeros(len(roots), bool)
+    used[faces[kept]] = True
+    index = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    mesh = replace(
+        mesh,
+        vertices=mesh.vertices[used],
+        faces=index[faces[kept]],
+        surfaces=mesh.surfaces[kept],
+        walls=mesh.walls[kept],
+    )
+    return replace(built, mesh=mesh, shell=int(kept[: built.shell].sum()))
 
 
-def check_numbers(
-    max_error: float | None, max_faces: int | None, solid: bool, base: float | None
-) -> None:
-    """Refuse numbers that make no sense for any terrain.
+def _roots(mesh: Mesh) -> NDArray[np.int32] | None:
+    """For each vertex the one that stands for it; None if each stands for itself."""
+    with np.errstate(over="ignore"):  # what is too large for a file is refused later
+        points = points_of(mesh)
+    points[~np.isfinite(points)] = np.nan
+    ends = []
+    for k in range(3):
+        a, b = mesh.faces[:, k], mesh.faces[:, (k + 1) % 3]
+        same = np.flatnonzero((points[a] == points[b]).all(axis=1))
+        ends.append(np.column_stack([a[same], b[same]]))
+    edges = np.concatenate(ends)
+    if not len(edges):
+        return None
+    roots = np.arange(len(points), dtype=np.int32)
+    while True:
+        low = roots[edges].min(axis=1)
+        before = roots.copy()
+        np.minimum.at(roots, edges[:, 0], low)
+        np.minimum.at(roots, edges[:, 1], low)
+        roots = roots[roots]
+        if np.array_equal(before, roots):
+            return roots
+
+
+def write_mesh(
+    mesh: Mesh,
+    path: str | Path,
+    overwrite: bool = False,
+    descr: str = "",
+    world: bool = False,
+) -> tuple[Path, ...]:
+    """Write a mesh in the format that the suffix of `path` names; returns the files, it first.
+
+    All formats hold the same float32 coordinates relative to the origin of the mesh, and say what
+    the origin is.
+
+    Args:
+        mesh: at least one face.
+        path: the file that is to be.
+        overwrite: whether it may be there already.
+        descr: what the terrain is, in words.
+        world: whether coordinates are those of the world, in float64.
 
     Raises:
-        RequestError: which one it is.
+        RequestError: no format has that suffix, or it cannot hold this mesh.
+        WriteError: `path` exists and is not to be overwritten, or its folder cannot be written.
     """
-    if max_error is not None and not (math.isfinite(max_error) and max_error > 0):
+    path = Path(os.path.realpath(path))
+    form = check_request(path, overwrite, world)
+    if not len(mesh.faces):
+        raise RequestError(f"{path.name}: there is no ground to be written.")
+    with np.errstate(over="ignore"):
+        finite = np.isfinite(points_of(mesh)).all()
+    if not finite:
+        raise RequestError(f"{path.name}: some coordinates are no numbers, or beyond float32.")
+    write = form.write_world if world and form.write_world else form.write
+    with whole_file(path, overwrite, form.companions) as part:
+        write(mesh, part, descr)
+    return path, *(path.with_suffix(suffix) for suffix in form.companions)
+
+
+def check_request(path: str | Path, overwrite: bool = False, world: bool = False) -> MeshFormat:
+    """Refuse what can be known to fail before there is a mesh; returns the format.
+
+    Args:
+        path: the file that is to be.
+        overwrite: whether it may be there already.
+        world: whether coordinates are those of the world.
+
+    Raises:
+        RequestError: no format has that suffix, it cannot hold coordinates of the world, or what
+            it needs is not installed.
+        WriteError: `path` exists and is not to be overwritten, or its folder does not exist.
+    """
+    path = Path(os.path.realpath(path))
+    form = mesh_format(path)
+    if world and form.write_world is None:
+        able = ", ".join(suffix for suffix, one in FORMATS.items() if one.write_world)
         raise RequestError(
-            f"The largest error is {max_error:g}.", "Give a height above 0 with --max-error."
+            f"{path.name}: numbers of this format are too short for coordinates of the world.",
+            f"Ask for one of {able}, or for a mesh near 0.",
         )
-    if max_faces is not None and max_faces < 1:
-        raise RequestError(f"At most {max_faces} faces are allowed.", "Allow 2 or more.")
-    if base is not None and not solid:
-        raise RequestError("There is a base, but no solid is asked for.", "Add --solid.")
-    if base is not None and not math.isfinite(base):
-        raise RequestError(f"The base is at {base:g}.", "Give a height.")
+    if form.package and find_spec(form.module) is None:
+        raise RequestError(
+            f"{path.name}: {form.package} is not installed.",
+            f"Run pip install 'terratool[{form.extra}]'.",
+        )
+    refuse_existing(path, overwrite, form.companions)
+    refuse_missing_folder(path)
+    return form
+
+
+def rounding_of(mesh: Mesh) -> float:
+    """How far a coordinate of a file is from that of the mesh, at most."""
+    return float(np.abs(points_of(mesh) - mesh.vertices).max())

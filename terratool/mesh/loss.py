@@ -1,19 +1,33 @@
-"""The statement of loss of a mesh: what it shows and what it cannot, for people and programs."""
+"""What a mesh shows and what it loses: measured, for programs, and in sentences for people."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import Any
 
+import numpy as np
+from msgspec import UNSET, Struct, UnsetType
+from numpy.typing import NDArray
+
+from terratool.field.bounds import largest_heights
+from terratool.field.terrain import Bounds, Terrain, batch_heights, clip_bounds
+from terratool.kernels import field as fields
+from terratool.mesh.constraints import undrawn_tracks, without_tracks
+from terratool.mesh.plan import plan_of
+from terratool.mesh.types import BuiltMesh, Mesh, RutLoss
+
+POINTS = 500_000
+"""What is left out is measured at up to so many points in its cells, and at as many anywhere."""
+_PLASTIC = 1.32471795724474602596
+"""The plastic number spreads points over a square as the golden section does over a line."""
 _NOTICED = 0.1
-"""Rounding is worth a word from this part of the allowed error on."""
+"""Rounding is said from this part of the allowed error on."""
 _NOISE = 1e-6
-"""Differences from here on are worth a word, in parts of the distance between two nodes."""
+"""Differences are said from here on, in parts of the distance between two nodes."""
+
+Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Peak:
+class Peak(Struct, frozen=True):
     """The largest of something, and where in the world it is."""
 
     size: float
@@ -21,8 +35,15 @@ class Peak:
     y: float
 
 
-@dataclass(frozen=True, slots=True)
-class WallSummary:
+class HighestWall(Struct, frozen=True, rename={"size": "height"}):
+    """The highest wall, and where in the world it is."""
+
+    size: float
+    x: float
+    y: float
+
+
+class WallSummary(Struct, frozen=True):
     """The walls of a mesh. Lengths are in units of the terrain.
 
     Attributes:
@@ -33,12 +54,20 @@ class WallSummary:
 
     length: float = 0.0
     area: float = 0.0
-    highest: Peak | None = None
+    highest: HighestWall | None = None
+
+    def phrase(self) -> str:
+        """Walls in words."""
+        if not self.highest:
+            return "none"
+        return (
+            f"{length(self.length)} seen from above, {length(self.area)}², "
+            f"up to {length(self.highest.size)} high"
+        )
 
 
-@dataclass(frozen=True, slots=True)
-class OmittedElements:
-    """Elements that a mesh leaves out, and what they are worth.
+class OmittedElements(Struct, frozen=True, rename={"change": "largest_change"}):
+    """Elements that a mesh leaves out, and how much they matter.
 
     Attributes:
         small: how many were left out because their cells are too small for the mesh.
@@ -55,25 +84,17 @@ class OmittedElements:
     change: Peak | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class RutLoss:
-    """What a mesh loses of the ruts of a terrain. Lengths are in its units.
-
-    Attributes:
-        beside: how far from where it should be a side of a rut stands, at most.
-        narrow: number of tracks left out because they are too narrow for the mesh.
-        shallow: number of those left out because they make no deeper ruts than was asked …
-        deepest: … and the deepest that one of them makes by itself.
-    """
-
-    beside: float = 0.0
-    narrow: int = 0
-    shallow: int = 0
-    deepest: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class MeshLoss:
+class MeshLoss(
+    Struct,
+    frozen=True,
+    kw_only=True,
+    rename={
+        "wanted": "wanted_error",
+        "allowed": "allowed_error",
+        "wall_offset": "aside",
+        "left": "left_out",
+    },
+):
     """What a mesh shows, and what it loses. Lengths are in units of the terrain.
 
     Attributes:
@@ -82,64 +103,40 @@ class MeshLoss:
         error: the one that was reached: no point of the ground is farther, along z, from the
             terrain without what is left out.
         max_faces: how many faces there were to be at most, if that was said.
-        aside: how far inside of its arc the wall of a disc stands, at most.
+        miss: how far the ground is from the whole terrain: the error and what is left out; a bound
+            where nothing is left out, …
+        miss_measured: … otherwise as far as was measured.
+        wall_offset: how far inside of its arc the wall of a disc stands, at most.
         rounding: how far a coordinate of the file is from that of the mesh, at most.
         walls: its walls, without the outer sides of a solid.
         left: what is left out.
-        ruts: what is lost of ruts; None for a terrain without tracks.
+        ruts: what is lost of ruts; none for a terrain without tracks.
     """
 
     wanted: float
     allowed: float
     error: float
     max_faces: int | None
-    aside: float
+    miss: float
+    miss_measured: bool
+    wall_offset: float
     rounding: float
     walls: WallSummary
     left: OmittedElements
-    ruts: RutLoss | None = None
-
-    @property
-    def miss(self) -> float:
-        """How far the ground is from the whole terrain: the error and what is left out.
-
-        A bound where nothing is left out, otherwise as far as was measured.
-        """
-        return self.error + (self.left.change.size if self.left.change else 0.0)
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
-        left = self.left
-        return {
-            "wanted_error": self.wanted,
-            "allowed_error": self.allowed,
-            "error": self.error,
-            "max_faces": self.max_faces,
-            "miss": self.miss,
-            "miss_measured": left.change is not None,
-            "aside": self.aside,
-            "rounding": self.rounding,
-            "walls": walls_as_json(self.walls),
-            "left_out": {
-                "small": left.small,
-                "faint": left.faint,
-                "faintest": left.faintest,
-                "points": left.points,
-                "largest_change": left.change and asdict(left.change),
-            },
-            **({"ruts": asdict(self.ruts)} if self.ruts else {}),
-        }
+    ruts: RutLoss | UnsetType = UNSET
 
     def sentences(self) -> Iterator[str]:
         """All of it in lines of text."""
-        yield f"Walls: {walls_in_words(self.walls)}."
+        yield f"Walls: {self.walls.phrase()}."
         parts = [f"the ground is up to {length(self.error)} off the terrain"] * (self.error > 0)
         if self.error > self.allowed:
             parts[0] += ", as nothing finer can be drawn"
-        if self.aside > 0:
-            parts.append(f"edges of discs lie up to {length(self.aside)} inside of their arcs")
-        if self.ruts and self.ruts.beside > 0:
-            parts.append(f"sides of ruts lie up to {length(self.ruts.beside)} aside")
+        if self.wall_offset > 0:
+            parts.append(
+                f"edges of discs lie up to {length(self.wall_offset)} inside of their arcs"
+            )
+        if self.ruts and self.ruts.wall_offset > 0:
+            parts.append(f"sides of ruts lie up to {length(self.ruts.wall_offset)} aside")
         parts += self._left_in_words()
         if self.rounding > _NOTICED * self.allowed:
             parts.append(f"coordinates are rounded by up to {length(self.rounding)}")
@@ -154,14 +151,6 @@ class MeshLoss:
                 f"{counted(left.faint, 'element')} left out to keep to {self.max_faces:,} faces, "
                 f"the highest of {length(left.faintest)}"
             )
-        yield from self._tracks_in_words()
-        if left.change:
-            yield (
-                f"with them the ground is up to {length(self.miss)} off, as far as was measured "
-                f"at {counted(left.points, 'point')}"
-            )
-
-    def _tracks_in_words(self) -> Iterator[str]:
         if self.ruts and self.ruts.narrow:
             yield f"{counted(self.ruts.narrow, 'track')} too narrow for the mesh left out"
         if self.ruts and self.ruts.shallow:
@@ -169,44 +158,41 @@ class MeshLoss:
                 f"{counted(self.ruts.shallow, 'track')} left out to keep to {self.max_faces:,} "
                 f"faces, the deepest of {length(self.ruts.deepest)}"
             )
+        if left.change:
+            yield (
+                f"with them the ground is up to {length(self.miss)} off, as far as was measured "
+                f"at {counted(left.points, 'point')}"
+            )
 
 
-@dataclass(frozen=True, slots=True)
-class GridLoss:
+class GridLoss(Struct, frozen=True):
     """What a grid of heights loses. Lengths are in units of the terrain.
 
     Attributes:
-        spacing: the longer one of the distances between two neighbouring nodes.
         walls: those of the terrain, which become ramps.
         points: at how many points the grid was compared with the terrain …
         miss: … and the largest difference, whichever way viewers halve the squares.
         rms: the root of the mean of the squares of these differences.
     """
 
-    spacing: float
     walls: WallSummary
     points: int
     miss: Peak
     rms: float
 
-    def as_json(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
-        return {
-            "walls": walls_as_json(self.walls),
-            "points": self.points,
-            "miss": asdict(self.miss),
-            "rms": self.rms,
-        }
+    def sentences(self, spacing: float) -> Iterator[str]:
+        """All of it in a line of text.
 
-    def sentences(self) -> Iterator[str]:
-        """All of it in a line of text."""
+        Args:
+            spacing: the longer one of the distances between two neighbouring nodes.
+        """
         parts = []
         if self.walls.highest:
             parts.append(
                 f"{length(self.walls.length)} of wall, up to {length(self.walls.highest.size)} "
                 "high, became ramps"
             )
-        if self.miss.size > _NOISE * self.spacing:
+        if self.miss.size > _NOISE * spacing:
             parts.append(
                 f"the grid is up to {length(self.miss.size)} off the terrain, "
                 f"as measured at {counted(self.points, 'point')}"
@@ -214,23 +200,156 @@ class GridLoss:
         yield f"Lost: {'; '.join(parts) or 'nothing'}."
 
 
-def walls_as_json(walls: WallSummary) -> dict[str, Any]:
-    """Walls as plain values."""
-    highest = walls.highest
-    return {
-        "length": walls.length,
-        "area": walls.area,
-        "highest": highest and {"height": highest.size, "x": highest.x, "y": highest.y},
-    }
+def joined_walls(one: WallSummary, other: WallSummary) -> WallSummary:
+    """The walls of two meshes beside each other."""
+    peaks = [walls.highest for walls in (one, other) if walls.highest]
+    highest = max(peaks, key=lambda peak: peak.size, default=None)
+    return WallSummary(one.length + other.length, one.area + other.area, highest)
 
 
-def walls_in_words(walls: WallSummary) -> str:
-    """Walls in a phrase."""
-    if not walls.highest:
-        return "none"
+def wall_summary(mesh: Mesh) -> WallSummary:
+    """The walls between the ground on both sides of them; not the outer sides of a solid.
+
+    A strip of wall stands over one edge of the ground; its faces share that edge seen from above.
+    """
+    if not mesh.walls.any():
+        return WallSummary()
+    x, y, z = mesh.vertices.T
+    _, place = np.unique(x + 1j * y, return_inverse=True)
+    place = place.reshape(-1).astype(np.int64)
+    upright = mesh.faces[mesh.walls]
+    ends = place[upright]
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    edges, edge = np.unique(low * len(place) + high, return_inverse=True)
+    edge = edge.reshape(-1)
+
+    ground = place[mesh.faces[upward(mesh)]]
+    sides = np.concatenate([ground[:, [k, (k + 1) % 3]] for k in range(3)])
+    keys = sides.min(axis=1) * len(place) + sides.max(axis=1)
+    at = np.minimum(np.searchsorted(edges, keys), len(edges) - 1)
+    inner = np.bincount(at[edges[at] == keys], minlength=len(edges)) == 2
+
+    kept = inner[edge]
+    if not kept.any():
+        return WallSummary()
+    # the faces of a strip reach from its lowest to its highest level at each end
+    end = 2 * np.repeat(edge, 3) + (ends == high[:, None]).ravel()
+    top, bottom = np.full(2 * len(edges), -np.inf), np.full(2 * len(edges), np.inf)
+    np.maximum.at(top, end, z[upright].ravel())
+    np.minimum.at(bottom, end, z[upright].ravel())
+    vertex = np.empty(2 * len(edges), np.int64)
+    vertex[end] = upright.ravel()
+    heights = np.where(np.repeat(inner, 2), top - bottom, -1.0)
+    best = int(heights.argmax())
+    along = np.hypot(*(np.diff(axis[vertex.reshape(-1, 2)])[:, 0] for axis in (x, y)))
+    a, b, c = (mesh.vertices[upright[kept, k]] for k in range(3))
+    return WallSummary(
+        length=float(along[inner].sum()),
+        area=float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2),
+        highest=HighestWall(
+            float(heights[best]),
+            float(x[vertex[best]] + mesh.origin[0]),
+            float(y[vertex[best]] + mesh.origin[1]),
+        ),
+    )
+
+
+def upward(mesh: Mesh) -> NDArray[np.bool_]:
+    """Which faces are ground: neither upright nor, as the bottom of a solid, seen from below."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
+    u, v = b - a, c - a
+    up: NDArray[np.bool_] = ~mesh.walls & (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 0)
+    return up
+
+
+def omitted_elements(
+    terrain: Terrain, built: BuiltMesh, error: float, bounds: Bounds | None, least: float
+) -> OmittedElements:
+    """What is left out of a mesh changes together, measured on the terrain without it.
+
+    Half of the points lie in the cells of elements, at corners, edges, middles and in between, and
+    half are spread over all that is meshed. Of more cells than points those of the highest
+    elements are taken. More points lie along the paths of tracks.
+
+    Args:
+        terrain: the terrain.
+        built: a mesh of it.
+        error: the largest error that it was to have.
+        bounds: the part that was meshed; all of it if None.
+        least: elements that change heights by no more were to be left out.
+    """
+    loss = built.loss
+    if not loss.small + loss.faint + loss.ruts.narrow + loss.ruts.shallow:
+        return OmittedElements()
+    plan, _ = plan_of(terrain, error, bounds, least)
+    out = np.flatnonzero(plan.frames["drawn"] == 0)
+    arrays = terrain.arrays
+    elements = arrays.elements.copy()
+    elements["scale"][out] = elements["offset"][out] = 0.0
+    tracks = undrawn_tracks(plan)
+    arrays = arrays._replace(elements=elements)
+    if len(tracks):
+        arrays = arrays._replace(tracks=without_tracks(arrays.tracks, tracks))
+    part = clip_bounds(terrain, bounds)
+    points = _in_cells(terrain, out, part), spread(part), _along(terrain, tracks, part)
+    x, y = (np.concatenate(axis) for axis in zip(*points, strict=True))
+    whole = terrain.height(x, y)
+    change = np.abs(whole - batch_heights(arrays, fields.Field(arrays), x, y))
+    change[np.isnan(change)] = 0.0
+    worst = int(change.argmax())
+    return OmittedElements(
+        small=loss.small,
+        faint=loss.faint,
+        faintest=loss.faintest,
+        points=len(x),
+        change=Peak(float(change[worst]), float(x[worst]), float(y[worst])),
+    )
+
+
+def _in_cells(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple[Floats, Floats]:
+    """Points in the cells of elements, as far as they lie in the part."""
+    cells = terrain.cells()
+    west, south = (np.maximum(cells[n][which], part[n]) for n in (0, 1))
+    east, north = (np.minimum(cells[n][which], part[n]) for n in (2, 3))
+    there = np.flatnonzero((west < east) & (south < north))
+    each = max(4, min(32, int((POINTS / max(1, len(there))) ** 0.5)))
+    if len(there) * each**2 > POINTS:
+        highest = np.argsort(-largest_heights(terrain.arrays)[which[there]], kind="stable")
+        there = np.sort(there[highest[: POINTS // each**2]])
+    west, south, east, north = (side[there] for side in (west, south, east, north))
+    # an odd number has the middle among them
+    steps = np.linspace(0.0, 1.0, each | 1)
+    x = np.minimum(
+        west[:, None] + steps * (east - west)[:, None], np.nextafter(east, west)[:, None]
+    )
+    y = np.minimum(
+        south[:, None] + steps * (north - south)[:, None], np.nextafter(north, south)[:, None]
+    )
+    x, y = np.broadcast_arrays(x[:, None, :], y[:, :, None])
+    return x.ravel(), y.ravel()
+
+
+def _along(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple[Floats, Floats]:
+    """Points on the paths of tracks, as far as they lie in the part."""
+    segments = terrain.arrays.tracks.segments
+    segments = segments[np.isin(segments["track"], which)]
+    segments = segments[:: -(-len(segments) // POINTS) or 1]
+    each = max(1, min(32, POINTS // max(1, len(segments))))
+    shares = (np.arange(each) + 0.5) / each
+    x = (segments["x"][:, None] + shares * segments["dx"][:, None]).ravel()
+    y = (segments["y"][:, None] + shares * segments["dy"][:, None]).ravel()
+    west, south, east, north = part
+    there = (x >= west) & (x <= east) & (y >= south) & (y <= north)
+    return x[there], y[there]
+
+
+def spread(part: Bounds) -> tuple[Floats, Floats]:
+    """Points evenly spread over a rectangle."""
+    west, south, east, north = part
+    steps = np.arange(1, POINTS + 1)
     return (
-        f"{length(walls.length)} seen from above, {length(walls.area)}², "
-        f"up to {length(walls.highest.size)} high"
+        west + np.mod(steps / _PLASTIC, 1.0) * (east - west),
+        south + np.mod(steps / _PLASTIC**2, 1.0) * (north - south),
     )
 
 

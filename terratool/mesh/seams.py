@@ -10,89 +10,12 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.kernels import mesh as kernels
-from terratool.mesh import triangulate
-from terratool.mesh.triangulate import Triangulation
-from terratool.mesh.types import MeshPlan, TileBoundary
-from terratool.mesh.walls import tolerance_of
+from terratool.mesh.triangulate import regions_of
+from terratool.mesh.types import MeshPlan, TileBoundary, Triangulation
 
 NO_SEAMS = TileBoundary(np.full(4, -1), np.empty((0, 4), np.int64), np.empty((0, 2)))
-"""The rim of a mesh that stands alone."""
-
-Ints = NDArray[np.int64]
-
-
-def boundary_triangles(plane: Triangulation, rim: TileBoundary) -> tuple[Ints, Ints]:
-    """The triangle beside each edge of a rim, (n,), and which of its corners begins the edge.
-
-    Raises:
-        RuntimeError: the triangles have other edges on the seams.
-    """
-    points, triangles, neighbours = plane
-    t, c = np.nonzero(neighbours < 0)
-    a, b = points[triangles[t, c]], points[triangles[t, (c + 1) % 3]]
-    on_seam = _on_sides(a, rim.sides) & _on_sides(b, rim.sides)
-    on_seam = (on_seam & np.hstack([a == b, a == b])).any(axis=1)
-    t, c, a, b = t[on_seam], c[on_seam], a[on_seam], b[on_seam]
-    ends = np.sort(np.column_stack([_packed(a), _packed(b)]), axis=1)
-    wanted = np.column_stack([_packed(rim.edges[:, :2]), _packed(rim.edges[:, 2:])])
-    order, order_wanted = np.lexsort(ends.T), np.lexsort(wanted.T)
-    if not np.array_equal(ends[order], wanted[order_wanted]):
-        raise RuntimeError("a tile does not have the edges of its seams")
-    found = np.empty(len(order), np.int64)
-    found[order_wanted] = order
-    return t[found], c[found]
-
-
-def pin_heights(
-    plane: Triangulation,
-    rim: TileBoundary,
-    triangle: Ints,
-    corner: Ints,
-    voids: NDArray[np.bool_],
-    heights: NDArray[np.float64],
-) -> None:
-    """Give the corners of triangles that are vertices of a rim the heights that it has there.
-
-    Args:
-        plane: m triangles.
-        rim: n edges.
-        triangle: (n,) which is beside each edge.
-        corner: (n,) which of its corners begins the edge.
-        voids: (m,) whether there is no ground in each triangle.
-        heights: (m, 3) of their corners; changed.
-    """
-    points, triangles, _ = plane
-    after = (corner + 1) % 3
-    begins = _packed(points[triangles[triangle, corner]]) == _packed(rim.edges[:, :2])
-    ends = np.where(begins[:, None], rim.heights, rim.heights[:, ::-1])
-
-    # the lowest and the highest height of each vertex; others that meet in it take the nearer one
-    low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
-    solid = ~voids[triangle]
-    for k, z in ((corner, ends[:, 0]), (after, ends[:, 1])):
-        vertex = triangles[triangle, k][solid]
-        np.minimum.at(low, vertex, z[solid])
-        np.maximum.at(high, vertex, z[solid])
-    t, c = np.nonzero(np.isfinite(low)[triangles])
-    own, vertex = heights[t, c], triangles[t, c]
-    nearer = np.abs(own - low[vertex]) <= np.abs(own - high[vertex])
-    heights[t, c] = np.where(nearer, low[vertex], high[vertex])
-    heights[triangle, corner], heights[triangle, after] = ends.T
-
-
-def _packed(points: Ints) -> Ints:
-    """One number for each vertex, (n,)."""
-    return (points[:, 0] << 31) | points[:, 1]
-
-
-def _on_sides(points: Ints, sides: Ints) -> NDArray[np.bool_]:
-    """Whether vertices lie on each of the sides, (n, 4)."""
-    return np.asarray(points[:, [0, 1, 0, 1]] == sides)
-
-
-Floats = NDArray[np.float64]
-
-BESIDE = 16
+"""The boundary of a mesh that stands alone."""
+CLEARANCE = 16
 """No segment ends this near to a seam, and no two cross, in points of the lattice."""
 _SAME = 3.0
 """Segments that are so near to each other, in points of the lattice, pass a seam at one vertex …"""
@@ -102,6 +25,9 @@ _TRIES = 400
 _SPREAD = 0.125
 """Seams are sought within this part of a tile from where they should be, half to each side."""
 _GOLDEN = 0.6180339887498949
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 
 
 class Seam(NamedTuple):
@@ -144,8 +70,8 @@ def lay_seams(plan: MeshPlan, columns: int, rows: int) -> tuple[list[Seam], list
     along = [_find(plan, 0, column, columns, across) for column in range(1, columns)]
     crossings = [line.at for line in along]
     across = [_with_vertices(line, crossings) for line in across]
-    horizontal = [_profile(plan, line) for line in across]
-    vertical = [_profile(plan, line) for line in along]
+    horizontal = [_with_heights(plan, line) for line in across]
+    vertical = [_with_heights(plan, line) for line in along]
     for seam in vertical:  # where two seams cross, heights are those of one of them
         for other in horizontal:
             k, n = np.searchsorted(seam.places, other.at), np.searchsorted(other.places, seam.at)
@@ -164,15 +90,15 @@ def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_
     reach = 0.5 * _SPREAD * side
     names = ("south", "north") if axis else ("west", "east")
     frames = plan.frames
-    near = (frames[names[0]] <= wanted + reach + BESIDE) & (
-        frames[names[1]] >= wanted - reach - BESIDE
+    near = (frames[names[0]] <= wanted + reach + CLEARANCE) & (
+        frames[names[1]] >= wanted - reach - CLEARANCE
     )
     chosen = np.flatnonzero(near & (frames["drawn"] != 0))
     begins, ends = frames[names[0]][chosen], frames[names[1]][chosen]
     for k in range(_TRIES):
         # an irrational step: cells of all sizes have their edges at fractions
         at = round(wanted + reach * (2.0 * (((k + 0.5) * _GOLDEN) % 1.0) - 1.0))
-        there = (begins <= at + BESIDE) & (ends >= at - BESIDE)
+        there = (begins <= at + CLEARANCE) & (ends >= at - CLEARANCE)
         line = _line(plan, axis, at, kernels.segments_of(plan.kept, chosen[there]), others)
         if line is not None:
             return line
@@ -182,37 +108,39 @@ def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_
     )
 
 
-def _line(plan: MeshPlan, axis: int, at: int, drawn: Ints, others: Sequence[_Line]) -> _Line | None:
+def _line(
+    plan: MeshPlan, axis: int, at: int, segments: Ints, others: Sequence[_Line]
+) -> _Line | None:
     """A line as a seam, or None if it may not be one.
 
     Args:
         plan: the plan.
         axis: 0 if x is the same all along, 1 if y is.
         at: this x or y.
-        drawn: (n, 4) segments, all that are near.
+        segments: (n, 4) segments, all that are near.
         others: seams that it crosses.
     """
     for other in others:
-        if (np.abs(other.passes - at) < BESIDE * other.slants).any():
+        if (np.abs(other.passes - at) < CLEARANCE * other.slants).any():
             return None
-    # the rim and other seams are segments that pass, too; they come first
+    # the sides of all and other seams are segments that pass, too; they come first
     b = plan.bounds.astype(np.int64)
     fixed = np.array([b[1 - axis], b[3 - axis], *(other.at for other in others)], np.int64)
     straight = np.empty((len(fixed), 4), np.int64)
     straight[:, axis], straight[:, axis + 2] = b[axis], b[axis + 2]
     straight[:, 1 - axis] = straight[:, 3 - axis] = fixed
-    drawn = np.concatenate([straight, drawn])
-    if (np.abs(drawn[:, [axis, axis + 2]] - at) <= BESIDE).any():
+    segments = np.concatenate([straight, segments])
+    if (np.abs(segments[:, [axis, axis + 2]] - at) <= CLEARANCE).any():
         return None
-    passing = np.flatnonzero((drawn[:, axis] < at) != (drawn[:, axis + 2] < at))
-    passing = passing[np.argsort(_at(drawn[passing], axis, at), kind="stable")]
-    drawn = drawn[passing]
-    first, slants = _bundles(drawn, axis, at)
+    passing = np.flatnonzero((segments[:, axis] < at) != (segments[:, axis + 2] < at))
+    passing = passing[np.argsort(_at(segments[passing], axis, at), kind="stable")]
+    segments = segments[passing]
+    first, slants = _bundles(segments, axis, at)
     if first is None:
         return None
-    passes = passing_places(drawn, axis, at)[first]
-    begins = np.floor(_at(drawn, axis, at)[first]).astype(np.int64)
-    bundle = np.searchsorted(first, np.arange(len(drawn)), "right") - 1
+    passes = passing_places(segments, axis, at)[first]
+    begins = np.floor(_at(segments, axis, at)[first]).astype(np.int64)
+    bundle = np.searchsorted(first, np.arange(len(segments)), "right") - 1
     own = np.flatnonzero(passing < len(fixed))
     passes[bundle[own]] = fixed[passing[own]]
     # nothing else passes where seams cross
@@ -222,11 +150,11 @@ def _line(plan: MeshPlan, axis: int, at: int, drawn: Ints, others: Sequence[_Lin
     return _Line(axis, at, passes, begins, slants)
 
 
-def _bundles(drawn: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
+def _bundles(segments: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
     """Segments that pass a line at one vertex: the first of each such bundle, and how they slant.
 
     Args:
-        drawn: (n, 4) segments that pass the line, in the order in which they do.
+        segments: (n, 4) segments that pass the line, in the order in which they do.
         axis: of the line.
         at: where it is.
 
@@ -234,12 +162,15 @@ def _bundles(drawn: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
         The indices, or None if some are neither one nor apart; (m,) the steepest slant of each,
         as the length of a segment for each step from one side of the line to the other.
     """
-    run, rise = drawn[:, axis + 2] - drawn[:, axis], drawn[:, 3 - axis] - drawn[:, 1 - axis]
+    run, rise = (
+        segments[:, axis + 2] - segments[:, axis],
+        segments[:, 3 - axis] - segments[:, 1 - axis],
+    )
     slants = np.hypot(run, rise) / np.abs(run)
-    place = _at(drawn, axis, at)
+    place = _at(segments, axis, at)
     steeper = np.maximum(slants[1:], slants[:-1])
     same = np.diff(place) <= _SAME * steeper
-    if not _are_one(drawn[:-1][same], drawn[1:][same], axis, steeper[same]):
+    if not _are_one(segments[:-1][same], segments[1:][same], axis, steeper[same]):
         return None, slants
     first = np.flatnonzero(np.concatenate([[True], ~same]))
     last = np.append(first[1:], len(place)) - 1
@@ -247,18 +178,18 @@ def _bundles(drawn: Ints, axis: int, at: int) -> tuple[Ints | None, Floats]:
     if (place[last] - place[first] > 4 * _SAME * slants).any():
         return None, slants
     steeper = np.maximum(slants[1:], slants[:-1])
-    for beside in (-BESIDE, BESIDE):  # the same order there: none cross in between
-        there = _at(drawn, axis, at + beside)
+    for offset in (-CLEARANCE, CLEARANCE):  # the same order there: none cross in between
+        there = _at(segments, axis, at + offset)
         low, high = np.minimum.reduceat(there, first), np.maximum.reduceat(there, first)
         if (low[1:] - high[:-1] < 0.5 * _SAME * steeper).any():
             return None, slants
     return first, slants
 
 
-def _at(drawn: Ints, axis: int, at: int | Ints) -> Floats:
+def _at(segments: Ints, axis: int, at: int | Ints) -> Floats:
     """Where lines through segments pass a line, (n,), not rounded."""
-    begin, end = drawn[:, axis], drawn[:, axis + 2]
-    low, high = drawn[:, 1 - axis], drawn[:, 3 - axis]
+    begin, end = segments[:, axis], segments[:, axis + 2]
+    low, high = segments[:, 1 - axis], segments[:, 3 - axis]
     return np.asarray(low + (at - begin) / (end - begin) * (high - low))
 
 
@@ -271,13 +202,15 @@ def _are_one(one: Ints, two: Ints, axis: int, slants: Floats) -> bool:
     return True
 
 
-def passing_places(drawn: Ints, axis: int, at: int) -> Ints:
+def passing_places(segments: Ints, axis: int, at: int) -> Ints:
     """Where segments pass a line, (n,), rounded to the lattice from their exact places."""
-    run = drawn[:, axis + 2] - drawn[:, axis]
-    rise = (drawn[:, 3 - axis] - drawn[:, 1 - axis]) * np.sign(run)
+    run = segments[:, axis + 2] - segments[:, axis]
+    rise = (segments[:, 3 - axis] - segments[:, 1 - axis]) * np.sign(run)
     run = np.abs(run)
     # twice the product of two numbers of 30 bits
-    return np.asarray(drawn[:, 1 - axis] + (2 * (at - drawn[:, axis]) * rise + run) // (2 * run))
+    return np.asarray(
+        segments[:, 1 - axis] + (2 * (at - segments[:, axis]) * rise + run) // (2 * run)
+    )
 
 
 def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
@@ -290,33 +223,34 @@ def _with_vertices(line: _Line, places: Sequence[int]) -> _Line:
     return line._replace(passes=passes[order], begins=begins[order], slants=slants[order])
 
 
-def _profile(plan: MeshPlan, line: _Line) -> Seam:
+def _with_heights(plan: MeshPlan, line: _Line) -> Seam:
     """Heights along a seam, with as many vertices as they need."""
     axis, at, passes, begins, slants = line
     points = np.empty((len(passes), 2), np.int64)
     points[:, axis], points[:, 1 - axis] = at, passes
     first = np.arange(len(passes) - 1, dtype=np.int32)
     stretches = np.column_stack([first, first, first + 1])  # their middles lie on the seam
-    keys = kernels.keys_of(plan.kept, points, stretches)
-    parts, of = triangulate.regions_of(plan, points, stretches, keys)
+    keys = kernels.region_keys(plan.kept, points, stretches)
+    regions, region_of = regions_of(plan, points, stretches, keys)
     # vertices stay away from segments that pass at a slant
-    beside = np.maximum(np.ceil(3 * _SAME * slants), kernels.SHORTEST_SEAM)
-    ends, heights = kernels.follow(plan.kept, parts, of, axis, at, passes, beside)
+    clearance = np.maximum(np.ceil(3 * _SAME * slants), kernels.SHORTEST_SEAM)
+    ends, heights = kernels.divide_seam(plan.kept, regions, region_of, axis, at, passes, clearance)
     # what is one height in a mesh is one number
-    tolerance = tolerance_of(plan)
-    one = np.abs(heights[1:, 0] - heights[:-1, 1]) <= tolerance
+    one = np.abs(heights[1:, 0] - heights[:-1, 1]) <= plan.tolerance
     heights[1:, 0] = np.where(one, heights[:-1, 1], heights[1:, 0])
     return Seam(axis, at, passes, begins, np.concatenate([passes[:1], ends]), heights)
 
 
-def boundary_of(
-    bounds: Sequence[int], west: Seam | None, south: Seam | None, east: Seam | None,
-    north: Seam | None,
-) -> TileBoundary:  # fmt: skip
-    """The rim of a tile with these limits and the seams on its sides, None where it has none."""
+def boundary_of(bounds: Sequence[int], seams: Sequence[Seam | None]) -> TileBoundary:
+    """The boundary of a tile.
+
+    Args:
+        bounds: west, south, east, north of the tile.
+        seams: on its west, south, east and north side; None where there is no tile beyond.
+    """
     sides = np.full(4, -1)
     edges, heights = [np.empty((0, 4), np.int64)], [np.empty((0, 2))]
-    for side, seam in enumerate((west, south, east, north)):
+    for side, seam in enumerate(seams):
         if seam is None:
             continue
         sides[side] = seam.at
@@ -332,16 +266,16 @@ def boundary_of(
     return TileBoundary(sides, np.concatenate(edges), np.concatenate(heights))
 
 
-def cut_segments(drawn: Ints, bounds: Sequence[int], seams: Sequence[Seam | None]) -> Ints:
+def cut_segments(segments: Ints, bounds: Sequence[int], seams: Sequence[Seam | None]) -> Ints:
     """What of segments lies within a tile, (n, 4); they end in the vertices of its seams.
 
     Args:
-        drawn: (n, 4) segments, as they are in the whole.
+        segments: (n, 4) segments, as they are in the whole.
         bounds: west, south, east, north of the tile.
         seams: on its west, south, east and north side.
     """
     west, south, east, north = bounds
-    low, high = drawn[:, :2], drawn[:, 2:]
+    low, high = segments[:, :2], segments[:, 2:]
     points, inside = [low, high], []
     for point in (low, high):
         x, y = point.T
@@ -350,14 +284,14 @@ def cut_segments(drawn: Ints, bounds: Sequence[int], seams: Sequence[Seam | None
         if seam is None:
             continue
         axis, at = seam.axis, seam.at
-        passing = np.flatnonzero((drawn[:, axis] < at) != (drawn[:, axis + 2] < at))
-        place = np.zeros(len(drawn), np.int64)
-        place[passing] = passing_places(drawn[passing], axis, at)
+        passing = np.flatnonzero((segments[:, axis] < at) != (segments[:, axis + 2] < at))
+        place = np.zeros(len(segments), np.int64)
+        place[passing] = passing_places(segments[passing], axis, at)
         place = seam.passes[np.searchsorted(seam.begins, place, "right") - 1]
-        point = np.empty((len(drawn), 2), np.int64)
+        point = np.empty((len(segments), 2), np.int64)
         point[:, axis], point[:, 1 - axis] = at, place
         points.append(point)
-        within = np.zeros(len(drawn), bool)
+        within = np.zeros(len(segments), bool)
         within[passing] = True
         within &= (place >= bounds[1 - axis]) & (place <= bounds[3 - axis])
         inside.append(within)
@@ -365,3 +299,72 @@ def cut_segments(drawn: Ints, bounds: Sequence[int], seams: Sequence[Seam | None
     both = np.flatnonzero(of[1:] == of[:-1])
     ends = np.stack(points, axis=1)
     return np.hstack([ends[of[both], which[both]], ends[of[both], which[both + 1]]])
+
+
+def boundary_triangles(plane: Triangulation, boundary: TileBoundary) -> tuple[Ints, Ints]:
+    """The triangle beside each edge of a boundary, (n,), and which of its corners begins the edge.
+
+    Raises:
+        RuntimeError: the triangles have other edges on the seams.
+    """
+    points, triangles, neighbours = plane
+    t, c = np.nonzero(neighbours < 0)
+    a, b = points[triangles[t, c]], points[triangles[t, (c + 1) % 3]]
+    on_seam = _on_sides(a, boundary.sides) & _on_sides(b, boundary.sides)
+    on_seam = (on_seam & np.hstack([a == b, a == b])).any(axis=1)
+    t, c, a, b = t[on_seam], c[on_seam], a[on_seam], b[on_seam]
+    ends = np.sort(np.column_stack([_packed(a), _packed(b)]), axis=1)
+    wanted = np.column_stack([_packed(boundary.edges[:, :2]), _packed(boundary.edges[:, 2:])])
+    order, order_wanted = np.lexsort(ends.T), np.lexsort(wanted.T)
+    if not np.array_equal(ends[order], wanted[order_wanted]):
+        raise RuntimeError("a tile does not have the edges of its seams")
+    found = np.empty(len(order), np.int64)
+    found[order_wanted] = order
+    return t[found], c[found]
+
+
+def pin_heights(
+    plane: Triangulation,
+    boundary: TileBoundary,
+    triangle: Ints,
+    corner: Ints,
+    voids: NDArray[np.bool_],
+    heights: NDArray[np.float64],
+) -> None:
+    """Give the corners of triangles that are vertices of a boundary the heights that it has there.
+
+    Args:
+        plane: m triangles.
+        boundary: n edges.
+        triangle: (n,) which is beside each edge.
+        corner: (n,) which of its corners begins the edge.
+        voids: (m,) whether there is no ground in each triangle.
+        heights: (m, 3) of their corners; changed.
+    """
+    points, triangles, _ = plane
+    after = (corner + 1) % 3
+    begins = _packed(points[triangles[triangle, corner]]) == _packed(boundary.edges[:, :2])
+    ends = np.where(begins[:, None], boundary.heights, boundary.heights[:, ::-1])
+
+    # the lowest and the highest height of each vertex; others that meet in it take the nearer one
+    low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
+    solid = ~voids[triangle]
+    for k, z in ((corner, ends[:, 0]), (after, ends[:, 1])):
+        vertex = triangles[triangle, k][solid]
+        np.minimum.at(low, vertex, z[solid])
+        np.maximum.at(high, vertex, z[solid])
+    t, c = np.nonzero(np.isfinite(low)[triangles])
+    own, vertex = heights[t, c], triangles[t, c]
+    nearer = np.abs(own - low[vertex]) <= np.abs(own - high[vertex])
+    heights[t, c] = np.where(nearer, low[vertex], high[vertex])
+    heights[triangle, corner], heights[triangle, after] = ends.T
+
+
+def _packed(points: Ints) -> Ints:
+    """One number for each vertex, (n,)."""
+    return (points[:, 0] << 31) | points[:, 1]
+
+
+def _on_sides(points: Ints, sides: Ints) -> NDArray[np.bool_]:
+    """Whether vertices lie on each of the sides, (n, 4)."""
+    return np.asarray(points[:, [0, 1, 0, 1]] == sides)

@@ -1,25 +1,47 @@
-"""Meshes of terrains too large for one: tiles that fit each other to the last bit."""
+"""Meshes of terrains too large for one: tiles that fit each other to the last bit, and an index."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.errors import RequestError, WriteError
 from terratool.field.bounds import curve_pieces
 from terratool.field.records import COMBINE
-from terratool.field.terrain import Terrain
+from terratool.field.terrain import Bounds, Terrain, check_bounds
 from terratool.kernels import mesh as kernels
-from terratool.mesh.build import build_part
-from terratool.mesh.plan import PlanOmissions, plan_of
+from terratool.mesh.build import coarse_mesh, finish
+from terratool.mesh.export import (
+    ExportReport,
+    MeshOptions,
+    collapse_degenerate,
+    rounding_of,
+    write_mesh,
+)
+from terratool.mesh.formats.table import FORMATS, mesh_format
+from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, joined_walls, wall_summary
+from terratool.mesh.plan import plan_of
 from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
-from terratool.mesh.types import BuiltMesh, MeshPlan
+from terratool.mesh.types import BuiltMesh, MeshPlan, PlanLoss
+from terratool.output import refuse_existing, stop_on_signals, whole_file
 
 TILE_FACES = 1_000_000
 """Faces of a tile, about, if not said."""
+INDEX = "tiles.json"
+"""The name of the index."""
+VERSION = 1
+"""Of what the index holds."""
+_TILE = re.compile(r"mesh_\d{2,}_\d{2,}")
+_SUFFIXES = {*FORMATS, *(end for form in FORMATS.values() for end in form.companions)}
 _PER_SEGMENT = 3.5
 _PER_EDGE = 5.0
 _PER_BEND = 4.0
@@ -28,18 +50,34 @@ _PER_TWIST = 0.6
 (`faces_of`)."""
 
 
+@dataclass(frozen=True, slots=True)
+class TileCount:
+    """How many tiles are wanted.
+
+    Attributes:
+        faces: how many faces a tile should have, about; it may be several times as many where the
+            terrain is bent or crowded.
+        rows: how many rows of tiles there are, instead.
+        columns: how many columns.
+    """
+
+    faces: int = TILE_FACES
+    rows: int | None = None
+    columns: int | None = None
+
+
 class TileLayout(NamedTuple):
     """How a terrain is cut.
 
     Attributes:
         plan: of the whole.
-        left: what it leaves out.
+        loss: what it leaves out.
         columns: the seams between columns of tiles, from west to east.
         rows: the seams between rows of tiles, from south to north.
     """
 
     plan: MeshPlan
-    left: PlanOmissions
+    loss: PlanLoss
     columns: list[Seam]
     rows: list[Seam]
 
@@ -68,38 +106,31 @@ class TileLayout(NamedTuple):
 def lay_out(
     terrain: Terrain,
     max_error: float,
-    bounds: tuple[float, float, float, float] | None = None,
-    least: float = 0.0,
-    *,
-    tile_faces: int = TILE_FACES,
-    rows: int | None = None,
-    columns: int | None = None,
+    count: TileCount = TileCount(),
+    bounds: Bounds | None = None,
 ) -> TileLayout:
     """Cut a terrain into tiles.
 
     Args:
         terrain: the terrain.
         max_error: the largest distance, along z, of the mesh from the terrain, in its units.
+        count: how many tiles there are.
         bounds: world rectangle west, south, east, north to mesh; the whole terrain if None.
-        least: elements that change heights by no more are left out, unless it is 0.
-        tile_faces: how many faces a tile should have, about; it may be several times as many
-            where the terrain is bent or crowded.
-        rows: how many rows of tiles there are, instead.
-        columns: how many columns.
 
     Raises:
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
         RequestError: edges are too near to each other for a seam between them.
     """
-    plan, left = plan_of(terrain, max_error, bounds, least)
+    plan, loss = plan_of(terrain, max_error, bounds)
+    rows, columns = count.rows, count.columns
     if rows is None or columns is None:
-        count = faces_of(plan) / tile_faces
+        tiles = faces_of(plan) / count.faces
         wide, tall = plan.bounds[2:] - plan.bounds[:2]
         if columns is None:
-            columns = math.ceil(count / rows if rows else math.sqrt(count * wide / tall))
+            columns = math.ceil(tiles / rows if rows else math.sqrt(tiles * wide / tall))
         columns = max(columns, 1)
-        rows = max(math.ceil(count / columns), 1) if rows is None else rows
-    return TileLayout(plan, left, *lay_seams(plan, columns, rows))
+        rows = max(math.ceil(tiles / columns), 1) if rows is None else rows
+    return TileLayout(plan, loss, *lay_seams(plan, columns, rows))
 
 
 def faces_of(plan: MeshPlan) -> float:
@@ -142,9 +173,10 @@ def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> B
         & (frames["south"] <= north)
         & (frames["north"] >= south)
     )
-    drawn = cut_segments(kernels.segments_of(whole.kept, np.flatnonzero(near)), limits, seams)
-    rim = boundary_of(limits, *seams)
-    return build_part(terrain, whole, layout.left, drawn, rim, np.array(limits))
+    segments = kernels.segments_of(whole.kept, np.flatnonzero(near))
+    boundary = boundary_of(limits, seams)
+    coarse = coarse_mesh(whole, cut_segments(segments, limits, seams), boundary, np.array(limits))
+    return finish(terrain, whole, layout.loss, coarse, boundary)
 
 
 def build_tiles(terrain: Terrain, layout: TileLayout) -> Iterator[tuple[int, int, BuiltMesh]]:
@@ -153,3 +185,207 @@ def build_tiles(terrain: Terrain, layout: TileLayout) -> Iterator[tuple[int, int
     for row in range(rows):
         for column in range(columns):
             yield row, column, build_tile(terrain, layout, row, column)
+
+
+class MeshTile(NamedTuple):
+    """A tile that was written, as the index has it.
+
+    Attributes:
+        row, column: which one, counted from the north-west.
+        files: their names, that of the mesh first; none where there is no ground.
+        bounds: world rectangle west, south, east, north.
+        faces: their number.
+    """
+
+    row: int
+    column: int
+    files: tuple[str, ...]
+    bounds: tuple[float, ...]
+    faces: int
+
+
+class MeshTilesReport(
+    ExportReport,
+    frozen=True,
+    kw_only=True,
+    rename={"walls": "wall_faces", "chosen": "error_chosen", "statement": "losses"},
+):
+    """What was written.
+
+    Attributes:
+        index: where the index is.
+        bounds: world rectangle west, south, east, north of all.
+        origin: world position that the coordinates in all files are relative to.
+        rows, columns: how many of tiles there are.
+        faces, walls: number of the faces of all tiles, and of those that stand upright.
+        chosen: who chose the largest error, in words.
+        statement: what the tiles show, and what they lose.
+        tiles: row by row from the north-west; not in the JSON, but in the index.
+    """
+
+    format_version: int = 1
+    geometry: str = "tiles"
+    index: Path
+    bounds: tuple[float, ...]
+    origin: tuple[float, ...]
+    rows: int
+    columns: int
+    faces: int
+    walls: int
+    chosen: str
+    statement: MeshLoss
+    tiles: tuple[MeshTile, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, ready for JSON."""
+        return {key: value for key, value in ExportReport.to_json(self).items() if key != "tiles"}
+
+
+def export_tiles(
+    terrain: Terrain,
+    folder: str | Path,
+    suffix: str,
+    options: MeshOptions = MeshOptions(),  # noqa: B008 -- frozen
+    count: TileCount = TileCount(),
+    *,
+    overwrite: bool = False,
+    progress: Callable[[int, int, int], object] | None = None,
+) -> MeshTilesReport:
+    """Write the mesh of a terrain as tiles that fit each other to the last bit, and an index.
+
+    Vertices on a seam are the same in both tiles, and so are the edges between them. One tile at a
+    time is in memory. The index is written last, so that where it is, all tiles are whole.
+
+    Args:
+        terrain: the terrain.
+        folder: where the tiles go; is made if need be.
+        suffix: of a format of meshes, such as ".obj".
+        options: what is wanted of the mesh; a limit of faces or a solid cannot be.
+        count: how many tiles there are.
+        overwrite: whether tiles and an index may be there already; they are removed.
+        progress: is called with how many tiles are done and how many there are, and the faces so
+            far; may raise to stop.
+
+    Raises:
+        RequestError: the options make no sense, there is no ground, no such format, or no place for
+            a seam.
+        WriteError: something is there already, or cannot be written.
+    """
+    folder = Path(folder).absolute()
+    if options.bounds is not None:
+        check_bounds(options.bounds, terrain)
+    form = mesh_format(Path(f"mesh{suffix}"))
+    if options.world and form.write_world is None:
+        raise RequestError(
+            f"{suffix}: numbers of this format are too short for coordinates of the world.",
+            "Ask for .obj or .ply, or for a mesh near 0.",
+        )
+    _refuse(folder, overwrite)
+    wanted, chosen = options.error_for(terrain)
+    layout = lay_out(terrain, wanted, count, options.bounds)
+    rows, columns = layout.shape
+    tiles: list[MeshTile] = []
+    with stop_on_signals():
+        _prepare(folder)
+        faces, walls, error, rounding, standing = 0, 0, 0.0, 0.0, WallSummary()
+        for row, column, whole in build_tiles(terrain, layout):
+            built = collapse_degenerate(whole)
+            mesh, error = built.mesh, max(error, built.error)
+            written: tuple[Path, ...] = ()
+            if len(mesh.faces):
+                rounding = max(rounding, rounding_of(mesh))
+                standing = joined_walls(standing, wall_summary(mesh))
+                path = folder / f"mesh_{row:02}_{column:02}{suffix}"
+                written = write_mesh(mesh, path, overwrite, terrain.descr, options.world)
+            limits = tuple(layout.bounds(row, column).tolist())
+            names = tuple(path.name for path in written)
+            tiles.append(MeshTile(row, column, names, limits, len(mesh.faces)))
+            faces += len(mesh.faces)
+            walls += int(mesh.walls.sum())
+            if progress is not None:
+                progress(len(tiles), rows * columns, faces)
+        if not faces:
+            raise RequestError(f"{folder}: there is no ground to be written.")
+        report = MeshTilesReport(
+            index=folder / INDEX,
+            bounds=(*tiles[-columns].bounds[:2], *tiles[columns - 1].bounds[2:]),
+            origin=(0.0, 0.0, 0.0) if options.world else (*layout.plan.origin.tolist(), 0.0),
+            rows=rows,
+            columns=columns,
+            faces=faces,
+            walls=walls,
+            chosen=chosen,
+            statement=MeshLoss(
+                wanted=wanted,
+                allowed=wanted,
+                error=error,
+                max_faces=None,
+                miss=error,
+                miss_measured=False,
+                wall_offset=layout.loss.wall_offset,
+                rounding=rounding,
+                walls=standing,
+                left=OmittedElements(small=layout.loss.small),
+                ruts=layout.loss.ruts if terrain.tracks else UNSET,
+            ),
+            tiles=tuple(tiles),
+        )
+        with whole_file(report.index, overwrite) as part:
+            part.write_text(_index_of(report), encoding="utf-8")
+    return report
+
+
+def _refuse(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder that cannot be, or that holds tiles already."""
+    if folder.exists() and not folder.is_dir():
+        raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
+    if not folder.parent.is_dir():
+        raise WriteError(
+            f"{folder}: the folder {folder.parent} does not exist.", "Create it first."
+        )
+    refuse_existing(folder / INDEX, overwrite)
+    if not overwrite:
+        for path in _owned(folder):
+            refuse_existing(path, overwrite)
+
+
+def _prepare(folder: Path) -> None:
+    """Make a folder, without an index and tiles of an earlier run."""
+    try:
+        folder.mkdir(exist_ok=True)
+        (folder / INDEX).unlink(missing_ok=True)  # first: without it, tiles are not whole
+        for path in _owned(folder):
+            path.unlink()
+    except OSError as error:
+        raise WriteError(
+            f"{folder}: cannot be written ({(error.strerror or str(error)).lower()}).",
+            "Check the folder, its permissions and the space on the disk.",
+        ) from error
+
+
+def _owned(folder: Path) -> list[Path]:
+    """Files in a folder that have the names of tiles."""
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in folder.iterdir() if _is_tile(path))
+
+
+def _is_tile(path: Path) -> bool:
+    named = _TILE.fullmatch(path.stem) is not None and path.suffix in _SUFFIXES
+    return named and path.is_file() and not path.is_symlink()
+
+
+def _index_of(report: MeshTilesReport) -> str:
+    """The index as JSON, a line for each tile."""
+    head = {
+        "version": VERSION,
+        "bounds": report.bounds,
+        "origin": report.origin,
+        "error": report.statement.error,
+        "faces": report.faces,
+        "rows": report.rows,
+        "columns": report.columns,
+    }
+    lines = [f'  "{key}": {json.dumps(value)},' for key, value in head.items()]
+    each = ",\n    ".join(json.dumps(tile._asdict()) for tile in report.tiles)
+    return "\n".join(["{", *lines, '  "tiles": [', f"    {each}", "  ]", "}", ""])

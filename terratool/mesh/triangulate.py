@@ -3,96 +3,85 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.kernels import mesh as kernels
-from terratool.mesh.types import COVER, MeshPlan, Regions, TileBoundary
+from terratool.mesh.types import (
+    COVERING_ELEMENT,
+    MeshPlan,
+    Regions,
+    TileBoundary,
+    Triangulation,
+)
+
+_ROUNDS = 8
+"""Vertices are welded and edges led through them so often at most."""
+_NEAR = 1.5
+"""Vertices this near to a segment, in points of the lattice, are on it."""
+_ATTEMPTS = 8
+"""So often crossings are sought, each time in another order, with twice the distance."""
+_NONE = 0xFFFFFFFF
+"""Stands for no triangle in pythoncdt."""
+
+Ints = NDArray[np.int64]
 
 
 def regions_of(
-    plan: MeshPlan,
-    points: NDArray[np.int64],
-    triangles: NDArray[np.int32],
-    keys: NDArray[np.int64],
+    plan: MeshPlan, points: Ints, triangles: NDArray[np.int32], keys: Ints
 ) -> tuple[Regions, NDArray[np.int32]]:
-    """The regions of triangles with numbers, each as it is in its first triangle; which is whose.
+    """The regions of triangles with keys, each as it is in its first triangle.
 
     Args:
         plan: the plan.
         points: (n, 2) on the lattice.
         triangles: (m, 3).
-        keys: (m,) their numbers.
+        keys: (m,) the same for triangles of one region.
 
     Returns:
         The regions, and (m,) the index of each triangle's.
     """
-    _, chosen, of = np.unique(keys, return_index=True, return_inverse=True)
-    offsets, covers, surfaces, voids, plane, asides, drops = kernels.describe_regions(
-        plan.kept, points, triangles, chosen
-    )
-    parts = Regions(
-        offsets, covers.view(COVER), surfaces, voids.view(bool), plane.view(bool), asides, drops
-    )
-    return parts, of.reshape(-1).astype(np.int32)
-
-
-Ints = NDArray[np.int64]
-_ROUNDS = 8
-_NEAR = 1.5
-"""Vertices this near to a segment, in points of the lattice, are on it."""
-_ATTEMPTS = 8
-"""So often crossings are looked for, each time in another order, with twice the distance."""
-_NONE = 0xFFFFFFFF
-
-
-class Triangulation(NamedTuple):
-    """Triangles in the plane.
-
-    Attributes:
-        points: (n, 2) int64 on the lattice.
-        triangles: (m, 3) int32, counter-clockwise.
-        neighbours: (m, 3) int32, the triangle beyond the edge from corner c to the next; -1: none.
-    """
-
-    points: Ints
-    triangles: NDArray[np.int32]
-    neighbours: NDArray[np.int32]
+    _, chosen, region_of = np.unique(keys, return_index=True, return_inverse=True)
+    found = kernels.describe_regions(plan.kept, points, triangles, chosen)
+    found["covering"] = found["covering"].view(COVERING_ELEMENT)
+    found["voids"], found["affine"] = found["voids"].view(bool), found["affine"].view(bool)
+    return Regions(**found), region_of.reshape(-1).astype(np.int32)
 
 
 def triangulate(
     segments: Ints,
     limits: Ints,
     keys_of: Callable[[Ints, NDArray[np.int32]], Ints],
-    rim: TileBoundary,
+    boundary: TileBoundary,
 ) -> tuple[Triangulation, Ints]:
     """Cut a rectangle along segments.
 
     Args:
         segments: (n, 4) int64 x, y, x, y on the lattice, in the rectangle.
         limits: (4,) west, south, east, north of the rectangle.
-        keys_of: answers (m,) numbers for points and triangles, the same wherever no edge is needed
-            between two triangles.
-        rim: its seams; they meet segments at their vertices only.
+        keys_of: (m,) keys of triangles from points and triangles, the same wherever no edge is
+            needed between two of them.
+        boundary: its seams; they meet segments at their vertices only.
 
     Returns:
-        The triangles and their numbers.
+        The triangles and their keys.
     """
     west, south, east, north = limits.tolist()
     around = [[west, south, west, north], [west, south, east, south]]
     around += [[east, south, east, north], [west, north, east, north]]
-    outer = np.array(around, np.int64)[rim.sides < 0]
-    points, edges = _index(np.concatenate([segments, outer, rim.edges]))
+    outer = np.array(around, np.int64)[boundary.sides < 0]
+    points, edges = _index(np.concatenate([segments, outer, boundary.edges]))
     for near in range(2, 2 + _ROUNDS):
-        points, edges = _weld(points, edges, limits, rim.sides, near)
+        points, edges = _weld(points, edges, limits, boundary.sides, near)
         found, triangles, neighbours = delaunay(points.astype(np.float64), edges)
         points = np.rint(found).astype(np.int64)
         keys = keys_of(points, triangles)
-        if kernels.thinnest(points, triangles) >= _NEAR:
+        thin = kernels.find_thin(points, triangles, _NEAR)
+        if not len(thin):
             break
-        edges = _bend(points, triangles, _borders(triangles, neighbours, keys))
+        edges = _bend(_borders(triangles, neighbours, keys), thin, len(points))
     return Triangulation(points, triangles, neighbours), keys
 
 
@@ -134,7 +123,7 @@ def delaunay(
     edge. Then no vertex is added.
 
     Returns:
-        As in Triangulation, but the points are not rounded.
+        The arrays of a Triangulation, but the points are not rounded.
     """
     import pythoncdt
 
@@ -176,10 +165,15 @@ def _borders(triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keys: 
     return np.column_stack([triangles[t, c], triangles[t, (c + 1) % 3]]).astype(np.int64)
 
 
-def _bend(points: Ints, triangles: NDArray[np.int32], edges: Ints) -> Ints:
-    """Lead edges through vertices that are next to them: thin triangles have none for a side."""
-    a, b, c = kernels.find_thin(points, triangles, _NEAR).T
-    count = len(points)
+def _bend(edges: Ints, thin: Ints, count: int) -> Ints:
+    """Lead edges through vertices that are next to them: thin triangles have none for a side.
+
+    Args:
+        edges: (n, 2) indices of vertices.
+        thin: (k, 3) the longest side of each thin triangle, and its other corner.
+        count: number of vertices.
+    """
+    a, b, c = thin.T
     keys = edges.min(axis=1) * count + edges.max(axis=1)
     long = np.minimum(a, b) * count + np.maximum(a, b)
     bent = np.isin(keys, long)

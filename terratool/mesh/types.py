@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from terratool.field.records import FieldArrays
 from terratool.kernels import field as fields
 from terratool.kernels import mesh as kernels
-from terratool.mesh.loss import RutLoss
+
+_LOW = 0.01
+"""Walls are left out that are lower than this part of the error; files of float32 lose them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +41,41 @@ class Mesh:
     colors: NDArray[np.uint8]
 
 
+class RutLoss(Struct, frozen=True, rename={"wall_offset": "beside"}):
+    """What a mesh loses of the ruts of a terrain. Lengths are in its units.
+
+    Attributes:
+        wall_offset: how far from where it should be a side of a rut stands, at most.
+        narrow: number of tracks left out because they are too narrow for the mesh.
+        shallow: number of those left out because they make no deeper ruts than was asked …
+        deepest: … and the deepest that one of them makes by itself.
+    """
+
+    wall_offset: float = 0.0
+    narrow: int = 0
+    shallow: int = 0
+    deepest: float = 0.0
+
+
+class PlanLoss(NamedTuple):
+    """What a plan leaves out, and how far it moves walls.
+
+    Attributes:
+        wall_offset: how far inside of its arc the wall of a disc stands, at most, in units of the
+            terrain.
+        small: number of elements left out because their cells are too small for the lattice.
+        faint: number of elements left out because they change heights by no more than was asked …
+        faintest: … and the most that one of them does.
+        ruts: what is lost of ruts.
+    """
+
+    wall_offset: float = 0.0
+    small: int = 0
+    faint: int = 0
+    faintest: float = 0.0
+    ruts: RutLoss = RutLoss()
+
+
 @dataclass(frozen=True, slots=True)
 class BuiltMesh:
     """A mesh, and how well it shows its terrain.
@@ -47,21 +85,13 @@ class BuiltMesh:
         shell: so many of its faces, the first, are ground and walls; of a solid, skirt and base
             come after them.
         error: no less than the distance, along z, of the ground from the terrain anywhere.
-        aside: how far inside of its arc the wall of a disc stands, at most, in its units.
-        small: number of elements left out because their cells are too small for the mesh.
-        faint: number of elements left out because they change no height by more than was asked …
-        faintest: … and the most that one of them changes it.
-        ruts: what is lost of ruts.
+        loss: what it leaves out of the terrain.
     """
 
     mesh: Mesh
     shell: int
     error: float
-    aside: float
-    small: int
-    faint: int
-    faintest: float
-    ruts: RutLoss = field(default_factory=RutLoss)
+    loss: PlanLoss
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +123,11 @@ FRAME = np.dtype(
         ("north", np.float64),
         ("per_x", np.float64),  # 1 / (east - west)
         ("per_y", np.float64),
+        ("weight_x", np.float64),  # how much a height changes where curve x changes by 1
+        ("weight_y", np.float64),
         ("corners", np.uint32),  # of the polygon that stands for a disc
-        ("aside", np.float64),  # the most that the polygon changes the height inside of it
-        ("rim", np.float64),  # from this t on a disc that ends too steeply for that is straight
+        ("polygon_error", np.float64),  # the most that the polygon changes the height inside of it
+        ("straight_from", np.float64),  # from this t on a disc that ends too steeply is straight
         ("drawn", np.uint8),  # large enough for the lattice, and in the part that is meshed
     ],
     align=True,
@@ -107,15 +139,14 @@ AXIS = np.dtype(
         ("line", np.uint32),  # the first of its lines …
         ("lines", np.uint32),  # … and their number
         ("group", np.uint32),  # the first of its groups
-        ("level", np.uint8),  # the same value everywhere
+        ("constant", np.uint8),  # the same value everywhere
         ("linear", np.uint8),  # all of its pieces are straight
-        ("most", np.float64),  # its largest value without sign
-        ("inner", np.float64),  # no less than its slope anywhere but close to the end
+        ("inner_slope", np.float64),  # no less than its slope anywhere but close to the end
         ("slope", np.float64),  # no less than its slope anywhere
         ("steep", np.uint8),  # its tangent is, or almost, vertical somewhere
         ("ringed", np.uint8),  # of a disc: rings make a leaner mesh than triangles of equal sides
-        ("faintest", np.float64),  # the smallest of its creases
-        ("reach", np.uint32),  # the first of its rows of REACH …
+        ("smallest_crease", np.float64),  # of those that are no steps
+        ("first_bounds", np.uint32),  # the first of its rows of PIECE_BOUNDS …
         ("pieces", np.uint32),  # … and how many there are of each level
         ("turn", np.uint32),  # the first of its turns
     ],
@@ -127,7 +158,7 @@ LINE = np.dtype([("t", np.float64), ("crease", np.float64), ("group", np.uint32)
 """Where a curve bends or steps: the crease is how far the chord over it misses, in units of the
 curve, infinite for a step; the group is the one that begins at or before it."""
 
-REACH = np.dtype(
+PIECE_BOUNDS = np.dtype(
     [("low", np.float64), ("high", np.float64), ("slope", np.float64), ("bend", np.float64)],
     align=True,
 )
@@ -140,10 +171,12 @@ GROUP = np.dtype(
 )
 """A stretch of a curve between two vertical steps: its t and its pieces."""
 
-COVER = np.dtype([("element", np.uint32), ("group_x", np.uint32), ("group_y", np.uint32)])
+COVERING_ELEMENT = np.dtype(
+    [("element", np.uint32), ("group_x", np.uint32), ("group_y", np.uint32)]
+)
 """An element that covers a region, and the groups of its curves that hold there."""
 
-kernels.check_records(FRAME, AXIS, LINE, REACH, GROUP, COVER)
+kernels.check_records(FRAME, AXIS, LINE, PIECE_BOUNDS, GROUP, COVERING_ELEMENT)
 
 
 class RutOutlines(NamedTuple):
@@ -175,13 +208,14 @@ class MeshPlan:
         axes: (kinds, 2) AXIS.
         lines: LINE of all curves.
         groups: GROUP of all curves.
-        reaches: REACH of all curves.
+        piece_bounds: PIECE_BOUNDS of all curves.
         turns: (n, 2) float64, for each piece how much its curve's slope jumps up to its begin,
             and how much it varies within the pieces before.
         origin: (2,) float64, world position of the lattice's zero.
         pitch: side of the lattice; a power of two.
         bounds: (4,) float64 the rectangle that is meshed, on the lattice.
         error: the largest error of a height, in units of the terrain.
+        rounding: how much two heights may differ by rounding, in units of the terrain.
         outlines: those of the ruts.
     """
 
@@ -191,18 +225,38 @@ class MeshPlan:
     axes: NDArray[Any]
     lines: NDArray[Any]
     groups: NDArray[Any]
-    reaches: NDArray[Any]
+    piece_bounds: NDArray[Any]
     turns: NDArray[np.float64]
     origin: NDArray[np.float64]
     pitch: float
     bounds: NDArray[np.float64]
     error: float
+    rounding: float
     outlines: RutOutlines
+
+    @property
+    def tolerance(self) -> float:
+        """How much two heights may differ and still be one, in units of the terrain."""
+        return max(_LOW * self.error, self.rounding)
 
     @cached_property
     def kept(self) -> kernels.Plan:
         """The same, checked and kept, as kernels take it."""
         return kernels.Plan(self)
+
+
+class Triangulation(NamedTuple):
+    """Triangles in the plane.
+
+    Attributes:
+        points: (n, 2) int64 on the lattice.
+        triangles: (m, 3) int32, counter-clockwise.
+        neighbours: (m, 3) int32, the triangle beyond the edge from corner c to the next; -1: none.
+    """
+
+    points: NDArray[np.int64]
+    triangles: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
 
 
 class TileBoundary(NamedTuple):
@@ -225,19 +279,35 @@ class Regions(NamedTuple):
     """Parts of the plane that the same elements and the same tracks cover.
 
     Attributes:
-        offsets: (n + 1,) int64, where the covers of each begin.
-        covers: COVER.
+        offsets: (n + 1,) int64, where the covering elements of each begin.
+        covering: COVERING_ELEMENT.
         surfaces: (n,) int32, index of the surface, -1 for none.
         voids: (n,) bool, whether there is no ground.
-        plane: (n,) bool, whether the heights of all its elements are known to be affine there.
-        asides: (n,) float64, how much its discs change the height by being polygons.
-        drops: (n,) float64, depth of the rut.
+        affine: (n,) bool, whether the heights of all its elements are known to be affine there.
+        polygon_errors: (n,) float64, how much its discs change the height by being polygons.
+        rut_depths: (n,) float64.
     """
 
     offsets: NDArray[np.int64]
-    covers: NDArray[Any]
+    covering: NDArray[Any]
     surfaces: NDArray[np.int32]
     voids: NDArray[np.bool_]
-    plane: NDArray[np.bool_]
-    asides: NDArray[np.float64]
-    drops: NDArray[np.float64] = np.empty(0)
+    affine: NDArray[np.bool_]
+    polygon_errors: NDArray[np.float64]
+    rut_depths: NDArray[np.float64]
+
+
+class RegionMesh(NamedTuple):
+    """Triangles in the plane, each in a region, with heights.
+
+    Attributes:
+        triangulation: m triangles.
+        regions: the regions.
+        region_of: (m,) int32, the region of each triangle.
+        heights: (m, 3) float64, at the corners of each triangle as its own region has them.
+    """
+
+    triangulation: Triangulation
+    regions: Regions
+    region_of: NDArray[np.int32]
+    heights: NDArray[np.float64]

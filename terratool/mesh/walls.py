@@ -9,13 +9,92 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.bounds import largest_heights
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
-from terratool.mesh.triangulate import Triangulation, delaunay
-from terratool.mesh.types import Mesh, MeshPlan, Regions
+from terratool.mesh.triangulate import delaunay
+from terratool.mesh.types import Mesh, MeshPlan, RegionMesh
+
+GREY = 160, 160, 160
+"""The colour of surfaces that have none."""
 
 Ints = NDArray[np.int32]
+
+
+def assemble(
+    terrain: Terrain,
+    plan: MeshPlan,
+    parts: RegionMesh,
+    base: float | Literal["below"] | None = None,
+) -> tuple[Mesh, int, float]:
+    """Make a mesh of triangles in the plane and the one-sided heights at their corners.
+
+    Args:
+        terrain: the terrain.
+        plan: its plan.
+        parts: the triangles.
+        base: see `build.build`.
+
+    Raises:
+        RequestError: the base does not lie below all ground.
+
+    Returns:
+        The mesh, the number of its faces that are ground or walls (skirt and base come after), and
+        how far a height was moved at most because a wall would be too low.
+    """
+    triangulation, regions, region_of, heights = parts
+    points, triangles, neighbours = triangulation
+    ground = ~regions.voids[region_of]
+    on_boundary = np.zeros(len(points), np.bool_)
+    outer = np.empty((0, 2), np.int32)
+    if not ground.any():
+        base = None
+    if base is not None:
+        lowest, highest = float(heights[ground].min()), float(heights[ground].max())
+        if base == "below":
+            base = base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
+        if not -np.inf < base < lowest - plan.rounding:
+            raise RequestError(
+                f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
+                f" {lowest:g}.",
+                "Give a base that is lower.",
+            )
+        outer = outer_edges(neighbours, ground)
+        edges = triangles[outer[:, :1], np.column_stack([outer[:, 1], (outer[:, 1] + 1) % 3])]
+        on_boundary[edges] = True
+
+    found = kernels.find_levels(
+        triangles, heights, ground, on_boundary, base or 0.0, plan.tolerance
+    )
+    begins, levels, corners = found["begins"], found["levels"], found["corners"]
+    walls, above = kernels.raise_walls(neighbours, corners, levels)
+    skirt, over = kernels.raise_skirt(triangles, corners, outer, begins, levels)
+    faces = np.concatenate([corners[ground], walls, skirt])
+    owners = np.concatenate([np.flatnonzero(ground).astype(np.int32), above, over])
+    surfaces = regions.surfaces[region_of[owners]]
+    sources = np.arange(len(levels), dtype=np.int32)
+    upright = len(walls) + len(skirt)
+    floor = np.empty((0, 3), np.int32)
+    if base is not None:
+        below = base_of(points, edges)
+        floor, more = kernels.separate_wedges(triangulation, corners, begins, faces, owners, below)
+        sources = np.concatenate([sources, more])
+    place = np.repeat(np.arange(len(points)), np.diff(begins))[sources]
+    mesh = Mesh(
+        vertices=np.column_stack([points[place] * plan.pitch, levels[sources]]),
+        faces=np.concatenate([faces, floor]),
+        surfaces=np.append(surfaces, np.full(len(floor), -1, np.int32)),
+        walls=np.repeat([False, True, False], [len(faces) - upright, upright, len(floor)]),
+        origin=np.append(plan.origin, 0.0),
+        names=terrain.surfaces,
+        colors=np.array(
+            [
+                GREY if surface.color is UNSET else surface.color
+                for surface in terrain.surface_types.values()
+            ],
+            np.uint8,
+        ).reshape(-1, 3),
+    )
+    return mesh, len(faces) - len(skirt), found["moved"]
 
 
 def base_below(lowest: float, highest: float, side: float) -> float:
@@ -25,20 +104,6 @@ def base_below(lowest: float, highest: float, side: float) -> float:
     side, so that flat ground becomes a plate.
     """
     return lowest - max(0.1 * (highest - lowest), 0.01 * side)
-
-
-def check_base(base: float, lowest: float, tolerance: float) -> None:
-    """Refuse a base that does not lie below all ground.
-
-    Raises:
-        RequestError: it does not.
-    """
-    if not -np.inf < base < lowest - tolerance:
-        raise RequestError(
-            f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
-            f" {lowest:g}.",
-            "Give a base that is lower.",
-        )
 
 
 def outer_edges(neighbours: Ints, ground: NDArray[np.bool_]) -> Ints:
@@ -67,94 +132,3 @@ def base_of(points: NDArray[np.int64], edges: Ints) -> Ints:
     used, index = np.unique(edges, return_inverse=True)
     _, triangles, _ = delaunay(points[used].astype(np.float64), index.reshape(-1, 2), within=True)
     return used[triangles].astype(np.int32)
-
-
-SAME = 1e-9
-"""Heights that differ by less, in parts of the most that an element is worth, are rounding."""
-LOW = 0.01
-"""Walls are left out that are lower than this part of the error; files of float32 lose them."""
-GREY = 160, 160, 160
-"""The colour of surfaces that have none."""
-
-
-def rounding_of(plan: MeshPlan) -> float:
-    """How much two heights may differ by rounding, in units of the terrain."""
-    return SAME * float(largest_heights(plan.arrays).max())
-
-
-def tolerance_of(plan: MeshPlan) -> float:
-    """How much two heights may differ and still be one, in units of the terrain."""
-    return max(LOW * plan.error, rounding_of(plan))
-
-
-def assemble(
-    terrain: Terrain,
-    plan: MeshPlan,
-    plane: Triangulation,
-    parts: Regions,
-    of: NDArray[np.int32],
-    heights: NDArray[np.float64],
-    base: float | Literal["below"] | None = None,
-) -> tuple[Mesh, int, float]:
-    """Make a mesh of triangles in the plane and the one-sided heights at their corners.
-
-    Args:
-        terrain: the terrain.
-        plan: its plan.
-        plane: m triangles.
-        parts: the regions.
-        of: (m,) the region of each triangle.
-        heights: (m, 3) float64.
-        base: see `building.build`.
-
-    Returns:
-        The mesh, the number of its faces that are ground or walls (skirt and base come after), and
-        how far a height was moved at most because a wall would be too low.
-    """
-    points, triangles, neighbours = plane
-    ground = ~parts.voids[of]
-    rims = np.zeros(len(points), np.bool_)
-    rim = np.empty((0, 2), np.int32)
-    if base is None or not ground.any():
-        base = None
-    else:
-        lowest, highest = float(heights[ground].min()), float(heights[ground].max())
-        if base == "below":
-            base = base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
-        check_base(base, lowest, rounding_of(plan))
-        rim = outer_edges(neighbours, ground)
-        edges = triangles[rim[:, :1], np.column_stack([rim[:, 1], (rim[:, 1] + 1) % 3])]
-        rims[edges] = True
-
-    moved, begins, levels, corners = kernels.find_levels(
-        triangles, heights, ground, rims, base or 0.0, tolerance_of(plan)
-    )
-    walls, above = kernels.raise_walls(neighbours, corners, levels)
-    skirt, over = kernels.raise_skirt(triangles, corners, rim, begins, levels)
-    faces = np.concatenate([corners[ground], walls, skirt])
-    owners = np.concatenate([np.flatnonzero(ground).astype(np.int32), above, over])
-    surfaces = parts.surfaces[of[owners]]
-    sources = np.arange(len(levels), dtype=np.int32)
-    upright = len(walls) + len(skirt)
-    floor = np.empty((0, 3), np.int32)
-    if base is not None:
-        below = base_of(points, edges)
-        floor, more = kernels.part_wedges(plane, corners, begins, faces, owners, below)
-        sources = np.concatenate([sources, more])
-    place = np.repeat(np.arange(len(points)), np.diff(begins))[sources]
-    mesh = Mesh(
-        vertices=np.column_stack([points[place] * plan.pitch, levels[sources]]),
-        faces=np.concatenate([faces, floor]),
-        surfaces=np.append(surfaces, np.full(len(floor), -1, np.int32)),
-        walls=np.repeat([False, True, False], [len(faces) - upright, upright, len(floor)]),
-        origin=np.append(plan.origin, 0.0),
-        names=terrain.surfaces,
-        colors=np.array(
-            [
-                GREY if surface.color is UNSET else surface.color
-                for surface in terrain.surface_types.values()
-            ],
-            np.uint8,
-        ).reshape(-1, 3),
-    )
-    return mesh, len(faces) - len(skirt), moved

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,11 +13,10 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, clip_bounds
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, grid_over
-from terratool.traversability.figures import ASSUMPTIONS, all_figures
-from terratool.traversability.map import default_resolution, map_to_tif
-from terratool.traversability.report import wording
+from terratool.traversability.map import default_resolution, write_map
 from terratool.traversability.results import (
     HEADINGS,
+    RANKS,
     MapSummary,
     Reach,
     Reason,
@@ -28,66 +26,11 @@ from terratool.traversability.results import (
     Verdict,
 )
 from terratool.traversability.route.graph import PREFERENCES, Preference
+from terratool.traversability.route.paths import check_ground, check_inside
 from terratool.traversability.route.routes import MOST_STATES, check, plan, reach, route_grid
-from terratool.traversability.survey import survey
+from terratool.traversability.soil import ASSUMPTIONS, all_figures
+from terratool.traversability.survey import Surveyor, survey
 from terratool.traversability.vehicle import Vehicle
-
-_RANK = {Verdict.GO: 0, Verdict.CAUTION: 1, Verdict.UNKNOWN: 2, Verdict.NO_GO: 3}
-"""Of routes, from the best to the worst."""
-
-
-def verdict_of(summary: MapSummary, routes: Sequence[Route]) -> Verdict:
-    """The verdict of the worst route; without one, of the ground by its best headings.
-
-    That is go where all of the ground is, no-go where nothing is better than that, unknown where
-    nothing is better than that, and caution in between. Where it would stand over the edge of the
-    terrain, nothing is said of the ground; that counts only where there is nothing else.
-    """
-    if routes:
-        return max((route.verdict for route in routes), key=_RANK.__getitem__)
-    counts = {verdict: count for verdict, count in summary.counts.items() if count}
-    inner = counts.get(Verdict.NO_GO, 0) - summary.reasons.get(Reason.EDGE, 0)
-    if inner <= 0 and counts.keys() - {Verdict.NO_GO}:
-        counts.pop(Verdict.NO_GO, None)
-    if len(counts) == 1:
-        return next(iter(counts))
-    if counts.get(Verdict.GO) or counts.get(Verdict.CAUTION):
-        return Verdict.CAUTION
-    return Verdict.UNKNOWN if not counts else Verdict.NO_GO
-
-
-def sentence_of(summary: MapSummary, routes: Sequence[Route]) -> str:
-    """The verdict for people, and what binds most."""
-    if routes:
-        worst = max(routes, key=lambda route: _RANK[route.verdict])
-        line = wording.route_line(worst)
-        return f"{line} {worst.note}" if worst.note else line
-    if not summary.pixels:
-        return "There is no ground to drive on."
-    go, caution, no_go, unknown = (
-        summary.fraction(verdict)
-        for verdict in (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
-    )
-    known = {reason: count for reason, count in summary.reasons.items() if reason != Reason.NONE}
-    rim = ""
-    if known.keys() == {Reason.EDGE} and not caution:
-        edge = wording.share(no_go)
-        rim = f", but for the edge of the terrain, on {edge}, where the vehicle would stand over it"
-    if go == 1.0 or (rim and go and not unknown):
-        return f"All of the ground is go, with the best heading at each place{rim}."
-    if unknown == 1.0 or (rim and unknown and not go):
-        return f"Nothing is known of the ground: its surfaces lack what the formulas need{rim}."
-    parts = [f"{wording.share(go)} of the ground is go"]
-    parts += [f"{wording.share(caution)} caution"] if caution else []
-    parts += [f"{wording.share(no_go)} no-go"] if no_go else []
-    parts += [f"{wording.share(unknown)} unknown"] if unknown else []
-    text = f"{', '.join(parts[:-1])} and {parts[-1]}" if parts[1:] else parts[0]
-    if not known:
-        return f"{text}."
-    most = max(known, key=lambda reason: (known[reason], -reason))
-    part = wording.share(known[most] / summary.pixels)
-    return f"{text}; what binds most is {most.label}, on {part}."
-
 
 MOST_PIXELS = 1024
 """The longer side of a map that goes into no file has at most so many pixels by default."""
@@ -111,15 +54,15 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is to be found out.
+    """What is wanted.
 
     Attributes:
         routes: x and y of the start and of the goal of each.
         waypoints: (n, 2) float64 of each way that is to be checked.
-        reachable: from where.
+        reachable: the place from which reach is wanted.
         prefer: what routes are to be the least of.
         resolution: of the map, and of routes where that is not too fine; chosen if None.
-        bounds: west, south, east, north of what is looked at; all if None.
+        bounds: west, south, east, north of the part that counts; all if None.
         headings: at each place.
     """
 
@@ -138,16 +81,22 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Grids:
-    """The grids of an assessment.
+class AssessmentPlan:
+    """A request that has been checked, and the grids for it.
 
     Attributes:
+        terrain, vehicle, request: what is wanted.
+        pictured: whether the report has a picture.
         grid: of the map.
-        route: of routes; None where there are none.
-        picture: of the picture; None for that of the routes, or for none.
+        route: grid of routes; None where there are none.
+        picture: grid of the picture; None for that of the routes, or for none.
         notes: sentences on how they were chosen.
     """
 
+    terrain: Terrain
+    vehicle: Vehicle
+    request: Request
+    pictured: bool
     grid: Grid
     route: Grid | None
     picture: Grid | None
@@ -160,15 +109,20 @@ class Grids:
         return sum(grid.width * grid.height for grid in grids if grid is not None)
 
 
-def planned(
-    terrain: Terrain, vehicle: Vehicle, request: Request, *, mapped: bool, pictured: bool
-) -> Grids:
+def plan_assessment(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    request: Request,
+    *,
+    mapped: bool = False,
+    pictured: bool = False,
+) -> AssessmentPlan:
     """Check a request, and choose its grids, before any long work.
 
     Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
-        request: what is to be found out.
+        terrain: the ground.
+        vehicle: a vehicle, or a wheel by itself.
+        request: what is wanted.
         mapped: whether the map goes into a file.
         pictured: whether the report has a picture.
 
@@ -182,7 +136,10 @@ def planned(
     grid, why = _map_grid(terrain, vehicle, request, mapped)
     part = clip_bounds(terrain, request.bounds)
     for what, place in _places(request):
-        _refuse_outside(terrain, part, what, place)
+        check_inside(terrain, what, place, part, "the bounds that were asked for")
+        # waypoints after the first may lie where nothing drives: that is what bars the way
+        if not what.startswith("Waypoint") or what == "Waypoint 1":
+            check_ground(terrain, what, place)
     notes = [
         f"The map has {grid.width} × {grid.height} pixels of {grid.resolution:.4g} m ({why}), "
         f"each looked at with {request.headings} headings."
@@ -199,11 +156,11 @@ def planned(
         if request.resolution is not None and fits:
             route = grid
         else:
-            route, said = route_grid(
+            route, note = route_grid(
                 terrain, vehicle, headings=request.headings, bounds=request.bounds
             )
             notes.append(
-                said
+                note
                 or f"Routes are looked for on {route.width} × {route.height} pixels of "
                 f"{route.resolution:.4g} m."
             )
@@ -212,62 +169,50 @@ def planned(
         coarse = max(grid.resolution, max(part[2] - part[0], part[3] - part[1]) / _PICTURE)
         shorter = min(part[2] - part[0], part[3] - part[1])
         picture = grid_over(terrain, min(coarse, shorter), request.bounds)
-    return Grids(grid, route, picture, tuple(notes))
+    return AssessmentPlan(terrain, vehicle, request, pictured, grid, route, picture, tuple(notes))
 
 
 def assess(
-    terrain: Terrain,
-    vehicle: Vehicle,
-    request: Request | None = None,
+    planned: AssessmentPlan,
     *,
     name: str = "",
     map_path: str | Path | None = None,
-    pictured: bool = False,
     overwrite: bool = False,
     threads: int | None = None,
     progress: Callable[[int], object] | None = None,
-    grids: Grids | None = None,
     stack: ExitStack | None = None,
 ) -> TraversabilityReport:
     """Find out whether, where and why not a vehicle can drive on a terrain.
 
     Args:
-        terrain: the terrain.
-        vehicle: the vehicle, or a wheel.
-        request: what is to be found out; the surfaces and the map, if not said.
+        planned: what is wanted, from `plan_assessment`.
         name: of the terrain, for people.
         map_path: a .tif for the map; its numbers go to a second file beside it.
-        pictured: whether the report is to have a survey for a picture.
         overwrite: whether files may be there already.
-        threads: number of threads; as many as there are processors, if not said.
-        progress: is told the number of pixels that are done, of `Grids.pixels`.
-        grids: what `planned` made of the same request, if it was asked.
-        stack: the map's files take their places when it ends, if said.
+        threads: number of threads; as many as there are processors if None.
+        progress: called with the number of pixels that are done, of the pixels of the plan.
+        stack: the map's files take their places when it ends, if given.
 
     Raises:
-        RequestError: what is asked for lies outside the terrain, or makes no sense.
+        RequestError: a figure of a surface is too large, or the vehicle cannot stand at a start.
         WriteError: the map exists already, or cannot be written.
     """
-    request = request or Request()
-    grids = grids or planned(
-        terrain, vehicle, request, mapped=map_path is not None, pictured=pictured
-    )
-    told = progress or (lambda _: None)
+    terrain, vehicle, request = planned.terrain, planned.vehicle, planned.request
     figures = all_figures(terrain, vehicle)
-    summary = map_to_tif(
-        terrain, vehicle, grids.grid, map_path,
-        headings=request.headings, threads=threads, overwrite=overwrite, progress=progress,
-        stack=stack,
-    )  # fmt: skip
-    seen = picture = None
-    if grids.route is not None:
-        seen = survey(terrain, vehicle, grids.route, headings=request.headings, threads=threads)
-        told(grids.route.width * grids.route.height)
-    if grids.picture is not None:
-        picture = survey(
-            terrain, vehicle, grids.picture, headings=request.headings, threads=threads
-        )
-        told(grids.picture.width * grids.picture.height)
+    surveyor = Surveyor(terrain, vehicle, planned.grid, request.headings)
+    summary = write_map(
+        surveyor, map_path, threads=threads, overwrite=overwrite, progress=progress, stack=stack
+    )
+
+    def surveyed(grid: Grid | None) -> Survey | None:
+        if grid is None:
+            return None
+        found = survey(terrain, vehicle, grid, headings=request.headings, threads=threads)
+        if progress:
+            progress(grid.width * grid.height)
+        return found
+
+    seen, picture = surveyed(planned.route), surveyed(planned.picture)
     routes = tuple(_routes(terrain, vehicle, request, seen)) if seen else ()
     reached: Reach | None = None
     if request.reachable is not None and seen:
@@ -280,13 +225,32 @@ def assess(
         surfaces=figures,
         summary=summary,
         verdict=verdict_of(summary, routes),
-        sentence=sentence_of(summary, routes),
         routes=routes,
         reach=reached,
-        preview=(picture or seen) if pictured else None,
+        preview=(picture or seen) if planned.pictured else None,
         assumptions=(*ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
-        notes=grids.notes,
+        notes=planned.notes,
     )
+
+
+def verdict_of(summary: MapSummary, routes: Sequence[Route]) -> Verdict:
+    """The verdict of the worst route; without one, of the ground by its best headings.
+
+    That is go where all of the ground is, no-go where nothing is better than that, unknown where
+    nothing is better than that, and caution in between. Where it would stand over the edge of the
+    terrain, nothing is known of the ground; that counts only where there is nothing else.
+    """
+    if routes:
+        return max((route.verdict for route in routes), key=RANKS.__getitem__)
+    counts = {verdict: count for verdict, count in summary.counts.items() if count}
+    inner = counts.get(Verdict.NO_GO, 0) - summary.reasons.get(Reason.EDGE, 0)
+    if inner <= 0 and counts.keys() - {Verdict.NO_GO}:
+        counts.pop(Verdict.NO_GO, None)
+    if len(counts) == 1:
+        return next(iter(counts))
+    if counts.get(Verdict.GO) or counts.get(Verdict.CAUTION):
+        return Verdict.CAUTION
+    return Verdict.UNKNOWN if not counts else Verdict.NO_GO
 
 
 def _routes(terrain: Terrain, vehicle: Vehicle, request: Request, seen: Survey) -> Iterator[Route]:
@@ -317,23 +281,3 @@ def _places(request: Request) -> Iterator[tuple[str, Point]]:
             yield f"Waypoint {number}", (x, y)
     if request.reachable is not None:
         yield "The place to start from", request.reachable
-
-
-def _refuse_outside(terrain: Terrain, part: Bounds, what: str, place: Point) -> None:
-    """Refuse a place that nothing will be known of."""
-    x, y = place
-    for name, (west, south, east, north) in (
-        ("the terrain", terrain.bounds), ("the bounds that were asked for", part),
-    ):  # fmt: skip
-        if not (west <= x <= east and south <= y <= north):  # nor NaN
-            sides = " ".join(f"{side:.12g}" for side in (west, south, east, north))
-            raise RequestError(
-                f"{what}, {x:.12g} {y:.12g}, lies outside {name}.",
-                f"Give x and y within west south east north {sides}.",
-            )
-    # waypoints after the first may lie where nothing drives: that is what bars the way
-    if (what.startswith("The") or what == "Waypoint 1") and math.isnan(terrain.height(x, y)):
-        raise RequestError(
-            f"{what}, {x:.12g} {y:.12g}, is on no ground.",
-            "Give a place that is not in the void.",
-        )

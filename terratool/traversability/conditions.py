@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from terratool.errors import RequestError
 from terratool.text.display import shown
-from terratool.traversability.results import Extreme, Route, TraversabilityReport, Verdict
+from terratool.traversability.results import Extreme, TraversabilityReport, Verdict
 
 _Value = float | None
 
@@ -33,54 +33,40 @@ class _Figure:
     is_share: bool = False
 
 
-def _of_routes(
-    value: Callable[[Route], _Value],
-) -> Callable[[TraversabilityReport], Iterable[_Value]]:
-    return lambda report: [value(route) for route in report.routes]
+def _value(extreme: Extreme | None) -> _Value:
+    return None if extreme is None else extreme.value
 
 
-def _size(extreme: Extreme | None, scale: Callable[[float], float] = float) -> _Value:
-    return None if extreme is None else scale(extreme.value)
-
-
-def _fraction(verdict: Verdict) -> _Figure:
-    return _Figure(lambda report: [report.summary.fraction(verdict)], is_share=True)
+def _steepest(report: TraversabilityReport) -> list[_Value]:
+    values = [_value(route.steepest) for route in report.routes]
+    return [None if value is None else math.degrees(abs(value)) for value in values]
 
 
 def _sinkage(report: TraversabilityReport) -> list[_Value]:
     """Along the routes; without one that of each surface, where it is known."""
     if report.routes:
-        return [_size(route.softest) for route in report.routes]
+        return [_value(route.softest) for route in report.routes]
     return [one.sinkage for one in report.surfaces if one.sinkage is not None]
 
 
 FIGURES: dict[str, _Figure] = {
-    "go-fraction": _fraction(Verdict.GO),
-    "caution-fraction": _fraction(Verdict.CAUTION),
-    "no-go-fraction": _fraction(Verdict.NO_GO),
-    "unknown-fraction": _fraction(Verdict.UNKNOWN),
+    "go-fraction": _Figure(lambda r: [r.summary.fraction(Verdict.GO)], is_share=True),
+    "caution-fraction": _Figure(lambda r: [r.summary.fraction(Verdict.CAUTION)], is_share=True),
+    "no-go-fraction": _Figure(lambda r: [r.summary.fraction(Verdict.NO_GO)], is_share=True),
+    "unknown-fraction": _Figure(lambda r: [r.summary.fraction(Verdict.UNKNOWN)], is_share=True),
     "reachable-fraction": _Figure(
-        lambda report: [report.reach.share if report.reach else None], "reach", is_share=True
+        lambda r: [r.reach.share if r.reach else None], "reach", is_share=True
     ),
-    "route-length": _Figure(_of_routes(lambda route: route.length), "route", " m"),
-    "route-time": _Figure(_of_routes(lambda route: route.time), "route", " s"),
-    "route-energy": _Figure(_of_routes(lambda route: route.energy), "route", " J"),
-    "least-margin": _Figure(_of_routes(lambda route: _size(route.tightest)), "route"),
-    "steepest": _Figure(
-        _of_routes(lambda route: _size(route.steepest, lambda value: math.degrees(abs(value)))),
-        "route",
-        "°",
-    ),
+    "route-length": _Figure(lambda r: [route.length for route in r.routes], "route", " m"),
+    "route-time": _Figure(lambda r: [route.time for route in r.routes], "route", " s"),
+    "route-energy": _Figure(lambda r: [route.energy for route in r.routes], "route", " J"),
+    "least-margin": _Figure(lambda r: [_value(route.tightest) for route in r.routes], "route"),
+    "steepest": _Figure(_steepest, "route", "°"),
     "sinkage": _Figure(_sinkage, unit=" m"),
 }
 """What may be compared with a number, by name."""
 
-WORDS = {
-    "no-route": "route",
-    "caution": "",
-    "no-go": "",
-    "unknown": "",
-}
+WORDS = {"no-route": "route", "caution": "", "no-go": "", "unknown": ""}
 """Conditions that are a word, and what must have been asked for.
 
 `no-route`: a route cannot be driven. `caution`: the verdict is not go. `no-go`: it is no-go.

@@ -1,46 +1,164 @@
-"""What a vehicle gets over and climbs, and the share that each measure takes of its limit."""
+"""The limits of a vehicle: loads of its wheels, tip-over, steps, slopes, and verdicts by these."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
-from terratool.traversability.arrays import Numbers, flat, flat_soils, shaped
-from terratool.traversability.loads import wheel_layout
-from terratool.traversability.results import Reason
-from terratool.traversability.vehicle import Overhang, Soil, Vehicle
-from terratool.traversability.wheel import Demand
-
-NO_LIMIT = math.pi
-"""The angle of a crest that nothing can touch."""
+from terratool.traversability.results import Reason, Verdict
+from terratool.traversability.vehicle import Soil, Vehicle
+from terratool.traversability.wheel import contact, one_soil
 
 
-def step_height(radius: Any, angle: Any) -> Numbers:
-    """H = r (1 − cos α), the step that a wheel touches at α from the downward vertical, up to r."""
-    height: Numbers = np.where(
-        angle >= np.pi / 2, radius, 2.0 * radius * np.sin(0.5 * np.minimum(angle, np.pi / 2)) ** 2
-    )[()]
-    return height
+@dataclass(frozen=True, slots=True)
+class WheelLayout:
+    """The wheels of a vehicle, one by one: axles from the front, on each from left to right.
 
-
-def step_alone(radius: Any, friction: Any) -> Numbers:
-    """Step that a driven wheel by itself rolls up: r (1 − cos δ), δ = atan μ.
-
-    Args:
-        radius: r, m.
-        friction: μ, tan φ of the surface.
+    Attributes:
+        x: (n,) m ahead of the centre of gravity.
+        y: (n,) m to the left of it.
+        driven: (n,) bool.
+        shares: (n, 3) of the weight that a wheel bears for each part of gravity's direction, down,
+            forward and to the left.
+        edges: (m, 3) of the polygon of the supports: direction outwards, forward and to the left,
+            and the angle (rad) at which the vehicle tips over it.
     """
-    return step_height(radius, np.arctan(friction))
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    driven: NDArray[np.bool_]
+    shares: NDArray[np.float64]
+    edges: NDArray[np.float64]
 
 
-def step_pushed(radius: Any, friction: Any, push: Any, driven: Any = True) -> Numbers:
-    """Step of a wheel that the others push.
+def wheel_layout(vehicle: Vehicle) -> WheelLayout:
+    """The wheels of a vehicle and how they share its weight.
+
+    A rigid body on equal springs: loads differ linearly from wheel to wheel, along and across. For
+    two axles that is W_front = (m g/L)(l_r cos α − h_cg sin α) and W_rear = (m g/L)(l_f cos α +
+    h_cg sin α), which is statics; for more it is an assumption. Half of an axle's wheels stand on
+    each side, and one in the middle where their number is odd.
+
+    Returns:
+        The layout. All loads are those of level ground where nothing can differ (one axle, or
+        no track).
+
+    Raises:
+        RequestError: it has no wheels.
+    """
+    x, y, driven = [], [], []
+    for axle in vehicle.axles:
+        side = axle.wheels // 2
+        x += [axle.x] * axle.wheels
+        y += (
+            [0.5 * vehicle.track] * side + [0.0] * (axle.wheels % 2) + [-0.5 * vehicle.track] * side
+        )
+        driven += [axle.driven] * axle.wheels
+    if not x:
+        raise RequestError("The vehicle has no wheels.", "Give it an axle with a wheel or more.")
+    xs, ys = np.array(x, np.float64), np.array(y, np.float64)
+    count = len(xs)
+    mean = xs.mean()
+    spread, sides = float(np.sum((xs - mean) ** 2)), float(np.sum(ys**2))
+    shares = np.zeros((count, 3))
+    shares[:, 0] = 1.0 / count
+    if spread > 0.0:
+        lever = (xs - mean) / spread
+        shares[:, 0] -= lever * mean  # the centre of gravity is where x = 0
+        shares[:, 1] = lever * vehicle.cog_height
+    if sides > 0.0:
+        shares[:, 2] = ys / sides * vehicle.cog_height
+    return WheelLayout(xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height))
+
+
+def wheel_loads(vehicle: Vehicle, pitch: float = 0.0, roll: float = 0.0) -> NDArray[np.float64]:
+    """Loads of all wheels, N, (n,), as in the layout.
+
+    The body stands on a plane that rises at `pitch` (rad) where it heads (nose up) and at `roll` to
+    its left (left side up). A wheel that would be pulled up bears 0.
+    """
+    return kernels.wheel_loads(wheel_layout(vehicle), vehicle.weight, pitch, roll)
+
+
+def tip_over(vehicle: Vehicle) -> tuple[float, float, float]:
+    """The slopes (rad) at which it tips over: to a side, backwards when nose up, forwards.
+
+    atan((track/2)/h_cg) and atan(x/h_cg), x from the centre of gravity to the axle downhill; where
+    supports are no rectangle, about the edge that is nearest. π/2 where it never does.
+    """
+    if vehicle.is_single:
+        return (math.pi / 2,) * 3
+    edges = wheel_layout(vehicle).edges
+    found = []
+    for forward, left in ((0.0, 1.0), (-1.0, 0.0), (1.0, 0.0)):
+        towards = edges[:, 0] * forward + edges[:, 1] * left
+        # on a slope β gravity leans towards the edge by tan β times the cosine between them
+        limits = np.arctan2(np.sin(edges[:, 2]), np.cos(edges[:, 2]) * towards)
+        found.append(float(np.min(limits, where=towards > 1e-12, initial=math.pi / 2)))
+    return found[0], found[1], found[2]
+
+
+def tip_edges(vehicle: Vehicle, wheels: WheelLayout) -> NDArray[np.float64]:
+    """The edges of a layout with what the vehicle keeps in reserve taken off, for `tipping`."""
+    edges = wheels.edges.copy()
+    edges[:, 2] -= vehicle.margins.tip
+    return edges
+
+
+def _edges(x: NDArray[np.float64], y: NDArray[np.float64], height: float) -> NDArray[np.float64]:
+    """The edges of the convex hull of the supports, (m, 3); none for a wheel by itself.
+
+    Supports in a row can only tip over its ends: the rest is up to who balances it.
+    """
+    points = sorted(set(zip(x.tolist(), y.tolist(), strict=True)))
+    if len(points) < 2:
+        return np.empty((0, 3))
+    hull: list[tuple[float, float]] = []
+    for run in (points, points[::-1]):  # the lower and the upper chain
+        start = len(hull)
+        for point in run:
+            while len(hull) - start >= 2 and _turn(hull[-2], hull[-1], point) <= 0.0:
+                hull.pop()
+            hull.append(point)
+        hull.pop()
+    if len(hull) == 2:
+        (x0, y0), (x1, y1) = hull
+        length = math.hypot(x1 - x0, y1 - y0)
+        ahead = ((x1 - x0) / length, (y1 - y0) / length)
+        sides = [((-ahead[0], -ahead[1]), hull[0]), (ahead, hull[1])]
+    else:
+        sides = []
+        for (x0, y0), (x1, y1) in zip(hull, [*hull[1:], hull[0]], strict=True):
+            length = math.hypot(x1 - x0, y1 - y0)
+            sides.append((((y1 - y0) / length, (x0 - x1) / length), (x0, y0)))
+    edges = []
+    for outwards, corner in sides:
+        distance = outwards[0] * corner[0] + outwards[1] * corner[1]
+        edges.append((*outwards, math.atan2(distance, height)))
+    return np.array(edges, np.float64)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Above 0 where the way from a over b to c turns to the left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def step_height(radius: float, angle: float) -> float:
+    """H = r (1 − cos α), the step that a wheel touches at α from the downward vertical, up to r."""
+    if angle >= math.pi / 2:
+        return radius
+    return float(2.0 * radius * np.sin(0.5 * angle) ** 2)
+
+
+def step_pushed(radius: float, friction: float, push: float, driven: bool = True) -> float:
+    """Step of a wheel that the others push; 0 for one by itself that is not driven.
 
     The force in its contact lies within δ of the normal (on it if the wheel is not driven), and
     the push leans its load by atan(push), so α = δ + atan(push). For the front wheels of an equally
@@ -52,21 +170,19 @@ def step_pushed(radius: Any, friction: Any, push: Any, driven: Any = True) -> Nu
         push: forward force of the other wheels, in loads of this one.
         driven: whether it is.
     """
-    own = np.where(driven, np.arctan(friction), 0.0)
+    own = np.arctan(friction) if driven else 0.0
     return step_height(radius, own + np.arctan(push))
 
 
-def step_torque(radius: Any, load: Any, max_torque: Any) -> Numbers:
+def step_torque(radius: float, load: float, max_torque: float) -> float:
     """Step that a motor lifts a wheel up: r (1 − cos α), α = asin(min(1, Tmax/(W r)))."""
-    needed = np.maximum(np.asarray(load, np.float64) * radius, 1e-300)
-    return step_height(radius, np.arcsin(np.minimum(1.0, max_torque / needed)))
+    return step_height(radius, np.arcsin(min(1.0, max_torque / max(load * radius, 1e-300))))
 
 
-def gap_width(radius: Any, step: Any) -> Numbers:
+def gap_width(radius: float, step: float) -> float:
     """Gap over which a wheel rolls that climbs a step: 2 r sin α, α that of the step."""
-    share = np.clip(np.asarray(step, np.float64) / radius, 0.0, 1.0)
-    width: Numbers = 2.0 * radius * np.sqrt(share * (2.0 - share))
-    return width
+    share = min(max(step / radius, 0.0), 1.0)
+    return 2.0 * radius * math.sqrt(share * (2.0 - share))
 
 
 def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
@@ -93,90 +209,46 @@ def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
             continue
         driven = bool(wheels.driven[here].any())
         push = float(force[~here].sum()) / load
-        limits.append((float(step_pushed(wheel.radius, friction, push, driven)), "friction"))
+        limits.append((step_pushed(wheel.radius, friction, push, driven), "friction"))
         if driven and math.isfinite(wheel.max_torque):
-            lifted = float(step_torque(wheel.radius, load / count, wheel.max_torque))
+            lifted = step_torque(wheel.radius, load / count, wheel.max_torque)
             limits.append((lifted, "motor torque"))
     height, limit = min(limits, key=lambda each: each[0])
     return max(0.0, height - vehicle.margins.step), limit
 
 
-def clearance_left(clearance: Any, sinkage: Any) -> Numbers:
-    """Clearance under the body of wheels that have sunk in, m; 0 and less is high-centred."""
-    left: Numbers = np.subtract(clearance, sinkage, dtype=np.float64)
-    return left
-
-
-def breakover(wheelbase: Any, radius: Any, clearance: Any) -> Numbers:
-    """The sharpest crest that passes between two axles, rad: the angle that the ground turns.
-
-    Exact for wheels: 2 [asin(r/d) − atan((r − hc)/(L/2))], d = √((L/2)² + (r − hc)²). 0 where the
-    body lies on the ground, `NO_LIMIT` where there is none, or no wheelbase.
-    """
-    half, size, free = np.broadcast_arrays(
-        *(np.asarray(v, np.float64) for v in (0.5 * np.asarray(wheelbase), radius, clearance))
-    )
-    drop = size - np.where(np.isfinite(free), free, size)
-    reach = np.hypot(half, drop)
-    bound = np.isfinite(free) & (half > 0.0) & (reach > size)
-    lean = np.arcsin(np.divide(size, reach, out=np.ones_like(reach), where=bound))
-    angle = 2.0 * (lean - np.arctan2(drop, half))
-    return np.where(bound, np.clip(angle, 0.0, NO_LIMIT), np.where(free > 0.0, NO_LIMIT, 0.0))[()]
-
-
-def approach(radius: Any, length: Any, height: Any) -> Numbers:
-    """The steepest ramp that an overhang does not touch when its wheels stand at its foot, rad.
-
-    asin(r/d) + atan2(y − r, o), d = √(o² + (y − r)²), for the body's end at the length o beyond the
-    axle and at the height y. `NO_LIMIT` where d ≤ r or nothing can touch.
-    """
-    size, ahead, above = np.broadcast_arrays(
-        *(np.asarray(v, np.float64) for v in (radius, length, height))
-    )
-    rise = np.where(np.isfinite(above), above, size) - size
-    reach = np.hypot(ahead, rise)
-    bound = np.isfinite(above) & (reach > size)
-    lean = np.arcsin(np.divide(size, reach, out=np.ones_like(reach), where=bound))
-    return np.where(bound, np.clip(lean + np.arctan2(rise, ahead), 0.0, NO_LIMIT), NO_LIMIT)[()]
-
-
-def overhang_angle(radius: float, overhang: Overhang) -> float:
-    """`approach` of a vehicle's overhang; the angle of departure if it is the rear one."""
-    return float(approach(radius, overhang.length, overhang.height))
-
-
 @dataclass(frozen=True, slots=True)
-class Steepest:
-    """The largest slopes, in the shape that the soil's figures broadcast to.
+class SteepestSlope:
+    """The largest slope.
 
     Attributes:
         angle: rad; 0 where it cannot even be on the level.
         possible: whether it can be on the level.
-        reason: int `Reason`, what binds there; what forbids it where it is not possible.
+        reason: what binds there; what forbids it where it is not possible.
     """
 
-    angle: Numbers
-    possible: NDArray[np.bool_] | np.bool_
-    reason: NDArray[np.int64] | np.int64
+    angle: float
+    possible: bool
+    reason: Reason
 
 
-def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> Steepest:
+def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> SteepestSlope:
     """The largest slope that it climbs straight up: the root of Σ DP − Σ R = m g sin α.
 
-    Loads are those of the slope (`loads.layout`). Each driven wheel pushes with the same share of
-    the soil's strength: all of it where K is not known, else what `max_slip` mobilises in the one
-    that mobilises least; with its motor's limit where that is less. Each towed wheel resists.
+    Loads are those of the slope. Each driven wheel pushes with the same share of the soil's
+    strength: all of it where K is not known, else what `max_slip` mobilises in the one that
+    mobilises least; with its motor's limit where that is less. Each towed wheel resists.
     A wheel that lifts ends the search, and so does one that sinks in to its axle.
 
     Args:
-        vehicle: what climbs; its margins are not taken off.
-        soil: numbers or arrays.
-        max_slip: the largest slip; that of the wheel if it is not given.
+        vehicle: its margins are not taken off.
+        soil: under all wheels.
+        max_slip: the largest slip; that of the wheel if None.
     """
     return _steepest(vehicle, soil, False, vehicle.wheel.max_slip if max_slip is None else max_slip)
 
 
-def side_slip(vehicle: Vehicle, soil: Soil) -> Steepest:
+def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
     """The largest slope across which it does not slip: Σ (c b l + W tan φ) = m g sin β.
 
     l = r sin θ1, from the loads on the slope; with equal loads that is N c b l + m g cos β tan φ =
@@ -185,63 +257,53 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> Steepest:
     return _steepest(vehicle, soil, True, 1.0)
 
 
-def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> Steepest:
-    wheel = vehicle.wheel
-    shape, soils, _ = flat_soils(soil)
-    angle, reason = kernels.steepest(
-        across, wheel_layout(vehicle), vehicle.weight, soils, slip, wheel, wheel.max_torque
+def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
+    wheel, layout = vehicle.wheel, wheel_layout(vehicle)
+    found = kernels.steepest(
+        across, layout, vehicle.weight, one_soil(soil), slip, wheel, wheel.max_torque
     )
-    return Steepest(
-        shaped(np.maximum(angle, 0.0), shape),
-        (angle >= 0.0).reshape(shape)[()],
-        reason.reshape(shape)[()],
-    )
+    angle = found["angle"]
+    return SteepestSlope(max(angle, 0.0), angle >= 0.0, Reason(found["reason"]))
 
 
-@dataclass(frozen=True, slots=True)
-class Measure:
+class Measure(NamedTuple):
     """One thing that may bind.
 
     Attributes:
         reason: what it is.
-        share: of its limit, numbers or arrays, not NaN; infinity where nothing would help.
+        share: of its limit, not NaN; infinity where nothing would help.
         go: up to this share it is go.
         strict: whether the limit itself is no-go.
     """
 
     reason: Reason
-    share: Any
+    share: float
     go: float
     strict: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Classes:
-    """What follows from measures, in the shape that they broadcast to.
+class Judgement(NamedTuple):
+    """What follows from measures.
 
     Attributes:
-        verdict: uint8 `Verdict`.
-        reason: uint8 `Reason`, of the measure that binds most.
+        verdict: the worst.
+        reason: the measure that binds: of those with that verdict, the largest share.
         utilisation: the largest share that any measure takes of its limit.
     """
 
-    verdict: NDArray[np.uint8] | np.uint8
-    reason: NDArray[np.uint8] | np.uint8
-    utilisation: Numbers
+    verdict: Verdict
+    reason: Reason
+    utilisation: float
 
 
-def classify(measures: Sequence[Measure]) -> Classes:
-    """The worst verdict of measures, and the one that binds: of those the largest share."""
-    shape, shares = flat(*(measure.share for measure in measures))
+def judge(measures: Sequence[Measure]) -> Judgement:
+    """The worst verdict of measures, and the one that binds."""
+    reasons, shares, go, strict = zip(*measures, strict=True)
     verdict, reason, utilisation = kernels.judge(
-        np.stack(shares),
-        np.array([measure.go for measure in measures], np.float64),
-        np.array([measure.strict for measure in measures], np.bool_),
-        np.array([measure.reason for measure in measures], np.uint8),
-    )
-    return Classes(
-        verdict.reshape(shape)[()], reason.reshape(shape)[()], shaped(utilisation, shape)
-    )
+        np.array(shares, np.float64), np.array(go, np.float64), np.array(strict, np.bool_),
+        np.array(reasons, np.uint8),
+    )  # fmt: skip
+    return Judgement(Verdict(verdict), Reason(reason), utilisation)
 
 
 def slip_limit(vehicle: Vehicle) -> float:
@@ -249,34 +311,47 @@ def slip_limit(vehicle: Vehicle) -> float:
     return min(vehicle.wheel.max_slip, vehicle.thresholds.caution_slip)
 
 
-def wheel_measures(vehicle: Vehicle, need: Demand) -> tuple[Measure, ...]:
-    """What a wheel may fail by: traction U < 1, slip, torque ≤ Tmax, sinkage < r."""
-    limits = vehicle.thresholds
-    slip = slip_limit(vehicle)
-    return (
+class LevelDemand(NamedTuple):
+    """What the wheels of a vehicle need to roll on the level, the largest of all each.
+
+    Attributes:
+        torque: N m.
+        utilisation: of the soil's strength.
+        slip: 0 where it is not known.
+        sinkage: m.
+    """
+
+    torque: float
+    utilisation: float
+    slip: float
+    sinkage: float
+
+
+def level_demand(vehicle: Vehicle, soil: Soil) -> LevelDemand:
+    """What the wheels need to roll on the level."""
+    wheel, loads = vehicle.wheel, wheel_loads(vehicle)
+    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, wheel, wheel.max_torque)
+    sinkage = float(np.max(contact(loads, soil, wheel).sinkage))
+    return LevelDemand(need["torque"], need["utilisation"], need["slip"], sinkage)
+
+
+def judge_level(vehicle: Vehicle, need: LevelDemand) -> Judgement:
+    """The verdict on level ground: of the wheels, and of the body over wheels that have sunk in."""
+    wheel, limits, slip = vehicle.wheel, vehicle.thresholds, slip_limit(vehicle)
+    measures = [
         Measure(Reason.TRACTION, need.utilisation, limits.utilisation, True),
-        Measure(Reason.SLIP, np.divide(need.slip, slip), limits.slip / slip, True),
-        Measure(Reason.TORQUE, torque_share(need.torque, vehicle.wheel.max_torque), limits.torque),
-        Measure(
-            Reason.SINKAGE, np.divide(need.sinkage, vehicle.wheel.radius), limits.geometry, True
-        ),
-    )  # fmt: skip
+        Measure(Reason.SLIP, need.slip / slip, limits.slip / slip, True),
+        Measure(Reason.TORQUE, share_of(abs(need.torque), wheel.max_torque), limits.torque),
+        Measure(Reason.SINKAGE, need.sinkage / wheel.radius, limits.geometry, True),
+    ]
+    if math.isfinite(vehicle.clearance):
+        share = share_of(need.sinkage, vehicle.clearance - vehicle.margins.clearance)
+        measures.append(Measure(Reason.HIGH_CENTRED, share, limits.geometry, True))
+    return judge(measures)
 
 
-def torque_share(torque: Any, max_torque: float) -> Numbers:
-    """|T|/Tmax; 0 where no torque is needed, infinity where there is none to give it."""
-    size = np.abs(np.asarray(torque, np.float64))
-    share = np.full_like(size, np.inf)
-    if max_torque > 0.0:
-        share = size / max_torque
-    return np.where(size == 0.0, 0.0, share)[()]
-
-
-def limit_share(value: Any, limit: Any) -> Numbers:
+def share_of(size: float, limit: float) -> float:
     """The share that a size takes of a limit: 0 where it is 0 or less, infinity beyond no limit."""
-    sizes, limits = np.broadcast_arrays(
-        np.asarray(value, np.float64), np.asarray(limit, np.float64)
-    )
-    share = np.full(sizes.shape, np.inf)
-    np.divide(sizes, limits, out=share, where=limits > 0.0)
-    return np.where(sizes <= 0.0, 0.0, share)[()]
+    if size <= 0.0:
+        return 0.0
+    return size / limit if limit > 0.0 else math.inf

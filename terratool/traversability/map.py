@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -25,7 +25,7 @@ from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
 from terratool.raster.layers import Bands, Layer
 from terratool.raster.prefetch import TILE, prefetch
 from terratool.raster.statistics import BandStatistics, band_statistics
-from terratool.traversability.results import COLORS, HEADINGS, RANKS, MapSummary, Reason, Verdict
+from terratool.traversability.results import COLORS, RANKS, MapSummary, Reason, Verdict
 from terratool.traversability.survey import Surveyor, WindowMeasures, coarsest_resolution
 from terratool.traversability.vehicle import Vehicle
 
@@ -66,20 +66,23 @@ NUMBERS = Bands(
 )
 """Slopes are positive nose up and left side up."""
 
+_FILES = (VERDICT, CLASSES, NUMBERS)
+_SUFFIXES = ("", "-classes", "-numbers")
+_WHEEL_PART = 4
 
-@dataclass(frozen=True, slots=True)
-class MapBands:
+
+class MapBands(NamedTuple):
     """A window of a map, (bands, height, width) each.
 
     Attributes:
-        verdict: of `VERDICT`.
-        classes: of `CLASSES`.
-        numbers: of `NUMBERS`, NaN for what is not known or has no limit.
+        verdict: uint8, of `VERDICT`.
+        classes: uint8, of `CLASSES`.
+        numbers: float32, of `NUMBERS`, NaN for what is not known or has no limit.
     """
 
-    verdict: NDArray[np.uint8]
-    classes: NDArray[np.uint8]
-    numbers: NDArray[np.float32]
+    verdict: NDArray[Any]
+    classes: NDArray[Any]
+    numbers: NDArray[Any]
 
 
 def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
@@ -134,11 +137,6 @@ def _extreme(of: np.ufunc, values: NDArray[np.float32]) -> NDArray[Any]:
     return np.asarray(of.reduce(values, axis=0))
 
 
-_FILES = (VERDICT, CLASSES, NUMBERS)
-_SUFFIXES = ("", "-classes", "-numbers")
-_WHEEL_PART = 4
-
-
 def default_resolution(
     terrain: Terrain, vehicle: Vehicle, bounds: Bounds | None = None, most: int = DEFAULT_PIXELS
 ) -> tuple[float, str]:
@@ -182,7 +180,7 @@ class _Made:
 
     Attributes:
         window: of the grid.
-        folded: what its files hold.
+        bands: what its files hold.
         statistics: of the numbers.
         counts: (surfaces + 1, verdicts) int64, pixels with ground by surface and best verdict.
         worst: (verdicts,) by the verdict of the worst heading.
@@ -190,76 +188,64 @@ class _Made:
     """
 
     window: Window
-    folded: MapBands
+    bands: MapBands
     statistics: tuple[BandStatistics, ...]
     counts: NDArray[np.int64]
     worst: NDArray[np.int64]
     reasons: NDArray[np.int64]
 
 
-def map_to_tif(
-    terrain: Terrain,
-    vehicle: Vehicle,
-    grid: Grid,
+def write_map(
+    surveyor: Surveyor,
     path: str | Path | None,
     *,
-    headings: int = HEADINGS,
     threads: int | None = None,
     overwrite: bool = False,
     progress: Callable[[int], object] | None = None,
     stack: contextlib.ExitStack | None = None,
 ) -> MapSummary:
-    """Judge a vehicle at every pixel of a grid, and write what is found out.
+    """Judge a vehicle at every pixel of a grid, and write the results as GeoTIFFs.
 
     `path` gets the verdict of the best heading, with a colour table; beside it NAME-classes.tif has
-    that of the worst heading and what binds, and NAME-numbers.tif the measures (`bands`). Pixels
-    beyond the terrain are nodata. Memory is bounded by some tiles, whatever the size of the grid.
+    that of the worst heading and what binds, and NAME-numbers.tif the measures. Pixels beyond the
+    terrain are nodata. Memory is bounded by some tiles, whatever the size of the grid.
 
     Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
-        grid: the pixels.
-        path: a .tif; None for none, only to count.
-        headings: a multiple of 4 from 4 to 64.
-        threads: number of threads; as many as there are processors, if not said.
+        surveyor: of a vehicle on a terrain, on the pixels of the map.
+        path: a .tif; None to count only.
+        threads: number of threads; as many as there are processors if None.
         overwrite: whether the files may be there already.
-        progress: is told the number of pixels of each tile that is done.
+        progress: called with the number of pixels of each tile that is done.
         stack: the files take their places when it ends, together with what else is in it; when
-            they are complete, if not said.
+            they are complete if None.
 
     Raises:
-        RequestError: as `survey`, or the file is no .tif.
+        RequestError: the file is no .tif, or the number of threads makes no sense.
         WriteError: a file exists, cannot be written or does not fit on the disk.
         DefinitionError: the CRS of the terrain is unknown.
     """
     threads = checked_threads(threads)
-    surveyor = Surveyor(terrain, vehicle, grid, headings)
-    with contextlib.nullcontext(stack) if stack else contextlib.ExitStack() as files:
-        sinks: list[GeoTiff] = []
+    terrain, grid = surveyor.terrain, surveyor.grid
+    with contextlib.nullcontext(stack) if stack else contextlib.ExitStack() as opened:
+        files: list[GeoTiff] = []
         if path is not None:
-            sinks = _opened(files, terrain, grid, Path(path), overwrite, threads)
+            files = _opened(opened, terrain, grid, Path(path), overwrite, threads)
         count = np.zeros((len(terrain.surfaces) + 1, len(Verdict)), np.int64)
         worst, reasons = np.zeros(len(Verdict), np.int64), np.zeros(len(Reason), np.int64)
         statistics = [BandStatistics()] * NUMBERS.count
-        make = partial(_made, surveyor, terrain, grid)
-        for made in prefetch(make, grid.windows(TILE, TILE), threads):
-            parts: tuple[NDArray[Any], ...] = (
-                made.folded.verdict,
-                made.folded.classes,
-                made.folded.numbers,
-            )
-            for sink, pixels in zip(sinks, parts, strict=False):
-                sink.write(made.window, pixels)
+        for made in prefetch(partial(_made, surveyor), grid.windows(TILE, TILE), threads):
+            for file, pixels in zip(files, made.bands, strict=False):
+                file.write(made.window, pixels)
             statistics = list(map(BandStatistics.with_, statistics, made.statistics))
             count, worst, reasons = count + made.counts, worst + made.worst, reasons + made.reasons
             if progress:
                 progress(made.window.height * made.window.width)
-        if sinks:
-            sinks[-1].finish(statistics)
+        if files:
+            files[-1].finish(statistics)
     names = ("", *terrain.surfaces)
     return MapSummary(
         grid,
-        headings,
+        surveyor.headings,
         _by_verdict(count.sum(axis=0)),
         _by_verdict(worst),
         {Reason(n): number for n, number in enumerate(reasons.tolist()) if number},
@@ -271,8 +257,9 @@ def _by_verdict(counts: NDArray[np.int64]) -> dict[Verdict, int]:
     return dict(zip(Verdict, counts.tolist(), strict=True))
 
 
-def _made(surveyor: Surveyor, terrain: Terrain, grid: Grid, window: Window) -> _Made:
+def _made(surveyor: Surveyor, window: Window) -> _Made:
     """Judge a tile, block by block."""
+    terrain, grid = surveyor.terrain, surveyor.grid
     west, south, east, north = terrain.bounds
     flat = (window.height, window.width)
     whole = MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
@@ -284,8 +271,8 @@ def _made(surveyor: Surveyor, terrain: Terrain, grid: Grid, window: Window) -> _
         folded = map_bands(measures, inside)
         row, column = block.row - window.row, block.column - window.column
         part = np.s_[row : row + block.height, column : column + block.width]
-        whole.verdict[:, *part], whole.classes[:, *part] = folded.verdict, folded.classes
-        whole.numbers[:, *part] = folded.numbers
+        for bands, pixels in zip(whole, folded, strict=True):
+            bands[:, *part] = pixels
         ground[part], surfaces[part] = ~np.isnan(measures.heights), measures.surfaces
     best, worst, reasons = whole.verdict[0][ground], *whole.classes[:2, ground]
     shape = (len(terrain.surfaces) + 1, len(Verdict))
@@ -318,7 +305,7 @@ def _opened(
     crs_of(terrain)
     refuse_full_disk(path, grid, _FILES, form)
     parts = [stack.enter_context(whole_file(name, overwrite, COMPANIONS)) for name in paths]
-    sinks = []
+    files = []
     for part, bands in zip(parts, _FILES, strict=True):
         nodata = None if bands is NUMBERS else 0.0
         file = stack.enter_context(
@@ -329,8 +316,8 @@ def _opened(
         if bands is not NUMBERS:
             names = part.with_name(f"{part.name}.aux.xml")
             names.write_bytes(_class_names(bands))
-        sinks.append(file)
-    return sinks
+        files.append(file)
+    return files
 
 
 def _class_names(bands: Bands) -> bytes:

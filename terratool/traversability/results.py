@@ -1,4 +1,4 @@
-"""What is found out about a vehicle on a terrain: verdicts, their reasons, routes, reports."""
+"""Results about a vehicle on a terrain: verdicts, their reasons, routes, reports."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.kernels import traversability as kernels
-from terratool.raster.grid import Grid, Window
+from terratool.raster.grid import Grid
 from terratool.traversability.vehicle import Vehicle
+
+HEADINGS = 8
+"""Headings of a survey by default: 0 is north, then clockwise."""
 
 
 class Verdict(IntEnum):
@@ -37,7 +40,13 @@ COLORS: dict[Verdict, tuple[int, int, int]] = {
     Verdict.CAUTION: (224, 138, 30),
     Verdict.NO_GO: (140, 28, 68),
 }
-"""Told apart by any kind of colour vision, and in grey by lightness: L* 88, 65 and 31, grey 65."""
+"""Distinct for any kind of colour vision, and in grey by lightness: L* 88, 65 and 31, grey 65."""
+
+_LABELS = (
+    "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
+    "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
+    "roughness",
+)  # fmt: skip
 
 
 class Reason(IntEnum):
@@ -65,12 +74,6 @@ class Reason(IntEnum):
 
 
 kernels.check_enumerations(Verdict, Reason)
-
-_LABELS = (
-    "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
-    "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,11 +103,11 @@ class Figures:
         utilisation: of the strength on the level.
         slip: on the level; None where it is not known.
         climb: largest slope, rad; None where it cannot even drive on the level.
-        climb_limit: what binds there.
+        climb_binding: what binds there.
         cross_slope: largest, rad.
-        cross_limit: what binds there.
+        cross_slope_binding: what binds there.
         step: highest, m.
-        step_limit: what binds there, in words.
+        step_binding: what binds there, in words.
         gap: widest, m.
         verdict: on level ground.
         reason: what binds on level ground.
@@ -132,31 +135,26 @@ class Figures:
     utilisation: float | None = None
     slip: float | None = None
     climb: float | None = None
-    climb_limit: Reason = Reason.NONE
+    climb_binding: Reason = Reason.NONE
     cross_slope: float | None = None
-    cross_limit: Reason = Reason.NONE
+    cross_slope_binding: Reason = Reason.NONE
     step: float | None = None
-    step_limit: str = ""
+    step_binding: str = ""
     gap: float | None = None
     verdict: Verdict = Verdict.UNKNOWN
     reason: Reason = Reason.NONE
     warnings: tuple[str, ...] = ()
 
 
-HEADINGS = 8
-"""Headings of a survey if nobody says otherwise: 0 is north, then clockwise."""
-
-
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """A vehicle at the pixel centres of a window, heading by heading.
+    """A vehicle at the pixel centres of a grid, heading by heading.
 
     Rows run from the north. What depends on the heading is (headings, height, width); heading i
-    looks 360°·i/headings clockwise from north. At each pixel centre stands the vehicle's `middle`.
+    is 360°·i/headings clockwise from north. At each pixel centre stands the vehicle's `middle`.
 
     Attributes:
         grid: the pixels.
-        window: of the grid.
         heights: (height, width) float32, NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
         verdict: uint8 `Verdict`.
@@ -173,7 +171,6 @@ class Survey:
     """
 
     grid: Grid
-    window: Window
     heights: NDArray[np.float32]
     surfaces: NDArray[Any]
     verdict: NDArray[np.uint8]
@@ -226,7 +223,7 @@ class Extreme:
 
 @dataclass(frozen=True, slots=True)
 class RouteProfile:
-    """Samples along a route, (n,) float64 each unless said otherwise.
+    """Samples along a route, (n,) float64 each where nothing else stands.
 
     Attributes:
         x, y: world.
@@ -374,7 +371,6 @@ class TraversabilityReport:
         summary: of the map.
         verdict: of the whole: of the route if there is one, else of the map's best cells: GO where
             all is, NO_GO where nothing is better than that, CAUTION in between.
-        sentence: the verdict for people, and what binds most.
         routes: as asked for.
         reach: if asked for.
         preview: a survey on a grid coarse enough for a picture; None where no picture is wanted.
@@ -389,7 +385,6 @@ class TraversabilityReport:
     surfaces: tuple[Figures, ...]
     summary: MapSummary
     verdict: Verdict
-    sentence: str
     routes: tuple[Route, ...] = ()
     reach: Reach | None = None
     preview: Survey | None = None

@@ -22,7 +22,7 @@ from terratool.field.terrain import Terrain
 from terratool.text.display import shown
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
-from terratool.traversability.loads import wheel_layout, wheel_loads
+from terratool.traversability.limits import wheel_layout, wheel_loads
 from terratool.traversability.soil import bekker_sinkage
 from terratool.traversability.vehicle import Vehicle
 
@@ -33,11 +33,17 @@ STEP = math.radians(10.0)
 
 Points = NDArray[np.float64]
 
+SHARE = 0.2
+"""Wheel lines are simplified by this share of a wheel's width."""
+_SAMPLES = 2_000_000
+"""Samples along the wheels' lines at most."""
+_DIGITS = 6
+
 
 def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[int, Points]]:
     """The line that each wheel rolls along, seen from above.
 
-    The vehicle is a rigid body that turns by skidding: its middle stays on the path, and it looks
+    The vehicle is a rigid body that turns by skidding: its middle stays on the path, and it heads
     along the path, at a point where the path bends a little halfway between the two directions.
 
     Args:
@@ -66,7 +72,7 @@ def _poses(path: Points) -> tuple[Points, Points]:
     """Places (n, 2), and headings (n,) in radians clockwise from north, one after another."""
     legs = np.diff(path, axis=0)
     headings = np.arctan2(legs[:, 0], legs[:, 1])
-    places, looks = [path[0]], [headings[0]]
+    places, turned = [path[0]], [headings[0]]
     for at, before, after in zip(path[1:-1], headings[:-1], headings[1:], strict=True):
         turn = math.remainder(after - before, 2 * math.pi)
         if abs(turn) <= SHARPEST:
@@ -74,8 +80,8 @@ def _poses(path: Points) -> tuple[Points, Points]:
         else:
             angles = (before + np.linspace(0.0, turn, math.ceil(abs(turn) / STEP) + 1)).tolist()
         places += [at] * len(angles)
-        looks += angles
-    return np.array([*places, path[-1]]), np.array([*looks, headings[-1]])
+        turned += angles
+    return np.array([*places, path[-1]]), np.array([*turned, headings[-1]])
 
 
 def simplified(line: Points, tolerance: float) -> Points:
@@ -106,13 +112,6 @@ def distances(points: Points, begin: Points, end: Points) -> Points:
     t = ((points - begin) @ along) / length if length else np.zeros(len(points))
     nearest = begin + np.clip(t, 0.0, 1.0)[:, None] * along
     return np.asarray(np.hypot(*(points - nearest).T), np.float64)
-
-
-SHARE = 0.2
-"""Wheel lines are simplified by this share of a wheel's width."""
-_SAMPLES = 2_000_000
-"""So many places along the wheels' lines are looked at, and no more."""
-_DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +213,7 @@ def deform(
             )
         )
     known = () if definition.tracks is UNSET else definition.tracks
-    tracks, added, again = _together(known, fresh)
+    tracks, added, again = _merged(known, fresh)
     return Deformed(
         tracks,
         added,
@@ -237,7 +236,7 @@ def _distinct(path: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) -> dict[str, float]:
-    """Metres of a line on each surface, looked at in steps of about `spacing`."""
+    """Metres of a line on each surface, sampled in steps of about `spacing`."""
     lengths = np.hypot(*np.diff(line, axis=0).T)
     if lengths.sum() / spacing > _SAMPLES:
         spacing = lengths.sum() / _SAMPLES
@@ -248,10 +247,10 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
     places = np.concatenate([line[leg] * (1 - t) + line[leg + 1] * t, line[[0, -1]]])
     x, y = places.T
     samples = ground.sample(x, y)
-    bare = np.flatnonzero(np.isnan(samples.height))
-    if len(bare):
-        at = places[bare[0]]
-        outside = samples.element[bare[0]] == -2
+    void = np.flatnonzero(np.isnan(samples.height))
+    if len(void):
+        at = places[void[0]]
+        outside = samples.element[void[0]] == -2
         raise RequestError(
             f"A wheel would run {'outside of the terrain' if outside else 'over no ground'} at "
             f"{at[0]:.6g} {at[1]:.6g}.",
@@ -259,9 +258,9 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
             if outside
             else "Lead the path around it.",
         )
-    nowhere = np.flatnonzero(samples.surface < 0)
-    if len(nowhere):
-        at = places[nowhere[0]]
+    unnamed = np.flatnonzero(samples.surface < 0)
+    if len(unnamed):
+        at = places[unnamed[0]]
         raise RequestError(
             f"The ground at {at[0]:.6g} {at[1]:.6g} has no surface, so nothing says how deep a "
             "wheel sinks.",
@@ -314,13 +313,13 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
 
 
-def _together(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, ...], int, int]:
+def _merged(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, ...], int, int]:
     """Old tracks and new ones; what has the same path and wheel is one track with more passes."""
     tracks = list(known)
-    places = {_alike(track): i for i, track in enumerate(tracks)}
+    places = {_track_key(track): i for i, track in enumerate(tracks)}
     again: set[int] = set()
     for track in fresh:
-        at = places.setdefault(_alike(track), len(tracks))
+        at = places.setdefault(_track_key(track), len(tracks))
         if at == len(tracks):
             tracks.append(track)
             continue
@@ -331,8 +330,8 @@ def _together(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track
     return tuple(tracks), len(tracks) - len(known), len(again)
 
 
-def _alike(track: Track) -> Any:
-    """What two tracks have in common that are driven in the same line."""
+def _track_key(track: Track) -> Any:
+    """What is the same for two tracks that are driven in the same line."""
     depth = track.depth
     depths = tuple(sorted(depth.items())) if isinstance(depth, dict) else depth
     return track.path, track.width, track.load, depths, track.multipass, track.surface

@@ -16,20 +16,48 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import Grid, Window
 from terratool.raster.prefetch import prefetch
-from terratool.traversability.arrays import SoilArrays
-from terratool.traversability.footprint import Footprint, Offsets, Pose, footprint
-from terratool.traversability.ground import Ground, Grounds
-from terratool.traversability.limits import slip_limit, step_of
-from terratool.traversability.loads import WheelLayout, tip_edges, wheel_layout
+from terratool.traversability.limits import (
+    WheelLayout,
+    slip_limit,
+    step_of,
+    tip_edges,
+    wheel_layout,
+)
 from terratool.traversability.results import HEADINGS, Survey
 from terratool.traversability.soil import soils
+from terratool.traversability.stance import (
+    Ground,
+    GroundPainter,
+    HeadingFootprint,
+    Offsets,
+    VehicleFootprint,
+    vehicle_footprint,
+)
 from terratool.traversability.vehicle import Vehicle, Wheel
+from terratool.traversability.wheel import SoilArrays
 
 ROUGH = 0.5
 """Share of the wheel's radius, or of the clearance if that is less, that roughness may take."""
 
 _ANY = 1e9
 """A friction that ends no climb."""
+
+_FINE = 0.5
+"""Ground has pixels no larger than this share of the wheel's radius …"""
+_MOST_PARTS = 65
+"""… so many for a pixel of the grid, along each side, but no more."""
+_MOST_ACROSS = 512
+"""A vehicle covers no more pixels than that from end to end."""
+_LEAST = 0.02
+"""Walls lower than this share of the wheel's radius are roughness."""
+_DETREND = 1.5
+"""A step is what a wheel rises within so many radii before and behind a wall."""
+
+_BLOCK = (128, 512)
+_FINE_PIXELS = 1 << 22
+"""Pixels of ground that are sweep at a time; with what is found out of them some 200 MB."""
+
+MOST_HEADINGS = 64
 
 
 class VehicleParams(NamedTuple):
@@ -105,24 +133,6 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
     return SoilArrays(*members), steps
 
 
-_FINE = 0.5
-"""Ground has pixels no larger than this share of the wheel's radius …"""
-_MOST_PARTS = 65
-"""… so many for a pixel of the grid, along each side, but no more."""
-_MOST_ACROSS = 512
-"""A vehicle covers no more pixels than that from end to end."""
-_LEAST = 0.02
-"""Walls lower than this share of the wheel's radius are roughness."""
-_DETREND = 1.5
-"""A step is what a wheel rises within so many radii before and behind a wall."""
-
-_BLOCK = (128, 512)
-_FINE_PIXELS = 1 << 22
-"""Pixels of ground that are swept at a time; with what is found out of them some 200 MB."""
-
-MOST_HEADINGS = 64
-
-
 @dataclass(frozen=True, slots=True)
 class WindowMeasures:
     """All that is found out about a window, (headings, height, width) but for the first two.
@@ -135,7 +145,7 @@ class WindowMeasures:
         step: float32, highest ahead of a wheel, m.
         rough: float32, RMS distance of the ground from its plane, m; NaN where it is not known.
         clearance: float32, left under the body, m; infinity where nothing can touch, NaN where
-            there is no pose.
+            it stands nowhere.
         overhang: float32, left under the overhangs, m; likewise.
     """
 
@@ -191,48 +201,45 @@ def survey(
     terrain: Terrain,
     vehicle: Vehicle,
     grid: Grid,
-    window: Window | None = None,
     headings: int = HEADINGS,
     *,
     threads: int | None = None,
 ) -> Survey:
-    """A vehicle at the pixel centres of a window, or the whole, of a grid.
+    """A vehicle at the pixel centres of a grid.
 
     Memory is that of the result (26 bytes for each pixel and heading) and of some blocks of ground.
-    A window has the pixels of the whole to the last bit.
 
     Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
+        terrain: the ground.
+        vehicle: a vehicle, or a wheel by itself.
         grid: the pixels.
-        window: of the grid; all of it, if not said.
         headings: a multiple of 4 from 4 to 64.
-        threads: number of threads; as many as there are processors, if not said.
+        threads: number of threads; as many as there are processors if None.
 
     Raises:
         RequestError: the resolution does not go with the vehicle, or the number of headings or of
             threads makes no sense, or a surface has figures that are too large.
     """
     surveyor = Surveyor(terrain, vehicle, grid, headings)
-    window = window or grid.whole
-    flat, deep = (window.height, window.width), (headings, window.height, window.width)
-    verdict, reason = np.empty(deep, np.uint8), np.empty(deep, np.uint8)
-    names = (
+    flat = (grid.height, grid.width)
+    verdict, reason = np.empty((2, headings, *flat), np.uint8)
+    planes = (
         kernels.UTILISATION, kernels.PITCH, kernels.ROLL, kernels.SINKAGE, kernels.SLIP,
         kernels.ENERGY,
     )  # fmt: skip
-    numbers = [np.empty(deep, np.float32) for _ in names]
+    numbers = [np.empty((headings, *flat), np.float32) for _ in planes]
     heights, surfaces = np.empty(flat, np.float32), np.empty(flat, surveyor.ids)
-    blocks = list(surveyor.blocks(window))
+    blocks = list(surveyor.blocks(grid.whole))
     made = prefetch(surveyor.measure, blocks, checked_threads(threads))
     for block, found in zip(blocks, made, strict=True):
-        row, column = block.row - window.row, block.column - window.column
-        part = np.s_[row : row + block.height, column : column + block.width]
+        part = np.s_[
+            block.row : block.row + block.height, block.column : block.column + block.width
+        ]
         heights[part], surfaces[part] = found.heights, found.surfaces
         verdict[:, *part], reason[:, *part] = found.verdict, found.reason
-        for plane, name in zip(numbers, names, strict=True):
-            plane[:, *part] = found.numbers[:, name]
-    return Survey(grid, window, heights, surfaces, verdict, reason, *numbers)
+        for values, plane in zip(numbers, planes, strict=True):
+            values[:, *part] = found.numbers[:, plane]
+    return Survey(grid, heights, surfaces, verdict, reason, *numbers)
 
 
 def coarsest_resolution(vehicle: Vehicle) -> float:
@@ -287,18 +294,18 @@ class Surveyor:
                 f"Give a multiple of 4 from 4 to {MOST_HEADINGS}.",
             )
         self.headings = headings
-        self._terrain, self._vehicle, self._grid = terrain, vehicle, grid
+        self.terrain, self.grid, self._vehicle = terrain, grid, vehicle
         self._parts = parts = parts_of(vehicle, grid.resolution)
         self._fine = Grid(
             grid.west, grid.south, grid.resolution / parts, grid.height * parts, grid.width * parts
         )
         radius = vehicle.wheel.radius
-        self._footprint: Footprint = footprint(
+        self._footprint: VehicleFootprint = vehicle_footprint(
             vehicle, self._fine.resolution, grid.resolution, headings
         )
         self._margin = math.ceil(self._footprint.margin / parts)
         slopes = vehicle.wheelbase == 0.0 or vehicle.track == 0.0
-        self._grounds = Grounds(terrain, self._fine, _LEAST * radius, slopes, radius)
+        self._painter = GroundPainter(terrain, self._fine, _LEAST * radius, slopes, radius)
         self._on_soils = kernels.VehicleOnSoils(
             vehicle_params(vehicle), *soil_table(terrain, vehicle)
         )
@@ -306,7 +313,7 @@ class Surveyor:
     @property
     def ids(self) -> np.dtype[Any]:
         """Type of the surfaces."""
-        return np.min_scalar_type(len(self._terrain.surfaces))
+        return np.min_scalar_type(len(self.terrain.surfaces))
 
     def blocks(self, window: Window) -> Iterator[Window]:
         """Windows that cover a larger one, each not too large to be measured at once."""
@@ -320,73 +327,68 @@ class Surveyor:
             parts * (window.row - margin), parts * (window.column - margin),
             parts * (window.height + 2 * margin), parts * (window.width + 2 * margin),
         )  # fmt: skip
-        ground = self._grounds.of(around)
-        swept = _Swept(self, window, ground)
-        flat, deep = (window.height, window.width), (self.headings, window.height, window.width)
+        sweep = _Sweep(self, window, self._painter.paint(around))
+        flat = (window.height, window.width)
+        deep = (self.headings, *flat)
         numbers = np.empty((self.headings, kernels.PLANES, *flat), np.float32)
-        verdict, reason = np.empty(deep, np.uint8), np.empty(deep, np.uint8)
-        step, rough, clearance, overhang = (np.empty(deep, np.float32) for _ in range(4))
+        verdict, reason = np.empty((2, *deep), np.uint8)
+        step, rough, clearance, overhang = np.empty((4, *deep), np.float32)
         half = self.headings // 2
         for turn in range(half):
-            supports = swept.supports(self._footprint.poses[turn])
-            steps = swept.steps(self._footprint.poses[turn], supports)
-            stand = None
+            first = self._footprint.by_heading[turn]
+            supports = sweep.supports(first)
+            steps = sweep.steps(first, supports)
+            body = None
             for heading in (turn, turn + half):
-                pose = self._footprint.poses[heading]
-                if stand is None or not self._footprint.shared:
-                    stand = swept.stand(pose, supports)
-                plane, bump, ragged = stand
-                front, rear = (swept.bump(offsets, plane) for offsets in (pose.front, pose.rear))
-                step[heading], rough[heading] = swept.ahead(pose, steps), ragged
+                covered = self._footprint.by_heading[heading]
+                if body is None or not self._footprint.shared:
+                    body = sweep.body(covered, supports)
+                plane, bump, rough[heading] = body
+                step[heading] = sweep.step_ahead(covered, steps)
                 stance = Stance(
-                    plane, bump, front, rear, ragged, step[heading], self._beyond(window, heading),
-                    swept.ids, swept.first, swept.placed(pose.wheels),
+                    plane, bump, sweep.bump(covered.front, plane), sweep.bump(covered.rear, plane),
+                    rough[heading], step[heading], self._reaches_beyond(window, heading),
+                    sweep.ids, sweep.first, sweep.placed(covered.wheels),
                 )  # fmt: skip
                 out = Verdicts(verdict[heading], reason[heading], numbers[heading])
-                kernels.judge_cells(self._on_soils, stance, *pose.ahead, out)
-                left = self._left(plane, bump, front, rear, numbers[heading])
+                kernels.judge_cells(self._on_soils, stance, *covered.direction, out)
+                left = self._clearances(stance, numbers[heading])
                 clearance[heading], overhang[heading] = left
         return WindowMeasures(
-            swept.heights,
-            swept.surfaces,
-            verdict,
-            reason,
-            numbers,
-            step,
-            rough,
-            clearance,
+            sweep.heights, sweep.surfaces, verdict, reason, numbers, step, rough, clearance,
             overhang,
-        )
+        )  # fmt: skip
 
-    def _left(
-        self, plane: Any, bump: Any, front: Any, rear: Any, numbers: Any
+    def _clearances(
+        self, stance: Stance, numbers: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """What is left of the clearance, and of that under the overhangs, m."""
         vehicle = self._vehicle
-        down = 1.0 / np.sqrt(1.0 + plane[1] ** 2 + plane[2] ** 2)
+        down = 1.0 / np.sqrt(1.0 + stance.plane[1] ** 2 + stance.plane[2] ** 2)
         sunk = np.nan_to_num(numbers[kernels.SINKAGE], nan=0.0)
         nowhere = np.isnan(numbers[kernels.PITCH])
         left = []
         for height, under in (
-            (vehicle.clearance, bump), (vehicle.front.height, front), (vehicle.rear.height, rear)
+            (vehicle.clearance, stance.bump), (vehicle.front.height, stance.front),
+            (vehicle.rear.height, stance.rear),
         ):  # fmt: skip
             ground = np.where(np.isneginf(under), -np.inf, np.maximum(under, 0.0) * down + sunk)
             left.append(np.where(nowhere, np.nan, height - ground).astype(np.float32))
         return left[0], np.minimum(left[1], left[2])
 
-    def _beyond(self, window: Window, heading: int) -> NDArray[np.bool_]:
+    def _reaches_beyond(self, window: Window, heading: int) -> NDArray[np.bool_]:
         """Where the vehicle reaches beyond the terrain."""
-        west, south, east, north = self._terrain.bounds
+        west, south, east, north = self.terrain.bounds
         to_west, to_south, to_east, to_north = self._footprint.sides[heading]
-        x, y = self._grid.columns(window), self._grid.rows(window)
+        x, y = self.grid.columns(window), self.grid.rows(window)
         near = 1e-9 * max(abs(west), abs(south), abs(east), abs(north), east - west, north - south)
         out_x = (x - to_west < west - near) | (x + to_east > east + near)
         out_y = (y - to_south < south - near) | (y + to_north > north + near)
         return np.asarray(out_y[:, None] | out_x[None, :])
 
 
-class _Swept:
-    """The ground of a window, laid out for sweeps."""
+class _Sweep:
+    """The ground of a window, laid out for sweeps of a footprint over it."""
 
     def __init__(self, surveyor: Surveyor, window: Window, ground: Ground) -> None:
         self._parts, self._margin = surveyor._parts, surveyor._margin
@@ -395,9 +397,9 @@ class _Swept:
         self.first = self._parts * self._margin + self._parts // 2
         self._heights = self._phased(ground.heights)
         self.ids = self._phased(ground.surfaces)
-        middle = np.zeros((1, 2), np.int64)
-        self.surfaces = self._at(self.ids, middle[0])
-        heights = self._at(self._heights, middle[0])
+        middle = np.zeros(2, np.int64)
+        self.surfaces = self._at(self.ids, middle)
+        heights = self._at(self._heights, middle)
         self.heights = np.where(np.isneginf(heights), np.float32(np.nan), heights)
 
     def _phased(self, plane: NDArray[Any]) -> NDArray[Any]:
@@ -431,29 +433,30 @@ class _Swept:
         resolution = self._surveyor._fine.resolution
         return np.asarray(offsets[:, ::-1] * (resolution, -resolution), np.float32)
 
-    def stand(
-        self, pose: Pose, supports: NDArray[np.float32]
+    def body(
+        self, covered: HeadingFootprint, supports: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], Any, Any]:
         """The plane that the vehicle stands on, what rises above it under the body, roughness."""
-        plane = np.zeros((3, *self._shape), np.float32)
         phased = self._phased(supports)
         total = np.zeros((3, *self._shape))
-        for n, wheel in enumerate(pose.wheels):
+        for n, wheel in enumerate(covered.wheels):
             support = self._at(phased, wheel)
             support[np.isneginf(self._at(self._heights, wheel))] = np.nan
-            total += pose.fit[:, n, None, None] * support
-        plane[:] = total
+            total += covered.fit[:, n, None, None] * support
+        plane = total.astype(np.float32)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
             # wheels in a row say nothing of a plane: they take the ground's own slope under them
-            treads = np.concatenate([self.placed(wheel + pose.tread) for wheel in pose.wheels])
+            treads = np.concatenate(
+                [self.placed(wheel + covered.tread) for wheel in covered.wheels]
+            )
             for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
                 kernels.mean(self._phased(slope), self.first, treads, plane[axis])
-        places = self._shifts(pose.places)
+        places = self._shifts(covered.places)
         rough = self._empty()
         kernels.roughness(
-            phased, self.first, self.placed(pose.places), places, plane, _spread(places), rough
+            phased, self.first, self.placed(covered.places), places, plane, _spread(places), rough
         )
-        return plane, self.bump(pose.body, plane), rough
+        return plane, self.bump(covered.body, plane), rough
 
     def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
         """How far the ground stands above the plane under offsets, m."""
@@ -463,16 +466,18 @@ class _Swept:
         )
         return out
 
-    def supports(self, pose: Pose) -> NDArray[np.float32]:
+    def supports(self, covered: HeadingFootprint) -> NDArray[np.float32]:
         """How high a wheel's lowest point stands at every pixel of the ground, m.
 
         Minus infinity where there is no ground, and along the edges, where not all of it is known.
         """
         out = np.empty_like(self._ground.heights)
-        kernels.supports(self._ground.heights, pose.tread, pose.lift, out)
+        kernels.supports(self._ground.heights, covered.tread, covered.lift, out)
         return out
 
-    def steps(self, pose: Pose, supports: NDArray[np.float32]) -> NDArray[np.float32] | None:
+    def steps(
+        self, covered: HeadingFootprint, supports: NDArray[np.float32]
+    ) -> NDArray[np.float32] | None:
         """Steps that wheels with a heading, or its opposite, meet; None for none, else phased."""
         if not len(self._ground.pairs):
             return None
@@ -480,17 +485,18 @@ class _Swept:
         radius = self._surveyor._vehicle.wheel.radius
         strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
         kernels.raise_steps(
-            supports, self._ground.pairs, self._ground.jumps, *pose.ahead, strides, steps
+            supports, self._ground.pairs, self._ground.jumps, *covered.direction, strides, steps
         )
         return self._phased(steps)
 
-    def ahead(self, pose: Pose, steps: NDArray[np.float32] | None) -> NDArray[np.float32]:
+    def step_ahead(
+        self, covered: HeadingFootprint, steps: NDArray[np.float32] | None
+    ) -> NDArray[np.float32]:
         """The highest step ahead of the wheels, m."""
         if steps is None:
             return np.zeros(self._shape, np.float32)
         out = self._empty()
-        level = np.zeros(len(pose.lane), np.float32)
-        kernels.highest(steps, self.first, self.placed(pose.lane), level, out)
+        kernels.highest(steps, self.first, self.placed(covered.lane), out)
         return out
 
 

@@ -15,6 +15,8 @@ from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.text.source import read_source
 
+_PLAIN = ("mass", "track", "clearance", "body_width", "speed", "power")
+
 
 @dataclass(frozen=True, slots=True)
 class Soil:
@@ -248,9 +250,6 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         name=name,
         **{key: given[key] for key in _PLAIN if key in given},
     )
-
-
-_PLAIN = ("mass", "track", "clearance", "body_width", "speed", "power")
 
 
 def _given(text: Struct) -> dict[str, float]:

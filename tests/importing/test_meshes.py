@@ -20,12 +20,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import ReadError, RequestError, TerratoolError
-from terratool.importing import headers, meshes
+from terratool.importing import meshes, threemf
 from terratool.importing.meshes import READERS, read_triangles
-from terratool.importing.sampling import read_mesh
-from terratool.importing.triangles import Triangles
-from terratool.mesh.files import write_mesh
+from terratool.importing.sources import SampledHeights, SourceOptions, Triangles, open_source
+from terratool.mesh.export import write_mesh
 from tests.conftest import terrain_of
+from tests.meshes import exported
 from tests.viewers import oblong, program
 
 POINTS = [(0, 0, 1), (6, 0, 2), (6, 3, 4.25), (0, 3, 0.5), (2, 1, 5)]
@@ -287,13 +287,19 @@ def test_notes_say_which_way_is_up_and_what_the_unit_was(tmp_path: Path) -> None
     assert note == "The file is in inches; metres were made of them."
 
 
+def heights_of(path: Path, resolution: float, **options: Any) -> SampledHeights:
+    """The heights of a mesh in a file."""
+    with open_source(str(path), SourceOptions(resolution=resolution, **options)) as samples:
+        assert isinstance(samples, SampledHeights)
+        return samples
+
+
 def test_heights_of_a_file(tmp_path: Path) -> None:
     """From bytes to pixels: the south-west corner is low, the top stands in the south-west."""
-    told: list[str] = []
     put_stl(tmp_path / "tent.stl")
-    samples = read_mesh(tmp_path / "tent.stl", 0.5, progress=told.append)
+    samples = heights_of(tmp_path / "tent.stl", 0.5)
     assert samples.values.shape == (6, 12)
-    assert samples.lattice.bounds == (0, 0, 6, 3)
+    assert samples.grid.bounds == (0, 0, 6, 3)
     # 0.75, 0.25 lies in the triangle of (0, 0, 1), (6, 0, 2) and (2, 1, 5)
     assert samples.values[0, 1] == pytest.approx(1 + 0.75 / 6 + 0.25 * (5 - 1 - 2 / 6), rel=1e-12)
     # 2.25, 1.25 in that of (6, 3, 4.25), (0, 3, 0.5) and (2, 1, 5)
@@ -301,13 +307,12 @@ def test_heights_of_a_file(tmp_path: Path) -> None:
     # 2.75, 1.25 in that of (6, 0, 2), (6, 3, 4.25) and (2, 1, 5), which has the highest centre
     assert samples.values[2, 5] == pytest.approx(5 - 0.75 * 2.25 / 4 + 0.25 * 0.75, rel=1e-12)
     assert samples.values[2, 5] == samples.values.max()
-    assert told == ["Reading the mesh", "Sampling 4 faces"]
 
 
 def test_bounds_and_scale_go_together(tmp_path: Path) -> None:
     put_stl(tmp_path / "tent.stl")
-    whole = read_mesh(tmp_path / "tent.stl", 0.5)
-    part = read_mesh(tmp_path / "tent.stl", 5.0, scale=10, bounds=(20.0, 10.0, 60.0, 25.0))
+    whole = heights_of(tmp_path / "tent.stl", 0.5)
+    part = heights_of(tmp_path / "tent.stl", 5.0, scale=10, bounds=(20.0, 10.0, 60.0, 25.0))
     np.testing.assert_allclose(part.values, 10 * whole.values[2:5, 4:], rtol=1e-12)
 
 
@@ -370,11 +375,10 @@ def test_a_terrain_comes_back_as_heights(tmp_path: Path) -> None:
             },
         }
     )  # fmt: skip
-    from terratool.mesh.export import export_mesh
 
     for solid in (False, True):
-        export_mesh(terrain, tmp_path / "yard.stl", solid=solid, overwrite=True)
-        samples = read_mesh(tmp_path / "yard.stl", 0.25)
+        exported(terrain, tmp_path / "yard.stl", solid=solid, overwrite=True)
+        samples = heights_of(tmp_path / "yard.stl", 0.25)
         x, y = np.meshgrid(0.125 + 0.25 * np.arange(48), 0.125 + 0.25 * np.arange(32))
         np.testing.assert_allclose(samples.values, terrain.height(x, y), rtol=0, atol=1e-5)
         assert [note for note in samples.notes if "overhang" in note] == []
@@ -393,7 +397,7 @@ def test_polygons_become_triangles(tmp_path: Path) -> None:
     outline = [(0, 0, 1), (4, 0, 1), (4, 2, 1), (3, 3, 1), (0, 3, 1)]
     lines = [*obj_lines(outline), "v 6 0 1", "v 6 2 1", "f 1 2 3 4 5", "f 2 6 7 3"]
     (tmp_path / "floor.obj").write_text("\n".join(lines))
-    samples = read_mesh(tmp_path / "floor.obj", 0.5)
+    samples = heights_of(tmp_path / "floor.obj", 0.5)
     assert (samples.values[:4] == 1).all()
     # the slanting side runs through centres
     bare = [[False] * 8 + [True] * 4, [False] * 7 + [True] * 5]
@@ -416,7 +420,7 @@ def test_concave_faces_of_a_drawing_are_cut_well(extra: bool, turn: int, tmp_pat
     drawing.saveas(tmp_path / "arrow.dxf")
     triangles = read_triangles(tmp_path / "arrow.dxf")
     assert set(map(tuple, triangles.vertices.tolist())) == set(arrow)
-    values = read_mesh(tmp_path / "arrow.dxf", 0.5).values
+    values = heights_of(tmp_path / "arrow.dxf", 0.5).values
     assert np.isnan(values[3:5, 9:]).all()
     assert not np.isnan(values[3:5, 2:9]).any()
 
@@ -457,8 +461,8 @@ def test_a_polygon_mesh_and_rows_of_blocks(tmp_path: Path) -> None:
     drawing.saveas(tmp_path / "tiles.dxf")
     triangles = read_triangles(tmp_path / "tiles.dxf")
     assert len(triangles.faces) == 6 * 4
-    samples = read_mesh(tmp_path / "tiles.dxf", 1.0)
-    assert samples.lattice.bounds == (100, 50, 112, 55)
+    samples = heights_of(tmp_path / "tiles.dxf", 1.0)
+    assert samples.grid.bounds == (100, 50, 112, 55)
     assert (~np.isnan(samples.values)).sum() == 6 * 2
     np.testing.assert_allclose(samples.values[0, 5:7], [5.5, 6.5])
 
@@ -773,7 +777,7 @@ def test_an_archive_that_would_fill_the_memory_is_refused(
     path = tmp_path / "bomb.3mf"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("3D/3dmodel.model", bytes(300_000))
-    monkeypatch.setattr(headers, "MAX_UNPACKED", 200_000)
+    monkeypatch.setattr(threemf, "MAX_UNPACKED", 200_000)
     assert "would unpack to 300,000 bytes" in refused(path).message
 
 
@@ -797,7 +801,7 @@ import sys
 for name in ("scipy", "networkx", "lxml", "PIL", "ezdxf", "jsonschema"):
     sys.modules[name] = None
 import terratool.importing.sampling
-import terratool.importing.sampling
+import terratool.importing.sources
 import terratool.importing.meshes
 assert {{"trimesh", "rasterio"}}.isdisjoint(sys.modules)
 for path in {paths!r}:
@@ -832,9 +836,9 @@ def test_a_wall_seen_from_above_is_nothing(tmp_path: Path) -> None:
     path = tmp_path / "floor.obj"
     path.write_text("\n".join(lines))
     with pytest.raises(ReadError, match="all faces are vertical") as caught:
-        read_mesh(path, 1.0, up="y")
+        heights_of(path, 1.0, up="y")
     assert caught.value.message.startswith(f"{path}: ")
-    assert (read_mesh(path, 1.0).values == 0).all()
+    assert (heights_of(path, 1.0).values == 0).all()
 
 
 def test_an_obj_need_not_be_utf_8(tmp_path: Path) -> None:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from terratool.definition.expression import NAMED
 from terratool.errors import RequestError
-from terratool.importing.primitive import fit as fitting
 from terratool.importing.primitive import fit as shaping
 from terratool.importing.primitive import products
 from terratool.importing.primitive.build import (
@@ -29,7 +28,8 @@ from terratool.importing.primitive.build import (
 )
 from terratool.importing.primitive.entries import PrimitiveEntry, fit_error
 from terratool.importing.primitive.products import Patch, nodes
-from terratool.importing.samples import PixelLattice, SampledHeights
+from terratool.importing.sources import PixelGrid, SampledHeights
+from terratool.kernels import importing as kernels
 from tests.conftest import terrain_of
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ U, V = (np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(ROWS) + 0.5) / ROWS
 
 def samples_of(z: Floats, dx: float = 0.5, dy: float = 2.0) -> SampledHeights:
     rows, columns = z.shape
-    return SampledHeights(PixelLattice(431200.0, 5768400.0, dx, dy, columns, rows), z)
+    return SampledHeights(PixelGrid(431200.0, 5768400.0, dx, dy, columns, rows), z)
 
 
 def curve(values: Any, t: Floats) -> Floats:
@@ -52,14 +52,14 @@ def product(x: Any, y: Any, u: Floats = U, v: Floats = V) -> Floats:
 
 def heights(imported: ImportedPrimitive, samples: SampledHeights) -> Floats:
     """What a terrain with the elements in a cell of the patch's size says at the pixel centres."""
-    lattice = samples.lattice
+    grid = samples.grid
     terrain = terrain_of({
-        "size": [lattice.columns * lattice.dx * 3, lattice.rows * lattice.dy * 2],
+        "size": [grid.columns * grid.dx * 3, grid.rows * grid.dy * 2],
         "elemTypes": {"ground": {"x": [0]}, **imported.primitives()},
         "elemTree": {"type": "ground", "cells": [3, 2], "children": imported.elements((2, 1))},
     })  # fmt: skip
-    x = (2 * lattice.columns + np.arange(lattice.columns) + 0.5) * lattice.dx
-    y = (lattice.rows + np.arange(lattice.rows) + 0.5) * lattice.dy
+    x = (2 * grid.columns + np.arange(grid.columns) + 0.5) * grid.dx
+    y = (grid.rows + np.arange(grid.rows) + 0.5) * grid.dy
     found: Floats = terrain.height(x[None, :], y[:, None])
     return found
 
@@ -97,7 +97,7 @@ def test_a_product_comes_back(
     z = (-scale if down else scale) * product(x, y) + 40 * offset
     samples = samples_of(z)
     imported = import_primitive(samples, "hill")
-    assert imported.misfit.largest <= 3e-6 * np.ptp(z)
+    assert imported.error.largest <= 3e-6 * np.ptp(z)
     np.testing.assert_allclose(heights(imported, samples), z, atol=3e-6 * np.ptp(z))
 
 
@@ -114,7 +114,7 @@ def test_values_are_rounded_and_offset_and_scale_are_told() -> None:
 def test_a_plane_with_a_twist_is_a_product(b: float, c: float, d: float) -> None:
     z = 2 + b * U[None, :] + c * V[:, None] + d * np.outer(V, U)
     imported = import_primitive(samples_of(z), "slope")
-    assert imported.misfit.largest <= 3e-6 * np.ptp(z)
+    assert imported.error.largest <= 3e-6 * np.ptp(z)
     (found,) = imported.primitives().values()
     assert len(found["x"]) == len(found["y"]) == 2
 
@@ -153,9 +153,9 @@ def test_noise_stays_noise() -> None:
     z = 4 * product([0, 0.2, 1, 0.4, 0], [0.5, 1, 0.1]) - 3 + noise
     samples = samples_of(z)
     imported = import_primitive(samples, "hill")
-    assert 0.08 < imported.misfit.largest < 0.11
+    assert 0.08 < imported.error.largest < 0.11
     np.testing.assert_allclose(
-        imported.misfit.largest, np.abs(heights(imported, samples) - z).max(), rtol=1e-9
+        imported.error.largest, np.abs(heights(imported, samples) - z).max(), rtol=1e-9
     )
 
 
@@ -165,7 +165,7 @@ def test_the_error_is_that_of_the_compiled_terrain_and_where_it_is() -> None:
     imported = import_primitive(samples, "rough", PrimitiveRequest(samples=5))
     off = np.abs(heights(imported, samples) - z)
     row, column = np.unravel_index(off.argmax(), off.shape)
-    misfit = imported.misfit
+    misfit = imported.error
     assert misfit.largest == pytest.approx(off.max(), rel=1e-9)
     assert misfit.rms == pytest.approx(math.sqrt((off**2).mean()), rel=1e-9)
     assert (misfit.x, misfit.y) == (431200 + (column + 0.5) * 0.5, 5768400 + (row + 0.5) * 2)
@@ -192,10 +192,10 @@ def test_a_turn_is_found(turn: float, noise: float) -> None:
     imported = import_primitive(samples, "hill", PrimitiveRequest(samples=17, turn=True))
     (element,) = imported.elements()
     assert element["turnDeg"] == pytest.approx(turn, abs=0.1)
-    assert imported.unturned is not None and imported.unturned > 1.5 * imported.misfit.largest
-    assert imported.misfit.bare > 0
-    assert imported.misfit.bare + imported.misfit.pixels == z.size
-    assert imported.misfit.largest < 5 * noise * np.ptp(z) + 0.01 * np.ptp(z)
+    assert imported.unturned is not None and imported.unturned > 1.5 * imported.error.largest
+    assert imported.error.bare > 0
+    assert imported.error.bare + imported.error.pixels == z.size
+    assert imported.error.largest < 5 * noise * np.ptp(z) + 0.01 * np.ptp(z)
 
 
 def test_a_turn_of_an_oblong_patch_fits_where_it_stands() -> None:
@@ -204,8 +204,8 @@ def test_a_turn_of_an_oblong_patch_fits_where_it_stands() -> None:
     imported = import_primitive(samples, "hill", PrimitiveRequest(samples=17, turn=True))
     off = np.abs(heights(imported, samples) - z)
     covered = heights(imported, samples) != 0
-    assert imported.misfit.largest == pytest.approx(off[covered].max(), rel=1e-9)
-    assert imported.misfit.largest < 0.01 * np.ptp(z)
+    assert imported.error.largest == pytest.approx(off[covered].max(), rel=1e-9)
+    assert imported.error.largest < 0.01 * np.ptp(z)
 
 
 def test_what_needs_no_turn_gets_none() -> None:
@@ -220,12 +220,12 @@ def test_least_squares_are_the_best_of_their_rank(terms: int) -> None:
     """With a value for each pixel, what is left is the rest of the singular values."""
     z = roughness(24, 5)[:17, :]
     grid = products.grid_of(Patch(samples_of(z)), 64)
-    for fit in products.fits(grid, nodes(24), nodes(17), terms):
-        problem = fitting.problem_of(
+    for fit in products.best_sums(grid, nodes(24), nodes(17), terms):
+        problem = shaping.problem_of(
             products.points_of(Patch(samples_of(z)), 64), nodes(24), nodes(17)
         )
         rest = np.linalg.svd(z - fit.offset, compute_uv=False)[terms:]
-        squares = float((fitting.residuals(problem, fit) ** 2).sum())
+        squares = float((kernels.residuals(problem, fit) ** 2).sum())
         assert squares == pytest.approx(float((rest**2).sum()), rel=1e-9)
 
 
@@ -240,9 +240,9 @@ def test_a_decomposition_that_fails_is_tried_another_way(monkeypatch: pytest.Mon
         return decompose(matrix, **options)
 
     grid = products.grid_of(Patch(samples_of(z)), 64)
-    want = products.fits(grid, nodes(24), nodes(17), 2)[0]
+    want = products.best_sums(grid, nodes(24), nodes(17), 2)[0]
     monkeypatch.setattr(np.linalg, "svd", fails_once)
-    got = products.fits(grid, nodes(24), nodes(17), 2)[0]
+    got = products.best_sums(grid, nodes(24), nodes(17), 2)[0]
     assert failed and got.offset == want.offset
     surfaces = [np.einsum("kp,kq->pq", fit.x, fit.y) for fit in (want, got)]
     assert surfaces[1] == pytest.approx(surfaces[0], abs=1e-9)
@@ -257,11 +257,11 @@ def test_more_terms_fit_better_and_never_better_than_they_can() -> None:
         )
         assert len(imported.names) == terms
         rest = np.linalg.svd(z, compute_uv=False)[terms + 1 :]  # the offset is a term, too
-        assert imported.misfit.rms >= math.sqrt(float((rest**2).sum()) / z.size)
+        assert imported.error.rms >= math.sqrt(float((rest**2).sum()) / z.size)
         assert sum("vOffset" in element for element in imported.elements()) <= 1
-        largest.append(imported.misfit.largest)
+        largest.append(imported.error.largest)
         off = np.abs(heights(imported, samples_of(z)) - z).max()
-        assert imported.misfit.largest == pytest.approx(off, rel=1e-9)
+        assert imported.error.largest == pytest.approx(off, rel=1e-9)
     assert largest[1] < 0.7 * largest[0] and largest[2] < 0.7 * largest[1]
 
 
@@ -277,18 +277,18 @@ def test_the_largest_error_is_about_the_smallest_there_is(seed: int) -> None:
         [0] * 6 + [1], np.block([[matrix, -ones], [-matrix, -ones]]), np.concatenate([z[0], -z[0]]),
         bounds=bounds,
     ).fun  # fmt: skip
-    _, largest = shaping.shape(Patch(samples_of(z)), shaping.CurveForm(), (6, 1))
+    _, largest = shaping.fit_terms(Patch(samples_of(z)), shaping.CurveForm(), (6, 1))
     assert best * (1 - 1e-9) <= largest <= 1.01 * best
 
 
 def test_large_patches_are_fitted_to_all_of_their_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     """As well as if all pixels had been fitted from the beginning."""
     rough = Patch(samples_of(roughness(300, 12, 1.2)[:260, :]))
-    _, largest = shaping.shape(rough, shaping.CurveForm(), (5, 4))
+    _, largest = shaping.fit_terms(rough, shaping.CurveForm(), (5, 4))
     monkeypatch.setattr(shaping, "_JOINS", 1)
-    _, few = shaping.shape(rough, shaping.CurveForm(), (5, 4))
+    _, few = shaping.fit_terms(rough, shaping.CurveForm(), (5, 4))
     monkeypatch.setattr(shaping, "_FINE", 300)
-    _, least = shaping.shape(rough, shaping.CurveForm(), (5, 4))
+    _, least = shaping.fit_terms(rough, shaping.CurveForm(), (5, 4))
     assert largest <= 1.03 * least
     assert few > 1.05 * least  # a case that tells the two apart
 
@@ -317,12 +317,12 @@ def test_a_turned_grid_has_the_heights_of_the_places_it_names() -> None:
 def test_the_fewest_values_are_taken_that_serve() -> None:
     z = 4 * product([0, 0.2, 1, 0.3, 0.7], [0.5, 1, 0.1])
     patch = Patch(samples_of(z))
-    assert shaping.fewest(patch, shaping.CurveForm()) == (5, 3)
+    assert shaping.fewest_values(patch, shaping.CurveForm()) == (5, 3)
     rough = Patch(samples_of(roughness(64, 8)[:50, :]))
-    counts = shaping.fewest(rough, shaping.CurveForm())
+    counts = shaping.fewest_values(rough, shaping.CurveForm())
     assert max(counts) < 25
-    many = min(shaping.shape(rough, shaping.CurveForm(), (n, n))[1] for n in (17, 33))
-    assert shaping.shape(rough, shaping.CurveForm(), counts)[1] <= 1.15 * many
+    many = min(shaping.fit_terms(rough, shaping.CurveForm(), (n, n))[1] for n in (17, 33))
+    assert shaping.fit_terms(rough, shaping.CurveForm(), counts)[1] <= 1.15 * many
 
 
 def test_a_ridge_has_one_curve_from_0_to_1() -> None:
@@ -426,7 +426,7 @@ def test_level_patches_rows_and_columns() -> None:
     row = samples_of(np.array([[1.0, 2.0, 4.0, 3.0]]))
     for samples in (row, samples_of(row.values.T.copy()), samples_of(np.array([[1.0, 5.0]]))):
         imported = import_primitive(samples, "row")
-        assert imported.misfit.largest <= 3e-6 * np.ptp(samples.values)
+        assert imported.error.largest <= 3e-6 * np.ptp(samples.values)
         assert len(imported.primitives()["row"]) == 1
         np.testing.assert_allclose(heights(imported, samples), samples.values, atol=1e-5)
 
@@ -485,9 +485,9 @@ def scattered(seed: int, known: int) -> SampledHeights:
 def test_few_heights_in_a_large_patch_are_met(known: int) -> None:
     samples = scattered(known, known)
     imported = import_primitive(samples, "few")
-    assert imported.misfit.pixels == known
-    assert imported.misfit.largest <= 2e-3 * imported.misfit.relief
-    assert imported.misfit.largest == pytest.approx(
+    assert imported.error.pixels == known
+    assert imported.error.largest <= 2e-3 * imported.error.relief
+    assert imported.error.largest == pytest.approx(
         float(np.nanmax(np.abs(heights(imported, samples) - samples.values))), abs=1e-9
     )
 
@@ -498,7 +498,7 @@ def test_heights_that_every_turn_leaves_bare_are_not_turned(corner: slice) -> No
     z[corner, corner] = [[1, 2], [2, 5]]
     imported = import_primitive(samples_of(z, dy=0.5), "corner", PrimitiveRequest(turn=True))
     assert imported.elements()[0].get("turnDeg", 0) == 0
-    assert imported.misfit.pixels == 4 and imported.misfit.bare == 0
+    assert imported.error.pixels == 4 and imported.error.bare == 0
 
 
 def test_a_term_more_is_told_only_if_it_helps() -> None:
@@ -509,7 +509,7 @@ def test_a_term_more_is_told_only_if_it_helps() -> None:
         imported = import_primitive(samples_of(z), "hill", PrimitiveRequest(samples=samples))
         text = " ".join(sentences(imported))
         assert "import-terrain" in text
-        helps = imported.more is not None and imported.more < 0.9 * imported.misfit.largest
+        helps = imported.more is not None and imported.more < 0.9 * imported.error.largest
         assert ("--terms" in text) == helps
 
 
@@ -529,19 +529,19 @@ def test_a_wall_may_stand_beside_a_curve_with_a_name() -> None:
 def test_many_terms_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """As many terms as there may be get curves with as many values as can be fitted in time."""
     tried = []
-    fits = products.fits
+    fits = products.best_sums
 
     def noted(grid: Any, x_nodes: Floats, y_nodes: Floats, terms: int, best: int = 3) -> Any:
         tried.append(terms * max(len(x_nodes), len(y_nodes)))
         return fits(grid, x_nodes, y_nodes, terms, 1)
 
-    monkeypatch.setattr(products, "fits", noted)
+    monkeypatch.setattr(products, "best_sums", noted)
     z = np.random.default_rng(4).random((40, 40))
-    shaping.fewest(Patch(samples_of(z[:18, :18])), shaping.CurveForm(2))
+    shaping.fewest_values(Patch(samples_of(z[:18, :18])), shaping.CurveForm(2))
     assert max(tried) == 2 * 17
     tried.clear()
-    monkeypatch.setattr(fitting, "_STEPS", 0)
-    shaping.fewest(Patch(samples_of(z)), shaping.CurveForm(16))
+    monkeypatch.setattr(shaping, "_STEPS", 0)
+    shaping.fewest_values(Patch(samples_of(z)), shaping.CurveForm(16))
     assert max(tried) <= 16 * 20
 
 

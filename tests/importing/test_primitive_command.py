@@ -23,7 +23,7 @@ from terratool.importing.primitive.insert import (
     text_with,
     write,
 )
-from tests.commands import run
+from tests.commands import run_here as run
 
 COLUMNS, ROWS, SIDE = 40, 26, 0.5
 WEST, NORTH = 431200.0, 5768413.0

@@ -50,10 +50,10 @@ def geotiff(path: Path, heights: NDArray[Any] = HEIGHTS, **options: Any) -> str:
 
 
 def read(name: str, **options: Any):
-    """Lattice, all heights and notes of a source."""
+    """Pixels, all heights and notes of a source."""
     with open_source(name, SourceOptions(**options)) as source:
-        values = source.read(0, source.lattice.rows)
-        return source.lattice, values, source.notes
+        values = source.read(0, source.grid.rows)
+        return source.grid, values, source.notes
 
 
 @pytest.fixture
@@ -62,10 +62,10 @@ def dem(tmp_path):
 
 
 def test_rows_count_from_the_south_and_pixels_are_areas(dem):
-    lattice, values, notes = read(dem)
+    grid, values, notes = read(dem)
     np.testing.assert_array_equal(values, HEIGHTS[::-1])
-    assert lattice.bounds == (500000, 5000000 - 15, 500014, 5000000)
-    assert (lattice.dx, lattice.dy, lattice.crs, lattice.unit) == (2, 3, UTM, "m")
+    assert grid.bounds == (500000, 5000000 - 15, 500014, 5000000)
+    assert (grid.dx, grid.dy, grid.crs, grid.unit) == (2, 3, UTM, "m")
     assert notes == ()
 
 
@@ -80,9 +80,9 @@ def test_south_up_and_mirrored_rasters_are_turned(tmp_path):
         HEIGHTS[::-1, ::-1].copy(),
         transform=Affine(-2, 0, 500014, 0, 3, 5000000 - 15),
     )
-    lattice, values, _ = read(name)
+    grid, values, _ = read(name)
     np.testing.assert_array_equal(values, HEIGHTS[::-1])
-    assert lattice.bounds == (500000, 5000000 - 15, 500014, 5000000)
+    assert grid.bounds == (500000, 5000000 - 15, 500014, 5000000)
     _, part, _ = read(name, bounds=(500002, 4999985, 500006, 4999991))
     np.testing.assert_array_equal(part, HEIGHTS[::-1][:2, 1:3])
 
@@ -105,9 +105,9 @@ def test_srtm_tiles_reach_half_a_pixel_over_their_degree(tmp_path):
     heights[0, 0], heights[1200, 1200] = 11, 22  # the north-west and the south-east corner
     path = tmp_path / "N45E006.hgt"
     path.write_bytes(heights.tobytes())
-    lattice, values, notes = read(str(path))
+    grid, values, notes = read(str(path))
     half = 0.5 / 1200
-    assert lattice.bounds == pytest.approx((6 - half, 45 - half, 7 + half, 46 + half), abs=1e-12)
+    assert grid.bounds == pytest.approx((6 - half, 45 - half, 7 + half, 46 + half), abs=1e-12)
     assert values[1200, 0] == 11
     assert values[0, 1200] == 22
     assert "degrees" in notes[0]
@@ -121,15 +121,15 @@ def test_reprojection_keeps_heights_at_their_places(tmp_path):
     y, x = np.mgrid[0:60, 0:80].astype(float)
     plane = 100 + 0.5 * x - 0.25 * y
     name = geotiff(tmp_path / "plane.tif", plane, transform=Affine(10, 0, 500000, 0, -10, 5e6))
-    lattice, values, notes = read(name, crs="EPSG:4326")
+    grid, values, notes = read(name, crs="EPSG:4326")
     assert "EPSG:4326" in notes[0]
-    assert lattice.crs == "EPSG:4326"
-    i, j = np.meshgrid(np.arange(lattice.columns), np.arange(lattice.rows))
+    assert grid.crs == "EPSG:4326"
+    i, j = np.meshgrid(np.arange(grid.columns), np.arange(grid.rows))
     east, north = transform(
         "EPSG:4326",
         UTM,
-        (lattice.west + (i + 0.5) * lattice.dx).ravel(),
-        (lattice.south + (j + 0.5) * lattice.dy).ravel(),
+        (grid.west + (i + 0.5) * grid.dx).ravel(),
+        (grid.south + (j + 0.5) * grid.dy).ravel(),
     )
     wanted = (
         100 + 0.5 * ((np.array(east) - 500005) / 10) - 0.25 * ((5e6 - 5 - np.array(north)) / 10)
@@ -151,10 +151,10 @@ def test_reprojection_keeps_heights_at_their_places(tmp_path):
     ],
 )
 def test_parts(dem, options, rows, columns):
-    lattice, values, _ = read(dem, **options)
+    grid, values, _ = read(dem, **options)
     np.testing.assert_array_equal(values[::-1], HEIGHTS[rows, columns])
-    assert lattice.west == 500000 + 2 * columns.start
-    assert lattice.bounds[3] == pytest.approx(5000000 - 3 * rows.start)
+    assert grid.west == 500000 + 2 * columns.start
+    assert grid.bounds[3] == pytest.approx(5000000 - 3 * rows.start)
 
 
 def test_what_is_nodata_is_nan(tmp_path):
@@ -181,8 +181,8 @@ def test_scale_and_offset_are_applied(tmp_path):
 
 def test_units_are_said(tmp_path):
     feet = geotiff(tmp_path / "feet.tif", crs="EPSG:2263", band={"units": ("ft",)})
-    lattice, _, notes = read(feet)
-    assert lattice.unit == "ft"
+    grid, _, notes = read(feet)
+    assert grid.unit == "ft"
     assert "foot" in notes[0]
     degrees = geotiff(
         tmp_path / "degrees.tif", crs="EPSG:4326", transform=Affine(0.1, 0, -70, 0, -0.1, -33)
@@ -190,9 +190,9 @@ def test_units_are_said(tmp_path):
     assert "EPSG:32719" in read(degrees)[2][0]
     with pytest.warns(NotGeoreferencedWarning):
         nowhere = geotiff(tmp_path / "nowhere.tif", crs=None, transform=Affine.identity())
-    lattice, values, notes = read(nowhere)
+    grid, values, notes = read(nowhere)
     assert "1 × 1" in notes[0]
-    assert lattice.bounds == (0, 0, 7, 5)
+    assert grid.bounds == (0, 0, 7, 5)
     np.testing.assert_array_equal(values, HEIGHTS[::-1])
 
 

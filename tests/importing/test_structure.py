@@ -13,16 +13,18 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.importing.structure import (
+from terratool.importing.structure.finding import find_structures
+from terratool.importing.structure.structures import (
+    NAMES,
+    SPELLINGS,
     Structure,
     definition_of,
     deviation,
     element_of,
     evaluate,
-    find_structures,
     primitive_of,
-    subtract,
 )
+from terratool.kernels import importing as kernels
 from tests.conftest import terrain_of
 
 Floats = NDArray[np.float64]
@@ -119,8 +121,7 @@ def test_each_primitive_comes_back(kind: str) -> None:
 def test_with_what_is_left_the_dem_is_explained(kind: str, walls: bool) -> None:
     heights = dem([element(kind, 21, 34, 40, 27, -1.7)])
     structures = find_structures(heights, 0.02, walls)
-    assert np.abs(subtract(heights, structures)).max() < 1e-3
-    assert np.array_equal(subtract(heights, structures), heights - evaluate(structures, (90, 130)))
+    assert np.abs(heights - evaluate(structures, heights.shape)).max() < 1e-3
 
 
 @pytest.mark.parametrize("walls", [False, True])
@@ -149,7 +150,6 @@ def test_primitives_are_those_of_the_format(walls: bool) -> None:
                     "cellY": one.row,
                     "span": one.span,
                     "vScale": one.v_scale,
-                    "vOffset": one.v_offset,
                 }
                 for one in structures
             ],
@@ -229,7 +229,7 @@ def test_whatever_is_found_adds_up_to_no_more_than_the_dem(
 ) -> None:
     heights = dem(elements)
     structures = find_structures(heights, 0.02, walls)
-    left = subtract(heights, structures)
+    left = heights - evaluate(structures, heights.shape)
     # what was not recovered is still there, so the rest never has more relief
     assert np.ptp(left) <= np.ptp(heights) + 1e-3
     bounds = np.zeros((ROWS, COLUMNS))
@@ -307,15 +307,6 @@ def _off_bilinear(one: Structure) -> float:
     return float(np.abs(terrain.height(x, y) - bilinear).max())
 
 
-@pytest.mark.parametrize("walls", [False, True])
-def test_evaluation_by_bands_is_that_of_the_whole(walls: bool) -> None:
-    structures = find_structures(dem([element("dome", 21, 34, 40, 27, 1.7)]), 0.02, walls)
-    whole = evaluate(structures, (ROWS, COLUMNS))
-    bands = [evaluate(structures, (ROWS, COLUMNS), first, 30) for first in (0, 30, 60)]
-    assert np.array_equal(np.vstack(bands), whole)
-    assert evaluate((), (4, 7)).shape == (4, 7)
-
-
 @pytest.mark.parametrize("turn", [30.0, -17.3, 63.5])
 def test_turned_boxes(turn: float) -> None:
     turned = {**element("box", 30, 20, 61, 48, 1.7), "turnDeg": turn}
@@ -323,7 +314,7 @@ def test_turned_boxes(turn: float) -> None:
     assert places(structures) == pytest.approx(wanted([turned]), abs=1e-4)
     (box,) = (one for one in structures if one.kind == "box")
     assert box.turn_deg == pytest.approx(turn, abs=0.15)
-    assert np.abs(subtract(dem([turned]), structures)).max() < 1e-3
+    assert np.abs(dem([turned]) - evaluate(structures, (ROWS, COLUMNS))).max() < 1e-3
 
 
 @pytest.mark.parametrize("kind", ROUND)
@@ -331,7 +322,7 @@ def test_turned_profiles(kind: str) -> None:
     elements = [element(kind, 30, 20, 57, 40, -1.7)]
     structures = find_structures(dem(elements), 0.02, walls=True)
     assert places(structures) == pytest.approx(wanted(elements), abs=1e-4)
-    assert np.abs(subtract(dem(elements), structures)).max() < 1e-3
+    assert np.abs(dem(elements) - evaluate(structures, (ROWS, COLUMNS))).max() < 1e-3
 
 
 def test_a_crater_is_a_profile_without_a_name() -> None:
@@ -347,7 +338,7 @@ def test_a_crater_is_a_profile_without_a_name() -> None:
     heights = (heights + Terrain(crater).height(x, y)).astype(np.float32).astype(np.float64)
     structures = find_structures(heights, 0.02, walls=True)
     assert sorted(one.kind for one in structures) == ["box", "crater", "slope"]
-    assert np.abs(subtract(heights, structures)).max() < 0.02
+    assert np.abs(heights - evaluate(structures, heights.shape)).max() < 0.02
 
 
 def test_curves_without_a_name_come_back_as_vectors() -> None:
@@ -359,7 +350,7 @@ def test_curves_without_a_name_come_back_as_vectors() -> None:
     for walls in (False, True):
         (found,) = find_structures(heights, 0.02, walls)
         assert found.kind == "curve-curve"
-        assert np.abs(subtract(heights, [found])).max() < 1e-3
+        assert np.abs(heights - evaluate([found], heights.shape)).max() < 1e-3
 
 
 def _fractal(rows: int, columns: int, slope: float, seed: int) -> Floats:
@@ -391,7 +382,7 @@ def test_a_twisted_slope_is_found_as_such() -> None:
     for walls in (False, True):
         structures = find_structures(heights, 0.02, walls)
         assert sorted(one.kind for one in structures) == ["slope", "twist"]
-        assert np.ptp(subtract(heights, structures)) < 1e-3
+        assert np.ptp(heights - evaluate(structures, heights.shape)) < 1e-3
 
 
 def test_boxes_are_found_under_noise() -> None:
@@ -420,7 +411,7 @@ def test_structures_pass_below_gaps() -> None:
     heights[:, -2:] = np.nan
     structures = find_structures(heights, 0.02, walls=True)
     assert places(structures) == pytest.approx(wanted(elements), abs=1e-4)
-    left = subtract(heights, structures)
+    left = heights - evaluate(structures, heights.shape)
     assert np.array_equal(np.isnan(left), np.isnan(heights))
     assert np.nanmax(np.abs(left)) < 1e-3
 
@@ -447,22 +438,33 @@ def test_names_belong_to_one_pair_of_curves() -> None:
         assert len(shapes) == (2 if walls else 3)  # the slope is one of them
 
 
+@pytest.mark.parametrize("code", range(kernels.SINK + 1))
+def test_known_curves_are_those_of_the_format(code: int) -> None:
+    """Kernels, names and spellings have the same curves in the same order."""
+    assert getattr(kernels, NAMES[code].upper()) == code
+    terrain = terrain_of(
+        {"size": 1, "elemTypes": {"it": {"x": SPELLINGS[code]}}, "elemTree": {"type": "it"}}
+    )
+    t = np.arange(100) / 100
+    assert np.abs(terrain.height(t, 0.5) - kernels.sample_curve(code, t)).max() < 1e-6
+
+
 def test_the_answer_is_the_same_each_time() -> None:
     heights = dem([one for name in ("crossing", "nested") for one in LAYOUTS[name]])
     assert find_structures(heights, 0.02) == find_structures(heights.copy(), 0.02)
 
 
 def test_elements_and_primitives_mirror_the_structure() -> None:
-    one = Structure("box", "box-2", "flat", "ramp", "product", 3, 5, (7, 9), 1.5, 0.25, 30.0)
+    one = Structure("box", "box-2", "flat", "ramp", "product", 3, 5, (7, 9), 1.5, 30.0)
     placed = element_of(one)
     assert (placed.type, placed.cell_x, placed.cell_y, placed.span) == ("box-2", 3, 5, (7, 9))
-    assert (placed.v_scale, placed.v_offset, placed.turn_deg) == (1.5, 0.25, 30.0)
+    assert (placed.v_scale, placed.v_offset, placed.turn_deg) == (1.5, UNSET, 30.0)
     primitive = primitive_of(one)
     assert (primitive.x, primitive.y, primitive.combine) == ("flat", "ramp", UNSET)
     disc = primitive_of(dataclasses.replace(one, x="tent", y=None, combine="radial"))
     assert (disc.x, disc.y, disc.combine) == ("tent", UNSET, "radial")
-    plain = element_of(dataclasses.replace(one, v_offset=0.0, turn_deg=0.0))
-    assert (plain.v_offset, plain.turn_deg) == (UNSET, UNSET)  # what is usual is not written
+    plain = element_of(dataclasses.replace(one, turn_deg=0.0))
+    assert plain.turn_deg == UNSET  # what is usual is not written
 
 
 BENT = {
@@ -484,7 +486,7 @@ BENT = {
         "b", "b", (0.0, 1.0, -0.5, -1.0, -0.5, 1.0, 0.0), None, "radial", 12, 20, (96, 70), 2.0
     ),
     "column": Structure("b", "b", "flat", None, "radial", 12, 20, (96, 70), 2.0),
-    "turned": Structure("b", "b", "flat", "flat", "product", 12, 20, (96, 70), 2.0, 0.0, 31.0),
+    "turned": Structure("b", "b", "flat", "flat", "product", 12, 20, (96, 70), 2.0, 31.0),
 }  # fmt: skip
 
 
@@ -508,4 +510,4 @@ def test_ground_over_all_of_the_dem_is_one_element() -> None:
     heights = dem([element("box", 20, 30, 21, 33, 0.8)], ground={**shape})
     structures = find_structures(heights, 0.02, walls=True)
     assert sorted(one.kind for one in structures) == ["box", "cosbell-hill"]
-    assert np.abs(subtract(heights, structures)).max() < 1e-3
+    assert np.abs(heights - evaluate(structures, heights.shape)).max() < 1e-3

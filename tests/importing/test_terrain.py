@@ -17,12 +17,12 @@ from terratool.definition.reader import CheckOptions as CheckOptions
 from terratool.definition.reader import check
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
-from terratool.importing.samples import PixelLattice, SampledHeights
-from terratool.importing.terrain import build as importing
-from terratool.importing.terrain import writing
-from terratool.importing.terrain.build import ImportOptions, filled, import_terrain, step_for
+from terratool.importing.sources import PixelGrid, SampledHeights
+from terratool.importing.terrain import survey, writing
+from terratool.importing.terrain.build import ImportOptions, import_terrain
 from terratool.importing.terrain.check import BoundError, Checker
-from terratool.importing.terrain.methods import METHODS, named
+from terratool.importing.terrain.methods import METHODS, methods_named, step_for
+from terratool.importing.terrain.survey import filled
 from terratool.text.source import read_source
 from tests.conftest import terrain_of
 
@@ -33,12 +33,12 @@ def samples(heights: NDArray[np.float64], **place: object) -> SampledHeights:
     """Heights at an odd place, in oblong pixels."""
     rows, columns = heights.shape
     given_ = {"west": 12.5, "south": -7.25, "dx": 0.75, "dy": 1.5, **place}
-    return SampledHeights(PixelLattice(columns=columns, rows=rows, **given_), heights)  # type: ignore[arg-type]
+    return SampledHeights(PixelGrid(columns=columns, rows=rows, **given_), heights)  # type: ignore[arg-type]
 
 
 def bilinear(source: SampledHeights, x: NDArray[np.float64], y: NDArray[np.float64]):
     """The DEM at points: bilinear, the nearest centre's height in the outer half pixel."""
-    at = source.lattice
+    at = source.grid
     u = np.clip((x - at.west) / at.dx - 0.5, 0, at.columns - 1)
     v = np.clip((y - at.south) / at.dy - 0.5, 0, at.rows - 1)
     i = np.minimum(u.astype(int), max(0, at.columns - 2))
@@ -53,7 +53,7 @@ def bilinear(source: SampledHeights, x: NDArray[np.float64], y: NDArray[np.float
 
 def anywhere(source: SampledHeights, seed: int = 0, count: int = 20_000):
     """Points all over a DEM, many of them on and beside the lines between pixels."""
-    at = source.lattice
+    at = source.grid
     rng = np.random.default_rng(seed)
     west, south, east, north = at.bounds
     x, y = rng.uniform(west, east, count), rng.uniform(south, north, count)
@@ -87,10 +87,10 @@ def rough(rows: int, columns: int, seed: int, relief: float = 4.0) -> NDArray[np
 @pytest.mark.parametrize("shape", [(77, 105), (1, 9), (9, 1), (2, 2), (65, 66), (130, 3), (3, 131)])
 def test_the_bound_holds_everywhere_by_every_method(tmp_path, name, shape):
     source = samples(rough(*shape, seed=shape[0]))
-    terrain = imported(source, tmp_path / "t.json", methods=named(name))
+    terrain = imported(source, tmp_path / "t.json", methods=methods_named(name))
     x, y = anywhere(source)
     assert np.abs(terrain.height(x, y) - bilinear(source, x, y)).max() <= 0.05
-    assert terrain.bounds == pytest.approx(source.lattice.bounds, rel=1e-15)
+    assert terrain.bounds == pytest.approx(source.grid.bounds, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -100,8 +100,8 @@ def test_unknown_heights_become_void_and_the_rest_is_kept(tmp_path, name):
     heights[69, :] = heights[:, 0] = np.nan
     heights[33, 89] = np.nan
     source = samples(heights)
-    terrain = imported(source, tmp_path / "t.json", methods=named(name))
-    at = source.lattice
+    terrain = imported(source, tmp_path / "t.json", methods=methods_named(name))
+    at = source.grid
     x, y = np.meshgrid(
         at.west + (np.arange(at.columns) + 0.5) * at.dx,
         at.south + (np.arange(at.rows) + 0.5) * at.dy,
@@ -135,7 +135,7 @@ def test_reading_by_rows_makes_the_same_heights(tmp_path, monkeypatch):
     heights[256] = np.nan
     source = samples(heights)
     whole = imported(source, tmp_path / "a.json", methods=METHODS[:1])
-    monkeypatch.setattr(importing, "MOST_IN_MEMORY", 10)
+    monkeypatch.setattr(survey, "MOST_IN_MEMORY", 10)
     blocks = imported(source, tmp_path / "b.json", methods=METHODS[:1])
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
     assert whole.bounds == blocks.bounds
@@ -159,7 +159,7 @@ def test_the_bound_holds_for_any_dem(tmp_path_factory, shape, seed, log_error, n
     if np.prod(shape) < 2 or np.isnan(heights).all():
         return
     path = tmp_path_factory.mktemp("any") / "t.json.gz"
-    terrain = imported(source, path, max_error=error, methods=named(name))
+    terrain = imported(source, path, max_error=error, methods=methods_named(name))
     x, y = anywhere(source, seed, 3000)
     wanted = bilinear(source, x, y)
     ours = terrain.height(x, y)
@@ -172,9 +172,9 @@ def test_the_bound_holds_for_any_dem(tmp_path_factory, shape, seed, log_error, n
 def test_nothing_jumps_where_elements_meet(tmp_path):
     """Neither between blocks of rows nor at the outer half pixels."""
     source = samples(rough(130, 70, seed=4))
-    at = source.lattice
+    at = source.grid
     for name in NAMES:
-        terrain = imported(source, tmp_path / "t.json", methods=named(name))
+        terrain = imported(source, tmp_path / "t.json", methods=methods_named(name))
         rng = np.random.default_rng(1)
         edges = at.south + np.arange(1, 2 * at.rows) / 2 * at.dy
         x = rng.uniform(at.west, at.bounds[2], len(edges))
@@ -216,7 +216,7 @@ def test_the_smallest_method_is_taken(tmp_path):
 def test_what_is_written_is_valid_and_clean(tmp_path, name, relief, holes):
     heights = rough(40, 50, seed=5, relief=relief) * bool(relief)
     heights[3 : 3 + holes, 7:9] = np.nan
-    imported(samples(heights), tmp_path / "t.json", methods=named(name))
+    imported(samples(heights), tmp_path / "t.json", methods=methods_named(name))
     checked = check(read_source(tmp_path / "t.json"), CheckOptions())
     assert checked.definition is not None
     assert [finding for finding in checked.findings if finding.code != "TT204"] == []
@@ -237,15 +237,15 @@ def test_the_report_says_the_largest_error_and_where(tmp_path):
     source = samples(heights)
     report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.2, structures=False))
     terrain = load(tmp_path / "t.json")
-    at = source.lattice
+    at = source.grid
     x = at.west + (np.arange(at.columns) + 0.5) * at.dx
     y = at.south + (np.arange(at.rows) + 0.5) * at.dy
     apart = np.abs(terrain.height(*np.meshgrid(x, y)) - heights)
-    assert report.misfit.largest == pytest.approx(apart.max(), abs=1e-9)
-    assert report.misfit.rms == pytest.approx(np.sqrt((apart**2).mean()), rel=1e-6)
+    assert report.error.largest == pytest.approx(apart.max(), abs=1e-9)
+    assert report.error.rms == pytest.approx(np.sqrt((apart**2).mean()), rel=1e-6)
     row, column = np.unravel_index(apart.argmax(), apart.shape)
-    assert report.misfit.where == pytest.approx((x[column], y[row]))
-    assert report.misfit.largest <= report.bound <= 0.2
+    assert report.error.where == pytest.approx((x[column], y[row]))
+    assert report.error.largest <= report.bound <= 0.2
 
 
 @pytest.mark.parametrize(
@@ -278,7 +278,7 @@ def test_level_ground_is_one_element(tmp_path):
         samples(np.full((30, 20), 12.5)), tmp_path / "t.json", ImportOptions(0.1)
     )
     text = json.loads((tmp_path / "t.json").read_text())
-    assert report.misfit.largest <= 0.1
+    assert report.error.largest <= 0.1
     assert text["elemTree"]["children"] == []
 
 
@@ -289,7 +289,7 @@ def test_steep_ground_far_from_zero_is_no_error(tmp_path, name, shape):
     heights = np.where(np.random.default_rng(1).random(shape) < 0.2, 3000.0, 0.0)
     place = {"west": 500000.1, "south": 5999999.3, "dx": 0.2, "dy": 0.0028}
     source = samples(heights, **place)
-    terrain = imported(source, tmp_path / "t.json", max_error=0.0002, methods=named(name))
+    terrain = imported(source, tmp_path / "t.json", max_error=0.0002, methods=methods_named(name))
     x, y = anywhere(source)
     slack = 3000 * 4 * np.spacing(6e6) / 0.0028
     assert np.abs(terrain.height(x, y) - bilinear(source, x, y)).max() <= 0.0002 + slack
@@ -454,14 +454,14 @@ def test_structures_that_turn_out_badly_are_given_up(tmp_path, monkeypatch):
     """Should what they add between the pixels not be as foreseen, the rest does without them."""
     _, terrain = built(2)
     source = sampled(terrain)
-    rims = Checker.rims
+    borders = Checker.check_borders
 
-    def alarmed(self, texts, levels, step):
+    def alarmed(self, written, step):
         if self.always:
             raise BoundError("by the test")
-        rims(self, texts, levels, step)
+        borders(self, written, step)
 
-    monkeypatch.setattr(Checker, "rims", alarmed)
+    monkeypatch.setattr(Checker, "check_borders", alarmed)
     report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.05))
     assert report.structures == {}
     assert report.bound <= 0.05
@@ -472,7 +472,7 @@ def test_an_alarm_leaves_nothing_behind(tmp_path, monkeypatch):
     def alarmed(*_):
         raise BoundError("by the test")
 
-    monkeypatch.setattr(Checker, "rims", alarmed)
+    monkeypatch.setattr(Checker, "check_borders", alarmed)
     with pytest.raises(WriteError, match="report"):
         import_terrain(samples(rough(20, 30, 1)), tmp_path / "t.json", ImportOptions(0.05))
     assert list(tmp_path.iterdir()) == []
@@ -509,7 +509,7 @@ def test_rows_leave_room_for_what_hills_add_between_the_pixels(tmp_path):
     source.values[:18, -60:] += np.random.default_rng(3).uniform(0, 1, (18, 60))
     report = import_terrain(source, tmp_path / "t.json", ImportOptions(0.02))
     assert report.structures == {"cosbell-hill": 2}
-    assert report.misfit.largest < report.bound <= 0.02
+    assert report.error.largest < report.bound <= 0.02
     x, y = anywhere(source, 1, 50_000)
     apart = np.abs(load(tmp_path / "t.json").height(x, y) - bilinear(source, x, y))
     assert apart.max() <= report.bound

@@ -12,10 +12,12 @@ import rasterio
 from rasterio.transform import Affine
 
 from terratool.field.terrain import load
+from terratool.importing import rasters
 from terratool.importing.sources import open_source
-from terratool.importing.terrain import build, survey
+from terratool.importing.terrain import survey
 from terratool.importing.terrain.build import ImportOptions, import_terrain
-from tests.commands import ROOT, SAMPLE, run
+from tests.commands import ROOT, SAMPLE
+from tests.commands import run_here as run
 
 
 @pytest.fixture
@@ -204,7 +206,7 @@ def test_infinite_pixels_are_counted_once(tmp_path, monkeypatch):
         transform=Affine(2, 0, 0, 0, -2, 9),
     ) as file:  # fmt: skip
         file.write(heights, 1)
-    monkeypatch.setattr(build, "MOST_IN_MEMORY", 10)
+    monkeypatch.setattr(survey, "MOST_IN_MEMORY", 10)
     with open_source(str(path)) as source:
         notes = import_terrain(source, tmp_path / "a.json", ImportOptions(0.1)).notes
     assert notes == ("2 pixels are infinite: taken as nodata.",)
@@ -227,7 +229,7 @@ def test_classes_much_finer_than_the_dem_are_read_in_parts(dem, tmp_path, monkey
         file.write(fine.astype(np.uint8), 1)
     texts = []
     for most in (1 << 24, 100):
-        monkeypatch.setattr(survey, "_MOST_READ", most)
+        monkeypatch.setattr(rasters, "_MOST_READ", most)
         out = tmp_path / f"{most}.json"
         with open_source(str(dem)) as source:
             import_terrain(source, out, ImportOptions(0.1, surfaces=str(path)))

@@ -10,7 +10,7 @@ import pytest
 
 import terratool
 from terratool.importing.vrml.scene import read_vrml, stated_up
-from terratool.mesh.files import write_mesh
+from terratool.mesh.export import write_mesh
 from terratool.mesh.formats.vrml import write_elevation_grid
 from terratool.mesh.types import HeightGrid
 from tests.commands import ROOT, SAMPLE, run

@@ -15,7 +15,7 @@ from scipy.spatial import Delaunay
 
 from terratool.errors import ReadError, RequestError
 from terratool.importing.sampling import sample, steps
-from terratool.importing.triangles import Triangles
+from terratool.importing.sources import Triangles
 from terratool.kernels import importing as kernels
 
 UTM = (500_000.0, 6_000_000.0)
@@ -118,7 +118,7 @@ def test_large_coordinates_change_nothing(soup: Any, resolution: float) -> None:
     far = sample(moved(mesh, *UTM), resolution, _shifted(bounds))
     np.testing.assert_array_equal(far.values, near.values)
     assert far.notes == near.notes
-    assert far.lattice.bounds == _shifted(near.lattice.bounds)
+    assert far.grid.bounds == _shifted(near.grid.bounds)
 
 
 def _shifted(bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
@@ -130,7 +130,7 @@ def test_rows_count_from_the_south_and_columns_from_the_west() -> None:
     """One triangle in the south-east of an oblong patch, which rises to the north."""
     mesh = mesh_of([(6, 0, 0), (8, 0, 0), (8, 2, 4)], [(0, 1, 2)])
     samples = sample(mesh, 1.0, (0.0, 0.0, 8.0, 3.0))
-    assert samples.values.shape == (3, 8) == (samples.lattice.rows, samples.lattice.columns)
+    assert samples.values.shape == (3, 8) == (samples.grid.rows, samples.grid.columns)
     wanted = np.full((3, 8), np.nan)
     wanted[0, 6:] = 1.0  # the first is on the slanting edge
     wanted[1, 7] = 3.0
@@ -260,7 +260,7 @@ def test_a_rim_that_doubles_cannot_hold_belongs_to_the_mesh(tenth: float) -> Non
 
 def test_the_bounds_need_not_be_whole_pixels() -> None:
     samples = sample(sheet(0, 0, 2.3, 1.6, 1.0), 1.0)
-    assert samples.lattice.bounds == (0, 0, 3, 2)
+    assert samples.grid.bounds == (0, 0, 3, 2)
     np.testing.assert_array_equal(samples.values, [[1, 1, np.nan], [1, 1, np.nan]])
     assert samples.notes == (
         "2 of 6 pixels (33 %, 2 m²) lie beyond the outline of the mesh and have no height.",
@@ -278,7 +278,7 @@ def test_the_bounds_need_not_be_whole_pixels() -> None:
 )
 def test_a_resolution_is_chosen(size: tuple[float, float], pixels: tuple[int, int]) -> None:
     samples = sample(sheet(3, -4, 3 + size[0], -4 + size[1], 7.0))
-    assert (samples.lattice.columns, samples.lattice.rows) == pixels
+    assert (samples.grid.columns, samples.grid.rows) == pixels
     assert (samples.values == 7).all()
     assert samples.notes[0].startswith("No resolution was given: a pixel is")
 

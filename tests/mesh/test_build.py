@@ -168,8 +168,8 @@ def test_random_round_terrains(seed: int) -> None:
     check_faces(built.mesh)
     check_closed(built.mesh, terrain)
     assert built.error <= 2e-2
-    assert built.aside <= 2.1e-2
-    excluded = partial(beside_arcs, definition, aside=built.aside)
+    assert built.loss.wall_offset <= 2.1e-2
+    excluded = partial(beside_arcs, definition, aside=built.loss.wall_offset)
     found = errors(built.mesh, terrain, 30000, 2e-2, aside=1e-7, excluded=excluded)
     assert len(found) > 20000
     assert found.max() < 2e-2
@@ -189,7 +189,7 @@ def test_a_steep_place_within_a_disc(width: float) -> None:
     }  # fmt: skip
     terrain = terrain_of(definition)
     built = build(terrain, 2e-2)
-    excluded = partial(beside_arcs, definition, aside=built.aside)
+    excluded = partial(beside_arcs, definition, aside=built.loss.wall_offset)
     found = errors(built.mesh, terrain, 30000, built.error, aside=1e-7, excluded=excluded)
     assert found.max() < built.error + 1e-6
     if width > 1e-4:
@@ -214,7 +214,7 @@ def test_discs_that_overlap_keep_to_the_error() -> None:
     terrain = terrain_of(definition)
     built = build(terrain, 0.05)
     assert built.error <= 0.05
-    excluded = partial(beside_arcs, definition, aside=built.aside)
+    excluded = partial(beside_arcs, definition, aside=built.loss.wall_offset)
     assert errors(built.mesh, terrain, 30000, 0.05, 1e-7, excluded).max() < 0.05
 
 
@@ -279,7 +279,7 @@ def test_triangles_are_refined_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) 
         assert np.array_equal(getattr(whole, name), getattr(again, name))
 
 
-@pytest.mark.parametrize("name", ["groups", "reaches", "turns", "axes"])
+@pytest.mark.parametrize("name", ["groups", "piece_bounds", "turns", "axes"])
 def test_plans_that_lead_nowhere_are_refused(name: str) -> None:
     plan, _ = plan_of(terrain_of(random_definition(3, 30, {**STRAIGHT, **CURVED})), 1e-3)
     assert isinstance(plan.kept, kernels.Plan)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from terratool.errors import RequestError, WriteError
-from terratool.mesh.files import write_mesh
+from terratool.mesh.export import collapse_degenerate, write_mesh
 from terratool.mesh.formats.common import (
     ascii_word,
     color_text,
@@ -27,7 +27,7 @@ from terratool.mesh.formats.common import (
     write_points,
 )
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.types import Mesh
+from terratool.mesh.types import BuiltMesh, Mesh, PlanLoss
 from tests.viewers import (
     NASTY,
     READERS,
@@ -106,17 +106,6 @@ def test_all_digits_are_there(suffix: str, tmp_path: Path) -> None:
         np.unique(np.float32(found).reshape(-1, 3), axis=0).tolist()
         == np.unique(wanted.reshape(-1, 3), axis=0).tolist()
     )
-
-
-@pytest.mark.parametrize("suffix", FORMATS)
-def test_bytes_are_the_same_again(suffix: str, tmp_path: Path) -> None:
-    """Neither the clock nor the folder shows in a file."""
-    files = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        path = written(oblong(), tmp_path / name, suffix)
-        files.append([(part.name, part.read_bytes()) for part in sorted(path.parent.iterdir())])
-    assert files[0] == files[1]
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -413,18 +402,8 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_without_usd_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One is told what to install."""
-    monkeypatch.setitem(__import__("sys").modules, "pxr", None)
-    with pytest.raises(RequestError, match="terratool\\[usd\\]"):
-        write_mesh(oblong(), tmp_path / "t.usdc")
-
-
 def test_edges_that_float32_cannot_tell_from_a_point_are_left_out() -> None:
     """A closed mesh stays closed, and nothing else changes."""
-    from terratool.mesh.files import collapse_degenerate
-    from terratool.mesh.types import BuiltMesh
-
     # a pyramid over a square, its tip an edge that is too short
     vertices = [(0, 0, 0), (9, 0, 0), (9, 5, 0), (0, 5, 0), (3, 2, 4), (3 + 1e-9, 2, 4)]
     faces = [(0, 1, 4), (1, 5, 4), (1, 2, 5), (2, 3, 5), (3, 4, 5), (3, 0, 4), (0, 2, 1), (0, 3, 2)]
@@ -435,14 +414,14 @@ def test_edges_that_float32_cannot_tell_from_a_point_are_left_out() -> None:
         surfaces=np.arange(8, dtype=np.int32) % 2,
         walls=np.zeros(8, bool),
     )
-    built = collapse_degenerate(BuiltMesh(mesh, 6, 0.0, 0.0, 0, 0, 0.0))
+    built = collapse_degenerate(BuiltMesh(mesh, 6, 0.0, PlanLoss()))
     assert built.mesh.faces.tolist() == [
         [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]
     ]  # fmt: skip
     assert built.mesh.surfaces.tolist() == [0, 0, 1, 1, 0, 1]
     assert built.shell == 4 and len(built.mesh.vertices) == 5
     apart = replace(built.mesh, vertices=built.mesh.vertices[[0, 1, 2, 3, 0]])
-    same = BuiltMesh(apart, 6, 0.0, 0.0, 0, 0, 0.0)
+    same = BuiltMesh(apart, 6, 0.0, PlanLoss())
     assert len(collapse_degenerate(same).mesh.faces) == 4  # edges 0-4 and 3-0-4 have no length
-    same = BuiltMesh(built.mesh, 4, 0.0, 0.0, 0, 0, 0.0)
+    same = BuiltMesh(built.mesh, 4, 0.0, PlanLoss())
     assert collapse_degenerate(same) is same

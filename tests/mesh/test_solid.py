@@ -13,8 +13,7 @@ from terratool.errors import RequestError
 from terratool.kernels import mesh as kernels
 from terratool.mesh.build import build, coarse_mesh
 from terratool.mesh.plan import plan_of
-from terratool.mesh.seams import NO_SEAMS
-from terratool.mesh.types import COVER, BuiltMesh, Regions
+from terratool.mesh.types import BuiltMesh, RegionMesh
 from terratool.mesh.walls import assemble, base_below
 from tests.conftest import terrain_of
 from tests.meshes import (
@@ -241,18 +240,19 @@ def test_any_heights_make_a_solid(seed: int) -> None:
     """Every triangle with heights of its own, and some void: all kinds of walls, and of pinches."""
     rng = np.random.default_rng(seed)
     terrain = terrain_of(oblong(seed, random_definition(seed, 30, STRAIGHT)))
-    plan, left = plan_of(terrain, 1e-3)
-    drawn = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
-    plane = coarse_mesh(plan, drawn, NO_SEAMS).plane
-    count = len(plane.triangles)
-    none = np.zeros(count + 1, np.int64), np.empty(0, COVER)
-    voids = rng.random(count) < 0.2
-    surfaces = rng.integers(0, 2, count).astype(np.int32)
-    parts = Regions(*none, surfaces, voids, np.ones(count, bool), np.zeros(count))
-    heights = rng.integers(0, 2 + seed % 4, plane.triangles.shape).astype(float)
+    plan, loss = plan_of(terrain, 1e-3)
+    segments = kernels.segments_of(plan.kept, np.flatnonzero(plan.frames["drawn"]))
+    coarse = coarse_mesh(plan, segments)
+    triangles = coarse.triangulation.triangles
+    count = len(triangles)
+    regions = coarse.regions._replace(
+        voids=rng.random(count) < 0.2, surfaces=rng.integers(0, 2, count).astype(np.int32)
+    )
+    heights = rng.integers(0, 2 + seed % 4, triangles.shape).astype(float)
     one_each = np.arange(count, dtype=np.int32)
-    mesh, shell, _ = assemble(terrain, plan, plane, parts, one_each, heights, -1.0)
-    check_solid(BuiltMesh(mesh, shell, 0.0, *left), -1.0)
+    parts = RegionMesh(coarse.triangulation, regions, one_each, heights)
+    mesh, shell, _ = assemble(terrain, plan, parts, -1.0)
+    check_solid(BuiltMesh(mesh, shell, 0.0, loss), -1.0)
     assert covered(mesh) == pytest.approx(0, abs=1e-6)
 
 

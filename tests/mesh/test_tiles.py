@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
-from terratool.errors import RequestError
+from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh import seams
 from terratool.mesh import tiles as tiling
 from terratool.mesh.build import build
-from terratool.mesh.plan import plan_of
-from terratool.mesh.tiles import TileLayout, build_tile, build_tiles, lay_out
-from terratool.mesh.triangulate import Triangulation
-from terratool.mesh.types import COVER, Mesh, Regions, TileBoundary
+from terratool.mesh.formats.table import FORMATS
+from terratool.mesh.tiles import INDEX, TileCount, TileLayout, build_tile, build_tiles, lay_out
+from terratool.mesh.types import Mesh, TileBoundary, Triangulation
 from tests.conftest import terrain_of
 from tests.meshes import (
     CURVED,
@@ -28,6 +30,7 @@ from tests.meshes import (
     check_faces,
     covered,
     errors,
+    exported_tiles,
     flat_areas,
     open_edges,
     random_definition,
@@ -99,7 +102,12 @@ def wild(seed: int) -> tuple[Terrain, float, float, TileLayout]:
         definition["origin"] = [1e5, -3e4]
     terrain = terrain_of(definition)
     rows, columns = (int(n) for n in rng.integers(1, 5, 2))
-    return terrain, error, aside, lay_out(terrain, error, rows=rows, columns=columns + (rows == 1))
+    return (
+        terrain,
+        error,
+        aside,
+        lay_out(terrain, error, TileCount(rows=rows, columns=columns + (rows == 1))),
+    )
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -120,7 +128,7 @@ def test_tiles_fit(seed: int) -> None:
 def test_one_tile_is_the_whole_mesh() -> None:
     terrain = terrain_of(random_definition(3, 60, {**STRAIGHT, **CURVED}))
     mesh = build(terrain, 1e-2).mesh
-    tile = build_tile(terrain, lay_out(terrain, 1e-2, rows=1, columns=1), 0, 0).mesh
+    tile = build_tile(terrain, lay_out(terrain, 1e-2, TileCount(rows=1, columns=1)), 0, 0).mesh
     assert tile.vertices.tobytes() == mesh.vertices.tobytes()
     assert tile.faces.tobytes() == mesh.faces.tobytes()
 
@@ -128,7 +136,7 @@ def test_one_tile_is_the_whole_mesh() -> None:
 def test_tiles_are_the_same_every_time_and_in_any_order() -> None:
     definition = random_definition(4, 40, {**STRAIGHT, **CURVED})
     terrain, other = terrain_of(definition), terrain_of(definition)
-    layout, again = (lay_out(one, 2e-2, rows=2, columns=3) for one in (terrain, other))
+    layout, again = (lay_out(one, 2e-2, TileCount(rows=2, columns=3)) for one in (terrain, other))
     tiles = tiles_of(terrain, layout)
     for row, column in sorted(tiles, reverse=True):
         mesh = build_tile(other, again, row, column).mesh
@@ -140,7 +148,7 @@ def test_tiles_lie_row_by_row_from_the_north_west() -> None:
     terrain = terrain_of(
         {"size": [4, 3], "elemTypes": {"f": {"x": [0]}}, "elemTree": {"type": "f"}}
     )
-    layout = lay_out(terrain, 0.1, rows=2, columns=3)
+    layout = lay_out(terrain, 0.1, TileCount(rows=2, columns=3))
     tiles = tiles_of(terrain, layout)
     assert list(tiles) == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
     for (row, column), mesh in tiles.items():
@@ -158,7 +166,7 @@ def test_tiles_lie_row_by_row_from_the_north_west() -> None:
 def test_tiles_that_do_not_fit_are_caught(how: str, axis: int) -> None:
     """What the other tests call fitting is no less than that."""
     terrain, _, _, _ = wild(1)
-    layout = lay_out(terrain, 2e-2, rows=1 + axis, columns=2 - axis)
+    layout = lay_out(terrain, 2e-2, TileCount(rows=1 + axis, columns=2 - axis))
     tiles = tiles_of(terrain, layout)
     check_closed(union(list(tiles.values())), terrain)
     last = max(tiles)
@@ -209,7 +217,7 @@ def test_walls_that_cross_a_seam_have_the_same_levels() -> None:
     root = {"type": "floor", "cells": [3, 6], "children": children, "surface": "rock"}
     surfaces = {"rock": {}, "hole": {"void": True}}
     terrain = terrain_of({"size": 6, "surfTypes": surfaces, "elemTypes": types, "elemTree": root})
-    layout = lay_out(terrain, 0.01, rows=1, columns=2)
+    layout = lay_out(terrain, 0.01, TileCount(rows=1, columns=2))
     tiles = tiles_of(terrain, layout)
     check_seams(layout, tiles)
     at = layout.columns[0].at * layout.plan.pitch
@@ -237,7 +245,7 @@ def test_a_pit_in_the_void_may_leave_a_tile_without_ground() -> None:
         },
     }
     terrain = terrain_of(definition)
-    tiles = tiles_of(terrain, lay_out(terrain, 0.1, rows=1, columns=2))
+    tiles = tiles_of(terrain, lay_out(terrain, 0.1, TileCount(rows=1, columns=2)))
     assert [len(mesh.faces) for mesh in tiles.values()] == [0, 2]
     assert covered(tiles[0, 1]) == pytest.approx(4)
 
@@ -252,7 +260,7 @@ def test_heights_that_are_one_but_for_rounding_have_the_same_bits() -> None:
     root = {"type": "floor", "cells": [3, 40], "children": children}
     types = {"floor": {"x": [0]}, "box": {"x": [1]}}
     terrain = terrain_of({"size": 10, "elemTypes": types, "elemTree": root})
-    layout = lay_out(terrain, 0.01, rows=1, columns=3)
+    layout = lay_out(terrain, 0.01, TileCount(rows=1, columns=3))
     tiles = tiles_of(terrain, layout)
     check_seams(layout, tiles)
     for seam in layout.columns:
@@ -265,40 +273,21 @@ def test_corners_take_the_heights_of_the_seam() -> None:
     triangles = np.array([[0, 1, 2], [2, 1, 4], [2, 4, 3]], np.int32)
     neighbours = np.array([[-1, 1, -1], [0, -1, 2], [1, -1, -1]], np.int32)
     plane = Triangulation(points, triangles, neighbours)
-    rim = TileBoundary(
+    boundary = TileBoundary(
         np.array([0, -1, -1, -1]),
         np.array([[0, 9, 0, 20], [0, 0, 0, 9]]),
         np.array([[5.0, 6.0], [1.0, 2.0]]),
     )
-    triangle, corner = seams.boundary_triangles(plane, rim)
+    triangle, corner = seams.boundary_triangles(plane, boundary)
     assert triangle.tolist() == [2, 0] and corner.tolist() == [2, 2]
     heights = np.array([[1.1, 0, 2.1], [4.9, 0, 0], [5.1, 0, 6.1]])
-    seams.pin_heights(plane, rim, triangle, corner, np.zeros(3, bool), heights)
+    seams.pin_heights(plane, boundary, triangle, corner, np.zeros(3, bool), heights)
     assert heights.tolist() == [[1, 0, 2], [5, 0, 0], [5, 0, 6]]
     with pytest.raises(RuntimeError, match="edges of its seams"):
-        seams.boundary_triangles(plane, rim._replace(edges=np.roll(rim.edges, 1, axis=1)))
+        seams.boundary_triangles(plane, boundary._replace(edges=np.roll(boundary.edges, 1, axis=1)))
 
 
-def test_edges_on_a_seam_are_not_split_and_its_vertices_not_moved() -> None:
-    plan, _ = plan_of(
-        terrain_of({"size": 1, "elemTypes": STRAIGHT, "elemTree": {"type": "floor"}}), 0.1
-    )
-    flag = np.zeros(1, bool)
-    nothing = np.zeros(2, np.int64), np.empty(0, COVER)
-    region = Regions(*nothing, np.zeros(1, np.int32), flag, flag, np.zeros(1), np.zeros(1))
-    plane = Triangulation(
-        np.array([[0, 0], [1000, 0], [0, 1000]]),
-        np.array([[0, 1, 2]], np.int32),
-        np.full((1, 3), -1, np.int32),
-    )
-    for locked in (False, True):
-        work = kernels.Refinement(
-            plan.kept, region, plane, np.zeros(1, np.int32), np.zeros((1, 3)),
-            np.array([-1, 0 if locked else -1, -1, -1]),
-        )  # fmt: skip
-        assert kernels.split_edge(work, 0, 0, 500, 0) != locked
-        points, triangles, *_ = kernels.take(work)
-        assert [len(points), len(triangles)] == ([3, 1] if locked else [4, 2])
+def test_vertices_of_a_seam_are_not_moved() -> None:
     points = np.array([[0, 50], [0, 52], [1, 51], [1, 70]])
     limits = np.array([0, 0, 99, 99])
     for side, expected in ((0, [0, 1, 0, 3]), (-1, [0, 0, 0, 3])):
@@ -316,7 +305,7 @@ class TestSeams:
         drawn = kernels.segments_of(plan.kept, np.arange(len(plan.frames)))
         for seam in (*layout.columns, *layout.rows):
             ends = drawn[:, [seam.axis, seam.axis + 2]]
-            assert np.abs(ends - seam.at).min() > seams.BESIDE
+            assert np.abs(ends - seam.at).min() > seams.CLEARANCE
             assert (np.diff(seam.places) >= 4).all()
             assert set(seam.passes) <= set(seam.places)
             assert np.isfinite(seam.heights).all()
@@ -357,7 +346,7 @@ class TestSeams:
 
         root = {"type": "b", "cells": [4, 4], "children": [box(0, 0), box(2, 45)]}
         terrain = terrain_of({"size": 4, "elemTypes": {"b": {"x": [1]}}, "elemTree": root})
-        plan = lay_out(terrain, 0.1, rows=1, columns=1).plan
+        plan = lay_out(terrain, 0.1, TileCount(rows=1, columns=1)).plan
         drawn = kernels.segments_of(plan.kept, np.arange(3))
         unit = round(1 / plan.pitch)
         # two more that cross in (3.5, 3.5), one of them steep
@@ -372,9 +361,9 @@ class TestSeams:
 
     def test_edges_that_leave_no_room_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         terrain, error, _, _ = wild(0)
-        monkeypatch.setattr(seams, "BESIDE", 1 << 28)
+        monkeypatch.setattr(seams, "CLEARANCE", 1 << 28)
         with pytest.raises(RequestError, match="no seam"):
-            lay_out(terrain, error, rows=1, columns=2)
+            lay_out(terrain, error, TileCount(rows=1, columns=2))
 
     def test_seams_do_not_lie_on_the_lines_of_grids(self) -> None:
         """The middle of the terrain is where edges are."""
@@ -382,7 +371,7 @@ class TestSeams:
             {"type": "b", "cellX": 3, "cellY": 3}]}]  # fmt: skip
         root = {"type": "b", "cells": 10, "children": children}
         terrain = terrain_of({"size": 10, "elemTypes": {"b": {"x": [1]}}, "elemTree": root})
-        layout = lay_out(terrain, 0.1, rows=2, columns=2)
+        layout = lay_out(terrain, 0.1, TileCount(rows=2, columns=2))
         check_closed(union(list(tiles_of(terrain, layout).values())), terrain)
 
 
@@ -391,8 +380,8 @@ class TestLayout:
 
     def test_crowded_terrains_have_more_tiles(self) -> None:
         terrain = terrain_of(random_definition(0, 60, STRAIGHT))
-        small = lay_out(terrain, 1e-2, tile_faces=300).shape
-        large = lay_out(terrain, 1e-2, tile_faces=100_000).shape
+        small = lay_out(terrain, 1e-2, TileCount(faces=300)).shape
+        large = lay_out(terrain, 1e-2, TileCount(faces=100_000)).shape
         assert large == (1, 1) and small[0] * small[1] > 4
 
     @pytest.mark.parametrize("error", [3e-2, 3e-3])
@@ -403,25 +392,25 @@ class TestLayout:
         children = [{"type": name, "cellX": k, "cellY": k, "vScale": 1} for k in range(10)]
         root = {"type": "floor", "children": children}
         terrain = terrain_of({"size": 10, "elemTypes": types, "elemTree": root})
-        plan = lay_out(terrain, error, rows=1, columns=1).plan
+        plan = lay_out(terrain, error, TileCount(rows=1, columns=1)).plan
         count = len(build(terrain, error).mesh.faces)
         assert count / 3 < tiling.faces_of(plan) < 3 * count
 
     def test_tiles_are_about_square(self) -> None:
         definition = random_definition(0, 60, STRAIGHT)
         definition["size"] = [40, 10]
-        rows, columns = lay_out(terrain_of(definition), 1e-2, tile_faces=300).shape
+        rows, columns = lay_out(terrain_of(definition), 1e-2, TileCount(faces=300)).shape
         assert 2 * rows <= columns
 
     def test_rows_or_columns_alone(self) -> None:
         terrain = terrain_of(random_definition(0, 60, STRAIGHT))
-        assert lay_out(terrain, 1e-2, rows=3).shape == (3, 1)
-        assert lay_out(terrain, 1e-2, columns=2, tile_faces=300).shape[1] == 2
+        assert lay_out(terrain, 1e-2, TileCount(rows=3)).shape == (3, 1)
+        assert lay_out(terrain, 1e-2, TileCount(columns=2, faces=300)).shape[1] == 2
 
     def test_bounds_are_cut_too(self) -> None:
         terrain = terrain_of(random_definition(6, 60, STRAIGHT))
         bounds = (1.3, 2.1, 8.2, 9.7)
-        layout = lay_out(terrain, 1e-3, bounds, rows=2, columns=2)
+        layout = lay_out(terrain, 1e-3, TileCount(rows=2, columns=2), bounds)
         tiles = tiles_of(terrain, layout)
         check_seams(layout, tiles)
         mesh, whole = union(list(tiles.values())), build(terrain, 1e-3, bounds).mesh
@@ -431,7 +420,7 @@ class TestLayout:
     def test_tiles_look_at_what_is_near(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """A tile costs what lies in it."""
         terrain = terrain_of(random_definition(6, 60, STRAIGHT))
-        layout = lay_out(terrain, 1e-2, rows=4, columns=4)
+        layout = lay_out(terrain, 1e-2, TileCount(rows=4, columns=4))
         asked = []
 
         def spy(plan: Any, chosen: Any) -> Any:
@@ -442,3 +431,131 @@ class TestLayout:
         monkeypatch.setattr(kernels, "segments_of", spy)
         tiles_of(terrain, layout)
         assert min(asked) < len(terrain.arrays.elements) / 3
+
+
+# --- files and their index
+
+
+@pytest.fixture(scope="module")
+def terrain() -> Terrain:
+    return terrain_of(random_definition(1, 30, STRAIGHT, ("grass", "rock")))
+
+
+def names_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_a_file_for_each_tile_and_an_index(terrain: Terrain, tmp_path: Path, suffix: str) -> None:
+    report = exported_tiles(terrain, tmp_path / "site", suffix, 0.01, rows=2, columns=2)
+    companions = FORMATS[suffix].companions
+    expected = [
+        f"mesh_0{r}_0{c}{end}" for r in (0, 1) for c in (0, 1) for end in (suffix, *companions)
+    ]
+    assert names_in(tmp_path / "site") == sorted([*expected, INDEX])
+    index = json.loads((tmp_path / "site" / INDEX).read_text())
+    assert [index[key] for key in ("version", "rows", "columns")] == [1, 2, 2]
+    assert index["error"] == report.statement.error <= 0.01
+    assert index["bounds"] == [0, 0, 10, 10] == list(report.bounds)
+    assert index["origin"] == [0, 0, 0]
+    assert index["faces"] == report.faces == sum(tile["faces"] for tile in index["tiles"])
+    assert [(tile["row"], tile["column"]) for tile in index["tiles"]] == [
+        (0, 0), (0, 1), (1, 0), (1, 1)
+    ]  # fmt: skip
+    assert [name for tile in index["tiles"] for name in tile["files"]] == expected
+    west, south, east, north = zip(*(tile["bounds"] for tile in index["tiles"]), strict=True)
+    assert west[0] == 0 and west[1] == east[0] == west[3] and south[0] == north[2]
+
+
+@pytest.mark.parametrize("world", [False, True])
+def test_the_files_fit(tmp_path: Path, world: bool) -> None:
+    """Loaded together they are one closed surface, and lie where the terrain is."""
+    definition = random_definition(1, 30, STRAIGHT, ("grass", "rock"))
+    definition["origin"] = [1000, 2000]
+    terrain = terrain_of(definition)
+    report = exported_tiles(terrain, tmp_path, ".ply", 0.01, rows=2, columns=2, world=world)
+    meshes = [trimesh.load(tmp_path / tile.files[0], process=False) for tile in report.tiles]
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    begins = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = np.concatenate([m.faces + b for m, b in zip(meshes, begins, strict=False)])
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    assert report.origin == ((0, 0, 0) if world else (1000, 2000, 0))
+    assert np.allclose(low[:2] + report.origin[:2], (1000, 2000))
+    assert np.allclose(high[:2] + report.origin[:2], (1010, 2010))
+    unique, index = np.unique(vertices, axis=0, return_inverse=True)
+    edges = np.sort(index.reshape(-1)[faces][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    pairs, runs = np.unique(edges, axis=0, return_counts=True)
+    p, q = (unique[pairs[runs % 2 == 1][:, k]] for k in range(2))
+    rim = np.zeros(len(p), bool)
+    for axis in (0, 1):
+        for side in (low[axis], high[axis]):
+            rim |= (p[:, axis] == side) & (q[:, axis] == side)
+    assert len(rim) and rim.all()
+
+
+def test_what_is_there_is_refused_or_replaced(terrain: Terrain, tmp_path: Path) -> None:
+    def export(**options: Any) -> None:
+        exported_tiles(terrain, tmp_path, ".obj", 0.01, **options)
+
+    (tmp_path / "mesh_of_mine.obj").write_text("mine")
+    export(rows=2, columns=2)
+    before = (tmp_path / INDEX).read_bytes()
+    with pytest.raises(WriteError, match="exists already"):
+        export(rows=1, columns=1)
+    (tmp_path / INDEX).unlink()
+    with pytest.raises(WriteError, match="exists already"):
+        export(rows=1, columns=1)
+    export(rows=1, columns=1, overwrite=True)
+    assert names_in(tmp_path) == [
+        "mesh_00_00.mtl", "mesh_00_00.obj", "mesh_of_mine.obj", INDEX
+    ]  # fmt: skip
+    export(rows=2, columns=2, overwrite=True)
+    assert (tmp_path / INDEX).read_bytes() == before
+
+
+def test_where_there_is_an_index_all_is_whole(terrain: Terrain, tmp_path: Path) -> None:
+    exported_tiles(terrain, tmp_path, ".stl", 0.01, rows=1, columns=2)
+    told = []
+
+    def stop(done: int, count: int, faces: int) -> None:
+        told.append((done, count, faces > 0))
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        exported_tiles(
+            terrain, tmp_path, ".stl", 0.01, rows=2, columns=2, overwrite=True, progress=stop
+        )
+    assert told == [(1, 4, True), (2, 4, True)]
+    assert names_in(tmp_path) == ["mesh_00_00.stl", "mesh_00_01.stl"]
+
+
+def test_a_tile_without_ground_has_no_file(tmp_path: Path) -> None:
+    hole = {"type": "f", "cellX": 0, "cellY": 0, "surface": "hole", "span": [3, 1]}
+    definition: dict[str, Any] = {
+        "size": 4,
+        "surfTypes": {"hole": {"void": True}},
+        "elemTypes": {"f": {"x": [0]}},
+        "elemTree": {"type": "f", "cells": [4, 1], "children": [hole]},
+    }
+    report = exported_tiles(terrain_of(definition), tmp_path, ".stl", 0.1, rows=1, columns=2)
+    assert [tile.files for tile in report.tiles] == [(), ("mesh_00_01.stl",)]
+    hole["span"] = [4, 1]
+    with pytest.raises(RequestError, match="no ground"):
+        exported_tiles(
+            terrain_of(definition), tmp_path, ".stl", 0.1, rows=1, columns=2, overwrite=True
+        )
+    assert INDEX not in names_in(tmp_path)
+
+
+def test_what_makes_no_sense_is_refused(terrain: Terrain, tmp_path: Path) -> None:
+    with pytest.raises(RequestError, match="suffix"):
+        exported_tiles(terrain, tmp_path, ".xyz", 0.1)
+    with pytest.raises(RequestError, match="too short"):
+        exported_tiles(terrain, tmp_path, ".stl", 0.1, world=True)
+    with pytest.raises(WriteError, match="does not exist"):
+        exported_tiles(terrain, tmp_path / "a" / "b", ".stl", 0.1)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(WriteError, match="is no folder"):
+        exported_tiles(terrain, tmp_path / "file", ".stl", 0.1)
+    assert names_in(tmp_path) == ["file"]

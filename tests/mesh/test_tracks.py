@@ -15,11 +15,9 @@ from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
 from terratool.mesh.build import build
-from terratool.mesh.export import export_mesh
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.measure import wall_summary
-from terratool.mesh.mosaic import export_tiles
-from terratool.mesh.tiles import lay_out
+from terratool.mesh.loss import wall_summary
+from terratool.mesh.tiles import TileCount, lay_out
 from terratool.mesh.types import BuiltMesh, Mesh
 from tests import strategies
 from tests.conftest import terrain_of
@@ -32,6 +30,8 @@ from tests.meshes import (
     check_solid,
     covered,
     errors,
+    exported,
+    exported_tiles,
     flat_areas,
     random_definition,
 )
@@ -99,7 +99,7 @@ def check(definition: Json, error: float, points: int = 4000) -> BuiltMesh:
     """A mesh of it, sound, closed, and as high as the terrain away from the sides of ruts."""
     terrain = terrain_of(definition)
     built = build(terrain, error)
-    check_mesh(built.mesh, definition, terrain, error, built.ruts.beside, points)
+    check_mesh(built.mesh, definition, terrain, error, built.loss.ruts.wall_offset, points)
     return built
 
 
@@ -126,8 +126,8 @@ def test_a_straight_rut_by_hand() -> None:
     assert np.abs(np.abs(straight[:, 1] - 1) - 0.2).max() < 1e-8
     assert abs(walls[:, 0].min() - 1.8) < 1e-8 and abs(walls[:, 0].max() - 7.2) < 1e-8
     # a polygon of n chords has 2 n r sin(π / n) around it, and n/2 r² sin(2π / n) in it
-    assert built.ruts.beside <= 1e-3 / 2
-    corners = math.pi / math.acos(1 - built.ruts.beside / 0.2)
+    assert built.loss.ruts.wall_offset <= 1e-3 / 2
+    corners = math.pi / math.acos(1 - built.loss.ruts.wall_offset / 0.2)
     assert corners == pytest.approx(round(corners)) and round(corners) % 4 == 0
     around = 10 + 2 * corners * 0.2 * math.sin(math.pi / corners)
     inside = 5 * 0.4 + corners / 2 * 0.04 * math.sin(2 * math.pi / corners)
@@ -186,10 +186,10 @@ def test_a_fine_path_has_few_edges() -> None:
     coarse, fine = (check(definition, error) for error in (1e-2, 1e-4))
     assert len(coarse.mesh.faces) < 400 < len(fine.mesh.faces)
     for built, error in ((coarse, 1e-2), (fine, 1e-4)):
-        assert 0 < built.ruts.beside <= error
+        assert 0 < built.loss.ruts.wall_offset <= error
         walls = built.mesh.vertices[np.unique(built.mesh.faces[built.mesh.walls])] + (100, 50, 0)
         off = np.abs(distances(definition["tracks"][0]["path"], walls[:, 0], walls[:, 1]) - 0.2)
-        assert off.max() <= built.ruts.beside
+        assert off.max() <= built.loss.ruts.wall_offset
 
 
 # --- several, and the ground below -----------------------------------------------------------
@@ -323,13 +323,13 @@ def test_tiles_fit(seed: int) -> None:
     error = (1e-3, 2e-2)[seed % 2]
     definition = rutted(seed, error)
     terrain = terrain_of(definition)
-    layout = lay_out(terrain, error, rows=2, columns=3)
+    layout = lay_out(terrain, error, TileCount(rows=2, columns=3))
     tiles = tiles_of(terrain, layout)
     assert check_seams(layout, tiles) > 0
     mesh = union(list(tiles.values()))
     whole = check(definition, error)
-    check_mesh(mesh, definition, terrain, error, layout.left.ruts.beside, 4000)
-    assert layout.left.ruts == whole.ruts
+    check_mesh(mesh, definition, terrain, error, layout.loss.ruts.wall_offset, 4000)
+    assert layout.loss.ruts == whole.loss.ruts
     assert covered(mesh) == pytest.approx(covered(whole.mesh), rel=1e-6)
 
 
@@ -338,7 +338,7 @@ def test_more_faces_more_tiles() -> None:
     wide = [track((1, y), *((x / 10, y + x % 2 / 10) for x in range(20, 80)), (9, y)) for y in
             (1, 2, 3, 4)]  # fmt: skip
     terrain = terrain_of(ground(*wide))
-    rows, columns = lay_out(terrain, 1e-3, tile_faces=500).shape
+    rows, columns = lay_out(terrain, 1e-3, TileCount(faces=500)).shape
     faces = len(build(terrain, 1e-3).mesh.faces)
     assert faces / 1000 < rows * columns < faces / 125
 
@@ -353,7 +353,7 @@ def test_a_part(bounds: tuple[float, float, float, float]) -> None:
     check_faces(mesh)
     west, south, east, north = bounds
     assert covered(mesh) == pytest.approx((east - west) * (north - south), rel=1e-6)
-    excluded = beside_ruts(definition, built.ruts.beside + 1e-7)
+    excluded = beside_ruts(definition, built.loss.ruts.wall_offset + 1e-7)
     assert errors(mesh, terrain, 2000, 1e-9, 1e-7, excluded).max() < 1e-9
     assert (mesh.vertices[:, 2] < -0.05).any()
     check_solid(build(terrain, 1e-3, bounds, base=-1.0), -1.0)
@@ -391,15 +391,15 @@ def depths_of(one: Json) -> list[float]:
 
 def test_the_statement_says_how_far_sides_are_off(tmp_path: Path) -> None:
     terrain = terrain_of(ground(track((2, 3), (7, 3))))
-    report = export_mesh(terrain, tmp_path / "a.ply", 0.01)
+    report = exported(terrain, tmp_path / "a.ply", 0.01)
     ruts = report.statement.ruts
-    assert ruts and 0 < ruts.beside <= 0.01
+    assert ruts and 0 < ruts.wall_offset <= 0.01
     assert report.to_json()["losses"]["ruts"] == {
-        "beside": ruts.beside, "narrow": 0, "shallow": 0, "deepest": 0.0,
+        "beside": ruts.wall_offset, "narrow": 0, "shallow": 0, "deepest": 0.0,
     }  # fmt: skip
     said = list(report.statement.sentences())
-    assert said[-1] == f"Lost: sides of ruts lie up to {ruts.beside:.3g} m aside."
-    plain = export_mesh(terrain_of(ground()), tmp_path / "b.ply", 0.01)
+    assert said[-1] == f"Lost: sides of ruts lie up to {ruts.wall_offset:.3g} m aside."
+    plain = exported(terrain_of(ground()), tmp_path / "b.ply", 0.01)
     assert "ruts" not in plain.to_json()["losses"]
 
 
@@ -407,13 +407,13 @@ def test_what_is_too_narrow_is_left_out_and_said(tmp_path: Path) -> None:
     """The other one stays; what the narrow ones change is measured along them."""
     narrow = [track((1, y), (9, y), width=1e-6, depth=0.3) for y in (1, 2)]
     terrain = terrain_of(ground(*narrow, track((1, 5), (9, 5))))
-    report = export_mesh(terrain, tmp_path / "a.ply", 0.01)
+    report = exported(terrain, tmp_path / "a.ply", 0.01)
     statement = report.statement
     assert statement.ruts and statement.ruts.narrow == 2
     assert statement.left.change and statement.left.change.size == pytest.approx(0.3)
     assert statement.walls.highest and statement.walls.highest.size == pytest.approx(0.1)
     assert "2 tracks too narrow for the mesh left out" in " ".join(statement.sentences())
-    part = export_mesh(terrain, tmp_path / "b.ply", 0.01, bounds=(104, 50.9999, 104.0002, 51.0001))
+    part = exported(terrain, tmp_path / "b.ply", 0.01, bounds=(104, 50.9999, 104.0002, 51.0001))
     assert part.statement.ruts and part.statement.ruts.narrow == 0
     assert part.statement.walls.highest and part.statement.walls.highest.size == pytest.approx(0.3)
 
@@ -424,7 +424,7 @@ def test_shallow_ruts_go_first_to_keep_to_a_number_of_faces(tmp_path: Path) -> N
     deep = track((0.5, 3), (9.5, 3.1), depth=0.5)
     terrain = terrain_of(ground(*shallow[:4], deep, *shallow[4:], children=(
         {"type": "block", "cellX": 0, "cellY": 0, "vScale": 0.9},)))  # fmt: skip
-    report = export_mesh(terrain, tmp_path / "a.ply", 1e-3, 250)
+    report = exported(terrain, tmp_path / "a.ply", 1e-3, 250)
     ruts = report.statement.ruts
     assert report.faces <= 250 and ruts and ruts.shallow == 8
     assert ruts.deepest == pytest.approx(0.02)
@@ -437,9 +437,9 @@ def test_shallow_ruts_go_first_to_keep_to_a_number_of_faces(tmp_path: Path) -> N
 
 def test_tiles_say_it_too(tmp_path: Path) -> None:
     terrain = terrain_of(ground(track((2, 3), (7, 3)), track((1, 1), (9, 1), width=1e-6)))
-    report = export_tiles(terrain, tmp_path / "tiles", ".ply", 0.01, rows=2, columns=2)
+    report = exported_tiles(terrain, tmp_path / "tiles", ".ply", 0.01, rows=2, columns=2)
     ruts = report.statement.ruts
-    assert ruts and ruts.narrow == 1 and 0 < ruts.beside <= 0.01
+    assert ruts and ruts.narrow == 1 and 0 < ruts.wall_offset <= 0.01
     assert report.to_json()["losses"]["ruts"]["narrow"] == 1
 
 
@@ -451,7 +451,7 @@ def test_files_hold_the_rut(tmp_path: Path, suffix: str) -> None:
     assert suffix in FORMATS
     terrain = terrain_of(ground(track((7, 1), (9, 1), depth=0.5)))
     path = tmp_path / f"a{suffix}"
-    report = export_mesh(terrain, path, 1e-3, solid=True, base=-1.0)
+    report = exported(terrain, path, 1e-3, solid=True, base=-1.0)
     shape = trimesh.load_mesh(path, process=suffix == ".stl")
     assert len(shape.faces) == report.faces
     inside = 2 * 0.4 + 0.04 * math.pi
@@ -463,5 +463,5 @@ def test_files_hold_the_rut(tmp_path: Path, suffix: str) -> None:
 def test_the_same_bytes_every_time(tmp_path: Path) -> None:
     definition = rutted(1, 2e-2)
     for name in ("a.ply", "b.ply"):
-        export_mesh(terrain_of(json.loads(json.dumps(definition))), tmp_path / name, 0.02)
+        exported(terrain_of(json.loads(json.dumps(definition))), tmp_path / name, 0.02)
     assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()

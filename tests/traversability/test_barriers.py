@@ -11,7 +11,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.route.routes import bars, check, plan, reach
+from terratool.traversability.route.routes import Pose, bars, check, plan, reach
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level, stood
 
@@ -296,7 +296,7 @@ def test_what_bars_is_looked_for_ahead(heading: float) -> None:
     x, y = 6 + 0.5 * np.sin(heading), 3 + 0.5 * np.cos(heading)
     column, row = int(2 * x), int(2 * y)
     terrain = yard({"cellX": column, "cellY": row, "surface": "brick", "vOffset": 0.4})
-    found = bars(terrain, ROVER, Reason.STEP, 6, 3, heading, 0.2)
+    found = bars(terrain, ROVER, Reason.STEP, Pose(6, 3, heading), 0.2)
     assert found == f'/elemTree/children/0 (surface "brick"), {0.4 + 1 / 24:.2g} m high'
 
 
@@ -304,7 +304,7 @@ def test_what_bars_is_looked_for_ahead(heading: float) -> None:
 def test_nearest_void_is_named(x: float, nearest: int) -> None:
     behind, before = block(5.5, 3, 0.5, 0.5), block(6.5, 3, 0.5, 0.5)
     terrain = yard(behind | {"surface": "hole"}, before | {"surface": "hole"})
-    found = bars(terrain, ROVER, Reason.NO_GROUND, x, 3.25, np.pi / 2, 0.2)
+    found = bars(terrain, ROVER, Reason.NO_GROUND, Pose(x, 3.25, np.pi / 2), 0.2)
     assert found == f'/elemTree/children/{nearest} (surface "hole")'
 
 
@@ -329,16 +329,16 @@ def test_presets_are_soils_like_others() -> None:
         }
     )  # fmt: skip
     for heading in (0.0, np.pi):
-        found = bars(terrain, ROVER, Reason.SINKAGE, 2, 2, heading, 0.2)
+        found = bars(terrain, ROVER, Reason.SINKAGE, Pose(2, 2, heading), 0.2)
         assert found == '/elemTree/children/0 (surface "lunar-nominal")'
 
 
 def test_level_ground_bars_by_itself() -> None:
-    assert bars(yard(), ROVER, Reason.STEP, 6, 3, 0, 0.2) == '/elemTree (surface "floor")'
+    assert bars(yard(), ROVER, Reason.STEP, Pose(6, 3, 0), 0.2) == '/elemTree (surface "floor")'
     nothing = terrain_of(
         {"size": 9, "elemTypes": {"slab": {"x": "flat"}}, "elemTree": {"type": "slab"}}
     )
-    assert bars(nothing, ROVER, Reason.TRACTION, 6, 3, 0, 0.2) == "/elemTree (no surface)"
+    assert bars(nothing, ROVER, Reason.TRACTION, Pose(6, 3, 0), 0.2) == "/elemTree (no surface)"
     disc = terrain_of(
         {
             "size": 9,
@@ -346,4 +346,4 @@ def test_level_ground_bars_by_itself() -> None:
             "elemTree": {"type": "disc", "vScale": 0},
         }
     )
-    assert bars(disc, ROVER, Reason.SLIP, 0.2, 0.2, 0, 0.2) == "ground without an element"
+    assert bars(disc, ROVER, Reason.SLIP, Pose(0.2, 0.2, 0), 0.2) == "ground without an element"

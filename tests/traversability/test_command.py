@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +15,20 @@ import pytest
 import rasterio
 
 import terratool
-from terratool.cli import main
 from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
-from terratool.field.terrain import load
+from terratool.field.terrain import Terrain, load
 from terratool.traversability import assess as assessing
-from terratool.traversability.assess import Request, assess, planned
+from terratool.traversability.assess import Request, assess, plan_assessment
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
-from terratool.traversability.results import Verdict
+from terratool.traversability.report.wording import conclusion
+from terratool.traversability.results import TraversabilityReport, Verdict
 from terratool.traversability.route import graph
 from terratool.traversability.vehicle import Vehicle, load_vehicle
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, run
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, run
 from tests.conftest import terrain_of
+from tests.traversability.conftest import Within
 
 # Hard ground, 12 × 8 around (100, 50): a wall 1 high from south to north at x = 106 leaves a gate
 # at the north; a hole in the south-east.
@@ -63,21 +64,11 @@ WAY = (102, 51, 110, 52)
 SCHEMA = jsonschema.Draft202012Validator(terratool.schema("report"))
 
 Saved = Callable[..., Path]
-Within = Callable[..., Ran]
 
 
 @pytest.fixture
-def within(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., Ran]:
-    """Run the command in this process, where all kernels are loaded already."""
-
-    def ran(*arguments: object) -> Ran:
-        monkeypatch.setattr(sys, "argv", ["terratool", "traversability", *map(str, arguments)])
-        code = main._run()
-        return Ran(code, *capsys.readouterr())
-
-    return ran
+def drive(within: Within) -> Within:
+    return partial(within, "traversability")
 
 
 @pytest.fixture
@@ -87,7 +78,7 @@ def site(saved: Saved) -> tuple[str, ...]:
     return str(saved(WALLED)), "--vehicle", str(vehicle), "--resolution", "0.1"
 
 
-def test_says_and_writes_all(within: Within, site: tuple[str, ...], tmp_path: Path) -> None:
+def test_says_and_writes_all(drive: Within, site: tuple[str, ...], tmp_path: Path) -> None:
     """The table, three reports and a map from one run; the same bytes from the next."""
     names = [tmp_path / name for name in ("a.json", "a.md", "a.html", "a.tif")]
     outputs = [*(part for name in names[:3] for part in ("--report", name)), "--map", names[3]]
@@ -95,7 +86,7 @@ def test_says_and_writes_all(within: Within, site: tuple[str, ...], tmp_path: Pa
         *site, *outputs, "--route", *WAY, "--reachable", 102, 51, "--fail-on", "no-route",
         "--fail-on", "reachable-fraction<0.3",
     )  # fmt: skip
-    ran = within(*arguments)
+    ran = drive(*arguments)
     assert (ran.code, ran.err) == (0, "")
     assert "There is a way from (102, 51) to (110, 52)" in ran.out
     assert re.search(r"^floor +0 m +35\.0°", ran.out, re.MULTILINE)
@@ -113,7 +104,7 @@ def test_says_and_writes_all(within: Within, site: tuple[str, ...], tmp_path: Pa
 
     there = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert {"a-classes.tif", "a-numbers.tif"} <= set(there)
-    again = within(*arguments)
+    again = drive(*arguments)
     assert again.code == 3
     assert "exists already" in again.err
     # a process of its own, now that the kernels are compiled
@@ -124,10 +115,10 @@ def test_says_and_writes_all(within: Within, site: tuple[str, ...], tmp_path: Pa
         assert name.read_bytes() == there[name.name]
 
 
-def test_a_wall_in_the_way_fails(within: Within, saved: Saved, tmp_path: Path) -> None:
+def test_a_wall_in_the_way_fails(drive: Within, saved: Saved, tmp_path: Path) -> None:
     """Exit 1: says which condition held and by which figure; the report is there and names it."""
     out = tmp_path / "why.json"
-    ran = within(
+    ran = drive(
         saved(CLOSED), "--vehicle", saved(VEHICLE, "v.json"), "--resolution",
         0.1, "--route", *WAY, "--report", out, "--fail-on", "no-route",
         "--fail-on", "no-go-fraction > 0.99", "--fail-on", "route-length>100",
@@ -143,13 +134,13 @@ def test_a_wall_in_the_way_fails(within: Within, saved: Saved, tmp_path: Path) -
     assert ran.out.startswith("no-go: There is no way from (102, 51) to (110, 52): step at (10")
 
 
-def test_who_reads_no_further_is_told(within: Within, saved: Saved) -> None:
+def test_who_reads_no_further_is_told(drive: Within, saved: Saved) -> None:
     """A pipe that is closed early, as by `| head`, takes nothing from the exit code."""
     arguments = (
         saved(CLOSED), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.1, "--route", *WAY,
         "--fail-on", "no-route",
     )  # fmt: skip
-    assert within(*arguments).code == 1
+    assert drive(*arguments).code == 1
     with subprocess.Popen(
         [*COMMAND, "traversability", *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, env=ENVIRONMENT,
@@ -161,9 +152,9 @@ def test_who_reads_no_further_is_told(within: Within, saved: Saved) -> None:
     assert said == "terratool: --fail-on no-route: 1 of 1 routes cannot be driven.\n"
 
 
-def test_a_wheel_by_itself(within: Within, saved: Saved) -> None:
+def test_a_wheel_by_itself(drive: Within, saved: Saved) -> None:
     """JSON on standard output, nothing else; a wheel knows no body."""
-    ran = within(
+    ran = drive(
         saved(WALLED), "--wheel-radius", 0.2, "--wheel-width", 0.1, "--load",
         100, "--resolution", 0.2, "--json",
     )  # fmt: skip
@@ -175,11 +166,11 @@ def test_a_wheel_by_itself(within: Within, saved: Saved) -> None:
     assert document["surfaces"][0]["climb_deg"] == pytest.approx(35.0)  # rigid ground: φ
 
 
-def test_waypoints(within: Within, site: tuple[str, ...], tmp_path: Path) -> None:
+def test_waypoints(drive: Within, site: tuple[str, ...], tmp_path: Path) -> None:
     """A way through the wall is barred by it; one through the gate is not."""
     path = tmp_path / "way.csv"
     path.write_text("x,y\n102,51\n110,51\n")
-    ran = within(*site, "--waypoints", path, "--fail-on", "no-route", "--json")
+    ran = drive(*site, "--waypoints", path, "--fail-on", "no-route", "--json")
     assert ran.code == 1
     (route,) = json.loads(ran.out)["routes"]
     assert not route["planned"]
@@ -215,7 +206,7 @@ def test_waypoints(within: Within, site: tuple[str, ...], tmp_path: Path) -> Non
     ],
 )
 def test_refuses(
-    within: Within,
+    drive: Within,
     site: tuple[str, ...],
     tmp_path: Path,
     arguments: tuple[object, ...],
@@ -229,24 +220,24 @@ def test_refuses(
         else text
         for text in arguments
     ]  # fmt: skip
-    ran = within(*site, "--report", tmp_path / "good.json", *local)
+    ran = drive(*site, "--report", tmp_path / "good.json", *local)
     assert (ran.code, ran.out) == (code, "")
     assert part in ran.err.replace(f"{tmp_path}/", "")
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize("what", [0, 2])
-def test_keeps_what_it_reads(within: Within, site: tuple[str, ...], what: int) -> None:
+def test_keeps_what_it_reads(drive: Within, site: tuple[str, ...], what: int) -> None:
     """The definition and the vehicle are no outputs, --overwrite or not."""
     before = Path(site[what]).read_bytes()
-    ran = within(*site, "--report", site[what], "--overwrite")
+    ran = drive(*site, "--report", site[what], "--overwrite")
     assert ran.code == 3
     assert "is read, too" in ran.err
     assert Path(site[what]).read_bytes() == before
 
 
 def test_a_failure_at_the_end_leaves_nothing(
-    within: Within, site: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drive: Within, site: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The map is complete when the last report fails; nothing appears."""
 
@@ -256,14 +247,14 @@ def test_a_failure_at_the_end_leaves_nothing(
     monkeypatch.setitem(formats.FORMATS, ".md", fail)
     before = sorted(path.name for path in tmp_path.iterdir())
     names = [tmp_path / name for name in ("a.tif", "a.json", "a.md")]
-    ran = within(*site, "--map", names[0], "--report", names[1], "--report", names[2])
+    ran = drive(*site, "--map", names[0], "--report", names[1], "--report", names[2])
     assert (ran.code, ran.out) == (3, "")
     assert "The disk is full." in ran.err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
-def test_help_has_an_example_and_names_everything() -> None:
-    ran = run("traversability", "--help")
+def test_help_has_an_example_and_names_everything(within: Within) -> None:
+    ran = within("traversability", "--help")
     assert "Example: terratool traversability samples/" in " ".join(ran.out.split())
     assert PREFERENCES == graph.PREFERENCES
     told = " ".join(ran.out.split()).replace("- ", "-")  # lines break after hyphens
@@ -271,11 +262,11 @@ def test_help_has_an_example_and_names_everything() -> None:
         assert name in told
     for name in FIGURES:
         assert name.removesuffix("fraction") in told, name
-    assert "traversability" in run("--help").out
+    assert "traversability" in within("--help").out
 
 
-def test_the_example_of_the_help_runs() -> None:
-    example = " ".join(run("traversability", "--help").out.split()).partition("Example: ")[2]
+def test_the_example_of_the_help_runs(drive: Within) -> None:
+    example = " ".join(drive("--help").out.split()).partition("Example: ")[2]
     words = example.split()
     assert (ROOT / words[2]).is_file()
     assert (ROOT / words[words.index("--vehicle") + 1]).is_file()
@@ -283,7 +274,7 @@ def test_the_example_of_the_help_runs() -> None:
     terrain = load(ROOT / words[2])
     vehicle = load_vehicle(ROOT / words[words.index("--vehicle") + 1])
     x0, y0, x1, y1 = map(float, words[at + 1 : at + 5])
-    planned(
+    plan_assessment(
         terrain, vehicle, Request(routes=((x0, y0, x1, y1),)), mapped=False, pictured=True
     )  # its places lie on the terrain
 
@@ -293,16 +284,20 @@ def vehicle(saved: Saved) -> Vehicle:
     return load_vehicle(saved(VEHICLE, "v.json"))
 
 
+def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
+    return assess(plan_assessment(terrain, vehicle, request))
+
+
 class TestAssess:
     def test_without_a_map_it_is_coarser_and_says_so(
         self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
         terrain = terrain_of(WALLED)
-        grids = planned(terrain, vehicle, Request(), mapped=False, pictured=True)
+        grids = plan_assessment(terrain, vehicle, Request(), pictured=True)
         assert (grids.grid.width, grids.grid.height) == (60, 40)
         assert "60 on the longer side" in grids.notes[0]
-        full = planned(terrain, vehicle, Request(), mapped=True, pictured=True)
+        full = plan_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
         assert full.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in full.notes[0]
 
@@ -312,14 +307,14 @@ class TestAssess:
         length = sum(vehicle.rectangle[:2])
         for factor, gaps in ((0.9, False), (1.1, True)):
             request = Request(resolution=factor * length)
-            notes = planned(terrain, vehicle, request, mapped=False, pictured=False).notes
+            notes = plan_assessment(terrain, vehicle, request).notes
             assert any("is not looked at" in note for note in notes) == gaps
 
     def test_bounds_decide_the_resolution(self, vehicle: Vehicle) -> None:
         terrain = terrain_of(WALLED | {"size": [240000, 160000]})
         west, south, _, _ = terrain.bounds
         request = Request(bounds=(west, south, west + 10, south + 5))
-        grids = planned(terrain, vehicle, request, mapped=False, pictured=False)
+        grids = plan_assessment(terrain, vehicle, request)
         assert grids.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in grids.notes[0]
 
@@ -328,29 +323,29 @@ class TestAssess:
         terrain = terrain_of(WALLED)
         told: list[int] = []
         request = Request(routes=(tuple(map(float, WAY)),), resolution=0.2)  # type: ignore[arg-type]
-        report = assess(terrain, vehicle, request, pictured=True, progress=told.append)
+        planned = plan_assessment(terrain, vehicle, request, pictured=True)
+        report = assess(planned, progress=told.append)
         assert report.preview is not None
         assert report.preview.grid.resolution == 0.2
-        grids = planned(terrain, vehicle, request, mapped=False, pictured=True)
-        assert grids.picture is None
-        assert sum(told) == grids.pixels == 2 * 60 * 40
-        assert assess(terrain, vehicle, Request(resolution=0.2)).preview is None
+        assert planned.picture is None
+        assert sum(told) == planned.pixels == 2 * 60 * 40
+        assert assessed(terrain, vehicle, Request(resolution=0.2)).preview is None
 
     def test_verdict_and_sentence_follow(self, vehicle: Vehicle) -> None:
         """Go in the open, no-go where the wall stands across, unknown without a soil."""
         flat = {**WALLED, "elemTree": {"type": "flat", "surface": "floor"}}
         inner = Request(bounds=(104, 52, 108, 56), resolution=0.2)
-        report = assess(terrain_of(flat), vehicle, inner)
+        report = assessed(terrain_of(flat), vehicle, inner)
         assert report.verdict == Verdict.GO
-        assert report.sentence.startswith("All of the ground is go")
-        barred = assess(
+        assert conclusion(report).startswith("All of the ground is go")
+        barred = assessed(
             terrain_of(CLOSED),
             vehicle,
             Request(routes=(WAY,), resolution=0.1),  # type: ignore[arg-type]
         )
         assert barred.verdict == Verdict.NO_GO
-        assert "/elemTree/children/0" in barred.sentence
+        assert "/elemTree/children/0" in conclusion(barred)
         bare = {**flat, "surfTypes": {"floor": {}}}
-        unknown = assess(terrain_of(bare), vehicle, inner)
+        unknown = assessed(terrain_of(bare), vehicle, inner)
         assert unknown.verdict == Verdict.UNKNOWN
         assert unknown.surfaces[0].missing

@@ -18,9 +18,17 @@ from terratool.definition.model import Surface
 from terratool.definition.presets import PRESETS, property_of
 from terratool.errors import RequestError
 from terratool.raster.layers import LAYERS, SurfaceValues
-from terratool.traversability.figures import ASSUMPTIONS, all_figures, surface_figures
 from terratool.traversability.results import Reason, Verdict
-from terratool.traversability.soil import bekker_sinkage, governing_load, missing_of, soil_of, soils
+from terratool.traversability.soil import (
+    ASSUMPTIONS,
+    all_figures,
+    bekker_sinkage,
+    governing_load,
+    missing_of,
+    soil_of,
+    soils,
+    surface_figures,
+)
 from terratool.traversability.vehicle import Axle, Margins, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import demand
 from tests.conftest import terrain_of
@@ -171,10 +179,10 @@ def test_figures_of_a_soft_surface() -> None:
     for name, text in expected.items():
         assert printed(getattr(found, name), text), name
     assert found.climb is not None and printed(math.degrees(found.climb), "22.77716")
-    assert found.climb_limit == Reason.TRACTION
+    assert found.climb_binding == Reason.TRACTION
     assert found.slip is None  # no K
-    assert (found.verdict, found.step_limit) == (Verdict.GO, "friction")
-    assert found.cross_limit == Reason.SIDE_SLIP
+    assert (found.verdict, found.step_binding) == (Verdict.GO, "friction")
+    assert found.cross_slope_binding == Reason.SIDE_SLIP
     assert found.shear_modulus is None
 
 
@@ -210,9 +218,9 @@ def test_margins_are_taken_off() -> None:
     found = surface_figures("rock", rock, careful)
     assert found.climb == pytest.approx(math.radians(37))
     assert found.cross_slope == pytest.approx(math.radians(35))  # 45° to tip, less 10°
-    assert found.cross_limit == Reason.TIP_OVER
+    assert found.cross_slope_binding == Reason.TIP_OVER
     assert found.step == pytest.approx(0.15 - 0.05 - 0.02)
-    assert found.step_limit == "clearance"
+    assert found.step_binding == "clearance"
 
 
 @pytest.mark.parametrize(
@@ -247,7 +255,7 @@ def test_a_weak_motor_and_a_slippery_soil_are_named() -> None:
     assert (weak.verdict, weak.reason) == (Verdict.CAUTION, Reason.TORQUE)
     none = surface_figures("s", surface, Vehicle.single(Wheel(0.2, 0.1, 3.1), 100))
     assert (none.verdict, none.reason) == (Verdict.NO_GO, Reason.TORQUE)
-    assert (none.climb, none.climb_limit) == (None, Reason.TORQUE)
+    assert (none.climb, none.climb_binding) == (None, Reason.TORQUE)
     slick = Surface(cohesion=1, fric_angle=30, sinkage=0.1, shear_modulus=0.025)
     found = surface_figures("s", slick, Vehicle.single(WHEEL, 100))
     assert printed(found.slip, "0.2170711")
@@ -279,7 +287,7 @@ def test_the_climb_is_that_at_the_slip_allowed() -> None:
             up = 100 * math.sin(found.climb)
             need = demand(100 * math.cos(found.climb), E2, WHEEL, up)
             assert need.slip == pytest.approx(0.6)
-        assert found.climb_limit == Reason.SLIP
+        assert found.climb_binding == Reason.SLIP
 
 
 def test_it_tips_over_backwards_not_sideways_when_it_climbs() -> None:
@@ -291,7 +299,7 @@ def test_it_tips_over_backwards_not_sideways_when_it_climbs() -> None:
     found = surface_figures("rock", Surface(cohesion=0, fric_angle=60, sinkage=0), vehicle)
     assert found.climb == pytest.approx(math.atan(0.5 / 0.6) - math.radians(5))
     assert found.cross_slope == pytest.approx(math.atan(0.15 / 0.6) - math.radians(5))
-    assert found.climb_limit == found.cross_limit == Reason.TIP_OVER
+    assert found.climb_binding == found.cross_slope_binding == Reason.TIP_OVER
 
 
 def test_towed_wheels_that_bear_more_are_told_of() -> None:

@@ -16,9 +16,9 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.traversability import limits
-from terratool.traversability.footprint import directions
-from terratool.traversability.loads import wheel_loads
+from terratool.traversability.limits import wheel_loads
 from terratool.traversability.results import Reason, Survey, Verdict
+from terratool.traversability.stance import directions
 from terratool.traversability.survey import (
     Surveyor,
     WindowMeasures,
@@ -309,7 +309,7 @@ class TestStep:
             }
         )  # fmt: skip
         grid = Grid(place, place, 1.0, 19, 19)
-        found = survey(terrain, short, grid, Window(4, 4, 11, 11), threads=1)
+        found = Surveyor(terrain, short, grid).measure(Window(4, 4, 11, 11))
         assert any(found.verdict[1, 10 - n, n] == Verdict.NO_GO for n in range(11))
 
     def test_steep_face_without_a_wall_counts(self) -> None:
@@ -337,15 +337,10 @@ class TestGap:
             [0.5 + width / 12, 0],
             [1, 0],
         ]
-        found = survey(
-            facing(side, trench, RIGID, 1.0),
-            ROVER,
-            grid_over(facing(side, trench, RIGID, 1.0), 0.02),
-            threads=1,
-            window=Window(200, 250, 40, 150)
-            if side in ("east", "west")
-            else Window(250, 200, 150, 40),
-        )
+        terrain = facing(side, trench, RIGID, 1.0)
+        along = side in ("east", "west")
+        window = Window(200, 250, 40, 150) if along else Window(250, 200, 150, 40)
+        found = Surveyor(terrain, ROVER, grid_over(terrain, 0.02)).measure(window)
         lines = found.verdict[FACES[side]] == Verdict.NO_GO
         barred = lines.any(axis=1 if side in ("east", "west") else 0)
         assert barred.all() != passes
@@ -368,7 +363,7 @@ class TestRidge:
         # the crest runs along a line of centres
         grid = Grid(0.025, 0.025, 0.05, grid.height - 1, grid.width - 1)
         window = Window(80, 115, 10, 8) if side in ("east", "west") else Window(115, 80, 8, 10)
-        found = survey(terrain, low, grid, window)
+        found = Surveyor(terrain, low, grid).measure(window)
         middle = FACES[side], *((5, 4) if side in ("east", "west") else (4, 5))
         assert found.reason[middle] == Reason.HIGH_CENTRED
         assert found.verdict[middle] == (Verdict.CAUTION if passes else Verdict.NO_GO)
@@ -390,7 +385,7 @@ class TestRidge:
             grid = grid_over(terrain, 0.02)
             first = 230 if side in ("east", "south") else 290
             window = Window(first, 200, 80, 4) if vertical else Window(200, first, 4, 80)
-            found = survey(terrain, long, grid, window)
+            found = Surveyor(terrain, long, grid).measure(window)
             hit = found.reason[FACES[side]] == Reason.APPROACH
             hit &= found.verdict[FACES[side]] == Verdict.NO_GO
             assert hit.any() != passes
@@ -595,11 +590,11 @@ class TestTables:
         on_soils = kernels.VehicleOnSoils(vehicle_params(vehicle), *table)
         shares, slips, direct = [], [], 0
         for along, across in np.random.default_rng(1).uniform(-0.5, 0.5, (1500, 2)):
-            found = kernels.find_stand(on_soils, 1, along, across)
+            found = kernels.tabulated_state(on_soils, 1, along, across)
             if found is None:
                 direct += 1
                 continue
-            want = kernels.stand(on_soils, 1, along, across)
+            want = kernels.slope_state(on_soils, 1, along, across)
             moves = want["energy"] < math.inf
             assert (found["energy"] < math.inf) == moves
             if moves:
@@ -611,6 +606,9 @@ class TestTables:
         assert max(shares) < 0.08 and np.quantile(shares, 0.99) < 0.03
         assert max(slips) < 0.02
         assert direct < 300
+
+
+NUMBERS = ("utilisation", "pitch", "roll", "sinkage", "slip", "energy")
 
 
 class TestWindows:
@@ -639,15 +637,16 @@ class TestWindows:
         whole = survey(terrain, vehicle, grid, threads=2)
         assert not (whole.reason[whole.verdict == Verdict.NO_GO] == Reason.NONE).any()
         assert np.array_equal(np.isnan(whole.utilisation), whole.verdict == Verdict.UNKNOWN)
+        surveyor = Surveyor(terrain, vehicle, grid)
         for window in grid.windows(17, 23):
-            part = survey(terrain, vehicle, grid, window, threads=1)
+            part = surveyor.measure(window)
             rows = slice(window.row, window.row + window.height)
             columns = slice(window.column, window.column + window.width)
-            for name in ("verdict", "reason", "utilisation", "pitch", "roll", "sinkage", "slip",
-                         "energy"):  # fmt: skip
-                mine, theirs = getattr(part, name), getattr(whole, name)[:, rows, columns]
-                assert mine.tobytes() == theirs.tobytes(), name
-            assert part.heights.tobytes() == whole.heights[rows, columns].tobytes()
+            mine = {name: part.numbers[:, getattr(kernels, name.upper())] for name in NUMBERS}
+            mine |= {"verdict": part.verdict, "reason": part.reason, "heights": part.heights}
+            for name, values in mine.items():
+                theirs = getattr(whole, name)[..., rows, columns]
+                assert values.tobytes() == theirs.tobytes(), name
 
 
 def one_plane(terrain: Terrain, resolution: float) -> WindowMeasures:

@@ -26,11 +26,12 @@ from rasterio.io import MemoryFile
 import terratool
 from terratool.raster.grid import Grid
 from terratool.text.display import columns_of
-from terratool.traversability.assess import sentence_of, verdict_of
-from terratool.traversability.report import page, tables, wording
+from terratool.traversability.assess import verdict_of
+from terratool.traversability.report import drawing, tables, wording
 from terratool.traversability.report.document import as_dict, as_json
-from terratool.traversability.report.page import as_page
-from terratool.traversability.report.tables import as_lines, as_markdown
+from terratool.traversability.report.page import as_markdown, as_page
+from terratool.traversability.report.tables import as_lines
+from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import (
     COLORS,
     MapSummary,
@@ -141,7 +142,7 @@ class TestMarkdown:
     def test_says_the_verdict_first(self) -> None:
         first, _, second = as_markdown(reports.KINDS["all"]).split("\n")[:3]
         assert first.startswith("# ✘ no-go")
-        assert second.startswith("**There is no way: step at (121, 208)")
+        assert second.startswith("**There is no way from (105, 202) to (130, 212): step at")
 
 
 class TestPage:
@@ -192,7 +193,7 @@ class TestPage:
     def test_no_name_breaks_it(self, name: str) -> None:
         """Control characters and halves of pairs, too, which XML may not hold."""
         odd = reports.report(
-            terrain=name, descr=name, sentence=name, preview=None,
+            terrain=name, descr=name, preview=None,
             surfaces=(replace(reports.SAND, surface=name),), routes=(reports.NO_WAY,),
             vehicle=replace(reports.ROVER, name=name),
         )  # fmt: skip
@@ -217,9 +218,9 @@ class TestPage:
         root = page_of(reports.KINDS["all"])
         for image in root.iter(f"{XHTML}img"):
             assert image.get("alt")
-        for drawing in root.iter(f"{SVG}svg"):
-            assert drawing.get("aria-hidden") == "true" or (
-                drawing.get("role") == "img" and drawing.get("aria-label")
+        for svg in root.iter(f"{SVG}svg"):
+            assert svg.get("aria-hidden") == "true" or (
+                svg.get("role") == "img" and svg.get("aria-label")
             )
         rows = 0
         for table in root.iter(f"{XHTML}table"):
@@ -276,23 +277,23 @@ class TestPicture:
     def test_every_heading_is_looked_at(self) -> None:
         """The best of them counts, and what is not known is better than no-go."""
         survey = reports.survey()
-        verdict = page.best(survey)
+        verdict = drawing.best_verdicts(survey)
         assert verdict[:, 0].tolist() == [1] * 30
         assert verdict[:, 79].tolist() == [0] * 30
         some = replace(survey, verdict=np.stack([survey.verdict[1] * 0, survey.verdict[1]]))
-        assert page.best(some)[15, [5, 25, 45, 65]].tolist() == [1, 2, 0, 0]
+        assert drawing.best_verdicts(some)[15, [5, 25, 45, 65]].tolist() == [1, 2, 0, 0]
 
     def test_light_comes_from_the_north_west(self) -> None:
         """A plane that falls to the north-west is brighter than level ground, by Horn's formula."""
         row, column = np.indices((6, 9), np.float32)
-        level = page.hillshade(np.zeros((6, 9), np.float32), 1.0)
+        level = drawing.hillshade(np.zeros((6, 9), np.float32), 1.0)
         assert np.allclose(level, math.sin(math.pi / 4))
         # rises to the south-east by 45° in that direction: it faces the light exactly
-        facing = page.hillshade((row + column).astype(np.float32) / np.sqrt(2), 1.0)
+        facing = drawing.hillshade((row + column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(facing, 1.0, atol=1e-6)
-        away = page.hillshade(-(row + column).astype(np.float32) / np.sqrt(2), 1.0)
+        away = drawing.hillshade(-(row + column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(away, 0.0, atol=1e-6)
-        across = page.hillshade((row - column).astype(np.float32) / np.sqrt(2), 1.0)
+        across = drawing.hillshade((row - column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(across, 0.5, atol=1e-6)
 
     def test_agrees_with_gdal(self, tmp_path: Any) -> None:
@@ -312,7 +313,7 @@ class TestPicture:
         subprocess.run([gdaldem, "hillshade", "-q", path, out], check=True, capture_output=True)
         with rasterio.open(out) as file:
             wanted = file.read(1).astype(float)
-        shade = page.hillshade(heights, 0.5)
+        shade = drawing.hillshade(heights, 0.5)
         # gdaldem writes 1 + 254 · light
         assert np.allclose(1 + 254 * shade[1:-1, 1:-1], wanted[1:-1, 1:-1], atol=1.0)
 
@@ -321,24 +322,24 @@ class TestPicture:
         ranges = []
         for verdict in (Verdict.NO_GO, Verdict.CAUTION, Verdict.GO):
             grey = float(np.dot(COLORS[verdict], (0.299, 0.587, 0.114)))
-            ranges.append((grey * page.SHADING[0], grey * page.SHADING[1]))
+            ranges.append((grey * drawing.SHADING[0], grey * drawing.SHADING[1]))
         assert all(dark[1] < light[0] for dark, light in pairwise(ranges))
 
     def test_legend_and_picture_have_the_same_colours(self) -> None:
         style = as_page(reports.KINDS["nothing"])
         shades = dict(re.findall(r"--([\w-]+): (#\w{6})", style))
         for verdict, color in COLORS.items():
-            assert shades[page.CLASSES[verdict]] == "#{:02x}{:02x}{:02x}".format(*color)
+            assert shades[verdict.label] == "#{:02x}{:02x}{:02x}".format(*color)
 
     def test_the_png_holds_what_was_painted(self) -> None:
-        pixels = page.paint(reports.survey(), reports.best_cells())
+        pixels = drawing.map_picture(reports.survey(), reports.best_cells())
         assert pixels.shape == (270, 720, 4)
         assert pixels[5, -5, 3] == 0  # no ground in the north-east
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with MemoryFile(page.png(pixels)) as memory, memory.open() as file:
+            with MemoryFile(drawing.png(pixels)) as memory, memory.open() as file:
                 assert np.array_equal(np.moveaxis(file.read(), 0, -1), pixels)
-        assert page.png(pixels) == page.png(pixels)
+        assert drawing.png(pixels) == drawing.png(pixels)
 
 
 class TestChart:
@@ -348,7 +349,7 @@ class TestChart:
         base = reports.profile(n)
         height, sinkage, verdict = base.height * 0, base.sinkage * 0, base.verdict * 0 + 1
         height[7123], sinkage[2000], verdict[4000] = 3.0, 0.05, 3
-        drawn = page.chart(
+        drawn = drawing.chart(
             replace(base, height=height, sinkage=sinkage, verdict=verdict.astype(np.uint8)), 600
         )
         root = ElementTree.fromstring(drawn)
@@ -364,7 +365,7 @@ class TestChart:
         for total in (0.37, 12.0, 9876.5):
             base = reports.profile()
             scaled = replace(base, distance=base.distance / base.distance[-1] * total)
-            root = ElementTree.fromstring(page.chart(scaled, 330))
+            root = ElementTree.fromstring(drawing.chart(scaled, 330))
             marks = [
                 (float(text.get("x", "")), len(text.text or ""))
                 for text in root.iter(f"{SVG}text")
@@ -378,12 +379,12 @@ class TestChart:
     def test_few_samples(self, n: int) -> None:
         base = reports.profile(2)
         few = RouteProfile(**{name: getattr(base, name)[:n] for name in RouteProfile.__slots__})
-        assert bool(page.chart(few, 600)) == (n == 2)
+        assert bool(drawing.chart(few, 600)) == (n == 2)
 
     def test_ground_that_is_not_there_leaves_a_gap(self) -> None:
         base = reports.profile()
         base.height[80:120] = np.nan
-        root = ElementTree.fromstring(page.chart(base, 600))
+        root = ElementTree.fromstring(drawing.chart(base, 600))
         ground = next(p for p in root.iter(f"{SVG}path") if p.get("class") == "ground")
         assert ground.get("d", "").count("M") == 2
 
@@ -392,7 +393,7 @@ class TestChart:
         last = first + side
         if last - first < 1e-9 * max(abs(first), abs(last)):
             return
-        found = page.ticks(first, last, count)
+        found = drawing.ticks(first, last, count)
         assert len(found) <= count + 1
         slack = 1e-6 * side
         assert all(first - slack <= value <= last + slack for value in found)
@@ -434,11 +435,8 @@ class TestTable:
 
     def test_says_the_verdict_first_and_once(self) -> None:
         text = "\n".join(as_lines(reports.KINDS["all"]))
-        assert text.startswith("no-go: There is no way: step at")
-        one = replace(
-            reports.KINDS["way"], sentence=wording.route_line(reports.WAY), routes=(reports.WAY,)
-        )
-        assert "\n".join(as_lines(one)).count("There is a way") == 1
+        assert text.startswith("no-go: There is no way from (105, 202) to (130, 212): step at")
+        assert "\n".join(as_lines(reports.KINDS["way"])).count("There is a way") == 1
 
 
 @pytest.mark.parametrize(
@@ -511,7 +509,7 @@ class TestConclusion:
         reasons = {Reason.STEP: counts.get(Verdict.NO_GO, 0)}
         summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
         assert verdict_of(summary, ()) == verdict
-        assert part in sentence_of(summary, ())
+        assert part in conclusion(reports.report(summary=summary, routes=()))
 
     @pytest.mark.parametrize(
         ("counts", "verdict", "part"),
@@ -529,14 +527,16 @@ class TestConclusion:
         reasons = {Reason.EDGE: counts.get(Verdict.NO_GO, 0)}
         summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
         assert verdict_of(summary, ()) == verdict
-        assert part in sentence_of(summary, ())
+        assert part in conclusion(reports.report(summary=summary, routes=()))
 
     def test_the_worst_route_decides(self) -> None:
         """Not the map, and not the first."""
         summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, {Verdict.GO: 5}, {}, {}, {})
         routes = (reports.WAY, reports.NO_WAY)
         assert verdict_of(summary, routes) == Verdict.NO_GO
-        assert "/elemTree/children/3 (surface 'rock')" in sentence_of(summary, routes)
+        assert "/elemTree/children/3 (surface 'rock')" in conclusion(
+            reports.report(summary=summary, routes=routes)
+        )
         unknown = replace(reports.NO_WAY, verdict=Verdict.UNKNOWN)
         assert verdict_of(summary, (reports.WAY, unknown)) == Verdict.UNKNOWN
 

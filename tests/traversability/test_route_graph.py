@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from terratool.errors import RequestError
 from terratool.traversability.route.graph import (
     BACKWARD,
-    between,
-    build,
-    cheapest,
-    offsets,
+    build_graph,
+    cells_between,
+    cheapest_paths,
+    heading_offsets,
     reached,
     trace,
 )
@@ -42,7 +42,7 @@ def slow(
                 mean = 0.5 * (float(rate[here]) + float(rate[other, row, column]))
                 graph.add_edge(here, (other, row, column), weight=mean * ARC)
         opposite = (heading + headings // 2) % headings
-        south, east = offsets(headings)[heading]
+        south, east = heading_offsets(headings)[heading]
         for sign, judged in ((1, heading), (-1, opposite)):
             there = (row + sign * south, column + sign * east)
             if not (0 <= there[0] < rows and 0 <= there[1] < columns):
@@ -94,7 +94,7 @@ def test_graph_has_the_moves_of_the_rules_and_finds_the_cheapest_way(
     rate = rng.uniform(0.1, 3.0, can.shape).astype(np.float32)
     heights = rng.uniform(-1.0, 1.0, shape).astype(np.float32)
     expected = slow(rate, can, heights)
-    graph = build(rate, can, can, heights, RESOLUTION, ARC)
+    graph = build_graph(rate, can, can, heights, RESOLUTION, ARC)
     states = list(zip(*(part.tolist() for part in graph.place(np.arange(can.sum()))), strict=True))
     rows, columns = graph.matrix.nonzero()
     assert {(states[a], states[b]) for a, b in zip(rows, columns, strict=True)} == set(
@@ -104,7 +104,7 @@ def test_graph_has_the_moves_of_the_rules_and_finds_the_cheapest_way(
         return
     begin = states[rng.integers(len(states))]
     starts = graph.at(*begin[1:])
-    cost, before = cheapest(graph, starts)
+    cost, before = cheapest_paths(graph, starts)
     known = networkx.multi_source_dijkstra_path_length(expected, {states[n] for n in starts})
     assert {states[n] for n in np.flatnonzero(np.isfinite(cost))} == set(known)
     for state, least in known.items():
@@ -124,13 +124,13 @@ def test_graph_has_the_moves_of_the_rules_and_finds_the_cheapest_way(
 
 def test_eight_headings_point_to_the_neighbours_clockwise_from_north() -> None:
     clockwise = [(-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1)]
-    assert list(offsets(8)) == clockwise
-    assert list(offsets(4)) == clockwise[::2]
+    assert list(heading_offsets(8)) == clockwise
+    assert list(heading_offsets(4)) == clockwise[::2]
 
 
 @pytest.mark.parametrize("headings", range(4, 65, 4))
 def test_headings_point_where_they_look_and_back(headings: int) -> None:
-    found = offsets(headings)
+    found = heading_offsets(headings)
     assert len(set(found)) == headings
     for n, (south, east) in enumerate(found):
         off = math.degrees(math.atan2(east, -south)) - 360.0 * n / headings
@@ -140,11 +140,11 @@ def test_headings_point_where_they_look_and_back(headings: int) -> None:
 
 
 def test_a_knight_passes_two_cells() -> None:
-    assert {cell for pair in between((-2, 1)) for cell in pair} == {(-1, 0), (-1, 1)}
-    assert between((1, -1)) == [] and between((0, 0)) == []
+    assert {cell for pair in cells_between((-2, 1)) for cell in pair} == {(-1, 0), (-1, 1)}
+    assert cells_between((1, -1)) == [] and cells_between((0, 0)) == []
 
 
 @pytest.mark.parametrize("headings", [0, 1, 2, 6, 10, -4])
 def test_headings_are_a_multiple_of_four(headings: int) -> None:
     with pytest.raises(RequestError, match=f"with {headings} headings"):
-        offsets(headings)
+        heading_offsets(headings)

@@ -17,7 +17,8 @@ from terratool.errors import MissedError, RequestError
 from terratool.field.terrain import Terrain, load
 from terratool.traversability.ruts import deform, simplified, wheel_paths, write_deformed
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
-from tests.commands import run
+from tests.commands import ROOT
+from tests.traversability.conftest import Within
 
 WHEEL = Wheel(radius=0.2, width=0.1)
 
@@ -212,6 +213,14 @@ class TestRefused:
             driven(path, [(4, 10), (12, 10)])
 
 
+def command(folder: Path, out: Path, points: str = "x,y\n4,10\n12,10\n") -> tuple[object, ...]:
+    """Drive a wheel over `flat`, with the points of a file."""
+    path = folder / "path.csv"
+    path.write_text(points, encoding="utf-8")
+    wheel = ("--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "100")
+    return "deform", flat(folder), *wheel, "--path", path, "--output", out
+
+
 class TestText:
     """What becomes of the file."""
 
@@ -239,44 +248,38 @@ class TestText:
         assert done.length > 3800
         assert grown / done.length < 6.0
 
-    def test_command(self, tmp_path: Path) -> None:
+    def test_command(self, within: Within, tmp_path: Path) -> None:
         """The command writes what Python does, and says how deep."""
-        path, out = flat(tmp_path), tmp_path / "out.json"
-        route = tmp_path / "path.csv"
-        route.write_text("x,y\n4,10\n12,10\n", encoding="utf-8")
-        wheel = ["--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "100"]
-        result = run("deform", path, *wheel, "--path", route, "--output", out, "--json")
+        out = tmp_path / "out.json"
+        deform = command(tmp_path, out)
+        result = within(*deform, "--json")
         assert result.code == 0
-        said = json.loads(result.out)
-        assert said["surfaces"] == [
+        assert json.loads(result.out)["surfaces"] == [
             {"surface": "sand", "length": pytest.approx(8.0), "depth": pytest.approx(0.01)}
         ]
         assert load(out).height(8.0, 10.0) == pytest.approx(-0.01)
-        again = run("deform", path, *wheel, "--path", route, "--output", out)
+        again = within(*deform)
         assert again.code == 3 and "--overwrite" in again.err
-        own = run("deform", out, *wheel, "--path", route, "--output", out, "--overwrite")
+        own = within("deform", out, *deform[2:], "--overwrite")
         assert own.code == 0
         assert load(out).height(8.0, 10.0) == pytest.approx(-0.01 * 2 ** (1 / 3))
 
-    def test_nothing_is_written(self, tmp_path: Path) -> None:
-        path, out = flat(tmp_path), tmp_path / "out.json"
-        route = tmp_path / "path.csv"
-        route.write_text("4,10\n12,80\n", encoding="utf-8")
-        wheel = ["--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "100"]
-        result = run("deform", path, *wheel, "--path", route, "--output", out)
+    def test_nothing_is_written(self, within: Within, tmp_path: Path) -> None:
+        out = tmp_path / "out.json"
+        result = within(*command(tmp_path, out, "4,10\n12,80\n"))
         assert result.code == 2 and "outside of the terrain" in result.err
         assert not out.exists()
 
-    @pytest.mark.parametrize("which", ["path", "vehicle"])
-    def test_what_is_read_is_not_overwritten(self, tmp_path: Path, which: str) -> None:
-        path, route, rover = flat(tmp_path), tmp_path / "path.csv", tmp_path / "rover.json"
-        route.write_text("4,10\n12,10\n", encoding="utf-8")
-        sample = Path(__file__).parents[2] / "samples" / "vehicles" / "husky-a200.json"
-        rover.write_bytes(sample.read_bytes())
-        out = {"path": route, "vehicle": rover}[which]
+    @pytest.mark.parametrize("which", ["path.csv", "rover.json"])
+    def test_what_is_read_is_not_overwritten(
+        self, within: Within, tmp_path: Path, which: str
+    ) -> None:
+        rover, out = tmp_path / "rover.json", tmp_path / which
+        rover.write_bytes((ROOT / "samples" / "vehicles" / "husky-a200.json").read_bytes())
+        deform, file, *_, path, option, _ = command(tmp_path, out)
         before = out.read_bytes()
-        arguments = ("--vehicle", rover, "--path", route, "--output", out, "--overwrite")
-        result = run("deform", path, *arguments)
+        arguments = ("--vehicle", rover, "--path", path, option, out, "--overwrite")
+        result = within(deform, file, *arguments)
         assert result.code == 3 and "is read, too" in result.err
         assert out.read_bytes() == before
 
@@ -285,12 +288,11 @@ class TestText:
         [("--tolerance", "nan"), ("--tolerance", "inf"), ("--multipass", "nan"),
          ("--multipass", "inf"), ("--passes", "99999999999")],
     )  # fmt: skip
-    def test_numbers_that_are_none(self, tmp_path: Path, option: str, value: str) -> None:
-        path, out = flat(tmp_path), tmp_path / "out.json"
-        route = tmp_path / "path.csv"
-        route.write_text("4,10\n12,10\n", encoding="utf-8")
-        wheel = ["--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "100"]
-        result = run("deform", path, *wheel, "--path", route, "--output", out, option, value)
+    def test_numbers_that_are_none(
+        self, within: Within, tmp_path: Path, option: str, value: str
+    ) -> None:
+        out = tmp_path / "out.json"
+        result = within(*command(tmp_path, out), option, value)
         assert result.code == 2 and option in result.err
         assert not out.exists()
 

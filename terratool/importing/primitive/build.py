@@ -17,23 +17,24 @@ from terratool.importing.primitive.entries import (
     PrimitiveEntry,
     entries_of,
     fit_error,
-    level,
 )
 from terratool.importing.primitive.fit import CurveForm
 from terratool.importing.primitive.products import Patch, ProductSum
-from terratool.importing.samples import HeightSource, SampledHeights
+from terratool.importing.sources import HeightSource, SampledHeights
 
 MOST_TERMS = 16
 MOST_SAMPLES = 256
 MOST_VALUES = 512
 """Terms times values: the time for a fit grows with the cube."""
-_WORTH = 0.98
+
+_GAIN = 0.98
 """A turn must leave this part of the error at most, a sum instead of a product, too."""
+
 _POOR = 0.01
-"""An error of more than this part of the relief is worth a word about what would fit better."""
+"""Of an error of more than this part of the relief is said what would fit better."""
+
 _OTHERWISE = "For a smaller error there is import-terrain."
 _ROWS = 1024
-
 _HELPS = 0.9
 """One more term is spoken of if the largest error gets so much smaller."""
 
@@ -71,7 +72,7 @@ class ImportedPrimitive:
     Attributes:
         names: of the primitives.
         entries: the primitives.
-        misfit: as asked of the compiled terrain.
+        error: as asked of the compiled terrain.
         missing: pixels without a height.
         size: sides of the patch along x and y.
         unit: of the heights.
@@ -82,7 +83,7 @@ class ImportedPrimitive:
 
     names: tuple[str, ...]
     entries: tuple[PrimitiveEntry, ...]
-    misfit: FitError
+    error: FitError
     missing: int
     size: tuple[float, float]
     unit: str
@@ -113,7 +114,7 @@ class ImportedPrimitive:
         return {
             "primitives": self.primitives(),
             "elements": self.elements(),
-            "error": self.misfit.to_json(),
+            "error": self.error.to_json(),
             "missing": self.missing,
             "unit": self.unit,
             "unturned": self.unturned,
@@ -126,12 +127,12 @@ def read_samples(heights: HeightSource) -> SampledHeights:
     """All heights of a source in memory."""
     if isinstance(heights, SampledHeights):
         return heights
-    lattice = heights.lattice
-    values = np.empty((lattice.rows, lattice.columns))
-    for first in range(0, lattice.rows, _ROWS):
-        count = min(_ROWS, lattice.rows - first)
+    grid = heights.grid
+    values = np.empty((grid.rows, grid.columns))
+    for first in range(0, grid.rows, _ROWS):
+        count = min(_ROWS, grid.rows - first)
         values[first : first + count] = heights.read(first, count)
-    return SampledHeights(lattice, values, tuple(heights.notes))
+    return SampledHeights(grid, values, tuple(heights.notes))
 
 
 def import_primitive(
@@ -159,35 +160,33 @@ def import_primitive(
     unturned = more = None
     low, high = float(np.nanmin(samples.values)), float(np.nanmax(samples.values))
     if low == high:
-        entries: tuple[PrimitiveEntry, ...] = (level(low),)
+        entries: tuple[PrimitiveEntry, ...] = (PrimitiveEntry([1], None, low),)
         notes.append("The patch is level.")
     else:
         patch, terms, unturned = _best(patch, wanted)
         entries = entries_of(
-            terms, patch.turn, high - low, lambda tried: fit.balanced(patch, tried)
+            terms, patch.turn, high - low, lambda tried: fit.center_error(patch, tried)
         )
         if wanted.turn and patch.turn == 0.0:
             notes.append("No turn fits better than none.")
-    misfit = fit_error(patch, entries)
+    error = fit_error(patch, entries)
     if wanted.recognise and low < high:
         from terratool.importing.primitive.recognise import recognise
 
-        named = recognise(patch, terms, misfit.largest, wanted.tolerance)
+        named = recognise(patch, terms, error.largest, wanted.tolerance)
         if named is None:
             notes.append("No named curve fits within the tolerance.")
         else:
             entries = (named,)
-            misfit = fit_error(patch, entries)
-    elif misfit.largest > _POOR * misfit.relief and not entries[0].summed:
+            error = fit_error(patch, entries)
+    elif error.largest > _POOR * error.relief and not entries[0].summed:
         more = _one_more(patch, wanted, terms)
-        more = more if more is not None and more < misfit.largest else None
+        more = more if more is not None and more < error.largest else None
     missing = int(np.isnan(samples.values).sum())
-    lattice = samples.lattice
-    size = lattice.columns * lattice.dx, lattice.rows * lattice.dy
+    names, grid = names_of(name, wanted)[: len(entries)], samples.grid
     return ImportedPrimitive(
-        names_of(name, wanted)[: len(entries)], entries, misfit, missing, size, lattice.unit,
-        unturned, more, tuple(notes),
-    )  # fmt: skip
+        names, entries, error, missing, grid.size, grid.unit, unturned, more, tuple(notes)
+    )
 
 
 def names_of(name: str, wanted: PrimitiveRequest) -> tuple[str, ...]:
@@ -212,36 +211,35 @@ def _best(patch: Patch, wanted: PrimitiveRequest) -> tuple[Patch, ProductSum, fl
         heights = covered.values[~np.isnan(covered.values)]
         # what has no relief says nothing of a turn
         if turned.turn != 0.0 and heights.size and heights.min() < heights.max():
-            terms, error = _fit(turned, wanted)
-            unturned = _fit(covered, wanted)[1]
-            if error <= _WORTH * unturned:
+            terms, error = _best_combination(turned, wanted)
+            unturned = _best_combination(covered, wanted)[1]
+            if error <= _GAIN * unturned:
                 return turned, terms, unturned
-    return patch, _fit(patch, wanted)[0], None
+    return patch, _best_combination(patch, wanted)[0], None
 
 
 def _covered(turned: Patch) -> Patch:
     """The pixels that a turned primitive covers, unturned."""
     rows, columns = turned.values.shape
-    u, v = turned.unit(np.arange(rows)[:, None], np.arange(columns)[None, :])
-    within = (np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5)
+    within = turned.covers(np.arange(rows)[:, None], np.arange(columns)[None, :])
     values = np.where(within, turned.values, np.nan)
     return Patch(replace(turned.samples, values=values))
 
 
-def _fit(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSum, float]:
-    """The better of a product and a sum, as far as both are wanted, and its largest misfit."""
+def _best_combination(patch: Patch, wanted: PrimitiveRequest) -> tuple[ProductSum, float]:
+    """The better of a product and a sum, as far as both are wanted, and its largest error."""
     found = []
     for summed in (False, True):
         if wanted.combine in ("auto", "sum" if summed else "product"):
             curves = _curves(patch, wanted, summed)
-            found.append(fit.shape(patch, curves, _counts(patch, curves, wanted.samples)))
-    if len(found) == 2 and found[1][1] <= _WORTH * found[0][1]:
+            found.append(fit.fit_terms(patch, curves, _counts(patch, curves, wanted.samples)))
+    if len(found) == 2 and found[1][1] <= _GAIN * found[0][1]:
         return found[1]
     return found[0]
 
 
 def _curves(patch: Patch, wanted: PrimitiveRequest, summed: bool) -> CurveForm:
-    west, south, east, north = patch.samples.lattice.bounds
+    west, south, east, north = patch.samples.grid.bounds
     return CurveForm(
         wanted.terms,
         tuple((x - west) / (east - west) for x in wanted.x_steps),
@@ -252,7 +250,7 @@ def _curves(patch: Patch, wanted: PrimitiveRequest, summed: bool) -> CurveForm:
 
 def _counts(patch: Patch, curves: CurveForm, samples: int | None) -> tuple[int, int]:
     if samples is None:
-        return fit.fewest(patch, curves)
+        return fit.fewest_values(patch, curves)
     rows, columns = patch.values.shape
     # across a single row or column nothing is known
     return samples if columns > 1 else 1, samples if rows > 1 else 1
@@ -264,7 +262,7 @@ def _one_more(patch: Patch, wanted: PrimitiveRequest, terms: ProductSum) -> floa
         return None
     curves = replace(_curves(patch, wanted, False), terms=terms.count + 1)
     counts = len(terms.x_nodes), len(terms.y_nodes)
-    return fit.shape(patch, curves, counts)[1]
+    return fit.fit_terms(patch, curves, counts)[1]
 
 
 def _refuse_odd(name: str, wanted: PrimitiveRequest) -> None:
@@ -314,9 +312,9 @@ def _refuse_odd(name: str, wanted: PrimitiveRequest) -> None:
 
 def _refuse_empty(samples: SampledHeights) -> None:
     """Refuse a patch that says nothing of a shape, or that no definition can hold."""
-    lattice = samples.lattice
-    size = f"{lattice.columns} × {lattice.rows} pixels"
-    sides = lattice.columns * lattice.dx, lattice.rows * lattice.dy
+    grid = samples.grid
+    size = f"{grid.columns} × {grid.rows} pixels"
+    sides = grid.size
     if min(sides) < SMALLEST or max(sides) > LARGEST:
         raise RequestError(
             f"The patch is {sides[0]:.4g} × {sides[1]:.4g}, and the sides of a terrain are from "
@@ -337,30 +335,30 @@ def _refuse_empty(samples: SampledHeights) -> None:
 
 def sentences(imported: ImportedPrimitive) -> Iterator[str]:
     """What is to be said of the fit, for people."""
-    misfit, unit = imported.misfit, imported.unit
+    error, unit = imported.error, imported.unit
     yield (
-        f"Error: {_sized(misfit.largest, misfit, unit)} at most, at {misfit.x:.12g} "
-        f"{misfit.y:.12g}; {_sized(misfit.rms, misfit, unit)} RMS, over {misfit.pixels:,} pixels."
+        f"Error: {_sized(error.largest, error, unit)} at most, at {error.x:.12g} "
+        f"{error.y:.12g}; {_sized(error.rms, error, unit)} RMS, over {error.pixels:,} pixels."
     )
     if imported.missing:
         yield f"{imported.missing:,} pixels without a height count for nothing."
     if imported.entries[0].turn != 0.0:
-        share = misfit.bare / (misfit.bare + misfit.pixels)
+        share = error.bare / (error.bare + error.pixels)
         yield (
             f"Turned by {imported.entries[0].turn:g}°, it leaves {share:.1%} of the patch bare; "
             f"unturned, the error for the rest would be {imported.unturned:.3g} {unit}."
         )
-    if misfit.largest > _POOR * misfit.relief:
+    if error.largest > _POOR * error.relief:
         more = ""
-        if imported.more is not None and imported.more < _HELPS * misfit.largest:
+        if imported.more is not None and imported.more < _HELPS * error.largest:
             count = len(imported.entries) + 1
             more = (
                 f"{count} terms in the same cell (--terms {count}) would leave "
-                f"{_sized(imported.more, misfit, unit)}; "
+                f"{_sized(imported.more, error, unit)}; "
             )
         yield f"{more}import-terrain keeps to any error." if more else _OTHERWISE
     yield from imported.notes
 
 
-def _sized(size: float, misfit: FitError, unit: str) -> str:
-    return f"{size:.4g} {unit} ({misfit.share(size):.3g} % of the relief)"
+def _sized(size: float, error: FitError, unit: str) -> str:
+    return f"{size:.4g} {unit} ({error.share(size):.3g} % of the relief)"

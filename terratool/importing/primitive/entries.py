@@ -15,11 +15,16 @@ from terratool.importing.primitive.products import Floats, Patch, ProductSum
 _DECIMALS = range(3, 10)
 _WORSE = 1.001
 """Rounding may make the error so many times as large, …"""
+
 _ALWAYS = 1e-6
 """… or this part of the relief."""
+
 _FINE = 1e-4
 """Factors have decimals for a thousandth of the error, or of this part of the relief."""
+
 _T_DECIMALS = 9
+_PIXELS = 1 << 20
+"""Heights are asked of so many pixels at a time, about."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +75,6 @@ class PrimitiveEntry:
         return found
 
 
-def level(height: float) -> PrimitiveEntry:
-    """A primitive without relief."""
-    return PrimitiveEntry([1], None, height)
-
-
 def entries_of(
     terms: ProductSum,
     turn: float,
@@ -87,7 +87,7 @@ def entries_of(
         terms: the fit.
         turn: in degrees.
         relief: of the heights, above 0.
-        error: the largest misfit of terms, with the offset that makes it smallest, and those.
+        error: the largest error of terms, with the offset that makes it smallest, and those.
     """
     terms, factors = _normal(terms)
     limit = max(_WORSE * error(_scaled(terms, factors))[0], _ALWAYS * relief)
@@ -133,14 +133,14 @@ def _from_zero(terms: ProductSum) -> ProductSum:
     """If one curve is constant, the other one as it begins at 0: the offset takes the rest."""
     if terms.count > 1 or 1 not in (len(terms.x_nodes), len(terms.y_nodes)):
         return terms
+    one = np.ones((1, 1))
     if len(terms.y_nodes) == 1:
         curve = terms.x * terms.y[0, 0]
         low = float(curve.min())
-        one = np.ones((1, 1))
         return replace(terms, x=curve - low, y=one, offset=terms.offset + low)
     curve = terms.y * terms.x[0, 0]
     low = float(curve.min())
-    return replace(terms, y=curve - low, x=np.ones((1, 1)), offset=terms.offset + low)
+    return replace(terms, x=one, y=curve - low, offset=terms.offset + low)
 
 
 def _scaled(terms: ProductSum, factors: Floats) -> ProductSum:
@@ -174,10 +174,6 @@ def _heights(curve: Any) -> list[float]:
     if not isinstance(curve, list):
         return []
     return [item[1] if isinstance(item, list) else item for item in curve]
-
-
-_PIXELS = 1 << 20
-"""Heights are asked of so many pixels at a time, about."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,21 +216,20 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
     from terratool.field.terrain import Terrain
     from terratool.text.source import Source
 
-    lattice = patch.samples.lattice
+    grid = patch.samples.grid
     checked = check(Source("patch", msgspec.json.encode(_definition(patch, entries))))
     assert checked.definition is not None, checked.findings
     terrain = Terrain(checked.definition)
-    x = (np.arange(lattice.columns) + 0.5) * lattice.dx
+    x = (np.arange(grid.columns) + 0.5) * grid.dx
     largest, squares, pixels, bare = 0.0, 0.0, 0, 0
     at = 0, 0
-    step = max(1, _PIXELS // lattice.columns)
-    for first in range(0, lattice.rows, step):
-        row = np.arange(first, min(first + step, lattice.rows))
-        y = (row + 0.5) * lattice.dy
+    step = max(1, _PIXELS // grid.columns)
+    for first in range(0, grid.rows, step):
+        row = np.arange(first, min(first + step, grid.rows))
+        y = (row + 0.5) * grid.dy
         z = patch.values[row]
         known = ~np.isnan(z)
-        u, v = patch.unit(row[:, None], np.arange(lattice.columns)[None, :])
-        covered = known & (np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5)
+        covered = known & patch.covers(row[:, None], np.arange(grid.columns)[None, :])
         pixels += int(covered.sum())
         bare += int((known & ~covered).sum())
         off = np.where(covered, np.abs(terrain.height(x[None, :], y[:, None]) - z), 0.0)
@@ -242,13 +237,13 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
         worst = int(off.argmax())
         if off.flat[worst] > largest:
             largest = float(off.flat[worst])
-            at = first + worst // lattice.columns, worst % lattice.columns
+            at = first + worst // grid.columns, worst % grid.columns
     relief = float(np.nanmax(patch.values) - np.nanmin(patch.values))
     return FitError(
         largest,
         math.sqrt(squares / max(pixels, 1)),
-        lattice.west + (at[1] + 0.5) * lattice.dx,
-        lattice.south + (at[0] + 0.5) * lattice.dy,
+        grid.west + (at[1] + 0.5) * grid.dx,
+        grid.south + (at[0] + 0.5) * grid.dy,
         pixels,
         bare,
         relief,
@@ -256,10 +251,10 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
 
 
 def _definition(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> dict[str, Any]:
-    lattice = patch.samples.lattice
+    grid = patch.samples.grid
     names = [f"p{k}" for k in range(len(entries))]
     return {
-        "size": [lattice.columns * lattice.dx, lattice.rows * lattice.dy],
+        "size": list(grid.size),
         "elemTypes": {
             "ground": {"x": [0]},
             **{name: entry.primitive() for name, entry in zip(names, entries, strict=True)},

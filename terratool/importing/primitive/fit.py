@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,25 +15,67 @@ from terratool.kernels import importing as kernels
 
 _LIGHT = 1e-11
 """Weight of differences between neighbouring values: it decides where no pixel does."""
+
 _DAMPING = 1e-3, 1e-12, 1e6
 """At first, at least, and where no better fit is to be had."""
+
 _FIRM = 1e-9
 """Part of the mean diagonal that damping takes for the least of it."""
+
 _ENOUGH = 1e-4
 """Squares that become smaller by less than this part are as small as they get."""
+
 _EXACT = 1e-10
-"""Misfits of this part of the relief are rounding."""
+"""Errors of this part of the relief are rounding."""
+
 _STEPS = 12
 """So many steps for each power."""
+
 _LONG = 3.0
 """First steps are so many times those that surely converge."""
+
 _HALVINGS = 10
 _LEAST_GAIN = 5e-4
 """A power is left for the next one when its mean becomes smaller by less than this part."""
+
 QUICK = (3.0, 5.0, 8.0, 14.0, 30.0)
 THOROUGH = (3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 FURTHER = (20.0, 40.0, 80.0, 160.0, 320.0)
-"""Powers of misfits: to compare, to be content with, and to go on from a thorough fit."""
+"""Powers of residuals: to compare, to be content with, and to go on from a thorough fit."""
+
+SLACK = 1.05
+"""The fewest values are taken whose error is no more than so many times the smallest."""
+
+EXACT = 1e-6
+"""An error of this part of the relief is as good as none."""
+
+_COUNTS = (*range(1, 18), 21, 25, 33, 41, 49, 65)
+_VALUES, _FEWEST = 320, 17
+"""Curves of all terms together have no more values along a side, but as many of each at least."""
+
+_COARSE, _FINE = 64, 128
+"""Columns and rows of pixels to choose by, and to begin the fit with."""
+
+_BLOCKS = 64
+"""Along each side; the worst pixel of each joins the fit."""
+
+_JOINS = 4
+_NEAR = 1.002
+_SHORT, _VAIN, _GAIN = 17, 2, 0.98
+"""Behind so many values, so many longer curves in vain are enough: that gain less than this."""
+
+_ANGLES = 9
+"""Angles that are tried at first; a product turned by 90° is a product again."""
+
+_BEST = 2
+"""So many of them are refined, to within some tenths, and the best to within hundredths."""
+
+_CLOSE = 0.2, 0.005
+_FEW, _SOME, _MANY = 64, 96, 256
+"""Columns and rows of pixels for trying, for refining, and for the last digits."""
+
+_NODES = 17
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 @dataclass(slots=True)
@@ -65,24 +106,20 @@ def problem_of(points: Points, x_nodes: Floats, y_nodes: Floats) -> FitProblem:
     return FitProblem(points.z, i, f, j, g, relief, low - REACH * relief, high + REACH * relief)
 
 
-def residuals(problem: FitProblem, terms: ProductSum) -> Floats:
-    """(n,) heights minus the fit."""
-    return kernels.residuals(problem, terms)
-
-
 def least_squares(
-    problem: FitProblem, terms: ProductSum, weights: Floats, steps: int
+    problem: FitProblem, terms: ProductSum, steps: int, weights: Floats | None = None
 ) -> ProductSum:
     """Better curves and offset by weighted squares, in no more than so many steps.
 
     Args:
         problem: the heights.
         terms: where to begin.
-        weights: (n,), their sum is 1.
         steps: of Levenberg and Marquardt, those in vain included.
+        weights: (n,), their sum is 1; all equal, if not given.
     """
-    p, q, count = len(terms.x_nodes), len(terms.y_nodes), terms.count
-    size = count * (p + q) + 1
+    if weights is None:
+        weights = np.full(len(problem.z), 1.0 / len(problem.z))
+    size = terms.count * (len(terms.x_nodes) + len(terms.y_nodes)) + 1
     matrix, right = np.empty((size, size)), np.empty(size)
     own, next_one = _stiffness(terms)
     at = np.arange(size)
@@ -93,7 +130,7 @@ def least_squares(
         if not fresh:
             kernels.normal_equations(problem, terms, weights, matrix, right)
             scale = float(np.trace(matrix)) / size
-            values = _packed(terms)
+            values = np.concatenate([terms.x.ravel(), terms.y.ravel(), [0.0]])
             right -= scale * own * values
             right[:-1] -= scale * next_one * values[1:]
             right[1:] -= scale * next_one * values[:-1]
@@ -102,8 +139,7 @@ def least_squares(
             fresh = True
         damped, step = matrix.copy(), right.copy()
         damped[at, at] += damping * (matrix[at, at] + _FIRM * scale)
-        better = terms
-        after = cost
+        better, after = terms, cost
         if kernels.solve(damped, step):
             better = _moved(problem, terms, step)
             after = _cost(problem, better, weights)
@@ -125,17 +161,17 @@ def least_squares(
 def smallest_largest(
     problem: FitProblem, terms: ProductSum, powers: tuple[float, ...]
 ) -> tuple[ProductSum, float]:
-    """The fit with the smallest largest misfit that is met on the way through some powers.
+    """The fit with the smallest largest error that is met on the way through some powers.
 
     Args:
         problem: the heights.
         terms: where to begin.
-        powers: of the misfits whose sum is made small, ascending, above 2.
+        powers: of the residuals whose sum is made small, ascending, above 2.
 
     Returns:
-        The fit, and its largest misfit.
+        The fit, and its largest error.
     """
-    off = residuals(problem, terms)
+    off = kernels.residuals(problem, terms)
     best, worst = _balanced(terms, off)
     for power in powers:
         for _ in range(_STEPS):
@@ -143,9 +179,8 @@ def smallest_largest(
                 return best, worst
             size = np.abs(off)
             weights = (size / size.max()) ** (power - 2.0)
-            target = least_squares(problem, terms, weights / weights.sum(), 1)
-            terms, moved, gained = _towards(problem, terms, target, power, size)
-            off = moved
+            target = least_squares(problem, terms, 1, weights / weights.sum())
+            terms, off, gained = _towards(problem, terms, target, power, size)
             balanced, largest = _balanced(terms, off)
             if largest < worst:
                 best, worst = balanced, largest
@@ -155,7 +190,7 @@ def smallest_largest(
 
 
 def _balanced(terms: ProductSum, off: Floats) -> tuple[ProductSum, float]:
-    """The same with the offset for which the largest misfits up and down are equal, and those."""
+    """The same with the offset for which the largest errors up and down are equal, and those."""
     middle = 0.5 * float(off.max() + off.min())
     return replace(terms, offset=terms.offset + middle), 0.5 * float(off.max() - off.min())
 
@@ -166,7 +201,7 @@ def _towards(
     """As far towards a target as the powers' sum becomes smaller.
 
     Returns:
-        The terms there, their misfits, and by what part the power's mean became smaller.
+        The terms there, their residuals, and by what part the power's mean became smaller.
     """
     largest = float(size.max())
     before = float(((size / largest) ** power).sum())
@@ -178,17 +213,13 @@ def _towards(
             y=terms.y + part * (target.y - terms.y),
             offset=terms.offset + part * (target.offset - terms.offset),
         )
-        off = residuals(problem, tried)
+        off = kernels.residuals(problem, tried)
         with np.errstate(over="ignore"):
             after = float(((np.abs(off) / largest) ** power).sum())
         if after < before:
             return tried, off, 1.0 - (after / before) ** (1.0 / power)
         part *= 0.5
-    return terms, residuals(problem, terms), 0.0
-
-
-def _packed(terms: ProductSum) -> Floats:
-    return np.concatenate([terms.x.ravel(), terms.y.ravel(), [0.0]])
+    return terms, kernels.residuals(problem, terms), 0.0
 
 
 def _moved(problem: FitProblem, terms: ProductSum, step: Floats) -> ProductSum:
@@ -203,7 +234,7 @@ def _moved(problem: FitProblem, terms: ProductSum, step: Floats) -> ProductSum:
 
 
 def _cost(problem: FitProblem, terms: ProductSum, weights: Floats) -> float:
-    off = residuals(problem, terms)
+    off = kernels.residuals(problem, terms)
     return float(weights @ (off * off))
 
 
@@ -227,23 +258,6 @@ def _stiffness(terms: ProductSum) -> tuple[Floats, Floats]:
     return own, next_one
 
 
-SLACK = 1.05
-"""The fewest values are taken whose error is no more than so many times the smallest."""
-EXACT = 1e-6
-"""An error of this part of the relief is as good as none."""
-_COUNTS = (*range(1, 18), 21, 25, 33, 41, 49, 65)
-_VALUES, _FEWEST = 320, 17
-"""Curves of all terms together have no more values along a side, but as many of each at least."""
-_COARSE, _FINE = 64, 128
-"""Columns and rows of pixels to choose by, and to begin the fit with."""
-_BLOCKS = 64
-"""Along each side; the worst pixel of each joins the fit."""
-_JOINS = 4
-_NEAR = 1.002
-_SHORT, _VAIN, _GAIN = 17, 2, 0.98
-"""Behind so many values, so many longer curves in vain are enough: that gain less than this."""
-
-
 @dataclass(frozen=True, slots=True)
 class CurveForm:
     """What curves are to be: so many terms, with steps, added or multiplied.
@@ -264,14 +278,14 @@ class CurveForm:
         return nodes(counts[0], self.x_steps), nodes(counts[1], self.y_steps)
 
 
-def shape(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple[ProductSum, float]:
-    """The curves of so many values that fit all pixels best, and their largest misfit.
+def fit_terms(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple[ProductSum, float]:
+    """The curves of so many values that fit all pixels best, and their largest error.
 
     Pixels in columns and rows are fitted first; then the worst of all are added, block by block,
     until none is worse than those that were fitted.
     """
     points = products.points_of(patch, _FINE)
-    terms, worst = _fitted(patch, points, curves, counts, _FINE, THOROUGH)
+    terms, worst = _fit_points(patch, points, curves, counts, _FINE, THOROUGH)
     if max(patch.values.shape) <= _FINE:
         return terms, worst
     best, least = terms, math.inf
@@ -281,21 +295,19 @@ def shape(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple[Pro
             best, least = terms, largest
         if largest <= max(_NEAR * worst, EXACT * relief_of(patch)):
             break
-        points = Points(*(
-            np.concatenate([getattr(points, name), getattr(others, name)]) for name in "uvz"
-        ))  # fmt: skip
+        points = points.joined(others)
         problem = problem_of(points, terms.x_nodes, terms.y_nodes)
         terms, worst = smallest_largest(problem, terms, FURTHER)
     return best, least
 
 
-def fewest(patch: Patch, curves: CurveForm) -> tuple[int, int]:
+def fewest_values(patch: Patch, curves: CurveForm) -> tuple[int, int]:
     """How many values x and y need, for an error close to the smallest that is possible."""
     rows, columns = patch.values.shape
     points = products.points_of(patch, _COARSE)
 
     def error(counts: tuple[int, int]) -> float:
-        return _fitted(patch, points, curves, counts, _COARSE, QUICK)[1]
+        return _fit_points(patch, points, curves, counts, _COARSE, QUICK)[1]
 
     most = max(min(columns, _COARSE), min(rows, _COARSE))
     most = min(most, max(_FEWEST, _VALUES // curves.terms))
@@ -309,24 +321,15 @@ def fewest(patch: Patch, curves: CurveForm) -> tuple[int, int]:
             break
     limit = max(SLACK * min(errors), EXACT * relief_of(patch))
     counts = next(n for n, off in zip(both, errors, strict=False) if off <= limit)
-    for axis in (1, 0):
-        counts = _shortened(counts, axis, limit, error)
-    return counts
-
-
-def _shortened(
-    counts: tuple[int, int], axis: int, limit: float, error: Callable[[tuple[int, int]], float]
-) -> tuple[int, int]:
-    """The fewest values of one curve for which the error stays below a limit."""
     # one after the other: a curve of five values is one of nine, but none of seven
-    for n in [n for n in _COUNTS if n < counts[axis]]:
-        fewer = (n, counts[1]) if axis == 0 else (counts[0], n)
-        if error(fewer) <= limit:
-            return fewer
-    return counts
+    across, along = counts
+    fewer = ((across, n) for n in _COUNTS if n < along)
+    counts = next((n for n in fewer if error(n) <= limit), counts)
+    fewer = ((n, counts[1]) for n in _COUNTS if n < across)
+    return next((n for n in fewer if error(n) <= limit), counts)
 
 
-def _fitted(
+def _fit_points(
     patch: Patch,
     points: Points,
     curves: CurveForm,
@@ -337,18 +340,16 @@ def _fitted(
     """A fit to points that begins with what least squares on a grid say for several offsets."""
     x_nodes, y_nodes = curves.nodes(counts)
     problem = problem_of(points, x_nodes, y_nodes)
-    even = np.full(len(points.z), 1.0 / len(points.z))
     if curves.summed:
         begin = ProductSum(
             x_nodes, y_nodes, np.zeros((1, len(x_nodes))), np.zeros((1, len(y_nodes))),
             float(points.z.mean()), summed=True,
         )  # fmt: skip
-        terms = least_squares(problem, begin, even, 5)
+        terms = least_squares(problem, begin, 5)
         return smallest_largest(problem, terms, powers)
-    begins = products.fits(products.grid_of(patch, most), x_nodes, y_nodes, curves.terms)
+    begins = products.best_sums(products.grid_of(patch, most), x_nodes, y_nodes, curves.terms)
     tried = [
-        smallest_largest(problem, least_squares(problem, begin, even, 20), QUICK)
-        for begin in begins
+        smallest_largest(problem, least_squares(problem, begin, 20), QUICK) for begin in begins
     ]
     terms, worst = min(tried, key=lambda fit: fit[1])
     if powers == QUICK:
@@ -357,12 +358,11 @@ def _fitted(
 
 
 def _worst(patch: Patch, terms: ProductSum) -> tuple[Points, float]:
-    """The pixel of each block that is fitted worst, and the largest misfit."""
+    """The pixel of each block that is fitted worst, and the largest error."""
     rows, columns = patch.values.shape
     block = math.ceil(max(rows, columns) / _BLOCKS)
     pixels, largest = kernels.worst_pixels(patch.values, patch.affine, terms, block)
-    row, column = np.divmod(pixels, columns)
-    return products.points_at(patch, row, column), largest
+    return products.points_at(patch, *np.divmod(pixels, columns)), largest
 
 
 def relief_of(patch: Patch) -> float:
@@ -370,25 +370,14 @@ def relief_of(patch: Patch) -> float:
     return float(np.nanmax(patch.values) - np.nanmin(patch.values))
 
 
-def balanced(patch: Patch, terms: ProductSum) -> tuple[float, ProductSum]:
-    """The largest misfit of all pixels with the offset that makes it smallest, and such terms."""
+def center_error(patch: Patch, terms: ProductSum) -> tuple[float, ProductSum]:
+    """The largest error of all pixels with the offset that makes it smallest, and such terms."""
     low, high = kernels.error_range(patch.values, patch.affine, terms)
     return 0.5 * (high - low), replace(terms, offset=terms.offset + 0.5 * (low + high))
 
 
-_ANGLES = 9
-"""Angles that are tried at first; a product turned by 90° is a product again."""
-_BEST = 2
-"""So many of them are refined, to within some tenths, and the best to within hundredths."""
-_CLOSE = 0.2, 0.005
-_FEW, _SOME, _MANY = 64, 96, 256
-"""Columns and rows of pixels for trying, for refining, and for the last digits."""
-_NODES = 17
-_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-
-
 def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float:
-    """The turn in degrees, from −45 to 45, with the smallest RMS misfit of the pixels it covers.
+    """The turn in degrees, from −45 to 45, with the smallest RMS error of the pixels it covers.
 
     Least squares decide, as single pixels count little for them; the turn is good to some
     hundredths of a degree, and has two decimals.
@@ -408,57 +397,53 @@ def best_turn(patch: Patch, terms: int, counts: tuple[int, int] | None) -> float
         points = products.points_of(turned, _FEW)
         if not len(points.z):
             continue
-        begin = products.fits(products.grid_of(turned, _FEW), x_nodes, y_nodes, terms, 1)[0]
-        coarse.append((*_turned_fit(points, begin), turned.turn))
+        begin = products.best_sums(products.grid_of(turned, _FEW), x_nodes, y_nodes, terms, 1)[0]
+        coarse.append((*_fit_turned(points, begin), turned.turn))
     coarse.sort(key=lambda fit: fit[0])
-    fine = []
-    for _, begin, turn in coarse[:_BEST]:
-        fine.append((*_refined(patch, begin, turn, step, 0), begin))
+    fine = [(*_refined(patch, begin, turn, step, 0), begin) for _, begin, turn in coarse[:_BEST]]
     _, turn, begin = min(fine, key=lambda fit: fit[0])
     turn = _refined(patch, begin, turn, 5 * _CLOSE[0], 1)[1]
     return round((turn + 45.0) % 90.0 - 45.0, 2) + 0.0  # no negative zero
 
 
-def _misfit(
+def _error_at(
     patch: Patch, begin: ProductSum, ends: tuple[float, float], most: int, turn: float
 ) -> float:
-    """RMS misfit at a turn, of the pixels that are covered there and at both ends.
+    """RMS error at a turn, of the pixels that are covered there and at both ends.
 
     Pixels that come and go would count for more than a small turn does.
     """
     row, column = products.picked(patch, most)
     for end in (*ends, turn):
-        u, v = replace(patch, turn=end).unit(row, column)
-        within = (abs(u - 0.5) <= 0.5) & (abs(v - 0.5) <= 0.5)
+        within = replace(patch, turn=end).covers(row, column)
         row, column = row[within], column[within]
     points = products.points_at(replace(patch, turn=turn), row, column)
     if not len(points.z):
         return math.inf
-    return _turned_fit(points, begin)[0]
+    return _fit_turned(points, begin)[0]
 
 
-def _turned_fit(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
+def _fit_turned(points: Points, begin: ProductSum) -> tuple[float, ProductSum]:
     problem = problem_of(points, begin.x_nodes, begin.y_nodes)
-    even = np.full(len(points.z), 1.0 / len(points.z))
-    fit = least_squares(problem, begin, even, 20)
-    return float(np.sqrt(np.mean(residuals(problem, fit) ** 2))), fit
+    fit = least_squares(problem, begin, 20)
+    return float(np.sqrt(np.mean(kernels.residuals(problem, fit) ** 2))), fit
 
 
 def _refined(
     patch: Patch, begin: ProductSum, turn: float, reach: float, stage: int
 ) -> tuple[float, float]:
-    """The smallest misfit within `reach` of a turn and where it is, by golden sections."""
+    """The smallest error within `reach` of a turn and where it is, by golden sections."""
     low, high = turn - reach, turn + reach
-    misfit = partial(_misfit, patch, begin, (low, high), (_SOME, _MANY)[stage])
+    error = partial(_error_at, patch, begin, (low, high), (_SOME, _MANY)[stage])
     left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    at_left, at_right = misfit(left), misfit(right)
+    at_left, at_right = error(left), error(right)
     while high - low > _CLOSE[stage]:
         if at_left <= at_right:
             high, right, at_right = right, left, at_left
             left = high - _GOLDEN * (high - low)
-            at_left = misfit(left)
+            at_left = error(left)
         else:
             low, left, at_left = left, right, at_right
             right = low + _GOLDEN * (high - low)
-            at_right = misfit(right)
+            at_right = error(right)
     return min((at_left, left), (at_right, right))

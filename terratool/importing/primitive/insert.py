@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from msgspec import UNSET
@@ -22,7 +23,6 @@ from terratool.text.source import Source, read_source, write_source
 
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive
-
 
 ROOT = "/elemTree"
 _ALIKE = 1e-3
@@ -45,48 +45,47 @@ class CellPath:
     span: tuple[int, int] = (1, 1)
 
 
+class CellRectangle(NamedTuple):
+    """A rectangle in the world, in units of the terrain."""
+
+    west: float
+    south: float
+    width: float
+    height: float
+
+
 @dataclass(frozen=True, slots=True)
 class TargetDefinition:
     """A definition that primitives are added to, and what becomes of it.
 
     Attributes:
-        path: the file.
-        output: where the result goes; `path` itself, or another file.
-        data: its text in UTF-8, without gzip and byte order mark.
-        marked: whether it begins with a byte order mark.
-        packed: whether the result is gzipped.
+        source: its file and text; `packed` says whether the result is gzipped.
+        output: where the result goes; the file itself, or another one.
         definition: what the text says.
         place: where elements go, if anywhere.
     """
 
-    path: Path
+    source: Source
     output: Path
-    data: bytes
-    marked: bool
-    packed: bool
     definition: Definition
     place: CellPath | None
 
-    def cell(self) -> tuple[float, float, float, float] | None:
-        """West, south, width and height of the cell that is placed in, in the world."""
+    def cell(self) -> CellRectangle | None:
+        """The block of cells that is placed in."""
         if self.place is None:
             return None
         (west, south), (width, height) = self.definition.corner, self.definition.extent
-        steps = [int(step) for step in _step.findall(self.place.parent)]
-        element = self.definition.elem_tree
-        assert element is not UNSET
-        for step in steps:
-            columns, rows = element.grid
-            children = element.children
-            assert children is not UNSET
-            element = children[step]
+        elements = _path(self.definition, self.place.parent)
+        for parent, element in pairwise(elements):
+            columns, rows = parent.grid
             assert element.cell_x is not UNSET and element.cell_y is not UNSET
             width, height = width / columns, height / rows
             west, south = west + element.cell_x * width, south + element.cell_y * height
             width, height = width * element.block[0], height * element.block[1]
-        width, height = width / element.grid[0], height / element.grid[1]
-        (x, y), (columns, rows) = self.place.cell, self.place.span
-        return west + x * width, south + y * height, columns * width, rows * height
+        columns, rows = elements[-1].grid
+        width, height = width / columns, height / rows
+        (x, y), (across, along) = self.place.cell, self.place.span
+        return CellRectangle(west + x * width, south + y * height, across * width, along * height)
 
 
 def target_of(
@@ -127,9 +126,8 @@ def target_of(
         refuse_existing(result, overwrite)
         refuse_missing_folder(result)
     packed = source.packed if output is None else result.name.lower().endswith(".gz")
-    return TargetDefinition(
-        Path(path), result, source.data, source.marked, packed, definition, place
-    )
+    source = Source(path, source.data, packed, source.marked)
+    return TargetDefinition(source, result, definition, place)
 
 
 def text_with(
@@ -140,21 +138,20 @@ def text_with(
     Raises:
         DefinitionError: it would be no valid definition.
     """
-    data = target.data
+    data = target.source.data
     for name, primitive in primitives.items():
         data = set_member(data, "/elemTypes", name, primitive, TERRAIN).applied(data)
     if target.place is not None:
-        parent = _element(target.definition, target.place.parent)
-        has_children = parent is not None and parent.children is not UNSET
+        has_children = _path(target.definition, target.place.parent)[-1].children is not UNSET
         for element in elements:
             edit = append_child(data, target.place.parent, element, has_children, TERRAIN)
             data = edit.applied(data)
             has_children = True
-    checked = check(Source(str(target.path), data), CheckOptions(warnings=False))
+    checked = check(Source(target.source.name, data), CheckOptions(warnings=False))
     if checked.definition is None:
         first = checked.findings[0]
         raise DefinitionError(
-            f"{target.path}: with the primitive, it would be invalid: {first.code}: "
+            f"{target.source.name}: with the primitive, it would be invalid: {first.code}: "
             f"{first.message}",
             first.hint,
             checked.findings,
@@ -195,8 +192,9 @@ def write(target: TargetDefinition, data: bytes, overwrite: bool) -> None:
     Raises:
         WriteError: it cannot be written.
     """
-    source = Source(str(target.path), data, target.packed, target.marked)
-    write_source(source, target.output, overwrite or is_same_file(target.output, target.path))
+    source = target.source
+    result = Source(source.name, data, source.packed, source.marked)
+    write_source(result, target.output, overwrite or is_same_file(target.output, source.name))
 
 
 def parse_cell_path(text: str, span: str | None = None) -> CellPath:
@@ -226,13 +224,13 @@ def parse_cell_path(text: str, span: str | None = None) -> CellPath:
 
 def _refuse_place(path: str, definition: Definition, place: CellPath) -> None:
     """Refuse a parent that is not there, and a cell outside of its grid."""
-    parent = _element(definition, place.parent)
-    if parent is None:
+    elements = _path(definition, place.parent)
+    if not elements:
         raise RequestError(
             f"{path}: has no element {shown(place.parent)}.",
             "Give a JSON pointer as terratool query shows them, such as /elemTree/children/0.",
         )
-    columns, rows = parent.grid
+    columns, rows = elements[-1].grid
     if place.cell[0] + place.span[0] > columns or place.cell[1] + place.span[1] > rows:
         wide = "" if place.span == (1, 1) else f" with {place.span[0]} × {place.span[1]} cells"
         raise RequestError(
@@ -242,13 +240,15 @@ def _refuse_place(path: str, definition: Definition, place: CellPath) -> None:
         )
 
 
-def _element(definition: Definition, pointer: str) -> Element | None:
-    """The element of a JSON pointer, None if there is none."""
-    if not re.fullmatch(rf"{ROOT}(?:{_step.pattern})*", pointer):
-        return None
+def _path(definition: Definition, pointer: str) -> list[Element]:
+    """The elements from the root to that of a JSON pointer; none if there is no such one."""
     element = definition.elem_tree
-    for step in _step.findall(pointer):
-        if element is UNSET or element.children is UNSET or int(step) >= len(element.children):
-            return None
-        element = element.children[int(step)]
-    return None if element is UNSET else element
+    if element is UNSET or not re.fullmatch(rf"{ROOT}(?:{_step.pattern})*", pointer):
+        return []
+    elements = [element]
+    for step in map(int, _step.findall(pointer)):
+        children = elements[-1].children
+        if children is UNSET or step >= len(children):
+            return []
+        elements.append(children[step])
+    return elements

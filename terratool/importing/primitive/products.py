@@ -8,9 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.samples import SampledHeights
+from terratool.importing.sources import SampledHeights
 
 Floats = NDArray[np.float64]
+REACH = 4.0
+"""Offsets are looked for so many reliefs below the lowest height and above the highest one."""
+
+_OFFSETS = 49
+_ROUNDS = 4
+"""So often heights of missing pixels are replaced by those of the fit."""
+
+_TINY = 1e-9
+_SPARSE = 0.9
+"""If more than this part of the pixels in columns and rows has no height, others are taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +68,13 @@ class Patch:
     @property
     def affine(self) -> Floats:
         """(4,) how u and v change by column and by row: docs/format.md, footprints and turning."""
-        lattice = self.samples.lattice
-        columns, rows = lattice.columns, lattice.rows
+        grid = self.samples.grid
+        columns, rows = grid.columns, grid.rows
         if self.turn == 0.0:
             return np.array([1.0 / columns, 0.0, 0.0, 1.0 / rows])
         angle = math.radians(self.turn)
         cos, sin = math.cos(angle), math.sin(angle)
-        stretch = lattice.dy / lattice.dx
+        stretch = grid.dy / grid.dx
         return np.array([cos / columns, -sin * stretch / columns, sin / stretch / rows, cos / rows])
 
     def unit(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[Floats, Floats]:
@@ -74,6 +84,11 @@ class Patch:
         a, b, c, d = self.affine
         return 0.5 + (a * dx + b * dy), 0.5 + (c * dx + d * dy)
 
+    def covers(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether pixel centres lie in the unit square, in the shape of row and column together."""
+        u, v = self.unit(row, column)
+        return np.asarray((np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5))
+
 
 @dataclass(frozen=True, slots=True)
 class Points:
@@ -82,6 +97,14 @@ class Points:
     u: Floats
     v: Floats
     z: Floats
+
+    def joined(self, other: Points) -> Points:
+        """These and others."""
+        return Points(
+            np.concatenate([self.u, other.u]),
+            np.concatenate([self.v, other.v]),
+            np.concatenate([self.z, other.z]),
+        )
 
 
 def nodes(count: int, steps: tuple[float, ...] = ()) -> Floats:
@@ -102,16 +125,6 @@ def nodes(count: int, steps: tuple[float, ...] = ()) -> Floats:
         if t in (0.0, 1.0) or all(abs(t - step) > 0.5 * spacing for step in inner)
     ]
     return np.array(sorted([*even, *inner, *inner]))
-
-
-REACH = 4.0
-"""Offsets are looked for so many reliefs below the lowest height and above the highest one."""
-_OFFSETS = 49
-_ROUNDS = 4
-"""So often heights of missing pixels are replaced by those of the fit."""
-_TINY = 1e-9
-_SPARSE = 0.9
-"""If more than this part of the pixels in columns and rows has no height, others are taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +220,10 @@ def basis(nodes: Floats, t: Floats) -> Floats:
     return matrix
 
 
-def fits(
+def best_sums(
     grid: PatchGrid, x_nodes: Floats, y_nodes: Floats, terms: int, best: int = 3
 ) -> list[ProductSum]:
-    """The best sums of products for the offsets with the smallest largest misfits, best first.
+    """The best sums of products for the offsets with the smallest largest errors, best first.
 
     Where a height is missing, that of the fit takes its place, again and again, so that it counts
     for nothing.

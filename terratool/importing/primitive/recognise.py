@@ -16,7 +16,7 @@ import numpy as np
 
 from terratool.definition.expression import NAMED
 from terratool.importing.primitive import fit, products
-from terratool.importing.primitive.entries import PrimitiveEntry, spelled
+from terratool.importing.primitive.entries import PrimitiveEntry, fit_error, spelled
 from terratool.importing.primitive.fit import relief_of
 from terratool.importing.primitive.products import Floats, Patch, Points, ProductSum, basis, nodes
 
@@ -32,13 +32,16 @@ _FUNCTIONS: dict[str, Callable[[Floats], Floats]] = {
 }
 _RISING = ("ramp", "smoothstep")
 """Those that differ from their mirror image."""
+
 _ENDS = np.round(np.arange(0.0, 1.0001, 0.05), 2)
 _SHORTEST = 0.15
 _STEPS = 0.02, 0.01, 0.005, 0.002, 0.001
 _WORSE = 1.1
 """Of pairs that are so many times as far off as the best one at most, the plainest is taken."""
+
 _LOOSE, _SHARE = 1.25, 0.01
 """Without a tolerance they may be so many times worse, or off by that part of the relief."""
+
 _PIXELS = 64
 _TRIED = 3
 
@@ -110,8 +113,8 @@ def recognise(
     Args:
         patch: the heights; they have a relief.
         terms: the free fit.
-        error: its largest misfit.
-        tolerance: the largest misfit that is allowed; if None, 1.25 times that of the free fit or
+        error: its largest error.
+        tolerance: the largest error that is allowed; if None, 1.25 times that of the free fit or
             1 % of the relief.
 
     Returns:
@@ -121,15 +124,14 @@ def recognise(
     limit = max(_LOOSE * error, _SHARE * relief) if tolerance is None else tolerance
     points = products.points_of(patch, _PIXELS)
     x_forms, y_forms = _suggested(patch, points)
-    found = [*_plain_pairs(points), *_pairs(points, x_forms, y_forms)]
+    whole = [_best_factor(points, x, y) for x, y in product(_forms(), repeat=2)]
+    found = [*whole, *_pairs(points, x_forms, y_forms)]
     fitting_pairs = _close([pair for pair in found if pair.error <= limit])
     if not fitting_pairs:
         halves = _halves(points, x_forms, y_forms, terms)
         fitting_pairs = _close([pair for pair in halves if pair.error <= limit])
     for pair in fitting_pairs:
         entry = _entry(pair, terms, patch.turn, relief)
-        from terratool.importing.primitive.entries import fit_error
-
         if fit_error(patch, (entry,)).largest <= limit:
             return entry
     return None
@@ -152,31 +154,29 @@ def _forms() -> Iterator[NamedForm]:
             yield NamedForm(name, mirrored=True)
 
 
-def _plain_pairs(points: Points) -> Iterator[RecognisedPair]:
-    """All pairs of whole named curves."""
-    for x, y in product(_forms(), repeat=2):
-        yield _fitted(points, x, y)
-
-
-def _fitted(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
+def _best_factor(points: Points, x: NamedForm, y: NamedForm) -> RecognisedPair:
     """The best factor and offset for two curves, by least squares, and then the best offset."""
     values = x.values(points.u) * y.values(points.v)
     middle, mean = float(values.mean()), float(points.z.mean())
     spread = float(((values - middle) ** 2).sum())
     scale = float(((values - middle) * (points.z - mean)).sum()) / spread if spread > 0.0 else 0.0
-    off = points.z - scale * values
-    low, high = float(off.min()), float(off.max())
-    return RecognisedPair(0.5 * (high - low), x, y, scale, 0.5 * (low + high))
+    error, offset = _centred(points.z - scale * values)
+    return RecognisedPair(error, x, y, scale, offset)
+
+
+def _centred(residuals: Floats) -> tuple[float, float]:
+    """The largest error with the best offset, and that."""
+    low, high = float(residuals.min()), float(residuals.max())
+    return 0.5 * (high - low), 0.5 * (low + high)
 
 
 def _suggested(patch: Patch, points: Points) -> tuple[list[NamedForm], list[NamedForm]]:
     """The named curves that look most like the freely fitted ones, trimmed as these are."""
     rows, columns = patch.values.shape
     x_nodes, y_nodes = nodes(min(33, columns)), nodes(min(33, rows))
-    begin = products.fits(products.grid_of(patch, _PIXELS), x_nodes, y_nodes, 1, 1)[0]
+    begin = products.best_sums(products.grid_of(patch, _PIXELS), x_nodes, y_nodes, 1, 1)[0]
     problem = fit.problem_of(points, x_nodes, y_nodes)
-    even = np.full(len(points.z), 1.0 / len(points.z))
-    free = fit.least_squares(problem, begin, even, 30)
+    free = fit.least_squares(problem, begin, 30)
     return _alike(x_nodes, free.x[0]), _alike(y_nodes, free.y[0])
 
 
@@ -207,13 +207,13 @@ def _pairs(
 ) -> Iterator[RecognisedPair]:
     """Pairs of suggested curves, their ends moved for the smallest error."""
     for x, y in product(x_forms, y_forms):
-        best = _fitted(points, x, y)
+        best = _best_factor(points, x, y)
         for step in _STEPS:
             improved = True
             while improved:
                 improved = False
                 for pair in _neighbours(best, step):
-                    tried = _fitted(points, *pair)
+                    tried = _best_factor(points, *pair)
                     if tried.error < best.error:
                         best, improved = tried, True
         yield best
@@ -239,10 +239,9 @@ def _halves(
     points: Points, x_forms: list[NamedForm], y_forms: list[NamedForm], terms: ProductSum
 ) -> Iterator[RecognisedPair]:
     """One named curve, and the values of the other one."""
-    plain = list(_forms())
-    for form in dict.fromkeys([*plain, *x_forms]):
+    for form in dict.fromkeys([*_forms(), *x_forms]):
         yield _with_values(points, form, terms.y_nodes, True)
-    for form in dict.fromkeys([*plain, *y_forms]):
+    for form in dict.fromkeys([*_forms(), *y_forms]):
         yield _with_values(points, form, terms.x_nodes, False)
 
 
@@ -253,12 +252,10 @@ def _with_values(points: Points, form: NamedForm, free: Floats, along_x: bool) -
         [form.values(named)[:, None] * basis(free, other), np.ones(len(other))]
     )
     solution = np.linalg.lstsq(matrix, points.z, rcond=1e-12)[0]
-    off = points.z - matrix @ solution
-    low, high = float(off.min()), float(off.max())
-    values, offset = solution[:-1], float(solution[-1]) + 0.5 * (low + high)
+    error, middle = _centred(points.z - matrix @ solution)
+    values, offset = solution[:-1], float(solution[-1]) + middle
     scale = float(values[np.abs(values).argmax()]) or 1.0
     curve: Floats = np.asarray(values / scale, np.float64)
-    error = 0.5 * (high - low)
     if along_x:
         return RecognisedPair(error, form, curve, scale, offset)
     return RecognisedPair(error, curve, form, scale, offset)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.importing.structure.residual import Floats, Residual
-from terratool.importing.structure.types import Axis, PixelPart
+from terratool.importing.structure.structures import Axis, PixelPart
 from terratool.kernels import importing as kernels
 
 SPIKES = 20_000
@@ -29,6 +30,23 @@ SIDES = {4: 3, 3: 2, 2: 3, 1: 3}
 EVEN = 0.3
 """How far the jump along a wall may be off, in heights of the box, where corners say too little."""
 
+CLOSE = 1e-3
+"""How far heights may be apart, in steps of a ramp."""
+
+
+class Rectangle(NamedTuple):
+    """Pixels from `south` and `west` to before `north` and `east`."""
+
+    south: int
+    north: int
+    west: int
+    east: int
+
+    @property
+    def area(self) -> int:
+        """How many pixels."""
+        return (self.north - self.south) * (self.east - self.west)
+
 
 def find_boxes(
     residual: Residual, noise: float, height: float, least_corners: int = 1
@@ -40,7 +58,7 @@ def find_boxes(
         noise: how far mixed differences may be off.
         height: boxes that are lower are not wanted.
         least_corners: boxes of which fewer corners lie open are not wanted; if 4, neither are those
-            with other walls on any side, such as the stairs of a turned rim.
+            with other walls on any side, such as the stairs of a turned edge.
     """
     found: list[PixelPart] = []
     # boxes with more clean corners first, as what they leave makes others clean
@@ -94,10 +112,9 @@ def _best(
     residual: Residual, row: int, column: int, noise: float, wanted: int, sides: int
 ) -> PixelPart | None:
     """The smallest box with a corner here that explains so many corners."""
-    cells = list(_cells(residual, row, column, noise, wanted))
-    cells.sort(key=lambda cell: (cell[1] - cell[0]) * (cell[3] - cell[2]))
-    for south, north, west, east in cells:
-        box = _box(residual, row, column, south, north, west, east)
+    cells = _cells(residual, row, column, noise, wanted)
+    for cell in sorted(cells, key=lambda cell: cell.area):
+        box = _box(residual, row, column, cell)
         cleaned, corners = _cleaned(residual, box, noise)
         if cleaned < min(wanted, corners) or (corners < wanted and wanted > 2):
             continue
@@ -106,20 +123,19 @@ def _best(
     return None
 
 
-def _box(
-    residual: Residual, row: int, column: int, south: int, north: int, west: int, east: int
-) -> PixelPart:
+def _box(residual: Residual, row: int, column: int, cell: Rectangle) -> PixelPart:
     """A box on whole pixels, as high as the difference at its corner says."""
     value = float(residual.mixed[row, column])
-    sign = (1.0 if row + 1 == south else -1.0) * (1.0 if column + 1 == west else -1.0)
-    x, y = Axis(kernels.FLAT, 2 * west, 2 * east), Axis(kernels.FLAT, 2 * south, 2 * north)
+    sign = (1.0 if row + 1 == cell.south else -1.0) * (1.0 if column + 1 == cell.west else -1.0)
+    x = Axis(kernels.FLAT, 2 * cell.west, 2 * cell.east)
+    y = Axis(kernels.FLAT, 2 * cell.south, 2 * cell.north)
     return PixelPart(x, y, sign * value)
 
 
 def _cells(
     residual: Residual, row: int, column: int, noise: float, wanted: int
-) -> Iterator[tuple[int, int, int, int]]:
-    """South, north, west and east edges, in pixels, of cells that may have a corner here."""
+) -> Iterator[Rectangle]:
+    """Cells that may have a corner here."""
     mixed = residual.mixed
     value = mixed[row, column]
     near = 2.0 * noise
@@ -133,28 +149,24 @@ def _cells(
             hits = _nearest(np.abs(mixed[:, i] - value) <= near, row)
             pairs.update({(j, i): None for j in hits})
     if wanted == 2:
+        own_row, own_column = mixed[row], mixed[:, column]
         for j in rows:
-            own = mixed[row]
-            both = (own * value < 0.0) & (np.abs(own + mixed[j]) <= near)
-            both &= np.abs(own) > 2.0 * near
+            both = (own_row * value < 0.0) & (np.abs(own_row + mixed[j]) <= near)
+            both &= np.abs(own_row) > 2.0 * near
             pairs.update({(j, i): None for i in _nearest(both, column)})
         for i in columns:
-            both = (mixed[:, column] * value < 0.0) & (
-                np.abs(mixed[:, column] + mixed[:, i]) <= near
-            )
-            both &= np.abs(mixed[:, column]) > 2.0 * near
+            both = (own_column * value < 0.0) & (np.abs(own_column + mixed[:, i]) <= near)
+            both &= np.abs(own_column) > 2.0 * near
             pairs.update({(j, i): None for j in _nearest(both, row)})
-        borders_y = [-1, mixed.shape[0]]
-        borders_x = [-1, mixed.shape[1]]
-        pairs.update({(j, i): None for j in rows for i in borders_x})
-        pairs.update({(j, i): None for j in borders_y for i in columns})
+        pairs.update({(j, i): None for j in rows for i in (-1, mixed.shape[1])})
+        pairs.update({(j, i): None for j in (-1, mixed.shape[0]) for i in columns})
     if wanted == 1:
         pairs.update({(j, i): None for j in (-1, mixed.shape[0]) for i in (-1, mixed.shape[1])})
     for j, i in pairs:
         if j != row and i != column:
             south, north = sorted((row, j))
             west, east = sorted((column, i))
-            yield south + 1, north + 1, west + 1, east + 1
+            yield Rectangle(south + 1, north + 1, west + 1, east + 1)
 
 
 def _nearest(hits: NDArray[np.bool_], place: int) -> list[int]:
@@ -212,10 +224,6 @@ def _median(values: Floats) -> float:
     """The median, without what NumPy spends on arrays of more dimensions."""
     values, middle = np.sort(values), len(values) // 2
     return float(values[middle] + values[(len(values) - 1) // 2]) / 2.0
-
-
-CLOSE = 1e-3
-"""How far heights may be apart, in steps of a ramp."""
 
 
 def merged(parts: list[PixelPart]) -> list[PixelPart]:

@@ -5,24 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from terratool.importing.structure.boxes import jumps, merged
-from terratool.importing.structure.peeling import Limits, is_quiet, peel
+from terratool.importing.structure.peeling import is_quiet, peel
 from terratool.importing.structure.residual import (
-    BLOCKS,
+    PRECISION,
     Floats,
+    Limits,
     Residual,
-    islands,
     noise_level,
     residual_of,
 )
-from terratool.importing.structure.spelling import (
+from terratool.importing.structure.structures import (
+    Axis,
+    CurveText,
+    PixelPart,
+    Structure,
     deviation,
-    named,
     shortest,
     with_flanks,
+    with_names,
     with_walls,
 )
-from terratool.importing.structure.turned import disc_of, turned_box_of
-from terratool.importing.structure.types import Axis, CurveText, PixelPart, Structure
+from terratool.importing.structure.turned import BLOCKS, disc_of, islands, turned_box_of
 from terratool.kernels import importing as kernels
 
 SHARE = 0.5
@@ -33,6 +36,11 @@ SHARE_ALONE = 0.98
 
 ROUNDS = 6
 _SAMPLED = 1 << 16
+MOST_PIXELS = 32_768
+"""A grid has at most 65,536 cells along each axis, two for each pixel."""
+
+SPARE = 0.25
+"""Smooth curves may use up this share of the error between the centres of pixels."""
 
 
 def twist_of(residual: Residual) -> PixelPart | None:
@@ -56,7 +64,6 @@ def ground_of(
     max_error: float,
     structured: bool,
     twist: PixelPart | None,
-    precision: float,
     walls: bool,
 ) -> tuple[Structure, ...]:
     """The slope that is left, if one is, and its twist.
@@ -66,10 +73,9 @@ def ground_of(
         max_error: how far off the slope may be.
         structured: whether there are structures on it.
         twist: what was taken away of it already.
-        precision: how far numbers may be rounded.
         walls: whether it may go on to the edges; if not, it is level in the outer half pixels.
     """
-    heights = residual.heights
+    heights, precision = residual.heights, PRECISION * max_error
     rows, columns = heights.shape
     down, across = (max(1, side // 256) for side in (rows, columns))
     j, i = np.mgrid[0:rows:down, 0:columns:across]
@@ -118,16 +124,6 @@ def _level_at_ends(first: float, last: float, count: int) -> tuple[tuple[float, 
     return (0.0, low), (half, low), (1.0 - half, high), (1.0, high)
 
 
-MOST_PIXELS = 32_768
-"""A grid has at most 65,536 cells along each axis, two for each pixel."""
-
-PRECISION = 1e-3
-"""Numbers are rounded to this share of the error that is allowed."""
-
-SPARE = 0.25
-"""Smooth curves may use up this share of the error between the centres of pixels."""
-
-
 def find_structures(
     heights: Floats, max_error: float, walls: bool = False
 ) -> tuple[Structure, ...]:
@@ -167,23 +163,23 @@ def find_structures(
         level > residual.rounding and is_quiet(residual, residual.rounding)
     )
     if not visible:
-        parts, others = _peeled(residual, residual.rounding, max_error, precision)
+        parts, others = _peeled(residual, Limits(residual.rounding, max_error))
     noise = residual.rounding
     if not parts and not others and level < np.inf and (visible or level > noise):
         noise = level
-        parts, others = _peeled(residual, noise, max_error, precision)
+        parts, others = _peeled(residual, Limits(noise, max_error))
     explained = bool(parts or others)
     parts = merged(refined(residual, parts, noise))
     if visible or noise > residual.rounding:
         parts = [leveled(residual, part) for part in parts]
-    ground = ground_of(residual, max_error, explained, twist, precision, walls)
+    ground = ground_of(residual, max_error, explained, twist, walls)
     structures = [*ground]
     # one for all, so that curves of equal parts are spelled alike
     fineness = precision / max([1.0, *(abs(part.scale) for part in parts)])
     if walls:
         walled = [with_walls(part, precision, fineness) for part in parts]
-        return named([*structures, *walled, *others])
-    return named([*structures, *_flanked(parts, others, (rows, columns), max_error, fineness)])
+        return with_names([*structures, *walled, *others])
+    return with_names([*structures, *_flanked(parts, others, (rows, columns), max_error, fineness)])
 
 
 def _flanked(
@@ -217,18 +213,15 @@ def _flanked(
     return structures
 
 
-def _peeled(
-    residual: Residual, noise: float, max_error: float, precision: float
-) -> tuple[list[PixelPart], list[Structure]]:
+def _peeled(residual: Residual, limits: Limits) -> tuple[list[PixelPart], list[Structure]]:
     """Parts along the axes, and what is turned; both are taken away."""
-    limits = Limits(noise, max_error)
-    # what is turned goes first wherever it stands alone, as its rim could be had from boxes as well
-    others = _turned(residual, noise, max_error, precision, loose=False)
+    # what is turned goes first where it stands alone: its edge could be had from boxes as well
+    others = _turned(residual, limits, loose=False)
     parts = peel(residual, limits, hidden=False)
-    if not parts and not is_quiet(residual, noise):
+    if not parts and not is_quiet(residual, limits.noise):
         return parts, others
     for loose in (False, True):
-        turned = _turned(residual, noise, max_error, precision, loose)
+        turned = _turned(residual, limits, loose)
         more = peel(residual, limits, hidden=True)
         others += turned
         parts += more
@@ -237,17 +230,14 @@ def _peeled(
     return parts, others
 
 
-def _turned(
-    residual: Residual, noise: float, max_error: float, precision: float, loose: bool
-) -> list[Structure]:
+def _turned(residual: Residual, limits: Limits, loose: bool) -> list[Structure]:
     """Turned boxes and turned profiles, which are taken away."""
-    if not is_quiet(residual, noise):
+    if not is_quiet(residual, limits.noise):
         return []
     found = []
     for block in BLOCKS:
-        for island in islands(residual, noise, block):
-            one = turned_box_of(island, noise, max_error, precision)
-            one = one or disc_of(island, noise, max_error, precision, loose)
+        for island in islands(residual, limits.noise, block):
+            one = turned_box_of(island, limits) or disc_of(island, limits, loose)
             if one is not None:
                 structure, values = one
                 residual.subtract_values(
@@ -262,10 +252,9 @@ def refined(residual: Residual, parts: list[PixelPart], noise: float) -> list[Pi
     out = list(parts)
     for _ in range(2):
         for at, part in enumerate(out):
-            rows, columns, dy, dx = residual.window(part)
-            here = residual.mixed[rows, columns]
-            shape = np.multiply.outer(dy, dx)
-            clean = residual.known[rows, columns] & (np.abs(here) <= 2.0 * noise)
+            gaps, shape = residual.window(part)
+            here = residual.mixed[gaps]
+            clean = residual.known[gaps] & (np.abs(here) <= 2.0 * noise)
             power = float((shape[clean] ** 2).sum())
             if power > 0.0:
                 more = float((here[clean] * shape[clean]).sum()) / power

@@ -9,12 +9,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.importing.structure.boxes import find_boxes
-from terratool.importing.structure.profiles import curve_of, partners, profile_along
-from terratool.importing.structure.residual import QUIET_SHARE, Floats, Residual, share_within
-from terratool.importing.structure.types import Axis, PixelPart
+from terratool.importing.structure.residual import (
+    QUIET_SHARE,
+    Floats,
+    Limits,
+    Residual,
+    share_within,
+)
+from terratool.importing.structure.structures import VECTOR, Axis, PixelPart
 from terratool.kernels import importing as kernels
 
+GOOD = 0.06
+"""The largest error of a curve that is believed."""
+
+SLACK = 4
+"""How many gaps a curve may go on where its differences vanish in the rounding."""
+
+CELLS = 400
+"""So many cells are tried where ends lie hidden below other structures."""
+
+MOST = 0.5
+"""So much of a row has to be another one upside down."""
+
+QUIET = 3
+"""A curve ends where this many gaps in a row hold nothing."""
+
 ROUNDS = 8
+
 BLOCK = 16
 """One pivot is tried in each block of so many gaps to a side, at most, in each round."""
 
@@ -31,18 +52,128 @@ PARTNERS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """What counts.
+class AxisProfile:
+    """Differences of a curve along an axis, as multiples of those at a pivot.
 
     Attributes:
-        noise: how far mixed differences may be off.
-        height: parts that are lower are not wanted.
-        unusual: whether curves without a name are wanted, too.
+        ratios: (n,) float64, 1 at the pivot.
+        valid: (n,) bool, where the band is a multiple of the pivot's.
+        tolerance: (n,) float64, how far a ratio may be off.
+        pivot: index of the pivot.
     """
 
-    noise: float
-    height: float
-    unusual: bool = False
+    ratios: Floats
+    valid: NDArray[np.bool_]
+    tolerance: Floats
+    pivot: int
+
+
+def profile_along(
+    mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], half: int, noise: float
+) -> AxisProfile:
+    """The profile along the second axis of an array through a pivot.
+
+    Args:
+        mixed: mixed differences, (m, n).
+        known: where they are known.
+        pivot: indices in both axes.
+        half: the band is this many wide to each side.
+        noise: how far differences may be off.
+    """
+    first, last = max(0, pivot[0] - half), pivot[0] + half + 1
+    band = mixed[first:last]
+    own = band[:, pivot[1]]
+    power = float(own @ own)
+    ratios = (own @ band) / power
+    sizes = np.abs(ratios)
+    miss = np.abs(band - np.multiply.outer(own, ratios)).max(axis=0)
+    valid = (miss <= 1.2 * noise * (1.0 + sizes)) & known[first:last].all(axis=0)
+    tolerance = (1.5 * noise / power**0.5) * (1.0 + sizes)
+    return AxisProfile(ratios, valid, tolerance, pivot[1])
+
+
+def curve_of(profile: AxisProfile, unusual: bool) -> Axis | None:
+    """The curve that a profile shows around its pivot, or None.
+
+    Args:
+        profile: the profile.
+        unusual: whether the curve may begin at the centre of a pixel as well, and be a vector, if
+            all of it lies open; if not, it is a named one on whole pixels.
+    """
+    last = len(profile.ratios) - 1
+    east, open_east = _end(profile, 1)
+    west, open_west = _end(profile, -1)
+    if east - west < 2:
+        return None
+    begins = np.arange(west, max(open_west, -1) - 1, -1)  # the shortest cells first
+    ends = np.arange(east, min(open_east, last + 1) + 1)
+    while len(begins) * len(ends) > CELLS:
+        # both ends are hidden: the far ones can wait until other structures are gone
+        begins = begins[: max(1, CELLS // len(ends), len(begins) // 2)]
+        ends = ends[: max(1, len(ends) // 2)]
+    for odd in (0, 1) if unusual else (0,):
+        code, begin, end = kernels.fit_curve(profile, _edges(begins, odd), _edges(ends, odd), GOOD)
+        if code >= 0:
+            return Axis(code, begin, end)
+        if code == -2:
+            return None
+    return _vector_of(profile, west, east) if unusual else None
+
+
+def _edges(gaps: NDArray[np.int64], odd: int) -> NDArray[np.int64]:
+    """Edges of cells in half pixels: amid gaps, or also at the centres beside them."""
+    amid = 2 * (gaps + 1)
+    if not odd:
+        return amid.astype(np.int64)
+    return np.unique(np.concatenate([amid - 1, amid, amid + 1])).astype(np.int64)
+
+
+def _end(profile: AxisProfile, way: int) -> tuple[int, int]:
+    """The last gap that a curve surely holds in one direction, and the last that it may hold.
+
+    The latter lies one beyond the last gap where the curve may end with the DEM.
+    """
+    count = len(profile.ratios)
+    surely = at = profile.pivot
+    quiet = 0
+    while quiet < QUIET:
+        at += way
+        if not 0 <= at < count:
+            return surely, at
+        if not profile.valid[at]:
+            quiet = 0
+        elif abs(profile.ratios[at]) > profile.tolerance[at]:
+            surely, quiet = at, 0
+        else:
+            quiet += 1
+    return surely, surely + way * SLACK if abs(at - surely) <= QUIET else at - way * quiet
+
+
+def _vector_of(profile: AxisProfile, west: int, east: int) -> Axis | None:
+    """The curve without a name from one gap to another, if all of it lies open and it ends at 0."""
+    wide = slice(west - QUIET, east + QUIET + 1)
+    if west < QUIET or wide.stop > len(profile.ratios) or not profile.valid[wide].all():
+        return None
+    values = np.cumsum(profile.ratios[west : east + 1])
+    slack = float(np.sqrt((profile.tolerance[west : east + 1] ** 2).sum()))
+    top = float(values[np.argmax(np.abs(values))])
+    if abs(values[-1]) > slack or abs(top) <= 4.0 * slack:
+        return None
+    return Axis(VECTOR, 2 * (west + 1), 2 * (east + 1), tuple((values[:-1] / top).tolist()))
+
+
+def partners(
+    mixed: Floats, known: NDArray[np.bool_], pivot: tuple[int, int], curve: Axis, noise: float
+) -> NDArray[np.int64]:
+    """Rows that hold the pivot's row upside down, over most of a curve's cell; nearest first."""
+    across = slice(max(0, curve.first - 1), curve.stop)
+    own = mixed[pivot[0], across]
+    tells = np.abs(own) > 4.0 * noise
+    undone = np.abs(mixed[:, across][:, tells] + own[tells]) <= 2.0 * noise
+    share = (undone & known[:, across][:, tells]).mean(axis=1)
+    found = np.flatnonzero(share > MOST)
+    order: NDArray[np.int64] = found[np.argsort(np.abs(found - pivot[0]), kind="stable")]
+    return order
 
 
 def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
@@ -56,17 +187,15 @@ def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
     parts: list[PixelPart] = []
     failed: Failed = {}
     for _ in range(ROUNDS):
-        more = _all_but_boxes(residual, limits, _ridge_x, _ridge_y, failed)
+        more = _all_but_boxes(residual, limits, failed)
         if is_quiet(residual, limits.noise):
             # among many differences boxes would be found by chance
             more += find_boxes(residual, limits.noise, limits.height, 3 if hidden else 4)
             if hidden and not more:
-                more = _all_but_boxes(residual, limits, _hidden_ridge_x, _hidden_ridge_y, failed)
+                more = _all_but_boxes(residual, limits, failed, hidden=True)
                 more += find_boxes(residual, limits.noise, limits.height, 1)
             if hidden and not more:
-                more = _all_but_boxes(
-                    residual, replace(limits, unusual=True), _ridge_x, _ridge_y, failed
-                )
+                more = _all_but_boxes(residual, replace(limits, unusual=True), failed)
         parts += more
         if not more:
             break
@@ -74,17 +203,20 @@ def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
 
 
 Guess = Callable[[Residual, tuple[int, int], Limits], Iterator[PixelPart]]
-Failed = dict[tuple[str, bool, int, int], float]
+"""Parts that may stand at a pivot, their scales still open."""
+
+Failed = dict[tuple[Guess, bool, int, int], float]
+"""What a guess at a pivot found along its lines when it failed."""
 
 
 def _all_but_boxes(
-    residual: Residual, limits: Limits, ridge_x: Guess, ridge_y: Guess, failed: Failed
+    residual: Residual, limits: Limits, failed: Failed, hidden: bool = False
 ) -> list[PixelPart]:
     """Take away hills and ridges."""
     return [
         *_pass(residual, limits, (1, 1), _hill, failed),
-        *_pass(residual, limits, (0, 1), ridge_x, failed),
-        *_pass(residual, limits, (1, 0), ridge_y, failed),
+        *_pass(residual, limits, (0, 1), _Ridge(True, hidden), failed),
+        *_pass(residual, limits, (1, 0), _Ridge(False, hidden), failed),
     ]
 
 
@@ -108,15 +240,16 @@ def _pass(
         row, column = pivot
         # what failed need not be tried again as long as nothing has changed along its lines
         state = float(residual.mixed[row].sum() + residual.mixed[:, column].sum())
-        attempt = (guess.__name__, limits.unusual, row, column)
+        attempt = (guess, limits.unusual, row, column)
         if failed.get(attempt) == state:
             continue
         if kernels.least_size(residual.mixed, row, column, *reach) <= 4.0 * limits.noise:
             continue  # it went with another one
-        best = _best(residual, guess(residual, pivot, limits), limits)
-        if best is not None:
-            residual.subtract(best)
-            found.append(best)
+        tried = (_scaled(residual, part, limits) for part in guess(residual, pivot, limits))
+        part = next((part for part in tried if part is not None), None)
+        if part is not None:
+            residual.subtract(part)
+            found.append(part)
             failures, patience = 0, PATIENCE
         else:
             failed[attempt] = state
@@ -154,42 +287,34 @@ def _hill(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterato
             return
 
 
-def _ridge_x(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[PixelPart]:
-    """A curve along x through a pivot, flat along y."""
-    mixed, known = residual.mixed, residual.known
-    along = _line(mixed, known, pivot, limits)
-    if along is not None:
-        for flat in _flats(mixed, known, pivot, along, limits.noise):
-            yield PixelPart(along, flat, 0.0)
+@dataclass(frozen=True, slots=True)
+class _Ridge:
+    """Guesses curves along x, or along y, through a pivot that are flat across.
 
+    Attributes:
+        along_x: or along y.
+        hidden: whether the other edge of the flat cell may be hidden, or lie on the border.
+    """
 
-def _ridge_y(residual: Residual, pivot: tuple[int, int], limits: Limits) -> Iterator[PixelPart]:
-    """A curve along y through a pivot, flat along x."""
-    mixed, known = residual.mixed.T, residual.known.T
-    along = _line(mixed, known, pivot[::-1], limits)
-    if along is not None:
-        for flat in _flats(mixed, known, pivot[::-1], along, limits.noise):
-            yield PixelPart(flat, along, 0.0)
+    along_x: bool
+    hidden: bool
 
-
-def _hidden_ridge_x(
-    residual: Residual, pivot: tuple[int, int], limits: Limits
-) -> Iterator[PixelPart]:
-    """The same where the other edge is hidden or lies on the border."""
-    along = _line(residual.mixed, residual.known, pivot, limits)
-    if along is not None:
-        for flat in _by_height(residual.heights, residual.mixed, pivot, along):
-            yield PixelPart(along, flat, 0.0)
-
-
-def _hidden_ridge_y(
-    residual: Residual, pivot: tuple[int, int], limits: Limits
-) -> Iterator[PixelPart]:
-    """The same where the other edge is hidden or lies on the border."""
-    along = _line(residual.mixed.T, residual.known.T, pivot[::-1], limits)
-    if along is not None:
-        for flat in _by_height(residual.heights.T, residual.mixed.T, pivot[::-1], along):
-            yield PixelPart(flat, along, 0.0)
+    def __call__(
+        self, residual: Residual, pivot: tuple[int, int], limits: Limits
+    ) -> Iterator[PixelPart]:
+        heights, mixed, known = residual.heights, residual.mixed, residual.known
+        if not self.along_x:
+            heights, mixed, known, pivot = heights.T, mixed.T, known.T, pivot[::-1]
+        along = _line(mixed, known, pivot, limits)
+        if along is None:
+            return
+        if self.hidden:
+            flats = _by_height(heights, mixed, pivot, along)
+        else:
+            flats = _flats(mixed, known, pivot, along, limits.noise)
+        for flat in flats:
+            x, y = (along, flat) if self.along_x else (flat, along)
+            yield PixelPart(x, y, 0.0)
 
 
 def _line(
@@ -248,20 +373,10 @@ def _run(flags: NDArray[np.bool_]) -> int:
     return len(flags) if flags.all() else int(flags.argmin())
 
 
-def _best(residual: Residual, guesses: Iterator[PixelPart], limits: Limits) -> PixelPart | None:
-    """The first guess that explains what it covers, with its scale."""
-    for guess in guesses:
-        part = _scaled(residual, guess, limits)
-        if part is not None:
-            return part
-    return None
-
-
 def _scaled(residual: Residual, guess: PixelPart, limits: Limits) -> PixelPart | None:
     """A guess with the scale that leaves least, or None if that explains too little."""
-    rows, columns, dy, dx = residual.window(guess)
-    here, known = residual.mixed[rows, columns], residual.known[rows, columns]
-    shape = np.multiply.outer(dy, dx)
+    gaps, shape = residual.window(guess)
+    here, known = residual.mixed[gaps], residual.known[gaps]
     sizes = np.abs(shape)
     # the high end of a ramp is much larger than its slope, but may be hidden
     least = min(0.25 * float(sizes.max()), float(np.median(sizes[sizes > 0.0])))

@@ -1,48 +1,164 @@
-"""Turned boxes and turned profiles: cones, domes, bells, columns and craters."""
+"""Turned boxes and turned profiles: islands that stand out of even ground, and what they are."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.structure.residual import Floats, Island
-from terratool.importing.structure.spelling import NAMES, SPELLINGS, shortest
-from terratool.importing.structure.types import CurveText, Structure, curve_at
+from terratool.importing.structure.residual import Floats, Limits, Residual
+from terratool.importing.structure.structures import (
+    NAMES,
+    SPELLINGS,
+    VECTOR,
+    CurveText,
+    Structure,
+    curve_at,
+    shortest,
+)
 from terratool.kernels import field
 from terratool.kernels import importing as kernels
+
+BLOCKS = (8, 16, 32)
+"""What lies in neighbouring blocks of so many gaps belongs together; then the same more and more
+coarsely, as the stairs of an edge that runs nearly along an axis are long."""
+
+MOST = 400
+"""So many places are looked at, the largest first."""
+
+LARGEST = 400
+"""Places of more pixels to a side are left alone."""
+
+RING = 3
 
 LEVEL = 0.97
 """So many pixels of an island have to be level, at one of two heights."""
 
 WRONG = 0.02
-"""So many pixels along the rim may be covered wrongly, of its length."""
+"""So many pixels along the edge may be covered wrongly, of its length."""
 
 FINENESS = 0.05
 """Angles are rounded by at most so many degrees."""
 
 _STEPS = (1.0, 0.2, 0.04, 0.01)
 
+PROFILES = (
+    kernels.TENT, kernels.COSBELL, kernels.DOME, kernels.COS, kernels.GAUSS, kernels.FLAT,
+)  # fmt: skip
 
-def turned_box_of(
-    island: Island, noise: float, max_error: float, precision: float
-) -> tuple[Structure, Floats] | None:
-    """The turned box that an island is, and its heights in the window around it.
+_KINDS = {"tent": "cone", "flat": "column", "dome": "round-dome"}
+
+REACH = 4
+"""A profile that ends flat may go on so many pixels beyond what shows."""
+
+MOST_SAMPLES = 24
+"""A profile without a name has at most so many steps from the middle to the edge."""
+
+
+@dataclass(frozen=True, slots=True)
+class Island:
+    """A rectangle of pixels that stands out of even ground.
+
+    Attributes:
+        row, column: its south-western pixel.
+        heights: (h, w) float64, heights above the ground, NaN for none.
+        around: heights above the ground in a wider window, for cells that reach farther.
+        south, west: how many pixels that window reaches farther to the south and west.
+        off: how far the ground around it is off from the slope that was fitted.
+    """
+
+    row: int
+    column: int
+    heights: Floats
+    around: Floats
+    south: int
+    west: int
+    off: float
+
+
+def islands(residual: Residual, noise: float, block: int) -> Iterator[Island]:
+    """Each place that stands out of even ground, the largest first.
 
     Args:
-        island: what stands out.
-        noise: how far heights may be off.
-        max_error: lower boxes are not wanted.
-        precision: how far the height may be rounded.
+        residual: heights and their differences.
+        noise: how far differences may be off.
+        block: what lies in neighbouring blocks of so many gaps belongs together.
     """
-    exact = 4.0 * noise + 2.0 * island.off
+    busy = np.abs(residual.mixed) > 2.0 * noise
+    rectangles = []
+    for blocks in _components(_occupied(busy, block)):
+        low, high = blocks.min(axis=0) * block, (blocks.max(axis=0) + 1) * block
+        j, i = np.nonzero(busy[low[0] : high[0], low[1] : high[1]])
+        # from the gap before the first pixel to the gap after the last
+        south, west = int(low[0] + j.min()) + 1, int(low[1] + i.min()) + 1
+        north, east = int(low[0] + j.max()) + 1, int(low[1] + i.max()) + 1
+        sides = north - south, east - west
+        if min(sides) >= 4 and max(sides) <= LARGEST:
+            rectangles.append((south, west, north, east))
+    rectangles.sort(key=lambda one: (-(one[2] - one[0]) * (one[3] - one[1]), one))
+    for rectangle in rectangles[:MOST]:
+        island = _island(residual, *rectangle)
+        if island is not None:
+            yield island
+
+
+def _occupied(busy: NDArray[np.bool_], block: int) -> NDArray[np.bool_]:
+    """Which blocks hold something."""
+    rows, columns = (-(-side // block) * block for side in busy.shape)
+    padded = np.zeros((rows, columns), np.bool_)
+    padded[: busy.shape[0], : busy.shape[1]] = busy
+    blocks = padded.reshape(rows // block, block, columns // block, block)
+    return np.logical_or.reduce(blocks, axis=(1, 3))  # type: ignore[no-any-return]
+
+
+def _components(occupied: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
+    """Blocks that touch one another, also at corners: (n, 2) rows and columns for each group."""
+    waiting = dict.fromkeys(map(tuple, np.argwhere(occupied).tolist()))
+    while waiting:
+        seed, _ = waiting.popitem()
+        group, stack = [seed], [seed]
+        while stack:
+            row, column = stack.pop()
+            for place in ((row + j, column + i) for j in (-1, 0, 1) for i in (-1, 0, 1) if j or i):
+                if place in waiting:
+                    del waiting[place]
+                    group.append(place)
+                    stack.append(place)
+        yield np.array(group)
+
+
+def _island(residual: Residual, south: int, west: int, north: int, east: int) -> Island | None:
+    """The heights of a rectangle above the slope around it, or None if that is not even."""
+    low = max(0, south - RING), max(0, west - RING)
+    window = residual.heights[low[0] : north + RING, low[1] : east + RING]
+    ring = np.isfinite(window)
+    ring[south - low[0] : north - low[0], west - low[1] : east - low[1]] = False
+    j, i = np.nonzero(ring)
+    if len(j) < 8:
+        return None
+    terms = np.column_stack([np.ones(len(j)), i, j])
+    z = window[ring]
+    found, *_ = np.linalg.lstsq(terms, z, rcond=None)
+    jj, ii = np.mgrid[0 : window.shape[0], 0 : window.shape[1]]
+    around = window - (found[0] + found[1] * ii + found[2] * jj)
+    off = float(np.abs(around[ring]).max())
+    inner = around[south - low[0] : north - low[0], west - low[1] : east - low[1]]
+    return Island(south, west, inner, around, south - low[0], west - low[1], off)
+
+
+def turned_box_of(island: Island, limits: Limits) -> tuple[Structure, Floats] | None:
+    """The turned box that an island is, and its heights in the window around it."""
+    exact = 4.0 * limits.noise + 2.0 * island.off
     inner = island.heights[np.isfinite(island.heights)]
-    if exact > 0.25 * max_error or len(inner) < 16:
+    if exact > 0.25 * limits.height or len(inner) < 16:
         return None
     tall = inner[np.abs(inner) > 0.5 * np.abs(inner).max()]
     scale = float(np.median(tall))
-    if abs(scale) < max(max_error, 4.0 * exact):
+    if abs(scale) < max(limits.height, 4.0 * exact):
         return None
     heights = np.where(np.isfinite(island.around), island.around, 0.0)
     covered = np.abs(heights - scale) <= exact
@@ -57,62 +173,64 @@ def turned_box_of(
     found = _search(covered, dx, dy, width, height)
     if found is None:
         return None
-    angle, box_width, box_height, wrong, range_ = found
-    if wrong > WRONG * 2 * (width + height):
+    if found.wrong > WRONG * 2 * (width + height):
         return None
-    column, row = 2 * island.column - (box_width - width), 2 * island.row - (box_height - height)
+    sides = found.sides
+    column, row = 2 * island.column - (sides[0] - width), 2 * island.row - (sides[1] - height)
     if column < 0 or row < 0:
         return None
-    structure = Structure(
-        kind="box",
-        name="box",
-        x="flat",
-        y="flat",
-        combine="product",
-        column=column,
-        row=row,
-        span=(2 * box_width, 2 * box_height),
-        v_scale=shortest(scale, precision),
-        turn_deg=shortest(angle, min(range_, FINENESS)),
-    )
-    return structure, np.where(_covers(angle, box_width, box_height, dx, dy), scale, 0.0)
+    span, rounded = (2 * sides[0], 2 * sides[1]), shortest(scale, limits.precision)
+    turn = shortest(found.angle, min(found.slack, FINENESS))
+    box = Structure("box", "box", "flat", "flat", "product", column, row, span, rounded, turn)
+    return box, np.where(_covers(found.angle, *sides, dx, dy), scale, 0.0)
+
+
+class _TurnedCell(NamedTuple):
+    """A turned rectangle that covers pixels.
+
+    Attributes:
+        angle: in degrees, in the middle of those that cover as many pixels rightly.
+        sides: width and height in pixels.
+        wrong: how many pixels it covers wrongly.
+        slack: how far the angle may be off.
+    """
+
+    angle: float
+    sides: tuple[int, int]
+    wrong: int
+    slack: float
 
 
 def _search(
     covered: NDArray[np.bool_], dx: Floats, dy: Floats, width: int, height: int
-) -> tuple[float, int, int, int, float] | None:
-    """The angle, the sides of the cell, how many pixels are wrong and how sure the angle is."""
+) -> _TurnedCell | None:
+    """The turned rectangle that covers the fewest pixels wrongly."""
     j, i = np.nonzero(covered)
     x, y = dx[i], dy[j, 0]
     angles = np.arange(-89.0, 90.0, _STEPS[0])
-    best: tuple[int, float, int, int] | None = None
+    best: tuple[int, float, tuple[int, int]] | None = None
     for step in _STEPS:
         for angle in angles.tolist():
             for sides in _sides(angle, x, y, width, height):
                 wrong = int((_covers(angle, *sides, dx, dy) != covered).sum())
                 if best is None or wrong < best[0]:
-                    best = wrong, angle, *sides
+                    best = wrong, angle, sides
         if best is None:
             return None
-        middle = best[1]
-        angles = middle + np.arange(-5, 6) * (step / 5.0)
+        angles = best[1] + np.arange(-5, 6) * (step / 5.0)
     assert best is not None
-    wrong, angle, *rest = best
-    sides = rest[0], rest[1]
-    low, high = (_last(covered, dx, dy, sides, angle, way, wrong) for way in (-0.01, 0.01))
-    return 0.5 * (low + high), sides[0], sides[1], wrong, 0.5 * (high - low)
+    wrong, angle, sides = best
 
+    def last(angle: float, step: float) -> float:
+        """The last angle in one direction that covers as many pixels rightly."""
+        for _ in range(100):
+            if int((_covers(angle + step, *sides, dx, dy) != covered).sum()) > wrong:
+                break
+            angle += step
+        return angle
 
-def _last(
-    covered: NDArray[np.bool_], dx: Floats, dy: Floats, sides: tuple[int, int], angle: float,
-    step: float, wrong: int,
-) -> float:  # fmt: skip
-    """The last angle in one direction that covers as many pixels rightly."""
-    for _ in range(100):
-        if int((_covers(angle + step, *sides, dx, dy) != covered).sum()) > wrong:
-            break
-        angle += step
-    return angle
+    low, high = last(angle, -0.01), last(angle, 0.01)
+    return _TurnedCell(0.5 * (low + high), sides, wrong, 0.5 * (high - low))
 
 
 def _sides(angle: float, x: Floats, y: Floats, width: int, height: int) -> list[tuple[int, int]]:
@@ -145,36 +263,19 @@ def _covers(angle: float, width: int, height: int, dx: Floats, dy: Floats) -> ND
     return covers
 
 
-PROFILES = (
-    kernels.TENT, kernels.COSBELL, kernels.DOME, kernels.COS, kernels.GAUSS, kernels.FLAT,
-)  # fmt: skip
-
-_KINDS = {"tent": "cone", "flat": "column", "dome": "round-dome"}
-
-REACH = 4
-"""A profile that ends flat may go on so many pixels beyond what shows."""
-
-MOST_SAMPLES = 24
-"""A profile without a name has at most so many steps from the middle to the rim."""
-
-
-def disc_of(
-    island: Island, noise: float, max_error: float, precision: float, loose: bool
-) -> tuple[Structure, Floats] | None:
+def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Floats] | None:
     """The turned profile that an island is, and its heights in the window around it.
 
     Args:
         island: what stands out.
-        noise: how far heights may be off.
-        max_error: lower profiles are not wanted.
-        precision: how far numbers may be rounded.
-        loose: whether a profile without a name may be off by a quarter of `max_error`, or only by
+        limits: lower profiles are not wanted.
+        loose: whether a profile without a name may be off by a quarter of that height, or only by
             as much as one with a name.
     """
-    exact = 4.0 * noise + 2.0 * island.off
-    if exact > 0.25 * max_error:
+    exact = 4.0 * limits.noise + 2.0 * island.off
+    if exact > 0.25 * limits.height:
         return None
-    best: tuple[float, int, float, tuple[int, int]] | None = None
+    best = _Disc(math.inf)
     for grow_y in range(REACH + 1):
         for grow_x in range(REACH + 1):
             rho = _radii(island, grow_x, grow_y)
@@ -183,18 +284,34 @@ def disc_of(
             for code in PROFILES:
                 shape = _turned(code, rho)
                 scale, off = _fit(shape, island.around)
-                if off <= exact + precision and (best is None or off < best[0] / 2.0):
-                    best = off, code, scale, (grow_x, grow_y)
-    if best is not None:
-        _, code, scale, (grow_x, grow_y) = best
-        if abs(scale) < max_error:
-            return None
-        rho = _radii(island, grow_x, grow_y)
-        assert rho is not None
-        kind = _KINDS.get(NAMES[code], f"round-{NAMES[code]}-hill")
-        structure = _structure(kind, SPELLINGS[code], scale, island, grow_x, grow_y, precision)
-        return structure, scale * _turned(code, rho)
-    return _crater(island, max_error, 0.25 * max_error if loose else exact + precision, precision)
+                if off <= exact + limits.precision and off < best.off / 2.0:
+                    best = _Disc(off, code, scale, grow_x, grow_y)
+    if best.off == math.inf:
+        tolerance = 0.25 * limits.height if loose else exact + limits.precision
+        return _crater(island, limits, tolerance)
+    if abs(best.scale) < limits.height:
+        return None
+    rho = _radii(island, best.grow_x, best.grow_y)
+    assert rho is not None
+    kind = _KINDS.get(NAMES[best.code], f"round-{NAMES[best.code]}-hill")
+    structure = _structure(kind, SPELLINGS[best.code], island, best, limits.precision)
+    return structure, best.scale * _turned(best.code, rho)
+
+
+class _Disc(NamedTuple):
+    """A turned profile, and how far it is off.
+
+    Attributes:
+        code: of its curve.
+        scale: its height.
+        grow_x, grow_y: how many pixels it reaches beyond the island to each side.
+    """
+
+    off: float
+    code: int = VECTOR
+    scale: float = 1.0
+    grow_x: int = 0
+    grow_y: int = 0
 
 
 def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
@@ -216,8 +333,8 @@ def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
 
 
 def _turned(code: int, rho: Floats) -> Floats:
-    """A named curve turned about its middle, 0 beyond its rim."""
-    t = np.minimum(0.5 + 0.5 * rho, 1.0 - 1e-15)  # the rim is a part of the disc
+    """A named curve turned about its middle, 0 beyond its edge."""
+    t = np.minimum(0.5 + 0.5 * rho, 1.0 - 1e-15)  # the edge is a part of the disc
     return np.where(rho <= 1.0 + field.EDGE, curve_at(code, t), 0.0)
 
 
@@ -231,9 +348,7 @@ def _fit(shape: Floats, heights: Floats) -> tuple[float, float]:
     return scale, float(np.abs(heights - scale * shape)[finite].max())
 
 
-def _crater(
-    island: Island, max_error: float, tolerance: float, precision: float
-) -> tuple[Structure, Floats] | None:
+def _crater(island: Island, limits: Limits, tolerance: float) -> tuple[Structure, Floats] | None:
     """A profile without a name, as few evenly spaced samples as come close enough."""
     rho = _radii(island, 0, 0)
     if rho is None:
@@ -244,7 +359,7 @@ def _crater(
     if inside.sum() < 40 or np.abs(island.around[outside]).max(initial=0.0) > tolerance:
         return None
     heights = island.around[inside]
-    if np.abs(heights).max() < max_error:
+    if np.abs(heights).max() < limits.height:
         return None
     for steps in (4, 8, 12, 16, MOST_SAMPLES):
         if 2 * steps > min(island.heights.shape):
@@ -255,11 +370,11 @@ def _crater(
             break
     else:
         return None
-    values = np.array([shortest(value, precision) for value in values.tolist()])
+    values = np.array([shortest(value, limits.precision) for value in values.tolist()])
     curve = tuple(float(value) for value in (*values[:0:-1], *values))
     painted = np.zeros_like(rho)
     painted[inside] = weights @ values
-    return _structure("crater", curve, 1.0, island, 0, 0, precision), painted
+    return _structure("crater", curve, island, _Disc(tolerance), limits.precision), painted
 
 
 def _weights(rho: NDArray[np.float64], steps: int) -> Floats:
@@ -274,18 +389,10 @@ def _weights(rho: NDArray[np.float64], steps: int) -> Floats:
 
 
 def _structure(
-    kind: str, curve: CurveText, scale: float, island: Island, grow_x: int, grow_y: int,
-    precision: float,
-) -> Structure:  # fmt: skip
+    kind: str, curve: CurveText, island: Island, disc: _Disc, precision: float
+) -> Structure:
     height, width = island.heights.shape
-    return Structure(
-        kind=kind,
-        name=kind,
-        x=curve,
-        y=None,
-        combine="radial",
-        column=2 * (island.column - grow_x),
-        row=2 * (island.row - grow_y),
-        span=(2 * (width + 2 * grow_x), 2 * (height + 2 * grow_y)),
-        v_scale=shortest(scale, precision),
-    )
+    column, row = 2 * (island.column - disc.grow_x), 2 * (island.row - disc.grow_y)
+    span = 2 * (width + 2 * disc.grow_x), 2 * (height + 2 * disc.grow_y)
+    rounded = shortest(disc.scale, precision)
+    return Structure(kind, kind, curve, None, "radial", column, row, span, rounded)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
 from typing import Any
 
@@ -16,177 +14,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.samples import HeightSource, PixelLattice
-from terratool.importing.structure import (
+from terratool.importing.sources import HeightSource, PixelGrid
+from terratool.importing.structure.finding import find_structures
+from terratool.importing.structure.structures import (
     Structure,
     deviation,
     element_of,
     evaluate,
-    find_structures,
     primitive_of,
 )
 from terratool.importing.terrain.check import FLAT, BoundError, Checker, MeasuredError, root_of
-from terratool.importing.terrain.hats import hats_of, texts_of
 from terratool.importing.terrain.methods import (
     METHODS,
     Chunk,
     Method,
     Read,
+    Rounding,
+    hat_texts,
+    hats_of,
     rows_of,
     size_of,
     smallest,
+    step_for,
     write_rows,
 )
-from terratool.importing.terrain.survey import Survey, survey_of
-from terratool.importing.terrain.writing import Writer, sink_for
+from terratool.importing.terrain.survey import MOST_IN_MEMORY, Progress, Survey, survey_of
+from terratool.importing.terrain.writing import ElementText, Writer, sink_for
 from terratool.output import refuse_existing, whole_file
 
-REACH = 512
-"""Pixels that GDAL looks around itself."""
-
-
-def filled(heights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Heights with fewer NaN: what was unknown is weighted by inverse distances, as GDAL does it.
-
-    Args:
-        heights: (rows, columns) float64, NaN where unknown.
-
-    Returns:
-        (rows, columns) float64, NaN where no height is known within `REACH` pixels.
-    """
-    from rasterio.fill import fillnodata
-
-    known = ~np.isnan(heights)
-    if known.all():
-        return heights
-    smooth = fillnodata(
-        heights.copy(),
-        mask=known.astype(np.uint8),
-        max_search_distance=min(REACH, max(heights.shape)),
-    )
-    return np.where(known, heights, smooth)
-
-
-_MARGIN = 1e-3
-"""Of the error, left for the rounding of sums."""
-_DIGITS = 3
-_FINEST = 2.0**-48
-"""An error below this part of the largest height drowns in the rounding of doubles."""
-
-
-def step_for(max_error: float, highest: float) -> float:
-    """The largest number of three digits that heights may be rounded to within an error.
-
-    Heights that are exported as single precision stay within the error, too, where that can hold
-    them that exactly.
-
-    Args:
-        max_error: in units of the heights.
-        highest: the largest height in size.
-
-    Raises:
-        RequestError: no error above 0, or one that doubles cannot keep at such heights.
-    """
-    if not (math.isfinite(max_error) and max_error > 0):
-        raise RequestError(
-            f"The largest error is {max_error:g}.", "Give a number above 0 with --max-error."
-        )
-    if max_error < _FINEST * highest:
-        raise RequestError(
-            f"Heights of {highest:g} cannot be told apart to {max_error:g}.",
-            f"Give an error of {_FINEST * highest:.1g} or more with --max-error.",
-        )
-    single = math.ulp(highest) * 2.0**28  # half a unit in the last place of a float32
-    room = max_error * (1 - _MARGIN)
-    if single < max_error / 2:
-        room -= single
-    exact = Decimal(2 * room)
-    digit = Decimal(1).scaleb(exact.adjusted() - _DIGITS + 1)
-    return float(exact.quantize(digit, rounding=ROUND_FLOOR))
-
-
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class FoundStructures:
-    """Structures, and what they are worth.
-
-    Attributes:
-        structures: in the order of the elements.
-        heights: (rows, columns) float64, what they add at the pixel centres; None without any.
-        deviation: how far they are from bilinear between the centres, at most, walls left out.
-        texts: primitive, empty where it came before, and element of each.
-        kinds: how many of each kind.
-        walls: whether they have upright walls.
-    """
-
-    structures: tuple[Structure, ...] = ()
-    heights: Floats | None = None
-    deviation: float = 0.0
-    texts: list[tuple[bytes, bytes]] = field(default_factory=list)
-    kinds: dict[str, int] = field(default_factory=dict)
-    walls: bool = False
-
-    @property
-    def size(self) -> int:
-        """Bytes of their texts when compressed."""
-        return len(zlib.compress(b",".join(part for text in self.texts for part in text)))
-
-
-def find(heights: Floats, max_error: float, walls: bool) -> FoundStructures:
-    """Find the structures of a DEM.
-
-    Args:
-        heights: (rows, columns), row 0 the southernmost, NaN where unknown.
-        max_error: what need not be explained.
-        walls: whether they get upright walls.
-    """
-    structures = find_structures(heights, max_error, walls)
-    if not structures:
-        return FoundStructures()
-    shape = heights.shape[0], heights.shape[1]
-    off = np.zeros(shape)
-    if not walls:
-        for one in structures:
-            rows, columns = _pixels(one.row, one.span[1]), _pixels(one.column, one.span[0])
-            off[rows, columns] += deviation(one, shape)
-    texts: list[tuple[bytes, bytes]] = []
-    names: set[str] = set()
-    for one in structures:
-        text = b""
-        if one.name not in names:
-            names.add(one.name)
-            text = msgspec.json.encode(one.name) + b":" + msgspec.json.encode(primitive_of(one))
-        texts.append((text, msgspec.json.encode(element_of(one))))
-    return FoundStructures(
-        structures,
-        evaluate(structures, shape),
-        float(off.max()),
-        texts,
-        dict(sorted(Counter(one.kind for one in structures).items())),
-        walls,
-    )
-
-
-def _pixels(cell: int, span: int) -> slice:
-    """Pixels that some half pixels touch, and one more to each side."""
-    return slice(max(0, cell // 2 - 1), (cell + span + 1) // 2 + 1)
-
-
-MOST_IN_MEMORY = 1 << 24
-"""DEMs of up to this many pixels are held in memory; larger ones are read by rows, twice."""
 MOST_PIXELS = 32768
 """A grid has up to 65,536 cells along each axis, two to a pixel."""
+
 _NARROWEST = 2.0**-40
 """Pixels below this part of the largest coordinate drown in the rounding of doubles."""
+
 _SAMPLE = 192
 _SAMPLED = 1 << 18
 """DEMs of more pixels than this are sampled to choose the method."""
 
-
 _SEARCHED = 1 << 22
 """DEMs of more pixels than this are searched for structures only if a sample has some."""
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,38 +86,74 @@ class ImportReport:
     """What came of an import.
 
     Attributes:
-        lattice: the pixels.
+        grid: the pixels.
+        options: what was asked for.
         method: how the heights were written; None where there is nothing besides structures.
         step: what they were rounded to.
         relief: highest less lowest height.
-        misfit: measured on the compiled field at the pixel centres.
-        max_error: what was asked for.
+        error: measured on the compiled field at the pixel centres.
         bound: the error that holds everywhere against the bilinear DEM.
         unknown: pixels without a height.
-        filled: whether these were filled.
         structures: how many of each kind were found.
         surfaces: pixels of each surface.
         size: bytes of the file.
         notes: sentences about the source.
     """
 
-    lattice: PixelLattice
+    grid: PixelGrid
+    options: ImportOptions
     method: Method | None
     step: float
     relief: float
-    misfit: MeasuredError
-    max_error: float
+    error: MeasuredError
     bound: float
     unknown: int
-    filled: bool
     structures: dict[str, int]
-    walls: bool
     surfaces: dict[str, int]
     size: int
     notes: tuple[str, ...]
 
+    @property
+    def walls(self) -> bool:
+        """Whether there are structures with upright walls."""
+        return self.options.walls and bool(self.structures)
 
-Progress = Callable[[int], object]
+
+@dataclass(frozen=True, slots=True)
+class _FoundStructures:
+    """Structures, and what they cost.
+
+    Attributes:
+        heights: (rows, columns) float64, what they add at the pixel centres; None without any.
+        deviation: how far they are from bilinear between the centres, at most, walls left out.
+        texts: of each.
+        kinds: how many of each kind.
+    """
+
+    heights: Floats | None = None
+    deviation: float = 0.0
+    texts: list[ElementText] = field(default_factory=list)
+    kinds: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Bytes of their texts when compressed."""
+        return len(zlib.compress(b",".join(part for text in self.texts for part in text)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What was decided before anything is written.
+
+    Attributes:
+        found: structures that are taken off first.
+        rest: the DEM without them, or None where it is not in memory.
+    """
+
+    found: _FoundStructures
+    rest: Floats | None
+    method: Method
+    rounding: Rounding
 
 
 def import_terrain(
@@ -272,141 +177,68 @@ def import_terrain(
         RequestError: an option makes no sense.
         WriteError: the file cannot be written.
     """
-    lattice, work = source.lattice, progress or (lambda _: None)
-    _refuse_size(lattice)
+    work = progress or (lambda _: None)
+    _refuse_size(source.grid)
     step_for(options.max_error, 0.0)  # refuses what is no error before anything is read
-    refuse_existing(Path(output), overwrite)
-    survey = survey_of(source, options.surfaces, not options.fill, MOST_IN_MEMORY, work)
-    if survey.heights is not None and options.fill:
-        survey.heights = filled(survey.heights)
-    survey.notes = (*source.notes, *survey.notes)  # what is read once more would be counted twice
-    if options.fill and survey.unknown and survey.heights is None:
-        survey.notes += (
-            f"The DEM has more than {MOST_IN_MEMORY:,} pixels: unknown heights are taken from "
-            "beside, not from all around.",
-        )
+    output = Path(output)
+    refuse_existing(output, overwrite)
+    survey = survey_of(source, options.surfaces, options.fill, work)
     plan = _planned(source, survey, options)
     try:
-        return _written(source, Path(output), survey, plan, options, overwrite, work)
+        return _written(source, output, survey, plan, options, overwrite, work)
     except BoundError:
-        if not plan.found.structures:
+        if not plan.found.texts:
             raise
     plan = _planned(source, survey, replace(options, structures=False))
-    return _written(source, Path(output), survey, plan, options, overwrite, work)
+    return _written(source, output, survey, plan, options, overwrite, work)
 
 
-def _written(
-    source: HeightSource,
-    output: Path,
-    survey: Survey,
-    plan: _Plan,
-    options: ImportOptions,
-    overwrite: bool,
-    work: Progress,
-) -> ImportReport:
-    """Write and measure what was planned.
-
-    Raises:
-        BoundError: it is farther off than it may be, and no file appears.
-    """
-    lattice, found = source.lattice, plan.found
-    misfit = MeasuredError(lattice)
-    with whole_file(output, overwrite) as path:
-        with sink_for(path, output.name, lattice.rows * lattice.columns) as sink:
-            writer = Writer(sink, _head(lattice, options))
-            _write(writer, source, survey, plan, misfit, work)
-            rows = writer.count - len(found.structures)
-            writer.finish(survey.surface_types, root_of(lattice, plan.base), survey.cover)
-        bound = misfit.largest + found.deviation
-        if not bound <= options.max_error:
-            raise BoundError(f"an error of {bound:g} came about")
-        size = path.stat().st_size
-    return ImportReport(
-        lattice=lattice,
-        method=plan.method if rows else None,
-        step=plan.step,
-        relief=survey.high - survey.low,
-        misfit=misfit,
-        max_error=options.max_error,
-        bound=bound,
-        unknown=survey.unknown,
-        filled=options.fill,
-        structures=found.kinds,
-        walls=options.walls and bool(found.kinds),
-        surfaces=survey.surfaces,
-        size=size,
-        notes=survey.notes,
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """What was decided before anything is written.
-
-    Attributes:
-        found: structures that are taken off first.
-        rest: the DEM without them, or None where it is not in memory.
-    """
-
-    found: FoundStructures
-    rest: Floats | None
-    method: Method
-    step: float
-    base: float
-
-
-def _refuse_size(lattice: PixelLattice) -> None:
-    if lattice.rows * lattice.columns < 2:
+def _refuse_size(grid: PixelGrid) -> None:
+    if grid.rows * grid.columns < 2:
         raise ReadError("There is one pixel only, which is no terrain.", "Take more of the source.")
-    if max(lattice.rows, lattice.columns) > MOST_PIXELS:
+    if max(grid.rows, grid.columns) > MOST_PIXELS:
         raise ReadError(
-            f"There are {lattice.columns:,} × {lattice.rows:,} pixels, and a definition takes "
+            f"There are {grid.columns:,} × {grid.rows:,} pixels, and a definition takes "
             f"{MOST_PIXELS:,} along each side at most.",
             "Import parts with --window or --bounds.",
         )
-    farthest = max(abs(side) for side in lattice.bounds)
-    if not min(lattice.dx, lattice.dy) >= _NARROWEST * farthest:
+    farthest = max(abs(side) for side in grid.bounds)
+    if not min(grid.dx, grid.dy) >= _NARROWEST * farthest:
         raise ReadError(
-            f"Pixels of {min(lattice.dx, lattice.dy):g} cannot be told apart at {farthest:g}.",
+            f"Pixels of {min(grid.dx, grid.dy):g} cannot be told apart at {farthest:g}.",
             "Give the source another origin, as with gdal_edit.py -a_ullr.",
         )
 
 
+# --- planning ------------------------------------------------------------------------------------
+
+
 def _planned(source: HeightSource, survey: Survey, options: ImportOptions) -> _Plan:
+    """Whether structures are taken off, and the method that makes the smallest file."""
     highest = max(abs(survey.low), abs(survey.high))
-    plain = step_for(options.max_error, highest)
-    rest, low = survey.heights, survey.low
-    found = FoundStructures()
-    if rest is not None and options.structures and _is_promising(source, rest, options):
-        found = find(rest, options.max_error, options.walls)
-    if found.structures:
-        assert rest is not None and found.heights is not None
-        without = rest - found.heights
-        step = step_for(options.max_error - found.deviation, highest)
-        bottom = _base(float(np.nanmin(without)), step)
-        methods = _methods(rest, options)
-        peeled = smallest(_samples(source, without), step, bottom, methods)
-        whole = smallest(_samples(source, rest), plain, _base(low, plain), methods)
-        if size_of(without, peeled, step, bottom) + found.size < size_of(
-            rest, whole, plain, _base(low, plain)
-        ):
-            return _Plan(found, without, peeled, step, bottom)
-    base = _base(low, plain)
-    method = smallest(_samples(source, rest), plain, base, _methods(rest, options))
-    return _Plan(FoundStructures(), rest, method, plain, base)
+    heights = survey.heights
+    methods = _methods(heights, options)
+    rounding = _rounding(options.max_error, highest, survey.low)
+    found = _FoundStructures()
+    if heights is not None and options.structures and _is_promising(source, heights, options):
+        found = _find(heights, options)
+    method = smallest(_samples(source, heights), rounding, methods)
+    whole = _Plan(_FoundStructures(), heights, method, rounding)
+    if heights is None or found.heights is None:
+        return whole
+    rest = heights - found.heights
+    rounding = _rounding(options.max_error - found.deviation, highest, float(np.nanmin(rest)))
+    method = smallest(_samples(source, rest), rounding, methods)
+    size = size_of(rest, method, rounding) + found.size
+    if size < size_of(heights, whole.method, whole.rounding):
+        return _Plan(found, rest, method, rounding)
+    return whole
 
 
-def _is_promising(source: HeightSource, heights: Floats, options: ImportOptions) -> bool:
-    """Whether a DEM may have structures: a large one if some squares of it have."""
-    if heights.size <= _SEARCHED:
-        return True
-    squares = _samples(source, heights)
-    return any(find(square, options.max_error, options.walls).structures for square in squares)
-
-
-def _base(low: float, step: float) -> float:
-    """Where counting begins: the lowest height, to a digit that is small against a step."""
-    return round(low, 2 - math.floor(math.log10(step))) + 0.0  # which is never -0
+def _rounding(max_error: float, highest: float, low: float) -> Rounding:
+    """Steps from the lowest height on, to a digit that is small against a step."""
+    step = step_for(max_error, highest)
+    return Rounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)  # which is never -0
 
 
 def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ...]:
@@ -425,7 +257,7 @@ def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ..
 
 def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
     """The whole DEM if it is small, else some squares of it."""
-    rows, columns = source.lattice.rows, source.lattice.columns
+    rows, columns = source.grid.rows, source.grid.columns
     if heights is not None and heights.size <= _SAMPLED:
         return [heights]
     side = min(_SAMPLE, rows, columns)
@@ -437,59 +269,152 @@ def _samples(source: HeightSource, heights: Floats | None) -> list[Floats]:
     return squares
 
 
-def _head(lattice: PixelLattice, options: ImportOptions) -> dict[str, Any]:
+def _is_promising(source: HeightSource, heights: Floats, options: ImportOptions) -> bool:
+    """Whether a DEM may have structures: a large one if some squares of it have."""
+    if heights.size <= _SEARCHED:
+        return True
+    squares = _samples(source, heights)
+    return any(find_structures(square, options.max_error, options.walls) for square in squares)
+
+
+def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
+    """The structures of a DEM, (rows, columns), row 0 the southernmost, NaN where unknown."""
+    structures = find_structures(heights, options.max_error, options.walls)
+    if not structures:
+        return _FoundStructures()
+    shape = heights.shape[0], heights.shape[1]
+    off = np.zeros(shape)
+    if not options.walls:
+        for one in structures:
+            rows, columns = _pixels(one.row, one.span[1]), _pixels(one.column, one.span[0])
+            off[rows, columns] += deviation(one, shape)
+    return _FoundStructures(
+        evaluate(structures, shape),
+        float(off.max()),
+        _texts(structures),
+        dict(sorted(Counter(one.kind for one in structures).items())),
+    )
+
+
+def _texts(structures: tuple[Structure, ...]) -> list[ElementText]:
+    """Each element, and its primitive where that did not come before."""
+    texts: list[ElementText] = []
+    names: set[str] = set()
+    for one in structures:
+        text = b""
+        if one.name not in names:
+            names.add(one.name)
+            text = msgspec.json.encode(one.name) + b":" + msgspec.json.encode(primitive_of(one))
+        texts.append(ElementText(text, msgspec.json.encode(element_of(one))))
+    return texts
+
+
+def _pixels(cell: int, span: int) -> slice:
+    """Pixels that some half pixels touch, and one more to each side."""
+    return slice(max(0, cell // 2 - 1), (cell + span + 1) // 2 + 1)
+
+
+# --- writing -------------------------------------------------------------------------------------
+
+
+def _written(
+    source: HeightSource,
+    output: Path,
+    survey: Survey,
+    plan: _Plan,
+    options: ImportOptions,
+    overwrite: bool,
+    work: Progress,
+) -> ImportReport:
+    """Write and measure what was planned.
+
+    Raises:
+        BoundError: it is farther off than it may be, and no file appears.
+    """
+    grid, found = source.grid, plan.found
+    error = MeasuredError(grid)
+    with whole_file(output, overwrite) as path:
+        with sink_for(path, output.name, grid.rows * grid.columns) as sink:
+            writer = Writer(sink, _head(grid, options))
+            writer.write(ElementText(FLAT, b""))
+            for text in found.texts:
+                writer.write(text)
+            deviation = None if options.walls and found.kinds else found.deviation
+            transposed = plan.method.kind == "columns"
+            added = found.heights.T if found.heights is not None and transposed else found.heights
+            checker = Checker(
+                grid, plan.rounding.base, found.texts, added, transposed, deviation, error
+            )
+            _write_heights(writer, source, survey, plan, checker, work)
+            rows = writer.count - len(found.texts)
+            root = root_of(grid, plan.rounding.base)
+            writer.finish(survey.surface_types, root, survey.cover)
+        bound = error.largest + found.deviation
+        if not bound <= options.max_error:
+            raise BoundError(f"an error of {bound:g} came about")
+        size = path.stat().st_size
+    return ImportReport(
+        grid=grid,
+        options=options,
+        method=plan.method if rows else None,
+        step=plan.rounding.step,
+        relief=survey.high - survey.low,
+        error=error,
+        bound=bound,
+        unknown=survey.unknown,
+        structures=found.kinds,
+        surfaces=survey.surfaces,
+        size=size,
+        notes=survey.notes,
+    )
+
+
+def _head(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
     """What a definition begins with."""
-    west, south = lattice.bounds[:2]
-    pixel = f"{lattice.dx:.12g}"
-    if lattice.dx != lattice.dy:
-        pixel += f" × {lattice.dy:.12g}"
+    pixel = f"{grid.dx:.12g}"
+    if grid.dx != grid.dy:
+        pixel += f" × {grid.dy:.12g}"
     head: dict[str, Any] = {
         "descr": f"{options.title or 'A DEM'}, imported within {options.max_error:g} "
-        f"{lattice.unit}; pixels of {pixel}",
-        "size": [lattice.columns * lattice.dx, lattice.rows * lattice.dy],
-        "origin": [west, south],
+        f"{grid.unit}; pixels of {pixel}",
+        "size": list(grid.size),
+        "origin": [grid.west, grid.south],
     }
-    if lattice.crs is not None:
-        head["crs"] = lattice.crs
+    if grid.crs is not None:
+        head["crs"] = grid.crs
     return head
 
 
-def _write(
+def _write_heights(
     writer: Writer,
     source: HeightSource,
     survey: Survey,
     plan: _Plan,
-    misfit: MeasuredError,
+    checker: Checker,
     work: Progress,
 ) -> None:
-    lattice, found = source.lattice, plan.found
-    turned = plan.method.kind == "columns"
-    added = found.heights
-    if added is not None and turned:
-        added = added.T
-    deviation = None if found.walls else found.deviation
-    checker = Checker(lattice, plan.base, found.texts, added, turned, deviation, misfit)
-    writer.primitive(FLAT)
-    for text in found.texts:
-        writer.pair(text)
+    """Write what structures leave of the heights, each part once it was measured."""
+    rows, columns = source.grid.rows, source.grid.columns
     if plan.method.kind == "hats":
         assert plan.rest is not None
         assert survey.heights is not None
-        some = hats_of(plan.rest, plan.step, plan.base)
-        hats = list(texts_of(some, (lattice.rows, lattice.columns), plan.step))
-        checker.whole(hats, survey.heights)
+        levels = hats_of(plan.rest, plan.rounding)
+        hats = list(hat_texts(levels, (rows, columns), plan.rounding.step))
+        checker.check_whole(hats, survey.heights)
         for text in hats:
-            writer.pair(text)
-        work(lattice.rows * lattice.columns)
+            writer.write(text)
+        work(rows * columns)
         return
     read: Read = source.read
+    shape = rows, columns
     if plan.rest is not None:
-        read = rows_of(np.ascontiguousarray(plan.rest.T) if turned else plan.rest)
-    shape = (lattice.columns, lattice.rows) if turned else (lattice.rows, lattice.columns)
+        read = rows_of(np.ascontiguousarray(plan.rest.T) if checker.transposed else plan.rest)
+    if checker.transposed:
+        shape = columns, rows
 
     def check(chunk: Chunk) -> None:
-        checker.chunk(chunk)
+        checker.check_chunk(chunk)
         work((len(chunk.heights) - (chunk.first > 0)) * shape[1])
 
-    levels, beyond = write_rows(writer, read, shape, plan.method, plan.step, plan.base, check)
-    checker.rims(beyond, levels, plan.step)
+    written = write_rows(writer, read, shape, plan.method, plan.rounding, check)
+    checker.check_borders(written, plan.rounding.step)

@@ -7,23 +7,32 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol
+from typing import Any, BinaryIO, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import WriteError
-from terratool.importing.terrain.rows import RowElement
 from terratool.kernels import importing as kernels
 
 _PIECE = 1 << 22
 """Bytes of text that are compressed at a time."""
+
 _SMALL = 1 << 21
 """DEMs of up to this many pixels are compressed as well as possible, larger ones quickly."""
+
 _PROMPT = 1 << 16
 """Text of up to this many bytes is compressed as well as possible to see how small it gets."""
+
 _BEST, _QUICK = 11, 7
+
+
+class ElementText(NamedTuple):
+    """A primitive as a member of its dictionary, and elements; either may be empty."""
+
+    primitive: bytes
+    element: bytes
 
 
 class TextSink(Protocol):
@@ -39,16 +48,6 @@ def curve(values: NDArray[np.int64] | str) -> bytes:
     return kernels.write_integers(np.ascontiguousarray(values))
 
 
-def primitive(entry: RowElement) -> bytes:
-    """An entry's primitive as a member of the dictionary."""
-    curves = [
-        b'"%s":%s' % (axis, curve(values))
-        for axis, values in ((b"x", entry.x), (b"y", entry.y))
-        if values is not None
-    ]
-    return b'"%s":{%s}' % (entry.name.encode(), b",".join(curves))
-
-
 def element(name: str, cell: tuple[int, int], span: tuple[int, int], **more: Any) -> bytes:
     """An element on one line."""
     members = {"type": name, "cellX": cell[0], "cellY": cell[1]}
@@ -57,7 +56,7 @@ def element(name: str, cell: tuple[int, int], span: tuple[int, int], **more: Any
     return msgspec.json.encode(members | more)
 
 
-class Elements:
+class Spool:
     """Elements that wait in a temporary file until what stands before them is written."""
 
     def __init__(self) -> None:
@@ -91,39 +90,34 @@ class Elements:
 
 
 class Writer:
-    """Writes a definition: what comes before, primitives and, once these are done, the rest."""
+    """Writes a definition: what comes before, primitives and, once these are done, the rest.
+
+    Attributes:
+        beyond: whether curves leave the range from 0 to 1.
+    """
 
     def __init__(self, sink: TextSink, head: dict[str, Any]) -> None:
         self._sink = sink
-        self._elements = Elements()
+        self._elements = Spool()
         self._first = True
         self.beyond = False
-        """Whether curves leave the range from 0 to 1."""
         text = json.dumps(head, ensure_ascii=False, indent=1)
         sink.write(text.removesuffix("\n}").encode() + b',\n "elemTypes": {')
 
     @property
     def count(self) -> int:
-        """Elements so far."""
+        """How often elements were written so far."""
         return self._elements.count
 
-    def primitive(self, text: bytes) -> None:
-        """Write a primitive."""
-        self._sink.write((b"\n" if self._first else b",\n") + text)
-        self._first = False
+    def write(self, text: ElementText) -> None:
+        """Write a primitive, and have elements written after all primitives."""
+        if text.primitive:
+            self._sink.write((b"\n" if self._first else b",\n") + text.primitive)
+            self._first = False
+        if text.element:
+            self._elements.add(text.element)
 
-    def element(self, text: bytes) -> None:
-        """Have an element written after all primitives."""
-        self._elements.add(text)
-
-    def pair(self, texts: tuple[bytes, bytes]) -> None:
-        """Write a primitive and elements; either may be missing."""
-        if texts[0]:
-            self.primitive(texts[0])
-        if texts[1]:
-            self.element(texts[1])
-
-    def finish(self, surfaces: dict[str, Any], root: dict[str, Any], cover: Elements) -> None:
+    def finish(self, surfaces: dict[str, Any], root: dict[str, Any], cover: Spool) -> None:
         """Write surfaces and the tree: the root, its elements, and what covers them.
 
         Args:
@@ -135,9 +129,8 @@ class Writer:
         sink.write(b"\n },\n")
         if surfaces:
             sink.write(b' "surfTypes": %s,\n' % msgspec.json.encode(surfaces))
-        overlaps = self._elements.count + bool(cover.count) > 1
         warned = {
-            "TT208": overlaps,
+            "TT208": self._elements.count + bool(cover.count) > 1,
             "TT210": bool(cover.count) or not root["vScale"],
             "TT306": self.beyond,
         }
@@ -150,7 +143,7 @@ class Writer:
             group = element(
                 root["type"], (0, 0), (columns, rows), vScale=0, cells=[columns // 2, rows // 2]
             )
-            self.element(group.removesuffix(b"}") + b',"children":[')
+            self._elements.add(group.removesuffix(b"}") + b',"children":[')
         self._elements.copy_to(sink)
         if cover.count:
             sink.write(b"\n")
@@ -159,7 +152,7 @@ class Writer:
         sink.write(b"]}\n}\n")
 
 
-class Counter:
+class SizeCounter:
     """A sink that only counts what it would be compressed."""
 
     def __init__(self) -> None:
@@ -185,12 +178,12 @@ def sink_for(path: Path, name: str, pixels: int) -> Iterator[TextSink]:
         if not name.endswith(".gz"):
             yield file
             return
-        packed = _Packed(file, _BEST if pixels <= _SMALL else _QUICK)
-        yield packed
-        packed.finish()
+        sink = _GzipSink(file, _BEST if pixels <= _SMALL else _QUICK)
+        yield sink
+        sink.finish()
 
 
-class _Packed:
+class _GzipSink:
     """Compresses text piece by piece; each is a member of the gzip file."""
 
     def __init__(self, file: BinaryIO, level: int) -> None:

@@ -27,6 +27,69 @@ TYPES = frozenset(
     [f"{many}F{kind}" for many in "SM" for kind in (*WIDTHS, "Node", "String")]
     + ["SFBool", "SFImage"]
 )
+FIELDS: dict[str, dict[str, str]] = {
+    kind: dict(pair.split() for pair in text.split(", "))
+    for kind, text in {
+        "Anchor": "children MFNode, description SFString, parameter MFString, url MFString, "
+        "bboxCenter SFVec3f, bboxSize SFVec3f",
+        "Billboard": "children MFNode, axisOfRotation SFVec3f, bboxCenter SFVec3f, "
+        "bboxSize SFVec3f",
+        "Box": "size SFVec3f",
+        "Collision": "children MFNode, collide SFBool, proxy SFNode, bboxCenter SFVec3f, "
+        "bboxSize SFVec3f",
+        "Cone": "bottomRadius SFFloat, height SFFloat, side SFBool, bottom SFBool",
+        "Coordinate": "point MFVec3f",
+        "Cylinder": "radius SFFloat, height SFFloat, side SFBool, bottom SFBool, top SFBool",
+        "ElevationGrid": "color SFNode, normal SFNode, texCoord SFNode, height MFFloat, "
+        "ccw SFBool, colorPerVertex SFBool, creaseAngle SFFloat, normalPerVertex SFBool, "
+        "solid SFBool, xDimension SFInt32, xSpacing SFFloat, zDimension SFInt32, zSpacing SFFloat",
+        "Extrusion": "beginCap SFBool, ccw SFBool, convex SFBool, creaseAngle SFFloat, "
+        "crossSection MFVec2f, endCap SFBool, orientation MFRotation, scale MFVec2f, "
+        "solid SFBool, spine MFVec3f",
+        "Group": "children MFNode, bboxCenter SFVec3f, bboxSize SFVec3f",
+        "IndexedFaceSet": "color SFNode, coord SFNode, normal SFNode, texCoord SFNode, "
+        "ccw SFBool, colorIndex MFInt32, colorPerVertex SFBool, convex SFBool, "
+        "coordIndex MFInt32, creaseAngle SFFloat, normalIndex MFInt32, normalPerVertex SFBool, "
+        "solid SFBool, texCoordIndex MFInt32",
+        "LOD": "level MFNode, center SFVec3f, range MFFloat",
+        "Shape": "appearance SFNode, geometry SFNode",
+        "Sphere": "radius SFFloat",
+        "Switch": "choice MFNode, whichChoice SFInt32",
+        "Transform": "center SFVec3f, children MFNode, rotation SFRotation, scale SFVec3f, "
+        "scaleOrientation SFRotation, translation SFVec3f, bboxCenter SFVec3f, bboxSize SFVec3f",
+    }.items()
+}
+"""Types of the fields of all nodes that have a part in where surfaces are."""
+
+_OTHERS = """
+    Appearance AudioClip Background Color ColorInterpolator CoordinateInterpolator
+    CylinderSensor DirectionalLight Fog FontStyle ImageTexture IndexedLineSet Inline Material
+    MovieTexture NavigationInfo Normal NormalInterpolator OrientationInterpolator PixelTexture
+    PlaneSensor PointLight PointSet PositionInterpolator ProximitySensor ScalarInterpolator
+    Script Sound SphereSensor SpotLight Text TextureCoordinate TextureTransform TimeSensor
+    TouchSensor Viewpoint VisibilitySensor WorldInfo
+"""
+
+OTHERS = frozenset(_OTHERS.split())
+"""All other nodes; what fields they have is not looked at."""
+
+_INT32 = 2**31
+_MEANING = {
+    **dict.fromkeys(WIDTHS, "numbers"),
+    "Bool": "TRUE or FALSE",
+    "Image": "numbers",
+    "Node": "a node, or NULL",
+    "String": "a text in quotation marks",
+}
+T = TypeVar("T")
+Step = Generator[Any, Any, T]
+"""A step of reading, which yields the steps in it and is sent what they return."""
+
+_DECLARE = ("PROTO", "EXTERNPROTO", "ROUTE")
+_INTERFACE = ("field", "exposedField", "eventIn", "eventOut")
+_FLAGS = {"TRUE": True, "FALSE": False}
+_MANY = 10_000
+"""Names among which a similar one is looked for."""
 
 
 class FieldValue(NamedTuple):
@@ -79,63 +142,6 @@ class Proto:
     external: bool = False
 
 
-FIELDS: dict[str, dict[str, str]] = {
-    kind: dict(pair.split() for pair in text.split(", "))
-    for kind, text in {
-        "Anchor": "children MFNode, description SFString, parameter MFString, url MFString, "
-        "bboxCenter SFVec3f, bboxSize SFVec3f",
-        "Billboard": "children MFNode, axisOfRotation SFVec3f, bboxCenter SFVec3f, "
-        "bboxSize SFVec3f",
-        "Box": "size SFVec3f",
-        "Collision": "children MFNode, collide SFBool, proxy SFNode, bboxCenter SFVec3f, "
-        "bboxSize SFVec3f",
-        "Cone": "bottomRadius SFFloat, height SFFloat, side SFBool, bottom SFBool",
-        "Coordinate": "point MFVec3f",
-        "Cylinder": "radius SFFloat, height SFFloat, side SFBool, bottom SFBool, top SFBool",
-        "ElevationGrid": "color SFNode, normal SFNode, texCoord SFNode, height MFFloat, "
-        "ccw SFBool, colorPerVertex SFBool, creaseAngle SFFloat, normalPerVertex SFBool, "
-        "solid SFBool, xDimension SFInt32, xSpacing SFFloat, zDimension SFInt32, zSpacing SFFloat",
-        "Extrusion": "beginCap SFBool, ccw SFBool, convex SFBool, creaseAngle SFFloat, "
-        "crossSection MFVec2f, endCap SFBool, orientation MFRotation, scale MFVec2f, "
-        "solid SFBool, spine MFVec3f",
-        "Group": "children MFNode, bboxCenter SFVec3f, bboxSize SFVec3f",
-        "IndexedFaceSet": "color SFNode, coord SFNode, normal SFNode, texCoord SFNode, "
-        "ccw SFBool, colorIndex MFInt32, colorPerVertex SFBool, convex SFBool, "
-        "coordIndex MFInt32, creaseAngle SFFloat, normalIndex MFInt32, normalPerVertex SFBool, "
-        "solid SFBool, texCoordIndex MFInt32",
-        "LOD": "level MFNode, center SFVec3f, range MFFloat",
-        "Shape": "appearance SFNode, geometry SFNode",
-        "Sphere": "radius SFFloat",
-        "Switch": "choice MFNode, whichChoice SFInt32",
-        "Transform": "center SFVec3f, children MFNode, rotation SFRotation, scale SFVec3f, "
-        "scaleOrientation SFRotation, translation SFVec3f, bboxCenter SFVec3f, bboxSize SFVec3f",
-    }.items()
-}
-"""Types of the fields of all nodes that have a part in where surfaces are."""
-
-_OTHERS = """
-    Appearance AudioClip Background Color ColorInterpolator CoordinateInterpolator
-    CylinderSensor DirectionalLight Fog FontStyle ImageTexture IndexedLineSet Inline Material
-    MovieTexture NavigationInfo Normal NormalInterpolator OrientationInterpolator PixelTexture
-    PlaneSensor PointLight PointSet PositionInterpolator ProximitySensor ScalarInterpolator
-    Script Sound SphereSensor SpotLight Text TextureCoordinate TextureTransform TimeSensor
-    TouchSensor Viewpoint VisibilitySensor WorldInfo
-"""
-
-OTHERS = frozenset(_OTHERS.split())
-"""All other nodes; what fields they have is not looked at."""
-
-
-_INT32 = 2**31
-_MEANING = {
-    **dict.fromkeys(WIDTHS, "numbers"),
-    "Bool": "TRUE or FALSE",
-    "Image": "numbers",
-    "Node": "a node, or NULL",
-    "String": "a text in quotation marks",
-}
-
-
 def check(text: VrmlText, value: FieldValue, kind: str, name: str, proto: Proto | None) -> None:
     """Refuse the value of a field that is not of its type.
 
@@ -181,16 +187,6 @@ def check(text: VrmlText, value: FieldValue, kind: str, name: str, proto: Proto 
             raise text.error(
                 text.at, f"{text.shown()} is no integer of 32 bits.", "Write a whole number."
             )
-
-
-T = TypeVar("T")
-Step = Generator[Any, Any, T]
-"""A step of reading, which yields the steps in it and is sent what they return."""
-
-_DECLARE = frozenset(("PROTO", "EXTERNPROTO", "ROUTE"))
-_FLAGS = {"TRUE": True, "FALSE": False}
-_MANY = 10_000
-"""Names among which a similar one is looked for."""
 
 
 class Scene(NamedTuple):
@@ -326,7 +322,7 @@ class _Parser:
         text.peek()
         at = text.at
         what = text.word("a field or an event")
-        if what not in ("field", "exposedField", "eventIn", "eventOut"):
+        if what not in _INTERFACE:
             raise text.error(
                 at,
                 f'"{what}" is neither field, exposedField, eventIn nor eventOut.',
@@ -383,14 +379,10 @@ class _Parser:
         """A field of a node, or another statement within it."""
         text = self.text
         at = text.at
-        if node.kind == "Script" and node.proto is None:
-            word = text.word("a field")
-            if word in ("field", "exposedField", "eventIn", "eventOut"):
-                text.at = at
-                yield self._script_field()
-                return
-        else:
-            word = text.word("a field")
+        word = text.word("a field")
+        if node.kind == "Script" and node.proto is None and word in _INTERFACE:
+            yield self._script_field(word)
+            return
         if word in _DECLARE:
             yield self.declaration(word, at)
             return
@@ -411,10 +403,9 @@ class _Parser:
             check(self.text, value, types[word], word, self.proto)
             node.fields[word] = value
 
-    def _script_field(self) -> Step[None]:
-        """A field or an event of a Script, whose value may stand behind IS."""
+    def _script_field(self, what: str) -> Step[None]:
+        """A field or an event of a Script, whose first word was read; IS may give its value."""
         text = self.text
-        what = text.word("a field")
         text.word("a type")
         text.word("a name")
         text.peek()

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.triangles import Triangles
-from terratool.importing.vrml.parse import FieldValue, Node, Scene
+from terratool.importing.sources import Triangles
+from terratool.importing.vrml.parse import FieldValue, Node, Scene, parse
 from terratool.importing.vrml.shapes import (
     SIDES,
     Matrix,
@@ -45,7 +45,21 @@ _CHILDREN = {
 }
 _SOLIDS = ("Box", "Cone", "Cylinder", "Sphere", "ElevationGrid", "Extrusion", "IndexedFaceSet")
 _LEFT = ("IndexedLineSet", "PointSet", "Text")
-_ROUND = ("Cone", "Cylinder", "Sphere")
+Number = TypeVar("Number", np.float64, np.int32)
+_SQUARE = (1, 1, 1, -1, -1, -1, -1, 1, 1, 1)
+_READ_AS = {
+    "Billboard": "which turns to its viewer, as it stands in the file",
+    "LOD": "its first and finest level",
+    "Cone": f"as one of {SIDES} sides",
+    "Cylinder": f"as one of {SIDES} sides",
+    "Sphere": f"with {SIDES} sides around and {SIDES // 2} from pole to pole",
+}
+UP = "y"
+"""The axis that points up in VRML97 (4.4.5)."""
+
+_header = re.compile(rb"#VRML V2\.0[ \t]+utf8(?!\S)").match
+_stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
+_EXPORT = "Export it as VRML97, which is VRML 2.0."
 
 
 class _Scope(NamedTuple):
@@ -77,6 +91,52 @@ def walk(scene: Scene, text: VrmlText) -> Triangles:
     return walker.triangles()
 
 
+class _Fields(NamedTuple):
+    """Values of a node's fields, or what they are if nothing is said."""
+
+    walker: _Walker
+    node: Node
+    scope: _Scope | None
+
+    def value(self, name: str) -> tuple[FieldValue | None, _Scope | None]:
+        """The value of a field, which a PROTO may pass on, and the scope of nodes in it."""
+        scope = self.scope
+        value = self.node.fields.get(name)
+        while value is not None and value.kind == "field":
+            assert scope is not None
+            self.walker.spend(1, self.node)
+            instance, name = scope.node, value.name
+            assert instance.proto is not None
+            if name in instance.fields:
+                value, scope = instance.fields[name], scope.outer
+            else:
+                value = instance.proto.defaults.get(name)
+        return value, scope
+
+    def nodes(self, name: str) -> tuple[tuple[Node, ...], _Scope | None]:
+        """The nodes in a field, and their scope."""
+        value, scope = self.value(name)
+        return (() if value is None else value.nodes), scope
+
+    def numbers(self, name: str, otherwise: tuple[float, ...]) -> NDArray[np.float64]:
+        """All numbers of a field, (n,) float64."""
+        value, _ = self.value(name)
+        return np.array(otherwise, np.float64) if value is None else value.numbers
+
+    def number(self, name: str, otherwise: float) -> float:
+        """The only number."""
+        return float(self.numbers(name, (otherwise,))[0])
+
+    def integer(self, name: str, otherwise: int) -> int:
+        """The only number, which is a whole one."""
+        return int(self.number(name, otherwise))
+
+    def flag(self, name: str) -> bool:
+        """A flag; all those that are asked for are TRUE if nothing is said."""
+        value, _ = self.value(name)
+        return True if value is None else value.flag
+
+
 class _Walker:
     """What was found so far."""
 
@@ -93,7 +153,7 @@ class _Walker:
     def visit(self, place: _Place) -> list[_Place]:
         """Take up a node; returns those in it that are to be seen."""
         node, scope, outer = place
-        self._spend(_VISIT, node)
+        self.spend(_VISIT, node)
         if node.proto is not None:
             if node.proto.external:
                 raise self._elsewhere(node)
@@ -104,23 +164,24 @@ class _Walker:
             raise self._elsewhere(node)
         self.seen[kind] += 1
         if kind in _SOLIDS:
-            self._add(node, self._mesh(node, scope), outer)
+            self._add(node, self._mesh(_Fields(self, node, scope)), outer)
             return []
         if kind not in _CHILDREN:
             return []
-        children, scope_of_children = self._nodes(node, scope, _CHILDREN[kind])
+        fields = _Fields(self, node, scope)
+        children, scope_of_children = fields.nodes(_CHILDREN[kind])
         if kind == "LOD":
             children = children[:1]
         elif kind == "Switch":
-            which = self._integer(node, scope, "whichChoice", -1)
+            which = fields.integer("whichChoice", -1)
             children = children[which : which + 1] if which >= 0 else ()
         elif kind == "Transform":
             own = pose(
-                self._numbers(node, scope, "center", (0, 0, 0)),
-                self._numbers(node, scope, "rotation", (0, 0, 1, 0)),
-                self._numbers(node, scope, "scale", (1, 1, 1)),
-                self._numbers(node, scope, "scaleOrientation", (0, 0, 1, 0)),
-                self._numbers(node, scope, "translation", (0, 0, 0)),
+                fields.numbers("center", (0, 0, 0)),
+                fields.numbers("rotation", (0, 0, 1, 0)),
+                fields.numbers("scale", (1, 1, 1)),
+                fields.numbers("scaleOrientation", (0, 0, 1, 0)),
+                fields.numbers("translation", (0, 0, 0)),
             )
             outer = own if outer is None else product(outer, own)
         return [_Place(child, scope_of_children, outer) for child in children]
@@ -141,36 +202,39 @@ class _Walker:
 
     # --- geometry -------------------------------------------------------------------------------
 
-    def _mesh(self, node: Node, scope: _Scope | None) -> ShapeMesh:
-        kind = node.kind
+    def _mesh(self, fields: _Fields) -> ShapeMesh:
+        kind = fields.node.kind
         if kind == "IndexedFaceSet":
-            return self._face_set(node, scope)
-        if kind == "ElevationGrid":
-            return self._elevation_grid(node, scope)
-        if kind == "Extrusion":
-            return self._extrusion(node, scope)
-        flag = {name: self._flag(node, scope, name) for name in ("side", "bottom", "top")}
-        if kind == "Box":
-            mesh = box(self._numbers(node, scope, "size", (2, 2, 2)))
-        elif kind == "Cone":
-            radius = self._number(node, scope, "bottomRadius", 1)
-            height = self._number(node, scope, "height", 2)
-            mesh = cone(radius, height, flag["side"], flag["bottom"])
-        elif kind == "Cylinder":
-            radius = self._number(node, scope, "radius", 1)
-            height = self._number(node, scope, "height", 2)
-            mesh = cylinder(radius, height, flag["side"], flag["bottom"], flag["top"])
+            mesh = self._face_set(fields)
+        elif kind == "ElevationGrid":
+            mesh = self._elevation_grid(fields)
+        elif kind == "Extrusion":
+            mesh = self._extrusion(fields)
         else:
-            mesh = sphere(self._number(node, scope, "radius", 1))
-        self._spend(len(mesh.faces), node)
-        return mesh
+            mesh = self._solid(fields)
+            self.spend(len(mesh.faces), fields.node)
+            return mesh
+        return mesh if fields.flag("ccw") else ShapeMesh(mesh.vertices, mesh.faces[:, ::-1])
 
-    def _face_set(self, node: Node, scope: _Scope | None) -> ShapeMesh:
-        value, _ = self._value(node, scope, "coordIndex")
-        nodes, inner = self._nodes(node, scope, "coord")
+    def _solid(self, fields: _Fields) -> ShapeMesh:
+        kind = fields.node.kind
+        if kind == "Box":
+            return box(fields.numbers("size", (2, 2, 2)))
+        if kind == "Sphere":
+            return sphere(fields.number("radius", 1))
+        height = fields.number("height", 2)
+        side, bottom = fields.flag("side"), fields.flag("bottom")
+        if kind == "Cone":
+            return cone(fields.number("bottomRadius", 1), height, side, bottom)
+        return cylinder(fields.number("radius", 1), height, side, bottom, fields.flag("top"))
+
+    def _face_set(self, fields: _Fields) -> ShapeMesh:
+        node = fields.node
+        value, _ = fields.value("coordIndex")
+        nodes, inner = fields.nodes("coord")
         coord = nodes[0] if nodes else None
         while coord is not None and coord.proto is not None:
-            self._spend(_VISIT, coord)
+            self.spend(_VISIT, coord)
             if coord.proto.external:
                 raise self._elsewhere(coord)
             inner = _Scope(coord, inner)
@@ -183,61 +247,59 @@ class _Walker:
                     f'"coord" is a {coord.kind} and no Coordinate.',
                     "Correct the node, or write the file again.",
                 )
-            points = self._numbers(coord, inner, "point", ()).reshape(-1, 3)
+            points = _Fields(self, coord, inner).numbers("point", ()).reshape(-1, 3)
         numbers = np.empty(0) if value is None else value.numbers
-        self._spend(len(numbers), node)
+        self.spend(len(numbers), node)
         wrong = numbers >= len(points)
         if wrong.any():
             assert value is not None
             index = int(np.argmax(wrong))
+            last = f"the last one is {len(points) - 1:,}" if len(points) else "there are none"
             raise self.text.error(
                 self.text.place_of(value.at, index),
-                f"there is no point {int(numbers[index]):,}; {_points(len(points))}.",
+                f"there is no point {int(numbers[index]):,}; {last}.",
                 "Correct the index, or add the points that are missing.",
             )
         faces, flat, crossed = kernels.triangulate(points, numbers.astype(np.int32))
-        self._spend(len(faces), node)
+        self.spend(len(faces), node)
         self.flat += flat
         self.crossed += crossed
-        return _wound(ShapeMesh(points, faces), self._flag(node, scope, "ccw"))
+        return ShapeMesh(points, faces)
 
-    def _elevation_grid(self, node: Node, scope: _Scope | None) -> ShapeMesh:
-        columns = self._integer(node, scope, "xDimension", 0)
-        rows = self._integer(node, scope, "zDimension", 0)
-        heights = self._numbers(node, scope, "height", ())
+    def _elevation_grid(self, fields: _Fields) -> ShapeMesh:
+        columns, rows = fields.integer("xDimension", 0), fields.integer("zDimension", 0)
+        heights = fields.numbers("height", ())
         if min(rows, columns) < 0 or rows * columns != len(heights):
             raise self.text.error(
-                node.at,
+                fields.node.at,
                 f"the ElevationGrid of {columns:,} × {rows:,} has {len(heights):,} heights.",
                 "Correct xDimension and zDimension, or the list of heights.",
             )
-        self._spend(3 * len(heights), node)
-        mesh = elevation_grid(
+        self.spend(3 * len(heights), fields.node)
+        return elevation_grid(
             heights.reshape(rows, columns),
-            self._number(node, scope, "xSpacing", 1),
-            self._number(node, scope, "zSpacing", 1),
+            fields.number("xSpacing", 1),
+            fields.number("zSpacing", 1),
         )
-        return _wound(mesh, self._flag(node, scope, "ccw"))
 
-    def _extrusion(self, node: Node, scope: _Scope | None) -> ShapeMesh:
-        section = self._numbers(node, scope, "crossSection", _SQUARE).reshape(-1, 2)
-        spine = self._numbers(node, scope, "spine", (0, 0, 0, 0, 1, 0)).reshape(-1, 3)
-        scales = self._numbers(node, scope, "scale", (1, 1)).reshape(-1, 2)
-        turns = self._numbers(node, scope, "orientation", (0, 0, 1, 0)).reshape(-1, 4)
+    def _extrusion(self, fields: _Fields) -> ShapeMesh:
+        section = fields.numbers("crossSection", _SQUARE).reshape(-1, 2)
+        spine = fields.numbers("spine", (0, 0, 0, 0, 1, 0)).reshape(-1, 3)
+        scales = fields.numbers("scale", (1, 1)).reshape(-1, 2)
+        turns = fields.numbers("orientation", (0, 0, 1, 0)).reshape(-1, 4)
         for name, values in (("scale", scales), ("orientation", turns)):
             if len(values) != 1 and len(values) < len(spine):
                 raise self.text.error(
-                    node.at,
+                    fields.node.at,
                     f'the Extrusion has {len(values):,} values of "{name}" for {len(spine):,} '
                     "points of its spine.",
                     "Write one, or as many as the spine has points.",
                 )
         if len(section) < 2 or len(spine) < 2:
             return ShapeMesh(np.empty((0, 3)), np.empty((0, 3), np.int32))
-        self._spend(2 * len(section) * len(spine) + _VISIT * len(spine), node)
-        caps = [self._flag(node, scope, name) for name in ("beginCap", "endCap")]
-        mesh = extrusion(section, spine, scales, turns, *caps)
-        return _wound(mesh, self._flag(node, scope, "ccw"))
+        self.spend(2 * len(section) * len(spine) + _VISIT * len(spine), fields.node)
+        caps = fields.flag("beginCap"), fields.flag("endCap")
+        return extrusion(section, spine, scales, turns, *caps)
 
     def _add(self, node: Node, mesh: ShapeMesh, outer: Matrix | None) -> None:
         vertices, faces = _used(mesh)
@@ -259,50 +321,10 @@ class _Walker:
         self.faces.append(faces + np.int32(self.size) if self.size else faces)
         self.size += len(vertices)
 
-    # --- fields ---------------------------------------------------------------------------------
-
-    def _value(
-        self, node: Node, scope: _Scope | None, name: str
-    ) -> tuple[FieldValue | None, _Scope | None]:
-        """The value of a field, which a PROTO may pass on, and the scope of nodes in it."""
-        value = node.fields.get(name)
-        while value is not None and value.kind == "field":
-            assert scope is not None
-            self._spend(1, node)
-            instance, name = scope.node, value.name
-            assert instance.proto is not None
-            if name in instance.fields:
-                value, scope = instance.fields[name], scope.outer
-            else:
-                value = instance.proto.defaults.get(name)
-        return value, scope
-
-    def _nodes(
-        self, node: Node, scope: _Scope | None, name: str
-    ) -> tuple[tuple[Node, ...], _Scope | None]:
-        value, scope = self._value(node, scope, name)
-        return (() if value is None else value.nodes), scope
-
-    def _numbers(
-        self, node: Node, scope: _Scope | None, name: str, otherwise: tuple[float, ...]
-    ) -> NDArray[np.float64]:
-        value, _ = self._value(node, scope, name)
-        return np.array(otherwise, np.float64) if value is None else value.numbers
-
-    def _number(self, node: Node, scope: _Scope | None, name: str, otherwise: float) -> float:
-        return float(self._numbers(node, scope, name, (otherwise,))[0])
-
-    def _integer(self, node: Node, scope: _Scope | None, name: str, otherwise: int) -> int:
-        return int(self._number(node, scope, name, otherwise))
-
-    def _flag(self, node: Node, scope: _Scope | None, name: str) -> bool:
-        """A flag; all those that are asked for are TRUE if nothing is said."""
-        value, _ = self._value(node, scope, name)
-        return True if value is None else value.flag
-
     # --- limits and notes -----------------------------------------------------------------------
 
-    def _spend(self, steps: int, node: Node) -> None:
+    def spend(self, steps: int, node: Node) -> None:
+        """Count the steps of reading; USE and PROTO can repeat without end."""
         self.steps -= steps
         if self.steps < 0:
             raise self.text.error(
@@ -336,26 +358,6 @@ class _Walker:
         return notes
 
 
-Number = TypeVar("Number", np.float64, np.int32)
-
-_SQUARE = (1, 1, 1, -1, -1, -1, -1, 1, 1, 1)
-_READ_AS = {
-    "Billboard": "which turns to its viewer, as it stands in the file",
-    "LOD": "its first and finest level",
-    "Cone": f"as one of {SIDES} sides",
-    "Cylinder": f"as one of {SIDES} sides",
-    "Sphere": f"with {SIDES} sides around and {SIDES // 2} from pole to pole",
-}
-
-
-def _points(count: int) -> str:
-    return f"the last one is {count - 1:,}" if count else "there are none"
-
-
-def _wound(mesh: ShapeMesh, counterclockwise: bool) -> ShapeMesh:
-    return mesh if counterclockwise else ShapeMesh(mesh.vertices, mesh.faces[:, ::-1])
-
-
 def _joined(parts: list[NDArray[Number]]) -> NDArray[Number]:
     return np.ascontiguousarray(parts[0]) if len(parts) == 1 else np.concatenate(parts)
 
@@ -374,16 +376,6 @@ def _used(mesh: ShapeMesh) -> ShapeMesh:
     return ShapeMesh(vertices[used], numbers[faces])
 
 
-UP = "y"
-"""The axis that points up in VRML97 (4.4.5)."""
-
-_header = re.compile(rb"#VRML V2\.0[ \t]+utf8(?!\S)").match
-
-_stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
-
-_EXPORT = "Export it as VRML97, which is VRML 2.0."
-
-
 def read_vrml(path: str | Path) -> Triangles:
     """The surfaces of a VRML97 file, or of a gzip of one, in the coordinates of the file.
 
@@ -396,10 +388,6 @@ def read_vrml(path: str | Path) -> Triangles:
     match = _header(source.data)
     if match is None:
         raise _other(source.name, source.data)
-    # heavy, and of no use for what is no VRML
-    from terratool.importing.vrml.parse import parse
-    from terratool.importing.vrml.text import VrmlText
-
     text = VrmlText(source.name, source.data)
     return walk(parse(text), text)
 

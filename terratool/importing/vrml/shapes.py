@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 from terratool.kernels import importing as kernels
 
 Matrix = NDArray[np.float64]
+SIDES = 64
+"""Sides of the polygon that stands for a circle; its corners lie on it."""
+
+_STRAIGHT = 1e-7
+"""Sine of the angle below which the segments of a spine lie on one line: float32 knows no less."""
 
 
 def rotation(axis: NDArray[np.float64], angle: float) -> Matrix:
@@ -68,10 +73,6 @@ def placed(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([a * x + b * y + c * z + d for a, b, c, d in pose.tolist()])
 
 
-SIDES = 64
-"""Sides of the polygon that stands for a circle; its corners lie on it."""
-
-
 class ShapeMesh(NamedTuple):
     """Vertices (n, 3) float64, and faces (m, 3) int32."""
 
@@ -91,8 +92,8 @@ def box(size: NDArray[np.float64]) -> ShapeMesh:
 
 def cone(radius: float, height: float, side: bool, bottom: bool) -> ShapeMesh:
     """A cone around the y axis, half of its height below the origin."""
-    rim = _circle(radius, -height / 2)
-    vertices = np.vstack((rim, (0, height / 2, 0), (0, -height / 2, 0)))
+    circle = _circle(radius, -height / 2)
+    vertices = np.vstack((circle, (0, height / 2, 0), (0, -height / 2, 0)))
     faces = [_fan(SIDES, False)] * side + [_fan(SIDES + 1, True)] * bottom
     return ShapeMesh(vertices, _joined(faces))
 
@@ -170,16 +171,12 @@ def _fan(middle: int, turned: bool, first: int = 0) -> NDArray[np.int32]:
     """Triangles from a vertex to the circle from `first` on; `turned` to be seen from below."""
     one = np.arange(SIDES, dtype=np.int32)
     two = (one + 1) % SIDES
-    rim = (two, one) if turned else (one, two)
-    return np.column_stack((*(first + end for end in rim), np.full(SIDES, middle, np.int32)))
+    ends = (two, one) if turned else (one, two)
+    return np.column_stack((*(first + end for end in ends), np.full(SIDES, middle, np.int32)))
 
 
 def _joined(faces: list[NDArray[np.int32]]) -> NDArray[np.int32]:
     return np.concatenate([np.empty((0, 3), np.int32), *faces])
-
-
-_STRAIGHT = 1e-7
-"""Sine of the angle below which the segments of a spine lie on one line: float32 knows no less."""
 
 
 def extrusion(

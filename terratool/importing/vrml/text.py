@@ -17,7 +17,6 @@ _gap = re.compile(rb"(?:[\t-\r ,]++|#[^\r\n]*+)*+").match
 _word = re.compile(rb"[^\x00-\x20,#\"\[\]{}\x7f]++").match
 _string = re.compile(rb'"(?:[^"\\]++|\\.)*+"', re.DOTALL).match
 _numbers = re.compile(rb"#[^\r\n]*+|[^\t-\r ,#]++").finditer
-
 NUMERIC = frozenset(b"+-.0123456789")
 """First bytes of numbers."""
 
@@ -108,12 +107,12 @@ class VrmlText:
         Raises:
             ReadError: one is none, or too large.
         """
-        numbers, hard, end, wrong = kernels.read_numbers(self._bytes, self.at, _POWERS)
+        numbers, hard, end = kernels.read_numbers(self._bytes, self.at, _POWERS)
         for index, begin in hard:
             self.at = begin
             numbers[index] = self._hard()
         self.at = end
-        if wrong:
+        if end < len(self.data) and self.data[end] in NUMERIC:
             raise self.error(end, f"{self.shown()} is no number.", "Write it as 12 or 1.5e-3.")
         self.numbers += len(numbers)
         return numbers

@@ -29,12 +29,14 @@ class SurfacePart:
     Attributes:
         surface: index into the names of the mesh; -1 for none.
         name: of the surface, as in the definition; `NO_NAME` for none.
+        word: the name in characters that a format allows; different from those of other parts.
         color: of the surface.
         faces: (m, 3) int32 indices of vertices of the mesh.
     """
 
     surface: int
     name: str
+    word: str
     color: tuple[int, int, int]
     faces: NDArray[np.int32]
 
@@ -49,8 +51,18 @@ def world_points_of(mesh: Mesh) -> NDArray[np.float64]:
     return points_of(mesh) + mesh.origin
 
 
-def surface_parts(mesh: Mesh) -> list[SurfacePart]:
-    """A mesh by its surfaces, in their order; what has none comes last."""
+def ascii_word(character: str) -> bool:
+    """Whether a character may stand in identifiers everywhere."""
+    return character.isascii() and (character.isalnum() or character == "_")
+
+
+def surface_parts(mesh: Mesh, allowed: Callable[[str], bool] = ascii_word) -> list[SurfacePart]:
+    """A mesh by its surfaces, in their order; what has none comes last.
+
+    Args:
+        mesh: the mesh.
+        allowed: which characters may stand in words.
+    """
     count = len(mesh.names)
     # -1 is the last of so many
     places = np.where(mesh.surfaces < 0, np.int32(count), mesh.surfaces)
@@ -59,17 +71,20 @@ def surface_parts(mesh: Mesh) -> list[SurfacePart]:
     faces = mesh.faces
     if np.count_nonzero(counts) > 1:
         faces = kernels.sort_faces(faces, places, counts)
-    parts = []
-    for place in range(count + 1):
-        own = faces[ends[place] - counts[place] : ends[place]]
-        if not len(own):
-            continue
-        if place == count:
-            parts.append(SurfacePart(-1, NO_NAME, NO_COLOR, own))
-        else:
-            red, green, blue = mesh.colors[place].tolist()
-            parts.append(SurfacePart(place, mesh.names[place], (red, green, blue), own))
-    return parts
+    used = np.flatnonzero(counts).tolist()
+    names = [*mesh.names, NO_NAME]
+    colors = [*map(tuple, mesh.colors.tolist()), NO_COLOR]
+    words = plain_names([names[place] for place in used], allowed, "surface")
+    return [
+        SurfacePart(
+            surface=place if place < count else -1,
+            name=names[place],
+            word=word,
+            color=colors[place],
+            faces=faces[ends[place] - counts[place] : ends[place]],
+        )
+        for place, word in zip(used, words, strict=True)
+    ]
 
 
 def shape_of(
@@ -164,11 +179,6 @@ def _plain(name: str, allowed: Callable[[str], bool]) -> str:
             letters.append(bare if known else "_")
         replaced = not known
     return "".join(letters)
-
-
-def ascii_word(character: str) -> bool:
-    """Whether a character may stand in identifiers everywhere."""
-    return character.isascii() and (character.isalnum() or character == "_")
 
 
 def quoted(text: str) -> str:

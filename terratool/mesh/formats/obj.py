@@ -8,7 +8,6 @@ from terratool.mesh.formats.common import (
     color_text,
     lines_of,
     origin_of,
-    plain_names,
     points_of,
     quoted,
     surface_parts,
@@ -26,25 +25,24 @@ def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
     ones stand in comments. In coordinates of the `world` numbers have 15 digits.
     """
     materials = path.with_suffix(".mtl")
-    parts = surface_parts(mesh)
-    names = plain_names([part.name for part in parts], _in_name, "surface")
+    parts = surface_parts(mesh, _in_name)
     with open(path, "wb") as file:
         for line in lines_of(descr):
             file.write(f"# {line}\n".encode())
         file.write(f"# origin {'0 0 0' if world else origin_of(mesh)}\n# z is up\n".encode())
         file.write(f"mtllib {materials.name}\n".encode())
         write_points(file, world_points_of(mesh) if world else points_of(mesh), b"v ")
-        for part, name in zip(parts, names, strict=True):
+        for part in parts:
             if part.surface >= 0:
                 file.write(f"# surface {quoted(part.name)}\n".encode())
-            file.write(f"g {name}\nusemtl {name}\n".encode())
+            file.write(f"g {part.word}\nusemtl {part.word}\n".encode())
             write_faces(file, part.faces, 1, b"f ")
     with open(materials, "wb") as file:
-        for part, name in zip(parts, names, strict=True):
+        for part in parts:
             if part.surface >= 0:
                 file.write(f"# surface {quoted(part.name)}\n".encode())
             color = color_text(part.color)
-            file.write(f"newmtl {name}\nKa {color}\nKd {color}\nKs 0 0 0\nillum 1\n".encode())
+            file.write(f"newmtl {part.word}\nKa {color}\nKd {color}\nKs 0 0 0\nillum 1\n".encode())
 
 
 def _in_name(character: str) -> bool:

@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from terratool.mesh.formats.common import (
-    ascii_word,
     encodable,
     face_colors,
     linear,
-    plain_names,
     points_of,
     surface_parts,
 )
@@ -51,12 +49,11 @@ def write_usd(mesh: Mesh, path: Path, descr: str) -> None:
     prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(
         Vt.Vec3fArray.FromNumpy(light[face_colors(mesh)])
     )
-    parts = surface_parts(mesh)
     UsdGeom.Subset.SetFamilyType(prim, UsdShade.Tokens.materialBind, UsdGeom.Tokens.partition)
     UsdGeom.Scope.Define(stage, "/Terrain/Materials")
-    names = plain_names([part.name for part in parts], ascii_word, "surface")
-    for part, name in zip(parts, names, strict=True):
-        material = UsdShade.Material.Define(stage, f"/Terrain/Materials/Material_{name}")
+    for part in surface_parts(mesh):
+        word = part.word
+        material = UsdShade.Material.Define(stage, f"/Terrain/Materials/Material_{word}")
         shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Preview"))
         shader.CreateIdAttr("UsdPreviewSurface")
         shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(
@@ -64,7 +61,7 @@ def write_usd(mesh: Mesh, path: Path, descr: str) -> None:
         )
         shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(1.0)
         material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-        subset = UsdGeom.Subset.Define(stage, f"/Terrain/Mesh/Faces_{name}")
+        subset = UsdGeom.Subset.Define(stage, f"/Terrain/Mesh/Faces_{word}")
         subset.CreateElementTypeAttr(UsdGeom.Tokens.face)
         subset.CreateFamilyNameAttr(UsdShade.Tokens.materialBind)
         own = np.flatnonzero(mesh.surfaces == part.surface).astype(np.int32)

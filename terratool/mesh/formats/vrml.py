@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from terratool.mesh.formats.common import (
     NO_COLOR,
-    ascii_word,
     color_text,
     lines_of,
     origin_of,
     overview,
-    plain_names,
     points_of,
     quoted,
     shape_of,
@@ -33,25 +31,25 @@ def write_vrml(mesh: Mesh, path: Path, descr: str) -> None:
     Nodes are named after the surfaces, in letters, digits and `_` of ASCII, which all readers take;
     the true names stand in comments.
     """
-    points, parts = points_of(mesh), surface_parts(mesh)
-    names = plain_names([part.name for part in parts], ascii_word, "surface")
+    points = points_of(mesh)
     with open(path, "wb") as file:
         _begin(file, mesh, points, descr)
         file.write(b"DEF Terrain Group {\n  children [\n")
-        for part, name in zip(parts, names, strict=True):
+        for part in surface_parts(mesh):
+            word = part.word
             own, faces = shape_of(points, part)
             if part.surface >= 0:
                 file.write(f"    # surface {quoted(part.name)}\n".encode())
             file.write(
-                f"    DEF Shape_{name} Shape {{\n"
-                f"      appearance DEF Appearance_{name} Appearance {{\n"
-                f"        material DEF Material_{name} Material {{\n"
+                f"    DEF Shape_{word} Shape {{\n"
+                f"      appearance DEF Appearance_{word} Appearance {{\n"
+                f"        material DEF Material_{word} Material {{\n"
                 f"          diffuseColor {color_text(part.color)}\n"
                 "        }\n"
                 "      }\n"
-                f"      geometry DEF Faces_{name} IndexedFaceSet {{\n"
+                f"      geometry DEF Faces_{word} IndexedFaceSet {{\n"
                 "        solid FALSE\n"
-                f"        coord DEF Points_{name} Coordinate {{\n"
+                f"        coord DEF Points_{word} Coordinate {{\n"
                 "          point [\n".encode()
             )
             write_points(file, own, b" " * 12, b",\n")

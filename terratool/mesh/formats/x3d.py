@@ -6,12 +6,10 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from terratool.mesh.formats.common import (
-    ascii_word,
     color_text,
     lines_of,
     origin_of,
     overview,
-    plain_names,
     points_of,
     quoted,
     shape_of,
@@ -34,8 +32,7 @@ def write_x3d(mesh: Mesh, path: Path, descr: str) -> None:
     Nodes are named after the surfaces, in letters, digits and `_` of ASCII, as their names are XML
     ids; the true names stand in comments.
     """
-    points, parts = points_of(mesh), surface_parts(mesh)
-    names = plain_names([part.name for part in parts], ascii_word, "surface")
+    points = points_of(mesh)
     place, tilt = overview(points)
     about = {"description": " ".join(lines_of(descr)), "origin": origin_of(mesh), "up": "z"}
     with open(path, "wb") as file:
@@ -50,20 +47,21 @@ def write_x3d(mesh: Mesh, path: Path, descr: str) -> None:
             f'orientation="1 0 0 {tilt}"/>\n'
             '    <Group DEF="Terrain">\n'.encode()
         )
-        for part, name in zip(parts, names, strict=True):
+        for part in surface_parts(mesh):
+            word = part.word
             own, faces = shape_of(points, part)
             if part.surface >= 0:
                 file.write(f"      <!-- surface {_comment(part.name)} -->\n".encode())
             file.write(
-                f'      <Shape DEF="Shape_{name}">\n'
-                f'        <Appearance DEF="Appearance_{name}">\n'
-                f'          <Material DEF="Material_{name}" '
+                f'      <Shape DEF="Shape_{word}">\n'
+                f'        <Appearance DEF="Appearance_{word}">\n'
+                f'          <Material DEF="Material_{word}" '
                 f'diffuseColor="{color_text(part.color)}"/>\n'
                 "        </Appearance>\n"
-                f'        <IndexedFaceSet DEF="Faces_{name}" solid="false" coordIndex="\n'.encode()
+                f'        <IndexedFaceSet DEF="Faces_{word}" solid="false" coordIndex="\n'.encode()
             )
             write_faces(file, faces, 0, b"", b" -1\n")
-            file.write(f'">\n          <Coordinate DEF="Points_{name}" point="\n'.encode())
+            file.write(f'">\n          <Coordinate DEF="Points_{word}" point="\n'.encode())
             write_points(file, own)
             file.write(b'"/>\n        </IndexedFaceSet>\n      </Shape>\n')
         file.write(b"    </Group>\n  </Scene>\n</X3D>\n")

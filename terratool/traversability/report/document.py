@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.text.display import shown
-from terratool.traversability.report.page import as_page
-from terratool.traversability.report.tables import as_markdown
+from terratool.traversability.report import wording
+from terratool.traversability.report.page import as_markdown, as_page
 from terratool.traversability.results import (
     Barrier,
     Extreme,
@@ -28,11 +28,55 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.vehicle import Overhang, Vehicle
+from terratool.traversability.vehicle import (
+    Axle,
+    Margins,
+    Overhang,
+    Thresholds,
+    Vehicle,
+    Wheel,
+)
 
 FORMAT_VERSION = 1
 
-_VERDICTS = (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
+_KEYS: dict[type, str] = {
+    Vehicle: "name single_wheel mass_kg gravity_m_s2 weight_N wheel axles track_m cog_height_m "
+    "clearance_m body_width_m front rear speed_m_s power_W margins classes",
+    Wheel: "radius_m width_m max_torque_Nm max_slip",
+    Axle: "x_m wheels driven",
+    Overhang: "length_m height_m",
+    Margins: "clearance_m step_m tip_deg slope_deg",
+    Thresholds: "utilisation slip caution_slip torque geometry",
+    Figures: "surface verdict binding missing preset load_N cohesion_kPa friction_deg "
+    "sinkage_rate_m_per_kN shear_modulus_m sinkage_m contact_length_m contact_area_m2 pressure_kPa "
+    "normal_stress_kPa shear_stress_kPa thrust_N resistance_N drawbar_N torque_Nm utilisation slip "
+    "climb_deg climb_binding cross_slope_deg cross_slope_binding step_m step_binding gap_m "
+    "warnings",
+    Location: "x y z surface element",
+    Barrier: "binding bars width_m place",
+    Route: "found planned verdict start goal length_m time_s energy_J steepest softest tightest "
+    "barriers reached profile",
+    RouteProfile: "x y heading_deg distance_m z sinkage_m pitch_deg roll_deg slip utilisation "
+    "verdict binding surface",
+    Reach: "start share returnable",
+}
+"""Keys of records: names of members, and units where they have one."""
+
+_UNITS = {
+    "m_per_kN": 1e3, "m_s2": 1.0, "m_s": 1.0, "m2": 1.0, "m": 1.0, "kg": 1.0, "s": 1.0, "J": 1.0,
+    "W": 1.0, "Nm": 1.0, "N": 1.0, "kPa": 1e-3, "deg": 180.0 / math.pi,
+}  # fmt: skip
+"""For each unit of a key the factor from SI units."""
+
+_OTHER_NAMES = {
+    "binding": "reason",
+    "classes": "thresholds",
+    "single_wheel": "is_single",
+    "z": "height",
+}
+"""Members that have another name than their key."""
+
+_KEY = re.compile(rf"(\w+?)(?:_({'|'.join(_UNITS)}))?")
 
 
 def as_dict(report: TraversabilityReport) -> dict[str, Any]:
@@ -45,15 +89,15 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
         "terrain": {
             "file": report.terrain,
             "descr": report.descr,
-            "bounds": list(map(_finite, report.bounds)),
+            "bounds": _plain(report.bounds),
         },
-        "vehicle": _vehicle(report.vehicle),
+        "vehicle": _plain(report.vehicle),
         "verdict": report.verdict.label,
-        "sentence": report.sentence,
-        "surfaces": [_figures(figures) for figures in report.surfaces],
+        "sentence": wording.conclusion(report),
+        "surfaces": _plain(report.surfaces),
         "map": _summary(report.summary),
-        "routes": [_route(route) for route in report.routes],
-        "reach": _reach(report.reach) if report.reach else None,
+        "routes": _plain(report.routes),
+        "reach": _plain(report.reach),
         "notes": list(report.notes),
         "assumptions": list(report.assumptions),
     }
@@ -64,124 +108,80 @@ def as_json(report: TraversabilityReport) -> str:
     return json.dumps(as_dict(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _finite(value: float | None, factor: float = 1.0) -> float | None:
-    if value is None or not math.isfinite(value):
+def _plain(value: Any, factor: float = 1.0) -> Any:
+    """A value for JSON: None for an empty text, for no reason, and for what is not finite.
+
+    Floating-point numbers have twelve digits: none that only come from factors of units.
+    """
+    if isinstance(value, float):
+        return float(f"{value * factor:.12g}") if math.isfinite(value) else None
+    if isinstance(value, str):
+        return value or None
+    if isinstance(value, Verdict):
+        return value.label
+    if isinstance(value, Reason):
+        return None if value == Reason.NONE else value.label
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, np.ndarray):
+        return [_plain(each, factor) for each in value.tolist()]
+    return _record(value) if type(value) in _KEYS else value
+
+
+def _record(record: Any) -> dict[str, Any]:
+    """The members of a record by their keys."""
+    document = {}
+    for key in _KEYS[type(record)].split():
+        name, unit = _KEY.fullmatch(key).groups()  # type: ignore[union-attr]
+        document[key] = _plain(getattr(record, _OTHER_NAMES.get(name, name)), _UNITS.get(unit, 1.0))
+    match record:
+        case Vehicle():
+            document["name"] = record.name
+            if record.is_single:
+                document["mass_kg"] = document["gravity_m_s2"] = None
+        case Figures():
+            document["surface"] = record.surface
+        case Route():
+            for name, key in (
+                ("steepest", "pitch_deg"),
+                ("softest", "sinkage_m"),
+                ("tightest", "margin"),
+            ):
+                document[name] = _extreme(getattr(record, name), key)
+        case RouteProfile():
+            document["heading_deg"] = _plain(record.heading)
+            document["verdict"] = [Verdict(code).label for code in record.verdict.tolist()]
+            document["binding"] = [_plain(Reason(code)) for code in record.reason.tolist()]
+    return document
+
+
+def _extreme(extreme: Extreme | None, key: str) -> dict[str, Any] | None:
+    if extreme is None:
         return None
-    return _tidy(float(value) * factor)
-
-
-def _tidy(value: float) -> float:
-    """Twelve digits: without what factors of units leave at the end of numbers."""
-    return float(f"{value:.12g}")
-
-
-def _degrees(value: float | None) -> float | None:
-    return None if value is None else _finite(math.degrees(value))
-
-
-def _binding(reason: Reason) -> str | None:
-    return None if reason == Reason.NONE else reason.label
-
-
-def _vehicle(vehicle: Vehicle) -> dict[str, Any]:
-    wheel, margins, limits = vehicle.wheel, vehicle.margins, vehicle.thresholds
-    return {
-        "name": vehicle.name,
-        "single_wheel": vehicle.is_single,
-        "mass_kg": None if vehicle.is_single else _finite(vehicle.mass),
-        "gravity_m_s2": None if vehicle.is_single else _finite(vehicle.gravity),
-        "weight_N": _finite(vehicle.weight),
-        "wheel": {
-            "radius_m": _finite(wheel.radius),
-            "width_m": _finite(wheel.width),
-            "max_torque_Nm": _finite(wheel.max_torque),
-            "max_slip": _finite(wheel.max_slip),
-        },
-        "axles": [
-            {"x_m": _finite(axle.x), "wheels": axle.wheels, "driven": axle.driven}
-            for axle in vehicle.axles
-        ],
-        "track_m": _finite(vehicle.track),
-        "cog_height_m": _finite(vehicle.cog_height),
-        "clearance_m": _finite(vehicle.clearance),
-        "body_width_m": _finite(vehicle.body_width),
-        "front": _overhang(vehicle.front),
-        "rear": _overhang(vehicle.rear),
-        "speed_m_s": _finite(vehicle.speed),
-        "power_W": _finite(vehicle.power),
-        "margins": {
-            "clearance_m": _finite(margins.clearance),
-            "step_m": _finite(margins.step),
-            "tip_deg": _degrees(margins.tip),
-            "slope_deg": _degrees(margins.slope),
-        },
-        "classes": {
-            "utilisation": _finite(limits.utilisation),
-            "slip": _finite(limits.slip),
-            "caution_slip": _finite(limits.caution_slip),
-            "torque": _finite(limits.torque),
-            "geometry": _finite(limits.geometry),
-        },
-    }
-
-
-def _overhang(end: Overhang) -> dict[str, float | None]:
-    return {"length_m": _finite(end.length), "height_m": _finite(end.height)}
-
-
-def _figures(figures: Figures) -> dict[str, Any]:
-    return {
-        "surface": figures.surface,
-        "verdict": figures.verdict.label,
-        "binding": _binding(figures.reason),
-        "missing": list(figures.missing),
-        "preset": figures.preset or None,
-        "load_N": _finite(figures.load),
-        "cohesion_kPa": _finite(figures.cohesion, 1e-3),
-        "friction_deg": _degrees(figures.friction),
-        "sinkage_rate_m_per_kN": _finite(figures.sinkage_rate, 1e3),
-        "shear_modulus_m": _finite(figures.shear_modulus),
-        "sinkage_m": _finite(figures.sinkage),
-        "contact_length_m": _finite(figures.contact_length),
-        "contact_area_m2": _finite(figures.contact_area),
-        "pressure_kPa": _finite(figures.pressure, 1e-3),
-        "normal_stress_kPa": _finite(figures.normal_stress, 1e-3),
-        "shear_stress_kPa": _finite(figures.shear_stress, 1e-3),
-        "thrust_N": _finite(figures.thrust),
-        "resistance_N": _finite(figures.resistance),
-        "drawbar_N": _finite(figures.drawbar),
-        "torque_Nm": _finite(figures.torque),
-        "utilisation": _finite(figures.utilisation),
-        "slip": _finite(figures.slip),
-        "climb_deg": _degrees(figures.climb),
-        "climb_binding": _binding(figures.climb_limit),
-        "cross_slope_deg": _degrees(figures.cross_slope),
-        "cross_slope_binding": _binding(figures.cross_limit),
-        "step_m": _finite(figures.step),
-        "step_binding": figures.step_limit or None,
-        "gap_m": _finite(figures.gap),
-        "warnings": list(figures.warnings),
-    }
+    value = _plain(extreme.value, _UNITS["deg"] if key == "pitch_deg" else 1.0)
+    return {key: value, "binding": _plain(extreme.reason), "place": _plain(extreme.place)}
 
 
 def _counts(counts: dict[Verdict, int]) -> dict[str, int]:
-    return {verdict.label: int(counts.get(verdict, 0)) for verdict in _VERDICTS}
+    return {verdict.label: counts.get(verdict, 0) for verdict in wording.VERDICTS}
 
 
 def _summary(summary: MapSummary) -> dict[str, Any]:
     grid = summary.grid
     return {
-        "resolution_m": _finite(grid.resolution),
+        "resolution_m": _plain(grid.resolution),
         "width": grid.width,
         "height": grid.height,
-        "bounds": list(map(_finite, grid.bounds)),
+        "bounds": _plain(grid.bounds),
         "headings": summary.headings,
         "pixels": summary.pixels,
         "best_heading": _counts(summary.counts),
         "worst_heading": _counts(summary.worst_counts),
-        "fractions": {verdict.label: _finite(summary.fraction(verdict)) for verdict in _VERDICTS},
+        "fractions": {
+            verdict.label: _plain(summary.fraction(verdict)) for verdict in wording.VERDICTS
+        },
         "binding": {
-            reason.label: int(count)
+            reason.label: count
             for reason, count in sorted(summary.reasons.items())
             if count and reason != Reason.NONE
         },
@@ -189,83 +189,6 @@ def _summary(summary: MapSummary) -> dict[str, Any]:
             {"surface": name or None, **_counts(counts)}
             for name, counts in summary.by_surface.items()
         ],
-    }
-
-
-def _place(place: Location) -> dict[str, Any]:
-    return {
-        "x": _finite(place.x),
-        "y": _finite(place.y),
-        "z": _finite(place.height),
-        "surface": place.surface or None,
-        "element": place.element or None,
-    }
-
-
-def _extreme(extreme: Extreme | None, key: str, value: float | None) -> dict[str, Any] | None:
-    if extreme is None:
-        return None
-    return {key: value, "binding": _binding(extreme.reason), "place": _place(extreme.place)}
-
-
-def _route(route: Route) -> dict[str, Any]:
-    steep, soft, tight = route.steepest, route.softest, route.tightest
-    return {
-        "found": route.found,
-        "planned": route.planned,
-        "verdict": route.verdict.label,
-        "start": _place(route.start),
-        "goal": _place(route.goal),
-        "length_m": _finite(route.length),
-        "time_s": _finite(route.time),
-        "energy_J": _finite(route.energy),
-        "steepest": _extreme(steep, "pitch_deg", _degrees(steep.value) if steep else None),
-        "softest": _extreme(soft, "sinkage_m", _finite(soft.value) if soft else None),
-        "tightest": _extreme(tight, "margin", _finite(tight.value) if tight else None),
-        "barriers": [_barrier(bar) for bar in route.barriers],
-        "reached": _place(route.reached) if route.reached else None,
-        "profile": _profile(route.profile) if route.profile else None,
-    }
-
-
-def _barrier(bar: Barrier) -> dict[str, Any]:
-    return {
-        "binding": _binding(bar.reason),
-        "bars": bar.bars,
-        "width_m": _finite(bar.width),
-        "place": _place(bar.place),
-    }
-
-
-def _column(values: NDArray[Any], factor: float = 1.0) -> list[float | None]:
-    scaled = np.asarray(values, np.float64) * factor
-    return [_tidy(value) if math.isfinite(value) else None for value in scaled.tolist()]
-
-
-def _profile(profile: RouteProfile) -> dict[str, Any]:
-    per_radian = 180.0 / math.pi
-    return {
-        "x": _column(profile.x),
-        "y": _column(profile.y),
-        "heading_deg": _column(profile.heading),
-        "distance_m": _column(profile.distance),
-        "z": _column(profile.height),
-        "sinkage_m": _column(profile.sinkage),
-        "pitch_deg": _column(profile.pitch, per_radian),
-        "roll_deg": _column(profile.roll, per_radian),
-        "slip": _column(profile.slip),
-        "utilisation": _column(profile.utilisation),
-        "verdict": [Verdict(code).label for code in profile.verdict.tolist()],
-        "binding": [_binding(Reason(code)) for code in profile.reason.tolist()],
-        "surface": [name or None for name in profile.surface],
-    }
-
-
-def _reach(reach: Reach) -> dict[str, Any]:
-    return {
-        "start": _place(reach.start),
-        "share": _finite(reach.share),
-        "returnable": _finite(reach.returnable),
     }
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from terratool.text.display import columns_of, printable
@@ -12,8 +11,9 @@ from terratool.traversability.report import wording
 from terratool.traversability.results import Figures, Route, TraversabilityReport, Verdict
 from terratool.traversability.vehicle import Axle, Vehicle
 
-VERDICTS = (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
-"""In the order in which people are told of them."""
+WIDTH = 80
+_NAME = 16
+"""Columns for names of surfaces; longer ones are cut."""
 
 Cell = str | Verdict
 
@@ -34,75 +34,62 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
 
 
+def _by_surface(
+    report: TraversabilityReport, *columns: tuple[Column, Callable[[Figures], Cell]]
+) -> Table:
+    """A row for each surface: its title, and the cells that functions make of its figures."""
+    rows = (
+        (title(figures), *(cell(figures) for _, cell in columns)) for figures in report.surfaces
+    )
+    return Table((Column("surface", False), *(column for column, _ in columns)), tuple(rows))
+
+
 def abilities(report: TraversabilityReport) -> Table:
     """What the vehicle can do on each surface, and what binds."""
-    columns = (
-        Column("surface", False), Column("on the level", False), Column("what binds", False),
-        Column("climb"), Column("climb limited by", False),
-        Column("cross-slope"), Column("cross-slope limited by", False),
-        Column("step"), Column("step limited by", False), Column("gap"),
-    )  # fmt: skip
-    rows = (
-        (
-            title(figures), figures.verdict, what_binds(figures),
-            wording.degrees(figures.climb), wording.because(figures.climb_limit),
-            wording.degrees(figures.cross_slope), wording.because(figures.cross_limit),
-            wording.length(figures.step), figures.step_limit or wording.NOTHING,
-            wording.length(figures.gap),
-        )
-        for figures in report.surfaces
-    )  # fmt: skip
-    return Table(columns, tuple(rows))
+    return _by_surface(
+        report,
+        (Column("on the level", False), lambda f: f.verdict),
+        (Column("what binds", False), what_binds),
+        (Column("climb"), lambda f: wording.degrees(f.climb)),
+        (Column("climb limited by", False), lambda f: wording.because(f.climb_binding)),
+        (Column("cross-slope"), lambda f: wording.degrees(f.cross_slope)),
+        (Column("cross-slope limited by", False), lambda f: wording.because(f.cross_slope_binding)),
+        (Column("step"), lambda f: wording.length(f.step)),
+        (Column("step limited by", False), lambda f: f.step_binding or wording.NOTHING),
+        (Column("gap"), lambda f: wording.length(f.gap)),
+    )
 
 
 def contact(report: TraversabilityReport) -> Table:
     """What wheel and soil do to each other on each surface."""
-    columns = (
-        Column("surface", False), Column("load, N"), Column("sinkage, mm"),
-        Column("contact, mm"), Column("contact, cm²"), Column("pressure, kPa"),
-        Column("σmax, kPa"), Column("τmax, kPa"), Column("thrust, N"), Column("resistance, N"),
-        Column("drawbar pull, N"), Column("torque, N m"), Column("strength used"), Column("slip"),
-    )  # fmt: skip
-    rows = (
-        (
-            title(figures),
-            wording.number(figures.load),
-            _scaled(figures.sinkage, 1e3),
-            _scaled(figures.contact_length, 1e3),
-            _scaled(figures.contact_area, 1e4),
-            _scaled(figures.pressure, 1e-3),
-            _scaled(figures.normal_stress, 1e-3),
-            _scaled(figures.shear_stress, 1e-3),
-            wording.number(figures.thrust),
-            wording.number(figures.resistance),
-            wording.number(figures.drawbar),
-            wording.number(figures.torque),
-            _used(figures.utilisation),
-            wording.share(figures.slip),
-        )
-        for figures in report.surfaces
+    return _by_surface(
+        report,
+        (Column("load, N"), lambda f: wording.number(f.load)),
+        (Column("sinkage, mm"), lambda f: _scaled(f.sinkage, 1e3)),
+        (Column("contact, mm"), lambda f: _scaled(f.contact_length, 1e3)),
+        (Column("contact, cm²"), lambda f: _scaled(f.contact_area, 1e4)),
+        (Column("pressure, kPa"), lambda f: _scaled(f.pressure, 1e-3)),
+        (Column("σmax, kPa"), lambda f: _scaled(f.normal_stress, 1e-3)),
+        (Column("τmax, kPa"), lambda f: _scaled(f.shear_stress, 1e-3)),
+        (Column("thrust, N"), lambda f: wording.number(f.thrust)),
+        (Column("resistance, N"), lambda f: wording.number(f.resistance)),
+        (Column("drawbar pull, N"), lambda f: wording.number(f.drawbar)),
+        (Column("torque, N m"), lambda f: wording.number(f.torque)),
+        (Column("strength used"), lambda f: _used(f.utilisation)),
+        (Column("slip"), lambda f: wording.share(f.slip)),
     )
-    return Table(columns, tuple(rows))
 
 
 def soils(report: TraversabilityReport) -> Table:
     """The soil that each surface was taken for."""
-    columns = (
-        Column("surface", False), Column("cohesion c, kPa"), Column("friction angle φ"),
-        Column("sinkage k, m/kN"), Column("shear modulus K, m"), Column("preset", False),
-    )  # fmt: skip
-    rows = (
-        (
-            title(figures),
-            _scaled(figures.cohesion, 1e-3),
-            wording.degrees(figures.friction),
-            _scaled(figures.sinkage_rate, 1e3),
-            wording.number(figures.shear_modulus),
-            figures.preset or wording.NOTHING,
-        )
-        for figures in report.surfaces
+    return _by_surface(
+        report,
+        (Column("cohesion c, kPa"), lambda f: _scaled(f.cohesion, 1e-3)),
+        (Column("friction angle φ"), lambda f: wording.degrees(f.friction)),
+        (Column("sinkage k, m/kN"), lambda f: _scaled(f.sinkage_rate, 1e3)),
+        (Column("shear modulus K, m"), lambda f: wording.number(f.shear_modulus)),
+        (Column("preset", False), lambda f: f.preset or wording.NOTHING),
     )
-    return Table(columns, tuple(rows))
 
 
 def shares(report: TraversabilityReport) -> Table:
@@ -115,7 +102,7 @@ def shares(report: TraversabilityReport) -> Table:
             wording.share(summary.fraction(verdict)),
             wording.share(_fraction(summary.worst_counts, verdict)),
         )
-        for verdict in VERDICTS
+        for verdict in wording.VERDICTS
     )
     return Table(columns, tuple(rows))
 
@@ -136,14 +123,14 @@ def grounds(report: TraversabilityReport) -> Table:
     """How much of each surface's ground is what, by the best heading."""
     columns = (
         Column("surface", False), Column("share of the ground"),
-        *(Column(verdict.label) for verdict in VERDICTS),
+        *(Column(verdict.label) for verdict in wording.VERDICTS),
     )  # fmt: skip
     pixels = report.summary.pixels
     rows = (
         (
             printable(name) or "(no surface)",
             wording.share(sum(counts.values()) / pixels),
-            *(wording.share(_fraction(counts, verdict)) for verdict in VERDICTS),
+            *(wording.share(_fraction(counts, verdict)) for verdict in wording.VERDICTS),
         )
         for name, counts in report.summary.by_surface.items()
         if sum(counts.values())
@@ -151,12 +138,8 @@ def grounds(report: TraversabilityReport) -> Table:
     return Table(columns, tuple(rows))
 
 
-def journey(route: Route) -> tuple[tuple[str, str], ...]:
+def journey(route: Route) -> Iterator[tuple[str, str]]:
     """What there is to say of a route: titles and texts."""
-    return tuple(_journey(route))
-
-
-def _journey(route: Route) -> Iterator[tuple[str, str]]:
     yield "from", wording.where(route.start)
     yield "to", wording.where(route.goal)
     if route.note:
@@ -166,13 +149,13 @@ def _journey(route: Route) -> Iterator[tuple[str, str]]:
             yield ("cut off by" if index == 0 else "then by"), wording.barrier(bar)
         if route.reached is not None:
             yield "can be reached", wording.where(route.reached)
-    for title_, text in (
+    for name, text in (
         ("length", wording.length(route.length)),
         ("time", wording.duration(route.time)),
         ("energy", wording.energy(route.energy)),
     ):
         if text != wording.NOTHING:
-            yield title_, text
+            yield name, text
     if route.steepest is not None:
         pitch = route.steepest.value
         way = (" up" if pitch > 0 else " down") if pitch else ""
@@ -189,17 +172,14 @@ def _journey(route: Route) -> Iterator[tuple[str, str]]:
 
 def properties(vehicle: Vehicle) -> Table:
     """The vehicle's figures."""
-    rows = tuple((title_, text) for title_, text in _properties(vehicle) if text)
+    rows = tuple((name, text) for name, text in _properties(vehicle) if text)
     return Table((Column("figure", False), Column("value", False)), rows)
 
 
 def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     wheel, margins, limits = vehicle.wheel, vehicle.margins, vehicle.thresholds
     yield "wheel", f"radius {wording.length(wheel.radius)}, width {wording.length(wheel.width)}"
-    torque = "no limit" if math.isinf(wheel.max_torque) else wording.quantity(
-        wheel.max_torque, "N m"
-    )  # fmt: skip
-    yield "largest torque of a wheel", torque
+    yield "largest torque of a wheel", wording.quantity(wheel.max_torque, "N m")
     yield "largest slip", wording.share(wheel.max_slip)
     if vehicle.is_single:
         yield "load", wording.quantity(vehicle.weight, "N")
@@ -213,33 +193,22 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
         yield "height of the centre of gravity", wording.length(vehicle.cog_height)
         yield "clearance", wording.length(vehicle.clearance)
         yield "width of the body", wording.length(vehicle.body_width) if vehicle.body_width else ""
-        for title_, end in (("front overhang", vehicle.front), ("rear overhang", vehicle.rear)):
+        for name, end in (("front overhang", vehicle.front), ("rear overhang", vehicle.rear)):
             if end.length > 0 and math.isfinite(end.height):
-                yield title_, f"{wording.length(end.length)}, {wording.length(end.height)} high"
+                yield name, f"{wording.length(end.length)}, {wording.length(end.height)} high"
     yield "speed", wording.quantity(vehicle.speed, "m/s")
     yield "power drawn all the time", wording.quantity(vehicle.power, "W") if vehicle.power else ""
     kept = (
-        (margins.clearance, "clearance " + wording.length(margins.clearance)),
-        (margins.step, "step " + wording.length(margins.step)),
-        (margins.tip, "tip-over " + wording.degrees(margins.tip)),
-        (margins.slope, "slope " + wording.degrees(margins.slope)),
-    )
-    yield "kept in reserve", ", ".join(text for value, text in kept if value)
-    yield (
-        "go up to",
-        (
-            f"{wording.share(limits.utilisation)} of the soil’s strength, slip "
-            f"{wording.share(limits.slip)}, {wording.share(limits.torque)} of the torque, "
-            f"{wording.share(limits.geometry)} of a limit of shape"
-        ),
-    )
-    yield (
-        "caution up to",
-        (
-            f"all of the soil’s strength, slip {wording.share(limits.caution_slip)}, all of the "
-            "torque, all of a limit of shape"
-        ),
-    )
+        ("clearance", margins.clearance, wording.length), ("step", margins.step, wording.length),
+        ("tip-over", margins.tip, wording.degrees), ("slope", margins.slope, wording.degrees),
+    )  # fmt: skip
+    reserve = ", ".join(f"{name} {words(value)}" for name, value, words in kept if value)
+    yield "kept in reserve", reserve
+    go = f"{wording.share(limits.utilisation)} of the soil’s strength, slip "
+    go += f"{wording.share(limits.slip)}, {wording.share(limits.torque)} of the torque, "
+    yield "go up to", f"{go}{wording.share(limits.geometry)} of a limit of shape"
+    caution = f"all of the soil’s strength, slip {wording.share(limits.caution_slip)}, all of the "
+    yield "caution up to", f"{caution}torque, all of a limit of shape"
 
 
 def title(figures: Figures) -> str:
@@ -287,106 +256,15 @@ def warnings(report: TraversabilityReport) -> tuple[tuple[str, str], ...]:
     )
 
 
-MARKS = {Verdict.GO: "✔", Verdict.CAUTION: "!", Verdict.NO_GO: "✘", Verdict.UNKNOWN: "?"}
-
-# what begins markup anywhere in a line, a cell of a table and HTML included
-_MARKUP = re.compile(r"([\\`*_{}\[\]<>&|~#$])")
-
-
-def as_markdown(report: TraversabilityReport) -> str:
-    """A report as the text of a Markdown file (GitHub's flavour, for its tables)."""
-    return "\n".join(_lines(report)) + "\n"
-
-
-def escaped(text: str) -> str:
-    """A text of the user's on one line, none of it markup."""
-    return _MARKUP.sub(r"\\\1", printable(text))
-
-
-def _lines(report: TraversabilityReport) -> Iterator[str]:
-    yield f"# {_cell(report.verdict)}: {escaped(report.terrain)}"
-    yield ""
-    yield f"**{escaped(report.sentence)}**"
-    yield ""
-    vehicle = escaped(report.vehicle.name) or "a wheel"
-    descr = f" ({escaped(report.descr)})" if report.descr else ""
-    yield f"Terrain {escaped(report.terrain)}{descr}, driven by {vehicle}."
-    yield ""
-    for route in report.routes:
-        yield f"## {'Route' if route.planned else 'Waypoints'} {escaped(wording.ends(route))}"
-        yield ""
-        yield f"{_cell(route.verdict)}. {escaped(wording.route_line(route))}"
-        yield ""
-        for title, text in journey(route):
-            yield f"- {title}: {escaped(text)}"
-        yield ""
-    if report.reach:
-        yield "## Reach"
-        yield ""
-        yield escaped(wording.reach_line(report.reach))
-        yield ""
-    yield "## Surfaces"
-    yield ""
-    yield "What the vehicle can do on each."
-    yield ""
-    yield from _table(abilities(report))
-    yield "The wheel that bears most, and the soil under it."
-    yield ""
-    yield from _table(contact(report))
-    yield "What each was taken for."
-    yield ""
-    yield from _table(soils(report))
-    for name, warning in warnings(report):
-        yield f"- {escaped(name)}: {escaped(warning)}"
-    yield from [""] if warnings(report) else []
-    yield "## Map"
-    yield ""
-    for note in report.notes:
-        yield f"- {escaped(note)}"
-    yield from [""] if report.notes else []
-    for table in (shares(report), reasons(report), grounds(report)):
-        yield from _table(table)
-    yield "## Vehicle"
-    yield ""
-    yield from _table(properties(report.vehicle))
-    yield "## Limits and assumptions"
-    yield ""
-    for sentence in report.assumptions:
-        yield f"- {escaped(sentence)}"
-
-
-def _table(table: Table) -> Iterator[str]:
-    if not table.rows:
-        return
-    yield _row([column.title for column in table.columns])
-    yield _row(["--:" if column.numeric else ":--" for column in table.columns], plain=True)
-    for row in table.rows:
-        yield _row(row)
-    yield ""
-
-
-def _row(cells: tuple[Cell, ...] | list[str], plain: bool = False) -> str:
-    return f"| {' | '.join(str(cell) if plain else _cell(cell) for cell in cells)} |"
-
-
-def _cell(cell: Cell) -> str:
-    return f"{MARKS[cell]} {cell.label}" if isinstance(cell, Verdict) else escaped(cell)
-
-
-WIDTH = 80
-_NAME = 16
-"""Columns for names of surfaces; longer ones are cut."""
-
-
 def as_lines(report: TraversabilityReport) -> Iterator[str]:
     """A report in lines of at most 80 columns.
 
     What cannot be broken, as a JSON pointer, may be longer.
     """
-    yield from _wrapped(f"{report.verdict.label}: {printable(report.sentence)}", "")
+    yield from _wrapped(f"{report.verdict.label}: {printable(wording.conclusion(report))}", "")
     for route in report.routes:
         line = printable(wording.route_line(route))
-        if line not in printable(report.sentence):
+        if line not in printable(wording.conclusion(report)):
             yield from _wrapped(f"{route.verdict.label}: {line}")
     if report.reach:
         yield from _wrapped(printable(wording.reach_line(report.reach)))
@@ -406,7 +284,7 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
     yield "surface", "sinkage", "climb", "across", "step", "pull", "level", "what binds"
     for figures in report.surfaces:
         yield (
-            _title(figures),
+            cut(title(figures), _NAME),
             wording.length(figures.sinkage),
             wording.degrees(figures.climb),
             wording.degrees(figures.cross_slope),
@@ -419,25 +297,20 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
 
 def _map(report: TraversabilityReport) -> Iterator[Sequence[str]]:
     summary = report.summary
-    yield "ground", *(verdict.label for verdict in VERDICTS), "what binds"
+    yield "ground", *(verdict.label for verdict in wording.VERDICTS), "what binds"
     ranked = reasons(report).rows
     binding = ", ".join(f"{reason} {part}" for reason, part in ranked[:2])
-    for title, counts, why in (
+    for heading, counts, why in (
         ("best heading", summary.counts, binding),
         ("worst heading", summary.worst_counts, ""),
     ):
-        total = sum(counts.values())
-        parts = (counts.get(verdict, 0) / total if total else 0.0 for verdict in VERDICTS)
-        yield title, *map(wording.share, parts), why
-
-
-def _title(figures: Figures) -> str:
-    return cut(title(figures), _NAME)
+        parts = (_fraction(counts, verdict) for verdict in wording.VERDICTS)
+        yield heading, *map(wording.share, parts), why
 
 
 def cut(text: str, columns: int) -> str:
     """A text that takes at most so many columns of a terminal."""
-    if sum(map(columns_of, text)) <= columns:
+    if _width(text) <= columns:
         return text
     kept, room = "", columns - 1
     for char in text:
@@ -454,7 +327,7 @@ def _aligned(rows: Iterator[Sequence[str]]) -> Iterator[str]:
     The last column gets what the others leave, and goes on below where that is not enough.
     """
     cells = [list(row) for row in rows]
-    widths = [max(sum(map(columns_of, row[i])) for row in cells) for i in range(len(cells[0]))]
+    widths = [max(_width(row[i]) for row in cells) for i in range(len(cells[0]))]
     widths[-1] = WIDTH - sum(widths[:-1]) - 2 * (len(widths) - 1)
     labels = {verdict.label for verdict in Verdict}
     margin = " " * (WIDTH - widths[-1])
@@ -463,7 +336,7 @@ def _aligned(rows: Iterator[Sequence[str]]) -> Iterator[str]:
         parts = []
         for index, (whole, width) in enumerate(zip(row, widths, strict=True)):
             text = cut(whole, width)
-            room = " " * (width - sum(map(columns_of, text)))
+            room = " " * (width - _width(text))
             left = index == 0 or index == len(row) - 1 or cells[1][index] in labels
             parts.append(text + room if left else room + text)
         yield "  ".join(parts).rstrip()
@@ -471,12 +344,16 @@ def _aligned(rows: Iterator[Sequence[str]]) -> Iterator[str]:
             yield f"{margin}{cut(text, widths[-1])}"
 
 
+def _width(text: str) -> int:
+    return sum(map(columns_of, text))
+
+
 def _wrapped(text: str, indent: str = "  ", width: int = WIDTH) -> Iterator[str]:
     """Lines of words; the module `textwrap` does not know that some letters take two columns."""
     line = ""
     for word in text.split():
         longer = f"{line} {word}" if line else word
-        if line and sum(map(columns_of, longer)) > width:
+        if line and _width(longer) > width:
             yield line
             longer = indent + word
         line = longer

@@ -8,17 +8,22 @@ import numpy as np
 
 from terratool.text.display import printable
 from terratool.traversability.results import (
+    RANKS,
     Barrier,
     Extreme,
     Location,
     Reach,
     Reason,
     Route,
+    TraversabilityReport,
     Verdict,
 )
 
 NOTHING = "–"
 """Stands for what means nothing or is not known."""
+
+VERDICTS = (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
+"""In the order of reports."""
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -188,3 +193,37 @@ def reach_line(reach: Reach) -> str:
     if reach.returnable == reach.share:
         return f"{line}, and left again."
     return f"{line}, and left again from {share(reach.returnable)}."
+
+
+def conclusion(report: TraversabilityReport) -> str:
+    """The verdict in a sentence, and what binds most."""
+    summary = report.summary
+    if report.routes:
+        worst = max(report.routes, key=lambda route: RANKS[route.verdict])
+        line = route_line(worst)
+        return f"{line} {worst.note}" if worst.note else line
+    if not summary.pixels:
+        return "There is no ground to drive on."
+    go, caution, no_go, unknown = map(summary.fraction, VERDICTS)
+    known = {reason: count for reason, count in summary.reasons.items() if reason != Reason.NONE}
+    edge = ""
+    if known.keys() == {Reason.EDGE} and not caution:
+        edge = (
+            f", but for the edge of the terrain, on {share(no_go)}, where the vehicle would stand "
+            "over it"
+        )
+    if go == 1.0 or (edge and go and not unknown):
+        return f"All of the ground is go, with the best heading at each place{edge}."
+    if unknown == 1.0 or (edge and unknown and not go):
+        return f"Nothing is known of the ground: its surfaces lack what the formulas need{edge}."
+    parts = [f"{share(go)} of the ground is go"]
+    parts += [
+        f"{share(part)} {verdict.label}"
+        for verdict, part in zip(VERDICTS[1:], (caution, no_go, unknown), strict=True)
+        if part
+    ]
+    text = f"{', '.join(parts[:-1])} and {parts[-1]}" if parts[1:] else parts[0]
+    if not known:
+        return f"{text}."
+    most = max(known, key=lambda reason: (known[reason], -reason))
+    return f"{text}; what binds most is {most.label}, on {share(known[most] / summary.pixels)}."

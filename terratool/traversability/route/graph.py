@@ -27,6 +27,18 @@ _LEAST = 1e-6
 _PRICES = {"length": (0.0, 0.0), "time": (1.0, 1.0), "energy": (0.0, 0.0), "margin": (50.0, 20.0)}
 """For a state that is caution, and for one at its limit."""
 
+Offset = tuple[int, int]
+"""Rows to the south, columns to the east."""
+
+_SLOTS = 4
+"""Moves from a state: ahead, back, and a turn to either side."""
+
+_STAND = 1e-3
+"""Share of a cell's side that a turn weighs at least, so that no cycle is free of cost."""
+
+BACKWARD = 1.05
+"""A metre backwards weighs so many ahead."""
+
 
 def drivable(survey: Survey) -> NDArray[np.bool_]:
     """Where the vehicle can be: (headings, height, width)."""
@@ -34,7 +46,7 @@ def drivable(survey: Survey) -> NDArray[np.bool_]:
     return np.asarray(go & np.isfinite(survey.heights) & np.isfinite(survey.energy))
 
 
-def pace(slip: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np.float32]:
+def seconds_per_metre(slip: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np.float32]:
     """Seconds for a metre at a slip, in its shape: 1 / (speed · (1 − slip)).
 
     A slip that is not known (NaN) counts as 0; where the wheels only spin it takes for ever.
@@ -44,7 +56,7 @@ def pace(slip: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np.float32]:
         return np.asarray(1.0 / (vehicle.speed * grip), np.float32)
 
 
-def work(energy: NDArray[np.float32]) -> NDArray[np.float32]:
+def joules_per_metre(energy: NDArray[np.float32]) -> NDArray[np.float32]:
     """Joules for a metre that the wheels take: what the ground gives back downhill is lost."""
     return np.maximum(energy, np.float32(0.0))
 
@@ -74,26 +86,15 @@ def rates(survey: Survey, vehicle: Vehicle, prefer: str) -> NDArray[np.float32]:
     if prefer == "length":
         return np.ones(survey.verdict.shape, np.float32)
     if prefer == "energy":
-        rate = work(survey.energy) + vehicle.power * pace(survey.slip, vehicle)
+        rate = joules_per_metre(survey.energy) + vehicle.power * seconds_per_metre(
+            survey.slip, vehicle
+        )
     else:
         caution, limit = _PRICES[prefer]
         used = np.clip(np.nan_to_num(survey.utilisation, nan=1.0), 0.0, 1.0)
         price = 1.0 + limit * used**2 + caution * (survey.verdict == Verdict.CAUTION)
-        rate = pace(survey.slip, vehicle) * price
+        rate = seconds_per_metre(survey.slip, vehicle) * price
     return np.asarray(np.maximum(rate, _LEAST), np.float32)
-
-
-Offset = tuple[int, int]
-"""Rows to the south, columns to the east."""
-
-_SLOTS = 4
-"""Moves from a state: ahead, back, and a turn to either side."""
-
-_STAND = 1e-3
-"""Share of a cell's side that a turn weighs at least, so that no cycle is free of cost."""
-
-BACKWARD = 1.05
-"""A metre backwards weighs so many ahead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +128,7 @@ class Graph:
         return np.asarray(marked.any(axis=0))
 
 
-def offsets(headings: int) -> tuple[Offset, ...]:
+def heading_offsets(headings: int) -> tuple[Offset, ...]:
     """The cell that each heading points to.
 
     It is the nearest one whose direction differs from the heading by at most a quarter of the angle
@@ -149,7 +150,7 @@ def offsets(headings: int) -> tuple[Offset, ...]:
     return tuple(found)
 
 
-def between(offset: Offset) -> list[tuple[Offset, Offset]]:
+def cells_between(offset: Offset) -> list[tuple[Offset, Offset]]:
     """Cells that a move passes, its ends left out, from the nearest on.
 
     For each step along the longer axis the cell nearest to the line, and the one on its other side
@@ -161,15 +162,15 @@ def between(offset: Offset) -> list[tuple[Offset, Offset]]:
     for step in range(1, steps):
         exact = (row * step / steps, column * step / steps)
         near = (round(exact[0]), round(exact[1]))
-        aside = tuple(
+        other = tuple(
             math.floor(value) if math.floor(value) != rounded else math.ceil(value)
             for value, rounded in zip(exact, near, strict=True)
         )
-        passed.append((near, (aside[0], aside[1])))
+        passed.append((near, (other[0], other[1])))
     return passed
 
 
-def build(
+def build_graph(
     rate: NDArray[np.float32],
     allowed: NDArray[np.bool_],
     backward: NDArray[np.bool_],
@@ -202,7 +203,7 @@ def build(
     costs = np.zeros((len(states), _SLOTS))
     ends = np.concatenate([[0], np.cumsum(np.count_nonzero(allowed, axis=(1, 2)))])
     turn = max(arc, _STAND * resolution)
-    for heading, (row, column) in enumerate(offsets(headings)):
+    for heading, (row, column) in enumerate(heading_offsets(headings)):
         here = allowed[heading]
         own, paid = targets[ends[heading] : ends[heading + 1]], costs[ends[heading] :]
         paid = paid[: len(own)]
@@ -224,7 +225,7 @@ def build(
     return Graph(csr_array((costs[there], targets[there], first), shape=shape), number, states)
 
 
-def cheapest(
+def cheapest_paths(
     graph: Graph, starts: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Dijkstra's search from several states at once.
@@ -307,14 +308,14 @@ def _moves(
     def shifted(plane: NDArray[Any], by: Offset) -> NDArray[Any]:
         return plane[rows[0] + by[0] : rows[1] + by[0], columns[0] + by[1] : columns[1] + by[1]]
 
-    passed = between(move)
+    passed = cells_between(move)
     stride = resolution * math.hypot(row, column) / (len(passed) + 1)
     can = shifted(free, (0, 0)) & shifted(free, move)
-    for near, aside in passed:
-        can &= shifted(free, near) & shifted(free, aside)
+    for near, other in passed:
+        can &= shifted(free, near) & shifted(free, other)
     total = np.zeros(can.shape)
     stops = [((0, 0), (0, 0)), *passed, (move, move)]
-    paid = [np.maximum(shifted(rate, near), shifted(rate, aside)) for near, aside in stops]
+    paid = [np.maximum(shifted(rate, near), shifted(rate, other)) for near, other in stops]
     level = [shifted(heights, near).astype(np.float64) for near, _ in stops]
     for n in range(len(passed) + 1):
         rise = np.nan_to_num(level[n + 1] - level[n])

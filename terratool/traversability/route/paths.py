@@ -1,4 +1,4 @@
-"""A way as samples: where the vehicle stands and looks, what the survey says there, what it costs.
+"""A path as samples of a survey: where the vehicle stands, its heading, and what driving costs.
 
 Between two samples lies a leg: a stretch that is driven, or a turn on the spot from one heading to
 the next.
@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terratool.field.terrain import Terrain
+from terratool.errors import RequestError
+from terratool.field.terrain import Bounds, Terrain
 from terratool.traversability.results import (
     Extreme,
     Location,
@@ -24,12 +25,12 @@ from terratool.traversability.results import (
 )
 from terratool.traversability.route.graph import (
     Graph,
-    between,
+    cells_between,
     drivable,
-    offsets,
-    pace,
+    heading_offsets,
+    joules_per_metre,
+    seconds_per_metre,
     turning_arc,
-    work,
 )
 from terratool.traversability.vehicle import Vehicle
 
@@ -45,7 +46,7 @@ class Path:
         x, y: world.
         height: of the ground, NaN where there is none.
         row, column: of the survey, int64.
-        heading: index of the heading that the vehicle looks to, int64.
+        heading: index of the heading of the vehicle, int64.
         judged: index of the heading by which it is judged, int64: the opposite one where it has
             backed up to the sample.
     """
@@ -59,11 +60,11 @@ class Path:
     judged: NDArray[np.int64]
 
     @property
-    def runs(self) -> NDArray[np.float64]:
+    def leg_lengths(self) -> NDArray[np.float64]:
         """Length of each leg seen from above, (n − 1,); 0 for turns."""
         return np.hypot(np.diff(self.x), np.diff(self.y))
 
-    def said(self, plane: NDArray[Any]) -> NDArray[Any]:
+    def sampled(self, plane: NDArray[Any]) -> NDArray[Any]:
         """What a plane of the survey says at the samples, by the heading that is judged."""
         return np.asarray(plane[self.judged, self.row, self.column])
 
@@ -77,12 +78,12 @@ class DrivingCost:
     energy: float
 
 
-def along(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
+def graph_path(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
     """The samples of a way through the graph, with one for each cell that a long move passes.
 
     Where a move passes between two cells, the one that cannot be driven is its sample, if any.
     """
-    towards, can = offsets(survey.headings), drivable(survey)
+    towards, can = heading_offsets(survey.headings), drivable(survey)
     places: list[tuple[float, float]] = []
     samples: list[tuple[int, int, int, int]] = []
     last = (0, 0)
@@ -90,26 +91,26 @@ def along(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
         move = (row - last[0], column - last[1]) if samples else (0, 0)
         backing = move not in ((0, 0), towards[heading])
         judged = (heading + survey.headings // 2 * backing) % survey.headings
-        passed = between(move)
-        for step, (near, aside) in enumerate(passed, 1):
+        passed = cells_between(move)
+        for step, (near, other) in enumerate(passed, 1):
             share = step / (len(passed) + 1)
             places.append((last[0] + share * move[0], last[1] + share * move[1]))
-            beside = (last[0] + aside[0], last[1] + aside[1])
-            cell = (last[0] + near[0], last[1] + near[1]) if can[judged, *beside] else beside
+            second = (last[0] + other[0], last[1] + other[1])
+            cell = (last[0] + near[0], last[1] + near[1]) if can[judged, *second] else second
             samples.append((*cell, heading, judged))
         places.append((row, column))
         samples.append((row, column, heading, judged))
         last = (row, column)
     exact = np.array(places, np.float64)
     rows, columns, headings, judgements = np.array(samples, np.int64).T
-    window, grid = survey.window, survey.grid
-    x = grid.west + (window.column + exact[:, 1] + 0.5) * grid.resolution
-    y = grid.bounds[3] - (window.row + exact[:, 0] + 0.5) * grid.resolution
+    grid = survey.grid
+    x = grid.west + (exact[:, 1] + 0.5) * grid.resolution
+    y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
     height = survey.heights[rows, columns].astype(np.float64)
     return Path(x, y, height, rows, columns, headings, judgements)
 
 
-def straight(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> Path:
+def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> Path:
     """The samples of straight legs between points, (n, 2), each unlike the one before.
 
     A leg is driven by the heading of the survey that is nearest to its direction; between two legs
@@ -119,19 +120,19 @@ def straight(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> P
     count = survey.headings
     towards = np.round(np.arctan2(east, north) * (count / (2.0 * math.pi))).astype(np.int64) % count
     samples: list[tuple[float, float, int]] = []
-    looks = int(towards[0])
+    facing = int(towards[0])
     for n, heading in enumerate(towards.tolist()):
         (x, y), (to_x, to_y) = points[n].tolist(), points[n + 1].tolist()
-        samples.append((x, y, looks))
-        side = 1 if (heading - looks) % count < count / 2 else -1
-        while looks != heading:
-            looks = (looks + side) % count
-            samples.append((x, y, looks))
+        samples.append((x, y, facing))
+        side = 1 if (heading - facing) % count < count / 2 else -1
+        while facing != heading:
+            facing = (facing + side) % count
+            samples.append((x, y, facing))
         steps = math.ceil(_PER_CELL * math.hypot(to_x - x, to_y - y) / survey.grid.resolution)
         for step in range(1, steps):
             share = step / steps
-            samples.append((x + share * (to_x - x), y + share * (to_y - y), looks))
-    samples.append((*points[-1].tolist(), looks))
+            samples.append((x + share * (to_x - x), y + share * (to_y - y), facing))
+    samples.append((*points[-1].tolist(), facing))
     x, y, headings = (np.array(part) for part in zip(*samples, strict=True))
     row, column = cells(survey, x, y)
     return Path(x, y, terrain.height(x, y), row, column, headings, headings)
@@ -139,12 +140,12 @@ def straight(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> P
 
 def cells(survey: Survey, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
     """Rows and columns of the survey that hold points; beyond its edges, the nearest ones."""
-    grid, window = survey.grid, survey.window
-    column = np.floor((np.asarray(x) - grid.west) / grid.resolution) - window.column
-    row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution) - window.row
+    grid = survey.grid
+    column = np.floor((np.asarray(x) - grid.west) / grid.resolution)
+    row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution)
     return (
-        np.clip(row, 0, window.height - 1).astype(np.int64),
-        np.clip(column, 0, window.width - 1).astype(np.int64),
+        np.clip(row, 0, grid.height - 1).astype(np.int64),
+        np.clip(column, 0, grid.width - 1).astype(np.int64),
     )
 
 
@@ -155,7 +156,7 @@ def driving_cost(path: Path, survey: Survey, vehicle: Vehicle) -> DrivingCost:
     as long as the height between its ends makes it. A turn takes as long as its arc, and the work
     of driving so far; what skidding sideways takes is not known.
     """
-    run = path.runs
+    run = path.leg_lengths
     rise = np.nan_to_num(np.diff(path.height))
     length = np.where(run > 0.0, np.hypot(run, rise), 0.0)
     way = np.where(run > 0.0, length, turning_arc(survey, vehicle))
@@ -163,10 +164,10 @@ def driving_cost(path: Path, survey: Survey, vehicle: Vehicle) -> DrivingCost:
 
     def mean(plane: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         begin = plane[begins, path.row[:-1], path.column[:-1]]
-        return begin, path.said(plane)[1:]
+        return begin, path.sampled(plane)[1:]
 
-    seconds = [pace(slip, vehicle) for slip in mean(survey.slip)]
-    joules = [work(energy) for energy in mean(survey.energy)]
+    seconds = [seconds_per_metre(slip, vehicle) for slip in mean(survey.slip)]
+    joules = [joules_per_metre(energy) for energy in mean(survey.energy)]
     time = float((0.5 * way * (seconds[0] + seconds[1])).sum())
     energy = float((0.5 * way * (joules[0] + joules[1])).sum()) + vehicle.power * time
     return DrivingCost(float(length.sum()), time, energy)
@@ -180,38 +181,38 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
         path.x,
         path.y,
         path.heading.astype(np.float64) * (360.0 / survey.headings),
-        np.r_[0.0, np.cumsum(path.runs)],
+        np.r_[0.0, np.cumsum(path.leg_lengths)],
         path.height,
-        path.said(survey.sinkage).astype(np.float64),
+        path.sampled(survey.sinkage).astype(np.float64),
         survey.pitch[facing].astype(np.float64),
         survey.roll[facing].astype(np.float64),
-        path.said(survey.slip).astype(np.float64),
-        path.said(survey.utilisation).astype(np.float64),
-        path.said(survey.verdict),
-        path.said(survey.reason),
+        path.sampled(survey.slip).astype(np.float64),
+        path.sampled(survey.utilisation).astype(np.float64),
+        path.sampled(survey.verdict),
+        path.sampled(survey.reason),
         tuple(names[i] for i in survey.surfaces[path.row, path.column].tolist()),
     )
 
 
-def largest(
+def find_extreme(
     terrain: Terrain, values: NDArray[np.float64], profile: RouteProfile, *, of_size: bool = False
 ) -> Extreme | None:
     """Where a measure, or its size, is largest along a profile; None where it is known nowhere."""
     if np.all(np.isnan(values)):
         return None
     n = int(np.nanargmax(np.abs(values) if of_size else values))
-    place = place_at(terrain, float(profile.x[n]), float(profile.y[n]))
+    place = location_at(terrain, float(profile.x[n]), float(profile.y[n]))
     return Extreme(float(values[n]), place, Reason(int(profile.reason[n])))
 
 
-def worst(verdicts: NDArray[np.uint8]) -> Verdict:
+def worst_verdict(verdicts: NDArray[np.uint8]) -> Verdict:
     """Of the verdicts along a way: no-go if any is, else unknown if any is, else the worse one."""
     if np.any(verdicts == Verdict.NO_GO):
         return Verdict.NO_GO
     return Verdict(int(verdicts.max())) if np.all(verdicts) else Verdict.UNKNOWN
 
 
-def place_at(terrain: Terrain, x: float, y: float) -> Location:
+def location_at(terrain: Terrain, x: float, y: float) -> Location:
     """What lies at a point."""
     found = terrain.sample(x, y)
     height, surface = float(found.height), int(found.surface)
@@ -222,3 +223,42 @@ def place_at(terrain: Terrain, x: float, y: float) -> Location:
         terrain.surfaces[surface] if surface >= 0 else "",
         terrain.pointer(int(found.element)) or "",
     )
+
+
+def check_inside(
+    terrain: Terrain, what: str, place: tuple[float, float], part: Bounds, part_name: str
+) -> None:
+    """Refuse a place that nothing is known of.
+
+    Args:
+        terrain: the ground.
+        what: the place is, for people.
+        place: x and y.
+        part: west, south, east and north of what else it must lie in.
+        part_name: what that is, for people.
+
+    Raises:
+        RequestError: the place lies outside the terrain or the part, or is no number.
+    """
+    x, y = place
+    for name, (west, south, east, north) in (("the terrain", terrain.bounds), (part_name, part)):
+        if not (west <= x <= east and south <= y <= north):
+            sides = " ".join(f"{side:.12g}" for side in (west, south, east, north))
+            raise RequestError(
+                f"{what}, {x:.12g} {y:.12g}, lies outside {name}.",
+                f"Give x and y within west south east north {sides}.",
+            )
+
+
+def check_ground(terrain: Terrain, what: str, place: tuple[float, float]) -> None:
+    """Refuse a place without ground.
+
+    Raises:
+        RequestError: there is none.
+    """
+    x, y = place
+    if math.isnan(terrain.height(x, y)):
+        raise RequestError(
+            f"{what}, {x:.12g} {y:.12g}, is on no ground.",
+            "Give a place that is not in the void.",
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
 from terratool.raster.grid import Grid, grid_over
 from terratool.text.display import shown
-from terratool.traversability.figures import level_demand
+from terratool.traversability.limits import level_demand
 from terratool.traversability.results import (
     HEADINGS,
     Barrier,
@@ -26,8 +27,8 @@ from terratool.traversability.results import (
 from terratool.traversability.route.graph import (
     TURN_LENGTH,
     Preference,
-    build,
-    cheapest,
+    build_graph,
+    cheapest_paths,
     drivable,
     needs_scipy,
     rates,
@@ -37,20 +38,22 @@ from terratool.traversability.route.graph import (
 )
 from terratool.traversability.route.paths import (
     Path,
-    along,
     cells,
+    check_ground,
+    check_inside,
     driving_cost,
-    largest,
-    place_at,
+    find_extreme,
+    graph_path,
+    location_at,
     profile,
-    straight,
-    worst,
+    straight_path,
+    worst_verdict,
 )
 from terratool.traversability.soil import soils
 from terratool.traversability.vehicle import Vehicle
 
 _PER_RADIUS = 4.0
-"""Places that are looked at for each wheel radius …"""
+"""Samples for each wheel radius …"""
 _MOST = 256
 """… and along each side of the rectangle at most."""
 
@@ -63,7 +66,20 @@ _SLOPES = frozenset(
 )
 _HALVINGS = 40
 _LEVEL = 1.0
-"""Degrees below which a slope is not worth a word."""
+"""Degrees below which a slope is not mentioned."""
+
+MOST_STATES = 6_000_000
+"""Headings times cells of a route's grid at most."""
+
+_FINE, _COARSE = 6.0, 3.0
+"""A vehicle is so many pixels wide where there is room, and so many at least if that can be."""
+_COARSER = 1.01
+"""Where rows and columns that only cover the rest make it too many, pixels get wider by this."""
+
+_BARRED = 1e6
+"""A metre that cannot be driven weighs so many that can, on the way of least resistance."""
+
+Cell = tuple[int, int]
 
 
 def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> tuple[Barrier, ...]:
@@ -73,9 +89,9 @@ def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> 
     steep for the soil, the motors or the vehicle's balance, `bars` says how steep, too.
     """
     no_ground = np.isnan(path.height)
-    blocked = no_ground | ~path.said(drivable(survey))
-    reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.said(survey.reason))
-    run = path.runs
+    blocked = no_ground | ~path.sampled(drivable(survey))
+    reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.sampled(survey.reason))
+    run = path.leg_lengths
     way = np.where(run > 0.0, run, turning_arc(survey, vehicle))
     width = 0.5 * (np.r_[0.0, way] + np.r_[way, 0.0])
     edges = np.flatnonzero(np.diff(np.r_[False, blocked, False].astype(np.int8)))
@@ -84,11 +100,11 @@ def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> 
         reason = Reason(int(reasons[first]))
         x, y = float(path.x[first]), float(path.y[first])
         heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
-        name = bars(terrain, vehicle, reason, x, y, heading, survey.grid.resolution)
+        name = bars(terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution)
         slope = _slope(survey, path, first) if reason in _SLOPES else 0.0
         found.append(
             Barrier(
-                place_at(terrain, x, y),
+                location_at(terrain, x, y),
                 reason,
                 f"{name}, on a slope of {slope:.0f}°" if slope >= _LEVEL else name,
                 float(width[first:end].sum()),
@@ -97,15 +113,15 @@ def barriers(terrain: Terrain, vehicle: Vehicle, survey: Survey, path: Path) -> 
     return tuple(found)
 
 
-def bars(
-    terrain: Terrain,
-    vehicle: Vehicle,
-    reason: Reason,
-    x: float,
-    y: float,
-    heading: float,
-    cell: float,
-) -> str:
+class Pose(NamedTuple):
+    """Where a vehicle's middle is, and its heading, rad clockwise from north."""
+
+    x: float
+    y: float
+    heading: float
+
+
+def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: float) -> str:
     """What decides the ground that bars a vehicle, for people: element and surface, and how high.
 
     For steps, and whatever else the shape of the ground does, it is the element of the higher side
@@ -114,23 +130,21 @@ def bars(
     one's children, and so a hole in it. For soil it is the weakest that a wheel stands on.
 
     Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
+        terrain: the ground.
+        vehicle: a vehicle, or a wheel by itself.
         reason: what binds.
-        x: of its middle.
-        y: of its middle.
-        heading: clockwise from north, rad.
+        pose: of the vehicle.
         cell: side of the survey's cells, m.
     """
     if reason == Reason.EDGE:
         return "the edge of the terrain"
     rise = 0.0
     if reason in _SHAPES:
-        element, rise = _rising(terrain, vehicle, x, y, heading, cell)
+        element, rise = _rising(terrain, vehicle, pose, cell)
     elif reason == Reason.NO_GROUND:
-        element = _missing(terrain, vehicle, x, y, heading, cell)
+        element = _missing(terrain, vehicle, pose, cell)
     else:
-        element = _weakest(terrain, vehicle, reason, x, y, heading)
+        element = _weakest(terrain, vehicle, reason, pose)
     if element < 0:
         return "ground without an element" if reason != Reason.NO_GROUND else "no element"
     surface = int(terrain.surface_of(np.array([element]))[0])
@@ -147,7 +161,7 @@ def _slope(survey: Survey, path: Path, sample: int) -> float:
 
 
 def _rectangle(
-    vehicle: Vehicle, x: float, y: float, heading: float, cell: float
+    vehicle: Vehicle, pose: Pose, cell: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """World x and y of a lattice over what the vehicle covers, and what it drives against."""
     front, rear, side = vehicle.rectangle
@@ -156,25 +170,23 @@ def _rectangle(
     step = max(vehicle.wheel.radius / _PER_RADIUS, max(front + rear, 2.0 * side) / _MOST)
     along = np.arange(-rear, front + step, step)
     across = np.arange(-side, side + step, step)
-    return _turned(x, y, heading, along[:, None], across[None, :])
+    return _turned(pose, along[:, None], across[None, :])
 
 
 def _turned(
-    x: float, y: float, heading: float, along: NDArray[np.float64], across: NDArray[np.float64]
+    pose: Pose, along: NDArray[np.float64], across: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """World x and y of places ahead and to the right of a vehicle."""
-    sine, cosine = math.sin(heading), math.cos(heading)
-    return x + along * sine + across * cosine, y + along * cosine - across * sine
+    sine, cosine = math.sin(pose.heading), math.cos(pose.heading)
+    return pose.x + along * sine + across * cosine, pose.y + along * cosine - across * sine
 
 
-def _rising(
-    terrain: Terrain, vehicle: Vehicle, x: float, y: float, heading: float, cell: float
-) -> tuple[int, float]:
+def _rising(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> tuple[int, float]:
     """The element that decides the higher side of the largest difference of heights, and the wall.
 
     Of a hole it is the lower side's, and the height of the wall is below 0; 0 where there is none.
     """
-    xs, ys = _rectangle(vehicle, x, y, heading, cell)
+    xs, ys = _rectangle(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     height, element = found.height, found.element
     rises = [np.abs(np.diff(height, axis=axis)) for axis in (0, 1)]
@@ -205,27 +217,23 @@ def _wall(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.float64])
     return top - foot if top - foot > 0.5 * rise else 0.0
 
 
-def _missing(
-    terrain: Terrain, vehicle: Vehicle, x: float, y: float, heading: float, cell: float
-) -> int:
+def _missing(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> int:
     """Index of the element of the nearest place on the terrain that has no ground; -1 for none."""
-    xs, ys = _rectangle(vehicle, x, y, heading, cell)
+    xs, ys = _rectangle(vehicle, pose, cell)
     found = terrain.sample(xs, ys)
     void = np.isnan(found.height) & (found.element >= 0)
     if not void.any():
         return -1
-    distance = np.where(void, np.hypot(xs - x, ys - y), np.inf)
+    distance = np.where(void, np.hypot(xs - pose.x, ys - pose.y), np.inf)
     return int(found.element.ravel()[int(np.argmin(distance))])
 
 
-def _weakest(
-    terrain: Terrain, vehicle: Vehicle, reason: Reason, x: float, y: float, heading: float
-) -> int:
+def _weakest(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> int:
     """Index of the element under the wheel on the soil that bears least; -1 for none."""
     offset, side = vehicle.middle, 0.5 * vehicle.track
     along = np.array([axle.x - offset for axle in vehicle.axles for _ in (0, 1)])
     across = np.array([side * sign for _ in vehicle.axles for sign in (-1.0, 1.0)])
-    found = terrain.sample(*_turned(x, y, heading, along, across))
+    found = terrain.sample(*_turned(pose, along, across))
     known = soils(terrain, vehicle)
 
     def weakness(surface: int) -> float:
@@ -235,24 +243,10 @@ def _weakest(
         if reason == Reason.SIDE_SLIP:
             return -float(soil.friction)
         need = level_demand(vehicle, soil)
-        return float(need.sinkage if reason == Reason.SINKAGE else need.utilisation)
+        return need.sinkage if reason == Reason.SINKAGE else need.utilisation
 
     weakest = max(range(len(along)), key=lambda n: weakness(int(found.surface[n])))
     return int(found.element[weakest])
-
-
-MOST_STATES = 6_000_000
-"""Headings times cells of a route's grid at most."""
-
-_FINE, _COARSE = 6.0, 3.0
-"""A vehicle is so many pixels wide where there is room, and so many at least if that can be."""
-_COARSER = 1.01
-"""Where rows and columns that only cover the rest make it too many, pixels get wider by this."""
-
-_BARRED = 1e6
-"""A metre that cannot be driven weighs so many that can, on the way of least resistance."""
-
-Cell = tuple[int, int]
 
 
 def route_grid(
@@ -282,13 +276,13 @@ def route_grid(
     while headings * grid.height * grid.width > most and resolution < shorter:
         resolution = min(_COARSER * resolution, shorter)
         grid = grid_over(terrain, resolution, bounds)
-    said = ""
+    note = ""
     if resolution > width / _COARSE:
-        said = (
+        note = (
             f"The route's grid has pixels of {resolution:.3g} m for a vehicle {width:.3g} m wide: "
             "narrow passages may seem closed; smaller bounds would make it finer."
         )
-    return grid, said
+    return grid, note
 
 
 def plan(
@@ -301,7 +295,7 @@ def plan(
 ) -> Route:
     """The best way from a start to a goal through the cells of a survey, or what bars it.
 
-    The vehicle may begin and end with any heading, moves to the cell that it looks to, backs up,
+    The vehicle may begin and end with any heading, moves to the cell that it faces, backs up,
     and turns on the spot; it is where the survey says go or caution. Its energy is the sum over
     legs of energy per metre × length over ground, plus the vehicle's power × time; the time that of
     length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run.
@@ -309,10 +303,10 @@ def plan(
     Args:
         terrain: the terrain.
         vehicle: that of the survey.
-        survey: all that is looked at.
+        survey: of the vehicle on the terrain.
         start: x and y.
         goal: x and y.
-        prefer: what the way is the least of, see `costs.rates`.
+        prefer: what the way is the least of, see `graph.rates`.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey, or on no ground; the
@@ -325,13 +319,15 @@ def plan(
     _refuse_standing(terrain, vehicle, survey, can, start, begin, "The route's start")
     rate, arc = rates(survey, vehicle, prefer), turning_arc(survey, vehicle)
     scale = TURN_LENGTH if prefer == "length" else 1.0
-    graph = build(rate, can, can, survey.heights, survey.grid.resolution, scale * arc)
-    cost, before = cheapest(graph, graph.at(*begin))
-    route = Route(place_at(terrain, *start), place_at(terrain, *goal), False, True, Verdict.NO_GO)
+    graph = build_graph(rate, can, can, survey.heights, survey.grid.resolution, scale * arc)
+    cost, before = cheapest_paths(graph, graph.at(*begin))
+    route = Route(
+        location_at(terrain, *start), location_at(terrain, *goal), False, True, Verdict.NO_GO
+    )
     goals = graph.at(*end)
     if len(goals) and np.isfinite(cost[goals]).any():
         last = int(goals[np.argmin(cost[goals])])
-        path = along(graph, trace(before, last), survey)
+        path = graph_path(graph, trace(before, last), survey)
         return _driven(route, path, terrain, vehicle, survey)
     nearest = _nearest(terrain, survey, graph.cells(np.isfinite(cost)), end)
     del graph, cost, before, rate  # the next graph has all states
@@ -364,15 +360,17 @@ def check(terrain: Terrain, vehicle: Vehicle, survey: Survey, waypoints: ArrayLi
     for number, place in enumerate(places[1:], 2):
         _inside(terrain, survey, place, f"Waypoint {number}")
     _refuse_standing(terrain, vehicle, survey, drivable(survey), places[0], begin, "Waypoint 1")
-    path = straight(terrain, survey, points)
-    start, goal = place_at(terrain, *places[0]), place_at(terrain, *places[-1])
+    path = straight_path(terrain, survey, points)
+    start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
     route = Route(start, goal, False, False, Verdict.NO_GO)
     found = barriers(terrain, vehicle, survey, path)
     if not found:
         return _driven(route, path, terrain, vehicle, survey)
     at = (found[0].place.x, found[0].place.y)
     first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
-    before = place_at(terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)]))
+    before = location_at(
+        terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)])
+    )
     return replace(_barred(route, found, before), profile=profile(path, survey, terrain))
 
 
@@ -389,14 +387,14 @@ def reach(terrain: Terrain, vehicle: Vehicle, survey: Survey, start: tuple[float
     can = drivable(survey)
     _refuse_standing(terrain, vehicle, survey, can, start, begin, what)
     even = np.ones(can.shape, np.float32)
-    graph = build(even, can, can, survey.heights, survey.grid.resolution, 0.0)
+    graph = build_graph(even, can, can, survey.heights, survey.grid.resolution, 0.0)
     starts = graph.at(*begin)
     there = reached(graph, starts)
     returning = there & reached(graph, starts, back=True)
     whole = graph.cells(there)
     ground = int(np.count_nonzero(np.isfinite(survey.heights)))
     return Reach(
-        place_at(terrain, *start),
+        location_at(terrain, *start),
         np.count_nonzero(whole) / ground,
         np.count_nonzero(graph.cells(returning)) / ground,
         whole,
@@ -406,13 +404,13 @@ def reach(terrain: Terrain, vehicle: Vehicle, survey: Survey, start: tuple[float
 def _driven(route: Route, path: Path, terrain: Terrain, vehicle: Vehicle, survey: Survey) -> Route:
     """The route with what a way costs, and where it is steepest, softest and tightest."""
     along_it, cost = profile(path, survey, terrain), driving_cost(path, survey, vehicle)
-    steepest = largest(terrain, along_it.pitch, along_it, of_size=True)
-    softest = largest(terrain, along_it.sinkage, along_it)
-    tightest = largest(terrain, along_it.utilisation, along_it)
+    steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
+    softest = find_extreme(terrain, along_it.sinkage, along_it)
+    tightest = find_extreme(terrain, along_it.utilisation, along_it)
     return replace(
         route,
         found=True,
-        verdict=worst(along_it.verdict),
+        verdict=worst_verdict(along_it.verdict),
         length=cost.length,
         energy=cost.energy,
         time=cost.time,
@@ -439,60 +437,39 @@ def _least_resistance(
     """
     rate = np.where(can, np.float32(1.0), np.float32(_BARRED))
     west, south, east, north = terrain.bounds
-    x, y = survey.grid.columns(survey.window), survey.grid.rows(survey.window)
+    x, y = survey.grid.columns(survey.grid.whole), survey.grid.rows(survey.grid.whole)
     inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))
     inside[end] = True  # a goal at the very edge may be in a cell whose centre is beyond it
     level = np.zeros(inside.shape, np.float32)
     allowed = np.broadcast_to(inside, can.shape)
-    graph = build(rate, allowed, can, level, survey.grid.resolution, arc)
+    graph = build_graph(rate, allowed, can, level, survey.grid.resolution, arc)
     starts = graph.number[can[:, *begin], *begin]
-    cost, before = cheapest(graph, starts)
+    cost, before = cheapest_paths(graph, starts)
     goals = graph.at(*end)
-    return along(graph, trace(before, int(goals[np.argmin(cost[goals])])), survey)
+    return graph_path(graph, trace(before, int(goals[np.argmin(cost[goals])])), survey)
 
 
 def _nearest(terrain: Terrain, survey: Survey, marked: NDArray[np.bool_], end: Cell) -> Location:
     """The middle of the marked cell that is nearest to another one."""
     rows, columns = np.nonzero(marked)
     n = int(np.argmin((rows - end[0]) ** 2 + (columns - end[1]) ** 2))
-    x = survey.grid.columns(survey.window)[columns[n]]
-    y = survey.grid.rows(survey.window)[rows[n]]
-    return place_at(terrain, float(x), float(y))
+    grid = survey.grid
+    x, y = grid.columns(grid.whole)[columns[n]], grid.rows(grid.whole)[rows[n]]
+    return location_at(terrain, float(x), float(y))
 
 
 def _inside(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
     """The cell of a place; refuses what lies outside."""
-    x, y = place
-    name = f"{what}, {x:.12g} {y:.12g},"
-    west, south, east, north = terrain.bounds
-    if not (west <= x <= east and south <= y <= north):
-        raise RequestError(
-            f"{name} lies outside the terrain.",
-            "Give x and y within west south east north "
-            f"{' '.join(f'{side:.12g}' for side in terrain.bounds)}.",
-        )
-    grid, window = survey.grid, survey.window
-    left, top = grid.west + window.column * grid.resolution, grid.bounds[3]
-    top -= window.row * grid.resolution
-    right, low = left + window.width * grid.resolution, top - window.height * grid.resolution
-    if not (left <= x <= right and low <= y <= top):
-        raise RequestError(
-            f"{name} lies outside the part of the terrain that is looked at.",
-            f"Give x and y within west south east north {left:.12g} {low:.12g} {right:.12g} "
-            f"{top:.12g}.",
-        )
-    row, column = cells(survey, x, y)
+    part = "the part of the terrain that is looked at"
+    check_inside(terrain, what, place, survey.grid.bounds, part)
+    row, column = cells(survey, *place)
     return int(row), int(column)
 
 
 def _cell(terrain: Terrain, survey: Survey, place: tuple[float, float], what: str) -> Cell:
     """The cell of a place; refuses what lies outside or on no ground."""
     cell = _inside(terrain, survey, place, what)
-    if math.isnan(terrain.height(*place)):
-        raise RequestError(
-            f"{what}, {place[0]:.12g} {place[1]:.12g}, is on no ground.",
-            "Give a place that is not in the void.",
-        )
+    check_ground(terrain, what, place)
     return cell
 
 
@@ -526,5 +503,5 @@ def _why(
     heading = int(np.argmin(used))
     reason = Reason(int(survey.reason[heading, *cell]))
     angle = 2.0 * math.pi * heading / survey.headings
-    by = bars(terrain, vehicle, reason, *place, angle, survey.grid.resolution)
+    by = bars(terrain, vehicle, reason, Pose(*place, angle), survey.grid.resolution)
     return reason.label if reason == Reason.EDGE else f"{reason.label}, by {by}"

@@ -1,4 +1,4 @@
-// Heights from one side: what a region's elements are worth at a point of it or of its rim.
+// Heights from one side: what a region's elements add up to at a point of it or of its edge.
 //
 // At a wall the height has one value for each region that meets there. An element's curves are held
 // to the stretch between two vertical steps that the region lies in, its u and v to the footprint.
@@ -9,7 +9,7 @@
 
 namespace terratool::mesh {
 
-// So many points of the lattice beside a rim or a step a vertex is on it: it was rounded.
+// So many points of the lattice from an edge or a step a vertex is on it: it was rounded.
 constexpr double ROUNDED = 6.0;
 
 // Distance of a place from the middle in radii of the polygon that stands for a disc.
@@ -31,8 +31,8 @@ INLINE i64 sector(UV at, u32 corners) {
 }
 
 // Whether a disc is drawn as a pyramid: its curve is made of straight pieces.
-INLINE bool is_faceted(const Known& e) {
-    return e.kind.combine == RADIAL && e.x.linear && !e.x.level && e.element.scale != 0.0;
+INLINE bool is_faceted(const ElementView& e) {
+    return e.kind.combine == RADIAL && e.x.linear && !e.x.constant && e.element.scale != 0.0;
 }
 
 struct PiecePlace {  // a piece of a curve, its row, and a place in it
@@ -57,8 +57,8 @@ INLINE PiecePlace piece_at(const Plan& plan, const CurveAt& curve, i64 group, do
     return {i, (u64(curve.first) + u64(i)) * 4, s};
 }
 
-// `t` within a group; what is `near` to one of its ends is there.
-INLINE double held(const Plan& plan, i64 group, double t, double near_end) {
+// `t` within a group; what is nearer than `near_end` to one of its ends is there.
+INLINE double clamp_to_group(const Plan& plan, i64 group, double t, double near_end) {
     const Group& limits = plan.groups[group];
     if (t < limits.low + near_end) t = limits.low;
     if (t > limits.high - near_end) t = limits.high;
@@ -69,12 +69,12 @@ INLINE double held(const Plan& plan, i64 group, double t, double near_end) {
 INLINE double curve_at(
     const Plan& plan, const CurveAt& curve, i64 group, double t, double near_end
 ) {
-    PiecePlace at = piece_at(plan, curve, group, held(plan, group, t, near_end));
+    PiecePlace at = piece_at(plan, curve, group, clamp_to_group(plan, group, t, near_end));
     return piece_value(plan.field->curves.pieces, at.row, at.s);
 }
 
 // How far along a curve, in t, a vertex may have been rounded.
-INLINE double rounded(const Frame& frame) { return ROUNDED * max(frame.per_x, frame.per_y); }
+INLINE double rounding_of(const Frame& frame) { return ROUNDED * max(frame.per_x, frame.per_y); }
 
 // Position in an element's cell of a point on the lattice.
 INLINE UV place_in_cell(const Frame& frame, double x, double y) {
@@ -88,25 +88,25 @@ INLINE UV place_in_shape(const Plan& plan, i64 index, double x, double y) {
     return pose.turned ? turned(pose, at.u, at.v) : at;
 }
 
-// What an element adds to the height at a place, as it does in the region of the cover.
-INLINE double element_height(const Plan& plan, const Cover& cover, UV at) {
-    const Element& element = plan.field->elements[cover.element];
+// What an element adds to the height at a place, as it does in the region that it covers.
+INLINE double element_height(const Plan& plan, const CoveringElement& covering, UV at) {
+    const Element& element = plan.field->elements[covering.element];
     const Kind& kind = plan.field->kinds[element.kind];
-    const Frame& frame = plan.frames[cover.element];
-    double near_end = rounded(frame), value;
-    auto x = [&](double t) { return curve_at(plan, x_curve(kind), cover.group_x, t, near_end); };
+    const Frame& frame = plan.frames[covering.element];
+    double near_end = rounding_of(frame), value;
+    auto x = [&](double t) { return curve_at(plan, x_curve(kind), covering.group_x, t, near_end); };
     if (kind.combine == RADIAL) {
         double t = 0.5 + 0.5 * gauge(at, frame.corners);
-        if (t <= frame.rim) {
+        if (t <= frame.straight_from) {
             value = x(t);
         } else {
             value = x(1.0);
-            double before = x(frame.rim);
-            value -= (value - before) * (1.0 - min(t, 1.0)) / (1.0 - frame.rim);
+            double before = x(frame.straight_from);
+            value -= (value - before) * (1.0 - min(t, 1.0)) / (1.0 - frame.straight_from);
         }
     } else {
         double fx = x(at.u);
-        double fy = curve_at(plan, y_curve(kind), cover.group_y, at.v, near_end);
+        double fy = curve_at(plan, y_curve(kind), covering.group_y, at.v, near_end);
         if (kind.combine == PRODUCT) value = fx * fy;
         else if (kind.combine == SUM) value = fx + fy;
         else value = kind.combine == MIN ? min(fx, fy) : max(fx, fy);
@@ -114,24 +114,25 @@ INLINE double element_height(const Plan& plan, const Cover& cover, UV at) {
     return element.scale * value + element.offset;
 }
 
-// Height of a region at a point of it, or of its rim, on the lattice.
+// Height of a region at a point of it, or of its edge, on the lattice.
 inline double height_in(const Plan& plan, const Regions& regions, i64 region, double x, double y) {
     double z = 0.0;
-    for (const Cover& cover : regions.covers_of(region))
-        z += element_height(plan, cover, place_in_shape(plan, cover.element, x, y));
-    return z - regions.drops[region];
+    for (const CoveringElement& covering : regions.covering_of(region))
+        z += element_height(plan, covering, place_in_shape(plan, covering.element, x, y));
+    return z - regions.rut_depths[region];
 }
 
-// Heights of triangles at their corners, each from its own side; `of` are their regions.
+// Heights of triangles at their corners, each from its own side; `region_of` are their regions.
 inline Rows<double, 3> corner_heights(
-    const Plan& plan, const Regions& regions, Points points, Triangles triangles, Span<const i32> of
+    const Plan& plan, const Regions& regions, Points points, Triangles triangles,
+    Span<const i32> region_of
 ) {
     Rows<double, 3> heights(triangles.rows());
     for (i64 t = 0; t < triangles.rows(); ++t) {
         for (i64 c = 0; c < 3; ++c) {
             i64 p = triangles(t, c);
             double x = double(points(p, 0)), y = double(points(p, 1));
-            heights[t][c] = height_in(plan, regions, of[t], x, y);
+            heights[t][c] = height_in(plan, regions, region_of[t], x, y);
         }
     }
     return heights;

@@ -1,10 +1,10 @@
-"""Parts on pixels become structures as a definition spells them, and what these add there."""
+"""Parts on pixels, and the structures that a definition makes of them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from msgspec import UNSET
@@ -12,8 +12,16 @@ from numpy.typing import NDArray
 
 from terratool.definition.curves import FormulaCurve, KnotCurve, SampledCurve, read_curve
 from terratool.definition.model import Definition, Element, Primitive
-from terratool.importing.structure.types import VECTOR, Axis, CurveText, PixelPart, Structure
+from terratool.importing.sampling import paint_pixels
 from terratool.kernels import importing as kernels
+
+Floats = NDArray[np.float64]
+
+CurveText = str | tuple[float, ...] | tuple[tuple[float, float], ...]
+"""A curve as the definition spells it: a name or an expression, a vector, knots."""
+
+VECTOR = -1
+"""The code of a curve that has no name."""
 
 NAMES = (
     "flat", "ramp", "fall", "tent", "cos", "cosbell", "dome", "gauss", "rise", "sink",
@@ -48,12 +56,108 @@ _STRAIGHT = 1e-9
 
 _MOST_KNOTS = 8
 
+_ROUND = {"cosbell": (math.pi**2 / 2, 0.0), "gauss": (9.0, math.exp(-4.5))}
+"""Of named curves that are smooth when turned: largest curvature, in radii; value at the edge."""
 
-def kind_of(part: PixelPart) -> str:
-    """What a part is called, such as "box", "ramp-e", "cosbell-hill" or "tent-flat"."""
-    x, y = ("curve" if axis.code == VECTOR else NAMES[axis.code] for axis in (part.x, part.y))
-    pair = f"{x}-{y}"
-    return _KINDS.get(pair, pair)
+
+def curve_at(code: int, t: Floats) -> Floats:
+    """Values of a known curve at any t, 0 where that is not in [0, 1); in the shape of `t`."""
+    return kernels.sample_curve(code, np.ravel(t)).reshape(t.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """An element that explains a part of a DEM, in a grid of half pixels.
+
+    That grid divides the DEM into 2 · columns × 2 · rows cells, so that the edges of pixels and
+    their centres are corners of cells. Over its footprint the element adds
+    v_scale · shape(u, v).
+
+    Attributes:
+        kind: what it is: "box", "ramp-e", "cosbell-hill" and so on.
+        name: of its primitive; structures of one name have the same curves.
+        x, y: curves; y is None where `combine` is "radial".
+        combine: "product", "sum" or "radial".
+        column, row: the south-western cell.
+        span: how many cells it takes to the east and to the north.
+        v_scale: factor, in units of the heights.
+        turn_deg: degrees clockwise.
+    """
+
+    kind: str
+    name: str
+    x: CurveText
+    y: CurveText | None
+    combine: str
+    column: int
+    row: int
+    span: tuple[int, int]
+    v_scale: float
+    turn_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A curve along one axis of the pixels.
+
+    Attributes:
+        code: one of the known curves, or `VECTOR`.
+        begin, end: where its cell begins and ends, in half pixels.
+        values: of a vector, what it is at the pixel centres within the cell.
+    """
+
+    code: int
+    begin: int
+    end: int
+    values: tuple[float, ...] = ()
+
+    @property
+    def first(self) -> int:
+        """The first pixel whose centre the cell holds."""
+        return self.begin // 2
+
+    @property
+    def stop(self) -> int:
+        """The pixel after the last whose centre the cell holds."""
+        return self.end // 2
+
+    def samples(self) -> Floats:
+        """Values at the centres of the pixels from `first` to before `stop`, float64."""
+        if self.code == VECTOR:
+            return np.array(self.values)
+        centres = 2.0 * np.arange(self.first, self.stop) + 1.0
+        t = (centres - self.begin) / (self.end - self.begin)
+        return curve_at(self.code, t)
+
+    def steps(self, count: int) -> tuple[int, Floats]:
+        """Differences between neighbouring pixels, 0 beyond the cell.
+
+        Args:
+            count: pixels along the axis.
+
+        Returns:
+            The first gap and the differences from there on, those that lie within the DEM.
+        """
+        steps = np.diff(self.samples(), prepend=0.0, append=0.0)
+        first = self.first - 1
+        if self.stop == count:
+            steps = steps[:-1]
+        if first < 0:
+            first, steps = 0, steps[1:]
+        return first, steps
+
+
+@dataclass(frozen=True, slots=True)
+class PixelPart:
+    """A product of two curves, `scale` high, on pixels."""
+
+    x: Axis
+    y: Axis
+    scale: float
+
+    def heights(self) -> Floats:
+        """What it adds at the centres of its pixels, (rows, columns) float64."""
+        return self.scale * np.multiply.outer(self.y.samples(), self.x.samples())
 
 
 def with_walls(part: PixelPart, precision: float, fineness: float) -> Structure:
@@ -91,15 +195,13 @@ def with_flanks(
             spare -= bends[i]
     curves: list[CurveText] = []
     cells: list[tuple[int, int]] = []
-    for axis, whole, name in zip(axes, shape[::-1], smooth, strict=True):
+    for axis, whole, is_smooth in zip(axes, shape[::-1], smooth, strict=True):
+        curve, cell = SPELLINGS[axis.code], (axis.begin, axis.end)
         # a ramp would go on in the outer half pixels
-        if name or (axis.code == kernels.FLAT and axis.begin == 0 and axis.end == 2 * whole):
-            curves.append(SPELLINGS[axis.code])
-            cells.append((axis.begin, axis.end))
-        else:
+        if not is_smooth and (axis.code != kernels.FLAT or cell != (0, 2 * whole)):
             curve, cell = _flanked(axis, whole, fineness)
-            curves.append(curve)
-            cells.append(cell)
+        curves.append(curve)
+        cells.append(cell)
     return _placed(part, curves, cells, precision)
 
 
@@ -108,21 +210,13 @@ def _placed(
 ) -> Structure:
     """A product of curves along x and y, each from one half pixel to another."""
     (west, east), (south, north) = cells
-    kind = kind_of(part)
-    return Structure(
-        kind=kind,
-        name=kind,
-        x=curves[0],
-        y=curves[1],
-        combine="product",
-        column=west,
-        row=south,
-        span=(east - west, north - south),
-        v_scale=shortest(part.scale, precision),
-    )
+    span, scale = (east - west, north - south), shortest(part.scale, precision)
+    x, y = ("curve" if axis.code == VECTOR else NAMES[axis.code] for axis in (part.x, part.y))
+    kind = _KINDS.get(f"{x}-{y}", f"{x}-{y}")
+    return Structure(kind, kind, curves[0], curves[1], "product", west, south, span, scale)
 
 
-def named(structures: Iterable[Structure]) -> tuple[Structure, ...]:
+def with_names(structures: Iterable[Structure]) -> tuple[Structure, ...]:
     """Structures with a name for each pair of curves: the kind, and a number where it has several.
 
     Structures of one kind whose curves say how many pixels they take have many: "box-1", "box-2", …
@@ -132,12 +226,12 @@ def named(structures: Iterable[Structure]) -> tuple[Structure, ...]:
     for one in structures:
         known = shapes.setdefault(one.kind, {})
         known.setdefault((one.x, one.y, one.combine), len(known) + 1)
-    out = []
-    for one in structures:
+
+    def name(one: Structure) -> str:
         known = shapes[one.kind]
-        number = known[(one.x, one.y, one.combine)]
-        out.append(replace(one, name=one.kind if len(known) == 1 else f"{one.kind}-{number}"))
-    return tuple(out)
+        return one.kind if len(known) == 1 else f"{one.kind}-{known[one.x, one.y, one.combine]}"
+
+    return tuple(replace(one, name=name(one)) for one in structures)
 
 
 def departure(axis: Axis) -> float:
@@ -194,7 +288,7 @@ def _flanked(axis: Axis, whole: int, precision: float) -> tuple[CurveText, tuple
     return _knots(times, values, precision), (begin, end)
 
 
-def _knots(times: NDArray[np.float64], values: NDArray[np.float64], precision: float) -> CurveText:
+def _knots(times: Floats, values: Floats, precision: float) -> CurveText:
     """The shortest spelling of a curve that is straight between given points."""
     bends = _bends(times, values)
     even = np.allclose(np.diff(times), 1.0 / (len(times) - 1), rtol=1e-9, atol=0.0)
@@ -213,16 +307,13 @@ def _knots(times: NDArray[np.float64], values: NDArray[np.float64], precision: f
     )
 
 
-def _bends(times: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points are ends, or lie off the line between those that are kept beside them."""
+def _bends(times: Floats, values: Floats) -> NDArray[np.bool_]:
+    """Which points are ends, or lie off the line between their neighbours that are kept."""
     keep = np.ones(len(times), np.bool_)
     slopes = np.diff(values) / np.diff(times)
     # slopes are compared by what they make of one step, so that nothing creeps along a curve
     keep[1:-1] = np.abs(np.diff(slopes)) * np.diff(times)[1:] > _STRAIGHT
     return keep
-
-
-Floats = NDArray[np.float64]
 
 
 def primitive_of(structure: Structure) -> Primitive:
@@ -240,7 +331,6 @@ def element_of(structure: Structure) -> Element:
         cell_y=structure.row,
         span=structure.span,
         v_scale=structure.v_scale,
-        v_offset=structure.v_offset or UNSET,
         turn_deg=structure.turn_deg or UNSET,
     )
 
@@ -270,45 +360,19 @@ def definition_of(structures: Iterable[Structure], shape: tuple[int, int]) -> De
     )
 
 
-def evaluate(
-    structures: Iterable[Structure],
-    shape: tuple[int, int],
-    first: int = 0,
-    count: int | None = None,
-) -> Floats:
-    """What structures add at the centres of pixels, by the compiled field.
+def evaluate(structures: Iterable[Structure], shape: tuple[int, int]) -> Floats:
+    """What structures add at the centres of pixels by the compiled field, (rows, columns) float64.
 
     Args:
         structures: the structures.
         shape: rows and columns of the DEM.
-        first: the first row that is wanted, from the south.
-        count: how many are; None for all from there on.
-
-    Returns:
-        (count, columns) float64, row 0 the southernmost of those wanted.
     """
     from terratool.field.terrain import Terrain
-    from terratool.raster.grid import Grid, Window
-    from terratool.raster.painter import Painter
 
-    rows, columns = shape
-    count = rows - first if count is None else count
     structures = tuple(structures)
-    if not structures or not count:
-        return np.zeros((count, columns))
-    painter = Painter(
-        Terrain(definition_of(structures, shape)),
-        Grid(0.0, 0.0, 1.0, rows, columns),
-        np.float64,
-        surfaces=False,
-    )
-    planes = painter.paint(Window(rows - first - count, 0, count, columns))
-    return np.ascontiguousarray(planes.heights[::-1])
-
-
-def subtract(heights: Floats, structures: Iterable[Structure]) -> Floats:
-    """What is left of a DEM without structures, (rows, columns) float64; NaN stays."""
-    return heights - evaluate(structures, (heights.shape[0], heights.shape[1]))
+    if not structures:
+        return np.zeros(shape)
+    return paint_pixels(Terrain(definition_of(structures, shape)), shape)
 
 
 def deviation(structure: Structure, shape: tuple[int, int]) -> float:
@@ -345,7 +409,9 @@ def _largest(text: CurveText | None) -> float:
 def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float, float]:
     """How far a curve is from straight between centres of pixels, and its largest size."""
     if isinstance(text, str):
-        return _bound_of_name(text, begin, length, count)
+        if text == "flat" and begin <= 1 and begin + length >= 2 * count - 1:
+            return 0.0, 1.0
+        return departure(Axis(SPELLINGS.index(text), begin, begin + length)), 1.0
     curve = read_curve(text, "x")
     assert not isinstance(curve, FormulaCurve)
     points = (
@@ -372,19 +438,6 @@ def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float,
     return max([*bends.tolist(), *walls, 0.0]), _largest(text)
 
 
-def _bound_of_name(text: str, begin: int, length: int, count: int) -> tuple[float, float]:
-    code = SPELLINGS.index(text)
-    axis = Axis(code, begin, begin + length)
-    whole = begin <= 1 and begin + length >= 2 * count - 1
-    if text == "flat" and whole:
-        return 0.0, 1.0
-    return departure(axis), 1.0
-
-
-_ROUND = {"cosbell": (math.pi**2 / 2, 0.0), "gauss": (9.0, math.exp(-4.5))}
-"""Of named curves that are smooth when turned: the largest curvature, in radii, and the rim."""
-
-
 def _bound_of_disc(structure: Structure) -> float:
     """The same for a turned profile.
 
@@ -397,8 +450,8 @@ def _bound_of_disc(structure: Structure) -> float:
     if isinstance(structure.x, str):
         if structure.x not in _ROUND:
             return scale
-        bend, rim = _ROUND[structure.x]
-        return scale * (rim + bend * (radii[0] ** -2 + radii[1] ** -2) / 8.0)
+        bend, edge = _ROUND[structure.x]
+        return scale * (edge + bend * (radii[0] ** -2 + radii[1] ** -2) / 8.0)
     curve = read_curve(structure.x, "x")
     assert isinstance(curve, SampledCurve)
     half = np.array(curve.values[len(curve.values) // 2 :])

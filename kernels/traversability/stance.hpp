@@ -1,0 +1,320 @@
+// Whether a vehicle with a heading can be at each reference point of a window, and why not.
+//
+// What a slope and a soil ask of a vehicle is wanted for every pixel and heading, and takes some
+// microseconds. So for each soil it is tabulated by slope, and interpolated where all wheels stand
+// on the same.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <variant>
+
+#include "sweeps.hpp"
+#include "vehicle.hpp"
+
+namespace terratool::traversability {
+
+// What a plane slope and a soil ask of a vehicle.
+struct SlopeState {
+    double share;    // of the soil's strength
+    double torque;   // of a wheel, N m
+    double slip;     // 0 where it is not known
+    double energy;   // for a metre of ground, J
+    double drawbar;  // pull that is left, N
+    double deepest;  // sinkage, m
+    double sliding;  // share of the slope on which it slides
+    double tipping;  // share of the slope on which it tips over
+    double reserve;  // how much more it may lean until it tips over, rad
+};
+
+template <class Visit> void visit_members(SlopeState& s, Visit visit) {
+    visit("share", s.share), visit("torque", s.torque), visit("slip", s.slip);
+    visit("energy", s.energy), visit("drawbar", s.drawbar), visit("deepest", s.deepest);
+    visit("sliding", s.sliding), visit("tipping", s.tipping), visit("reserve", s.reserve);
+}
+
+// The share that a size takes of a limit.
+INLINE double share_of(double size, double limit) {
+    if (size <= 0.0) return 0.0;
+    return limit > 0.0 ? size / limit : INF;
+}
+
+// An angle that has a tangent.
+INLINE double below_upright(double angle) {
+    constexpr double steep = 89.9 * (PI / 180.0);
+    return clamp(angle, -steep, steep);
+}
+
+// A vehicle whose wheels stand on soils, on a plane with the tangents `along`, where it heads, and
+// `across`, to its left. Loads and contacts of the wheels are worked out.
+inline SlopeState slope_state(const Vehicle& v, double along, double across, LoadedWheels wheels) {
+    SlopeState out;
+    auto load_and_sink = [&](const Gravity& g) {
+        load_wheels(wheels, v.layout, v.weight, g);
+        return sink_wheels(wheels, v.wheel);
+    };
+    Gravity g = gravity(along, across);
+    Sinkage sunk = load_and_sink(g);
+    double pull = -v.weight * g.forward;
+    Drive drive = drive_wheels(wheels, pull, v.wheel, v.max_torque);
+    bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque <= v.max_torque;
+    out.energy = moves ? max(0.0, drive.torques) / (v.wheel.radius * (1.0 - drive.slip)) : INF;
+    out.deepest = sunk.deepest;
+    double tilt_along = along, tilt_across = across;
+    for (i64 n = 0; n < count_of(wheels); ++n) {
+        const LoadedWheel& f = wheels[n];
+        tilt_along -= v.fit_along[n] * f.soil.sinkage * f.load;
+        tilt_across -= v.fit_across[n] * f.soil.sinkage * f.load;
+    }
+    double mobile = least_mobilised(wheels, v.wheel, v.max_slip);
+    out.drawbar = pulls(wheels, mobile, v.wheel, v.max_torque).force - resistances(wheels) - pull;
+    double slope = hypot(along, across), held = sunk.held;
+    if (v.slope_margin > 0.0) {
+        // what it must be able to do is that on slopes steeper by so much
+        double steeper = atan(along) + v.slope_margin * (along >= 0.0 ? 1.0 : -1.0);
+        g = gravity(tan(below_upright(steeper)), across);
+        load_and_sink(g);
+        drive = drive_wheels(wheels, -v.weight * g.forward, v.wheel, v.max_torque);
+        double steepest = tan(below_upright(atan(slope) + v.slope_margin));
+        double east = slope > 0.0 ? along / slope : 0.0, north = slope > 0.0 ? across / slope : 1.0;
+        held = load_and_sink(gravity(steepest * east, steepest * north)).held;
+        slope = steepest;
+    }
+    out.share = drive.utilisation, out.torque = drive.torque, out.slip = drive.slip;
+    out.sliding = share_of(v.weight * sin(atan(slope)), held);
+    g = gravity(tilt_along, tilt_across);
+    out.tipping = tipping(v.layout, g);
+    out.reserve = tip_reserve(v.layout, g);
+    return out;
+}
+
+// The states of a vehicle on a soil, by slope.
+class SlopeTable {
+public:
+    SlopeTable(const Vehicle& v, const Soil& soil) : max_torque_(v.max_torque) {
+        auto wheels = wheels_on(v.layout, soil);
+        for (int i = 0; i < SIDE; ++i)
+            for (int j = 0; j <= HALF; ++j)
+                states_.push_back(
+                    slope_state(v, (i - HALF) / double(STEPS), j / double(STEPS), wheels)
+                );
+    }
+
+    // Interpolate between slopes; none where that would be none: where limits lie in between, or
+    // where soil's strength and slip change much.
+    std::optional<SlopeState> find(double along, double across) const {
+        double x = (along + STEEPEST) * STEPS, y = abs(across) * STEPS;
+        if (!(0.0 <= x && x < SIDE - 1 && y < HALF)) return {};
+        int i = int(x), j = int(y);
+        double s = x - i, t = y - j;
+        const SlopeState *low = &states_[i * (HALF + 1) + j], *high = low + (HALF + 1);
+        const SlopeState &one = low[0], &two = low[1], &three = high[0], &four = high[1];
+        Kind kind = kind_of(one);
+        bool alike = kind_of(two) == kind && kind_of(three) == kind && kind_of(four) == kind;
+        if (kind == ENDLESS || !alike) return {};
+        if (kind == MOVES) {
+            for (auto n : {&SlopeState::share, &SlopeState::slip}) {
+                double least = min(min(one.*n, two.*n), min(three.*n, four.*n));
+                double most = max(max(one.*n, two.*n), max(three.*n, four.*n));
+                if (most - least > SMOOTH) return {};
+            }
+        }
+        auto between = [](double a, double b, double at) {
+            return at > 0.0 ? a + (b - a) * at : a;
+        };
+        SlopeState out;
+        for (auto n :
+             {&SlopeState::share, &SlopeState::torque, &SlopeState::slip, &SlopeState::energy,
+              &SlopeState::drawbar, &SlopeState::deepest, &SlopeState::sliding,
+              &SlopeState::tipping, &SlopeState::reserve})
+            out.*n = between(between(one.*n, two.*n, t), between(three.*n, four.*n, t), s);
+        if (kind == STUCK) {
+            out.energy = INF;
+            if (!(out.slip < INF)) out.slip = INF;
+        }
+        return out;
+    }
+
+private:
+    static constexpr int STEPS = 50;         // for a tangent of 1 …
+    static constexpr double STEEPEST = 1.0;  // … up to which it goes, ahead both ways …
+    static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;  // … and to a side
+    static constexpr double SMOOTH = 0.08;  // shares or slips that differ by more are not smooth
+    enum Kind { MOVES, STUCK, ENDLESS };    // it does, does not, or what it takes is not finite
+
+    double max_torque_;
+    std::vector<SlopeState> states_;  // (SIDE, HALF + 1)
+
+    Kind kind_of(const SlopeState& s) const {
+        if (s.share < 1.0 && s.slip < 1.0 && s.torque <= max_torque_) return MOVES;
+        return abs(s.share + s.torque + s.sliding + s.tipping) < INF ? STUCK : ENDLESS;
+    }
+};
+
+// A vehicle, and the soils of a terrain by id, the index of the surface and one. May be used by
+// several threads at a time.
+class VehicleOnSoils {
+public:
+    const Vehicle& vehicle;
+    std::vector<Soil> soils;
+    In steps;  // the highest step on each soil, m
+
+    VehicleOnSoils(const Vehicle& vehicle, const Soils& all, In steps)
+        : vehicle(vehicle), soils(each(all.size(), [&](std::size_t n) { return all[n]; })),
+          steps(steps), tables_(std::make_unique<Table[]>(all.size())) {}
+
+    // Its state where all wheels stand on one soil, if that can be interpolated.
+    std::optional<SlopeState> find(i64 soil, double along, double across) const {
+        Table& table = tables_[soil];
+        std::call_once(table.once, [&] { table.made.emplace(vehicle, soils[soil]); });
+        return table.made->find(along, across);
+    }
+
+private:
+    struct Table {
+        std::once_flag once;
+        std::optional<SlopeTable> made;  // when it is first wanted
+    };
+    std::unique_ptr<Table[]> tables_;
+};
+
+// Planes of numbers that are found out with the verdicts.
+enum Plane { UTILISATION, PITCH, ROLL, SINKAGE, SLIP, ENERGY, DRAWBAR, RESERVE, PLANES };
+static_assert(PLANES == 8);  // as the shape of `numbers` says below
+
+template <class Visit> void visit_enumerators(Plane, Visit visit) {
+    visit("UTILISATION", UTILISATION), visit("PITCH", PITCH), visit("ROLL", ROLL);
+    visit("SINKAGE", SINKAGE), visit("SLIP", SLIP), visit("ENERGY", ENERGY);
+    visit("DRAWBAR", DRAWBAR), visit("RESERVE", RESERVE), visit("PLANES", PLANES);
+}
+
+// Surfaces, rows of the soils, as ground is.
+using SurfaceIds = std::variant<Cube<const u8>, Cube<const u16>, Cube<const u32>>;
+
+// What a vehicle stands on; all but the plane and the surfaces are (height, width).
+struct Stance {
+    Ground plane;  // through the wheels' supports: its height, NaN where one has none, dz/dx, dz/dy
+    Heights bump, front, rear;  // how far ground stands above it under body and overhangs, m
+    Heights rough;              // RMS distance of the ground from its plane, m; NaN for not known
+    Heights step;               // the highest ahead of the wheels, m
+    Matrix<const bool> beyond;  // whether it reaches beyond the terrain
+    SurfaceIds surfaces;
+    i64 first;       // row of the first reference points in these
+    Offsets wheels;  // where the wheels stand in these
+};
+
+template <class Visit> void visit_arguments(Stance& s, Visit visit) {
+    visit("plane[3,h,w]", s.plane), visit("bump[h,w]", s.bump), visit("front[h,w]", s.front);
+    visit("rear[h,w]", s.rear), visit("rough[h,w]", s.rough), visit("step[h,w]", s.step);
+    visit("beyond[h,w]", s.beyond), visit("surfaces", s.surfaces), visit("first", s.first);
+    visit("wheels[_,3]", s.wheels);
+}
+
+// What is found out at each reference point: numbers of `Verdict` and `Reason`, and the planes.
+struct Verdicts {
+    Matrix<u8> verdict, reason;
+    Cube<float> numbers;
+};
+
+template <class Visit> void visit_arguments(Verdicts& v, Visit visit) {
+    visit("verdict[h,w]", v.verdict), visit("reason[h,w]", v.reason);
+    visit("numbers[8,h,w]", v.numbers);
+}
+
+// Judge a vehicle with the heading of the unit vector `east`, `north` at every reference point.
+template <class Id>
+void judge_points(
+    const VehicleOnSoils& on, const Stance& stance, Cube<const Id> surfaces, double east,
+    double north, const Verdicts& out
+) {
+    const Vehicle& v = on.vehicle;
+    auto wheels = wheels_on(v.layout, {});
+    std::vector<const Id*> under(wheels.size());
+    double shape = v.go_geometry;
+    for (i64 i = 0; i < out.verdict.rows(); ++i) {
+        for (i64 n = 0; n < count_of(under); ++n)
+            under[n] = swept_row(surfaces, stance.first, stance.wheels[n], i);
+        for (i64 j = 0; j < out.verdict.columns(); ++j) {
+            auto number = [&](Plane plane) -> float& { return out.numbers(plane, i, j); };
+            for (int p = 0; p < PLANES; ++p) number(Plane(p)) = float(NaN);
+            if (stance.beyond(i, j) || isnan(stance.plane(0, i, j))) {
+                out.verdict(i, j) = u8(Verdict::NO_GO);
+                out.reason(i, j) = u8(stance.beyond(i, j) ? Reason::EDGE : Reason::NO_GROUND);
+                number(UTILISATION) = number(ENERGY) = float(INF);
+                continue;
+            }
+            double dx = stance.plane(1, i, j), dy = stance.plane(2, i, j);
+            double along = dx * east + dy * north, across = dy * east - dx * north;
+            Gravity g = gravity(along, across);
+
+            bool known = true, alike = true, vague = false;
+            double limit = INF;
+            for (std::size_t n = 0; n < wheels.size(); ++n) {
+                const Soil& soil = on.soils[under[n][j]];
+                known = known && !isnan(soil.cohesion);
+                alike = alike && under[n][j] == under[0][j];
+                vague =
+                    vague || (wheels[n].driven && soil.sinkage > 0.0 && soil.shear_modulus == 0.0);
+                limit = min(limit, on.steps[under[n][j]]);
+            }
+            SlopeState need{};
+            if (!known) {
+                // only what the vehicle's shape decides is known
+                need.tipping = tipping(v.layout, g);
+                need.reserve = tip_reserve(v.layout, g);
+            } else {
+                auto found = alike ? on.find(under[0][j], along, across) : std::nullopt;
+                if (!found) {
+                    for (std::size_t n = 0; n < wheels.size(); ++n)
+                        wheels[n].soil = on.soils[under[n][j]];
+                    found = slope_state(v, along, across, wheels);
+                }
+                need = *found;
+            }
+
+            Judgement judged{Verdict::GO};
+            judged.add(Reason::TIP_OVER, need.tipping, shape, false);
+            judged.add(Reason::STEP, share_of(stance.step(i, j), limit), shape, false);
+            if (stance.rough(i, j) > 0.0f) {
+                double share = share_of(stance.rough(i, j), v.roughness);
+                judged.add(Reason::ROUGHNESS, share, shape, false);
+            }
+            double sunk = need.deepest;
+            auto add_bump = [&](Heights rises, double room, Reason why) {
+                if (!(room < INF)) return;
+                double rise = max(0.0, double(rises(i, j))) * g.down + sunk;
+                judged.add(why, share_of(rise, room), shape, true);
+            };
+            add_bump(stance.bump, v.clearance, Reason::HIGH_CENTRED);
+            add_bump(stance.front, v.front, Reason::APPROACH);
+            add_bump(stance.rear, v.rear, Reason::APPROACH);
+            if (known) {
+                judged.add(Reason::TRACTION, need.share, v.go_traction, true);
+                judged.add(Reason::SLIP, need.slip / v.slip, v.go_slip, true);
+                judged.add(Reason::TORQUE, share_of(need.torque, v.max_torque), v.go_torque, false);
+                judged.add(Reason::SINKAGE, sunk / v.wheel.radius, shape, true);
+                judged.add(Reason::SIDE_SLIP, need.sliding, shape, false);
+                number(SINKAGE) = float(sunk), number(SLIP) = float(vague ? NaN : need.slip);
+                number(ENERGY) = float(need.energy), number(DRAWBAR) = float(need.drawbar);
+            } else if (judged.verdict != Verdict::NO_GO) {
+                // whatever the soil is like, the rest can be driven
+                judged = {Verdict::UNKNOWN, Reason::SOIL_UNKNOWN, NaN};
+            }
+            out.verdict(i, j) = u8(judged.verdict), out.reason(i, j) = u8(judged.reason);
+            number(PITCH) = float(atan(along)), number(ROLL) = float(atan(across));
+            number(UTILISATION) = float(judged.worst), number(RESERVE) = float(need.reserve);
+        }
+    }
+}
+
+inline void judge_cells(
+    const VehicleOnSoils& on, const Stance& stance, double east, double north, const Verdicts& out
+) {
+    std::visit(
+        [&](auto surfaces) { judge_points(on, stance, surfaces, east, north, out); },
+        stance.surfaces
+    );
+}
+
+}  // namespace terratool::traversability

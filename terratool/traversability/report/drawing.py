@@ -1,0 +1,308 @@
+"""Pictures of a report: a map as PNG, and profiles along routes as SVG."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.traversability.report import wording
+from terratool.traversability.results import COLORS, RANKS, RouteProfile, Survey, Verdict
+
+_LEFT, _RIGHT, _TOP = 52, 12, 22
+"""Margins for the numbers of the axes, and for what the upper axis is of."""
+_HILL, _STRIP, _GAP, _SUNK, _BELOW = 130, 10, 30, 56, 40
+"""Heights: of the ground's panel, the strip, the room between, the sinkage's panel, the x axis."""
+
+SHADING = 0.8, 1.08
+"""Shares of a colour that are left in the shade and in full light."""
+
+_SIDE = 720
+"""Pixels that the longer side has at least, so that the hatching is fine."""
+_HATCH = 12
+"""Pixels from one line of the hatching to the next."""
+_OUTLINE = (11, 61, 145)
+"""Colour of the outline of what can be reached."""
+_LIGHT = np.radians(315.0), np.radians(45.0)
+"""Azimuth and height of the light."""
+_RELIEF = np.tan(np.radians(40.0))
+"""Slope that the steeper ground of a flat terrain is exaggerated to."""
+_MOST = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Bins:
+    """A profile at the columns of a picture: low and high ground, deepest sinkage, worst verdict.
+
+    A verdict that is not known counts as worse than go and better than no-go.
+    """
+
+    x: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    sinkage: NDArray[np.float64]
+    verdict: NDArray[np.int64]
+
+
+def chart(profile: RouteProfile, width: int) -> str:
+    """A profile as an SVG element of this width in pixels; empty where it has no length.
+
+    Args:
+        profile: along a route.
+        width: of the picture, 240 or more.
+    """
+    total = float(profile.distance[-1] - profile.distance[0]) if len(profile.distance) else 0.0
+    if not total > 0.0:
+        return ""
+    bins = _binned(profile, total, width - _LEFT - _RIGHT)
+    bottom = _TOP + _HILL + _STRIP + _GAP + _SUNK
+    finite = bins.high[np.isfinite(bins.high)]
+    low, high = (float(np.nanmin(bins.low)), float(finite.max())) if finite.size else (0.0, 1.0)
+    if high - low < 1e-9 * max(1.0, abs(high)):
+        low, high = low - 0.5, high + 0.5
+    sunk = np.nan_to_num(bins.sinkage)
+    deepest = float(sunk.max())
+    parts = [
+        f'<svg class="profile" xmlns="http://www.w3.org/2000/svg" role="img" '
+        f'viewBox="0 0 {width} {bottom + _BELOW}" width="{width}" height="{bottom + _BELOW}" '
+        f'aria-label="{escape(_described(profile, total))}">',
+        *_axis(low, high, _TOP + _HILL, _TOP, width, "height, m"),
+        _ground(bins, low, high),
+        *_strip(bins),
+    ]
+    zero = _TOP + _HILL + _STRIP + _GAP
+    most = deepest * 1e3 if deepest > 0.0 else 1.0
+    parts += _axis(0.0, most, zero, zero + _SUNK, width, "sinkage, mm")
+    if deepest > 0.0:
+        parts.append(_sinkage_area(bins.x, sunk / deepest * _SUNK, zero))
+    parts += [*_distances(total, width, bottom), "</svg>"]
+    return "".join(parts)
+
+
+def _binned(profile: RouteProfile, total: float, columns: int) -> _Bins:
+    along = (profile.distance - profile.distance[0]) / total * columns
+    index = np.minimum(np.floor(along), columns - 1).astype(np.int64)
+    starts = np.flatnonzero(np.diff(index, prepend=-1))
+    order = np.array([Verdict.GO, Verdict.UNKNOWN, Verdict.CAUTION, Verdict.NO_GO])
+    worst = np.maximum.reduceat(np.argsort(order)[profile.verdict], starts)
+    x = along[starts]
+    x[-1] = columns
+    return _Bins(
+        x + _LEFT,
+        np.fmin.reduceat(profile.height, starts),
+        np.fmax.reduceat(profile.height, starts),
+        np.fmax.reduceat(profile.sinkage, starts),
+        order[worst],
+    )
+
+
+def _ground(bins: _Bins, low: float, high: float) -> str:
+    scale = _HILL / (high - low)
+    path, drawing = [], False
+    for x, least, most in zip(bins.x.tolist(), bins.low.tolist(), bins.high.tolist(), strict=True):
+        if not math.isfinite(least):
+            drawing = False
+            continue
+        top, foot = _TOP + (high - most) * scale, _TOP + (high - least) * scale
+        path.append(f"{'L' if drawing else 'M'}{x:.1f} {foot:.1f}")
+        if foot - top >= 0.1:
+            path.append(f"L{x:.1f} {top:.1f}")
+        drawing = True
+    return f'<path class="ground" d="{"".join(path)}"/>'
+
+
+def _strip(bins: _Bins) -> Iterator[str]:
+    ends = [*np.flatnonzero(np.diff(bins.verdict)).tolist(), len(bins.x) - 1]
+    start = float(bins.x[0])
+    for last in ends:
+        end = float(bins.x[min(last + 1, len(bins.x) - 1)])
+        verdict = Verdict(int(bins.verdict[last]))
+        yield (
+            f'<rect class="{verdict.label}" x="{start:.1f}" y="{_TOP + _HILL}" '
+            f'width="{max(end - start, 1.0):.1f}" height="{_STRIP}"/>'
+        )
+        start = end
+
+
+def _sinkage_area(x: NDArray[np.float64], depth: NDArray[np.float64], zero: int) -> str:
+    line = "".join(
+        f"L{at:.1f} {zero + deep:.1f}" for at, deep in zip(x.tolist(), depth.tolist(), strict=True)
+    )
+    return f'<path class="sunken" d="M{x[0]:.1f} {zero}{line}L{x[-1]:.1f} {zero}Z"/>'
+
+
+def _axis(
+    first: float, last: float, y_first: float, y_last: float, width: int, title: str
+) -> Iterator[str]:
+    """Lines and numbers of an axis that goes from `first` at `y_first` to `last` at `y_last`."""
+    for value in ticks(first, last, round(abs(y_last - y_first) / 32)):
+        y = y_first + (value - first) / (last - first) * (y_last - y_first)
+        yield f'<path class="rule" d="M{_LEFT} {y:.1f}H{width - _RIGHT}"/>'
+        text = wording.number(value)
+        yield f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
+    yield f'<text class="title" x="{_LEFT}" y="{min(y_first, y_last) - 8:.1f}">{title}</text>'
+
+
+def _distances(total: float, width: int, bottom: float) -> Iterator[str]:
+    room = width - _LEFT - _RIGHT
+    for value in ticks(0.0, total, max(3, room // 90)):
+        x = _LEFT + value / total * room
+        yield f'<path class="tick" d="M{x:.1f} {bottom}v5"/>'
+        text = wording.number(value)
+        yield f'<text x="{x:.1f}" y="{bottom + 18}" text-anchor="middle">{text}</text>'
+    yield f'<path class="tick" d="M{_LEFT} {bottom}H{width - _RIGHT}"/>'
+    yield (
+        f'<text class="title" x="{width - _RIGHT}" y="{bottom + 34}" text-anchor="end">'
+        "distance, m</text>"
+    )
+
+
+def ticks(first: float, last: float, count: int) -> list[float]:
+    """Round numbers from first to last: about so many, 1, 2 or 5 times a power of ten apart."""
+    raw = (last - first) / count
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * 0.999)
+    start = math.ceil(first / step - 1e-9)
+    return [index * step for index in range(start, math.floor(last / step + 1e-9) + 1)]
+
+
+def _described(profile: RouteProfile, total: float) -> str:
+    known = profile.height[np.isfinite(profile.height)]
+    heights = ""
+    if known.size:
+        low, high = (wording.length(float(height)) for height in (known.min(), known.max()))
+        heights = f"heights from {low} to {high}, "
+    sunk = profile.sinkage[np.isfinite(profile.sinkage)]
+    deepest = wording.length(float(sunk.max())) if sunk.size else "no"
+    return f"Profile over {wording.length(total)}: {heights}{deepest} of sinkage at most."
+
+
+def best_verdicts(survey: Survey) -> NDArray[np.uint8]:
+    """The verdict of the best heading at each pixel, (height, width) uint8.
+
+    What is not known is better than no-go, as it is in the map.
+    """
+    verdicts = np.argsort(RANKS).astype(np.uint8)  # by their ranks
+    out: NDArray[np.uint8] = verdicts[RANKS[survey.verdict].min(axis=0)]
+    return out
+
+
+def exaggeration(survey: Survey) -> float:
+    """How much steeper the shading shows the ground, 1 to 10: so that gentle hills are seen."""
+    east, north = _gradient(survey.heights, survey.grid.resolution)
+    steepness = np.hypot(east, north)
+    steepness = steepness[steepness > 0.0]
+    if not steepness.size:
+        return 1.0
+    factor = float(np.clip(_RELIEF / np.quantile(steepness, 0.95), 1.0, _MOST))
+    return float(f"{factor:.1g}")
+
+
+def hillshade(
+    heights: NDArray[np.float32], resolution: float, exaggerated: float = 1.0
+) -> NDArray[np.float64]:
+    """Light on the ground, 0 to 1, (height, width) float64; level ground has sin 45°.
+
+    Slopes by Horn's formula (B. K. P. Horn, Hill shading and the reflectance map, Proceedings of
+    the IEEE 69(1), 1981), light from the north-west; missing neighbours count as level.
+
+    Args:
+        heights: (height, width), rows from the north, NaN where there is no ground.
+        resolution: side of a pixel.
+        exaggerated: factor on heights.
+    """
+    east, north = _gradient(heights, resolution)
+    azimuth, height = _LIGHT
+    east, north = east * exaggerated, north * exaggerated
+    towards = -east * np.sin(azimuth) - north * np.cos(azimuth)
+    light = (np.sin(height) + towards * np.cos(height)) / np.sqrt(1.0 + east**2 + north**2)
+    return np.asarray(np.clip(light, 0.0, 1.0))
+
+
+def map_picture(survey: Survey, reached: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
+    """The picture, (height, width, 4) uint8 RGBA, transparent where there is no ground.
+
+    A pixel of the survey is a square of as many pixels as it takes for the longer side to have 720.
+
+    Args:
+        survey: of a vehicle.
+        reached: (height, width) what can be reached; gets an outline.
+    """
+    shade = hillshade(survey.heights, survey.grid.resolution, exaggeration(survey))
+    verdict = best_verdicts(survey)
+    palette = np.array([COLORS[code] for code in sorted(COLORS)], np.float64)
+    level = np.sin(_LIGHT[1])
+    # shading must not turn one verdict's lightness to another's
+    light = np.clip(1.0 + 0.4 * (shade - level), *SHADING)
+    painted = palette[verdict] * light[..., np.newaxis]
+    scale = max(1, -(-_SIDE // max(verdict.shape)))
+    painted = painted.repeat(scale, axis=0).repeat(scale, axis=1)
+    verdict = verdict.repeat(scale, axis=0).repeat(scale, axis=1)
+    row, column = np.indices(verdict.shape, np.int32)
+    line = (row + column) % _HATCH < 3
+    painted[line & (verdict == Verdict.NO_GO)] *= 0.55
+    dot = (row % _HATCH < 4) & (column % _HATCH < 4)
+    painted[dot & (verdict == Verdict.UNKNOWN)] *= 0.6
+    if reached is not None:
+        inside = reached.repeat(scale, axis=0).repeat(scale, axis=1)
+        painted[_outline(inside)] = _OUTLINE
+    ground = np.isfinite(survey.heights).repeat(scale, axis=0).repeat(scale, axis=1)
+    rgba = np.empty((*verdict.shape, 4), np.uint8)
+    rgba[..., :3] = np.clip(np.rint(painted), 0.0, 255.0)
+    rgba[..., 3] = np.where(ground, 255, 0)
+    rgba[~ground, :3] = 0
+    return rgba
+
+
+def _outline(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The outermost two pixels of an area."""
+    core = np.pad(inside, 2, mode="edge")
+    rows, columns = inside.shape
+    shrunk = np.ones_like(inside)
+    for row, column in ((0, 2), (4, 2), (2, 0), (2, 4)):
+        shrunk &= core[row : row + rows, column : column + columns]
+    return inside & ~shrunk
+
+
+def png(pixels: NDArray[np.uint8]) -> bytes:
+    """A picture as the bytes of a PNG file.
+
+    Args:
+        pixels: (height, width, bands) uint8.
+    """
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+    from rasterio.io import MemoryFile
+
+    height, width, bands = pixels.shape
+    with rasterio.Env(GDAL_PAM_ENABLED=False), MemoryFile(ext=".png") as memory:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with memory.open(
+                driver="PNG", height=height, width=width, count=bands, dtype="uint8", ZLEVEL=9
+            ) as file:
+                file.write(np.moveaxis(pixels, -1, 0))
+        return bytes(memory.getbuffer())
+
+
+def _gradient(
+    heights: NDArray[np.float32], resolution: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rise for each unit to the east and to the north, by Horn's weights; 0 where unknown."""
+    padded = np.pad(heights.astype(np.float64), 1, mode="reflect", reflect_type="odd")
+    middle = padded[1:-1, 1:-1]
+    rows, columns = middle.shape
+
+    def at(row: int, column: int) -> NDArray[np.float64]:
+        near = padded[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
+        return np.where(np.isfinite(near), near, middle)
+
+    east = at(-1, 1) + 2.0 * at(0, 1) + at(1, 1) - at(-1, -1) - 2.0 * at(0, -1) - at(1, -1)
+    north = at(-1, -1) + 2.0 * at(-1, 0) + at(-1, 1) - at(1, -1) - 2.0 * at(1, 0) - at(1, 1)
+    span = 8.0 * resolution
+    return np.nan_to_num(east / span), np.nan_to_num(north / span)

@@ -1,0 +1,348 @@
+"""What a vehicle covers of a grid, heading by heading, and the ground on which it stands there."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.bounds import nonzero_edges
+from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
+from terratool.raster.grid import Grid, Window
+from terratool.raster.painter import Painter
+from terratool.traversability.limits import wheel_layout
+from terratool.traversability.vehicle import Vehicle
+
+Offsets = NDArray[np.int64]
+
+PLACES = 256
+"""Roughness is taken from at most about so many places of a footprint, evenly spread."""
+
+_NEAR = 1e-9
+"""What is so near to an edge, in pixels, lies on it."""
+STEEP = 1.0
+"""Tangent from which on a face counts as a step even if the model has no wall there."""
+_WALLS = 4
+"""So many walls between two pixels count."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeadingFootprint:
+    """What a vehicle with a heading covers; offsets are (n, 2), rows to the south and columns.
+
+    Attributes:
+        direction: unit vector of the heading, east and north.
+        wheels: middle of each wheel, at the nearest pixel.
+        fit: (3, wheels) float64: what the ground under the wheels says of the plane that is fitted
+            to it: its height at the reference point, dz/dx to the east, dz/dy to the north.
+        tread: what one wheel covers.
+        lift: (n,) float32, how far its circle stands above its lowest point there, m, not above 0.
+        lane: what the wheels have ahead of them and their middles: up to a radius, or to the next
+            reference point in that direction if that is farther.
+        body: under the body between the outermost axles.
+        front, rear: under the overhangs.
+        places: where roughness is taken.
+    """
+
+    direction: tuple[float, float]
+    wheels: Offsets
+    fit: NDArray[np.float64]
+    tread: Offsets
+    lift: NDArray[np.float32]
+    lane: Offsets
+    body: Offsets
+    front: Offsets
+    rear: Offsets
+    places: Offsets
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleFootprint:
+    """A vehicle on ground of a resolution.
+
+    Attributes:
+        resolution: of the ground, m.
+        by_heading: for each heading, clockwise from north; the second half are the opposite ones.
+        sides: (headings, 4) m, how far the vehicle reaches west, south, east and north of its
+            reference point.
+        margin: pixels beyond the outermost reference points that may matter.
+        shared: whether opposite headings have the same wheels, body and places.
+    """
+
+    resolution: float
+    by_heading: tuple[HeadingFootprint, ...]
+    sides: NDArray[np.float64]
+    margin: int
+    shared: bool
+
+
+def vehicle_footprint(
+    vehicle: Vehicle, resolution: float, apart: float, headings: int
+) -> VehicleFootprint:
+    """What a vehicle covers at each of some headings.
+
+    Seen from above as on level ground: slopes do not shorten it.
+
+    Args:
+        vehicle: the vehicle.
+        resolution: of the ground, m.
+        apart: reference points along the axes, m.
+        headings: a multiple of 4.
+    """
+    wheels = wheel_layout(vehicle)
+    x, y = wheels.x - vehicle.middle, wheels.y
+    # obliquely the next reference point is farther away, and what is between must be seen, too
+    reaches = [max(vehicle.wheel.radius, apart / max(map(abs, d))) for d in directions(headings)]
+    by_heading = tuple(
+        _covered(vehicle, x, y, resolution, reach, direction)
+        for reach, direction in zip(reaches, directions(headings), strict=True)
+    )
+    front, rear, side = vehicle.rectangle
+    corners = np.array([(front, side), (front, -side), (-rear, side), (-rear, -side)])
+    sides = []
+    for covered in by_heading:
+        east, north = _turned(corners, covered.direction)
+        sides.append((-east.min(), -north.min(), east.max(), north.max()))
+    # wheels that look for steps, and what shows how high these are, reach farthest
+    farthest = math.hypot(max(front, rear), side) + max(reaches) + 2.5 * vehicle.wheel.radius
+    same = {(float(a), float(b)) for a, b in zip(x, y, strict=True)}
+    shared = same == {(-a + 0.0, -b + 0.0) for a, b in same}
+    return VehicleFootprint(
+        resolution, by_heading, np.array(sides), math.ceil(farthest / resolution) + 3, shared
+    )
+
+
+def directions(headings: int) -> list[tuple[float, float]]:
+    """Unit vectors east and north, clockwise from north; opposite ones are exactly so."""
+    quarter = []
+    for n in range(headings // 4):
+        angle = 2.0 * math.pi * n / headings
+        quarter.append((math.sin(angle), math.cos(angle)))
+    east = [(north, -east) for east, north in quarter]
+    half = quarter + east
+    return half + [(-east + 0.0, -north + 0.0) for east, north in half]
+
+
+def _turned(
+    points: NDArray[np.float64], direction: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """East and north of points given ahead and to the left."""
+    along, left = points.T
+    return along * direction[0] - left * direction[1], along * direction[1] + left * direction[0]
+
+
+def _covered(
+    vehicle: Vehicle,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    resolution: float,
+    reach: float,
+    direction: tuple[float, float],
+) -> HeadingFootprint:
+    radius, width = vehicle.wheel.radius, vehicle.wheel.width
+    east, north = _turned(np.column_stack([x, y]), direction)
+    wheels = np.column_stack([_nearest(-north / resolution), _nearest(east / resolution)])
+    # a lane is at least as wide as a line of pixels
+    side = max(0.5 * width, 0.5 * resolution * (abs(direction[0]) + abs(direction[1])) - _NEAR)
+    tread, along = _rectangle(-radius, radius, side, resolution, direction)
+    strip, _ = _rectangle(0.0, reach, side, resolution, direction)
+    lane = np.unique((wheels[:, None] + strip[None]).reshape(-1, 2), axis=0)
+    half, body = 0.5 * vehicle.wheelbase, 0.5 * vehicle.body_width
+    nothing = np.empty((0, 2), np.int64)
+    middle = front = rear = nothing
+    if body > 0.0:
+        if math.isfinite(vehicle.clearance):
+            middle, _ = _rectangle(-half, half, body, resolution, direction)
+        if vehicle.front.length > 0.0 and math.isfinite(vehicle.front.height):
+            front, _ = _rectangle(half, half + vehicle.front.length, body, resolution, direction)
+        if vehicle.rear.length > 0.0 and math.isfinite(vehicle.rear.height):
+            rear, _ = _rectangle(-half - vehicle.rear.length, -half, body, resolution, direction)
+    # between the wheels' middles: what wheels would touch there reaches as far as they do
+    length, across = half or radius, 0.5 * (vehicle.track or width)
+    places, _ = _rectangle(-length, length, across, resolution, direction)
+    apart = max(1, round(math.sqrt(len(places) / PLACES)))
+    places = places[(places % apart == 0).all(axis=1)]
+    lift = np.sqrt(np.maximum(radius**2 - along**2, 0.0)) - radius
+    return HeadingFootprint(
+        direction, wheels, _fit(vehicle, wheels, resolution), tread, lift.astype(np.float32), lane,
+        middle, front, rear, places,
+    )  # fmt: skip
+
+
+def _nearest(pixels: NDArray[np.float64]) -> Offsets:
+    """Nearest whole numbers, halves towards 0, so that opposite places have opposite ones."""
+    whole: Offsets = (np.sign(pixels) * np.ceil(np.abs(pixels) - 0.5 - _NEAR)).astype(np.int64)
+    return whole
+
+
+def _rectangle(
+    begin: float, end: float, side: float, resolution: float, direction: tuple[float, float]
+) -> tuple[Offsets, NDArray[np.float64]]:
+    """Pixels from `begin` to `end` ahead and up to `side` to each side, and how far ahead each is.
+
+    By rows from the north, the edges included.
+    """
+    most = math.ceil((max(abs(begin), abs(end)) + side) / resolution) + 1
+    rows, columns = np.mgrid[-most : most + 1, -most : most + 1]
+    along = columns * direction[0] - rows * direction[1]
+    left = -columns * direction[1] - rows * direction[0]
+    inside = (along >= begin / resolution - _NEAR) & (along <= end / resolution + _NEAR)
+    inside &= np.abs(left) <= side / resolution + _NEAR
+    return np.column_stack([rows[inside], columns[inside]]), along[inside] * resolution
+
+
+def _fit(vehicle: Vehicle, wheels: Offsets, resolution: float) -> NDArray[np.float64]:
+    """Least squares of a plane over the wheels' pixels; a level one where they stand in a row."""
+    places = np.column_stack([np.ones(len(wheels)), wheels[:, 1], -wheels[:, 0]])
+    if vehicle.wheelbase == 0.0 or vehicle.track == 0.0 or np.linalg.matrix_rank(places) < 3:
+        return np.vstack([np.full((1, len(wheels)), 1.0 / len(wheels)), np.zeros((2, len(wheels)))])
+    return np.asarray(np.linalg.pinv(places) / [[1.0], [resolution], [resolution]], np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What lies in a window of the fine grid.
+
+    Attributes:
+        heights: (height, width) float32, minus infinity where there is no ground.
+        surfaces: index of the surface and one, 0 for none.
+        slope_x, slope_y: float32, 0 where there is no ground; None where not asked for.
+        pairs: neighbours with a wall or a steep face between them: twice the index of the first
+            pixel, and one for a pair from north to south.
+        jumps: heights of these walls, m, or of the step that a wheel meets where another one
+            follows close by; infinity for a face without one.
+    """
+
+    heights: NDArray[np.float32]
+    surfaces: NDArray[Any]
+    slope_x: NDArray[np.float32] | None
+    slope_y: NDArray[np.float32] | None
+    pairs: NDArray[np.int64]
+    jumps: NDArray[np.float64]
+
+
+class GroundPainter:
+    """Paints windows of ground; may be used by several threads at a time.
+
+    Windows may reach beyond the grid; no pixel depends on the window.
+
+    Args:
+        terrain: the terrain.
+        grid: the pixels.
+        least: walls and faces lower than this, m, are left out.
+        slopes: whether slopes are wanted.
+        radius: of the wheels, m.
+    """
+
+    def __init__(
+        self, terrain: Terrain, grid: Grid, least: float, slopes: bool, radius: float
+    ) -> None:
+        self._terrain, self._grid, self._least, self._radius = terrain, grid, least, radius
+        self._painter = Painter(terrain, grid, slopes=slopes, labels=True)
+        self._edges = nonzero_edges(terrain.arrays)
+        self._idle: deque[kernels.WallFinder] = deque()
+
+    def paint(self, window: Window) -> Ground:
+        """The ground of a window."""
+        planes = self._painter.paint(window)
+        assert planes.surfaces is not None and planes.labels is not None
+        heights = planes.heights
+        pairs, same = _rises(heights, planes.labels, self._least, self._grid.resolution)
+        jumps = np.full(len(pairs), np.inf)
+        jumps[~same] = self._walls(window, pairs[~same])
+        found = jumps >= self._least
+        # where no wall is found the ground itself may still be too steep
+        steep = ~found & (_rise(heights, pairs) > STEEP * self._grid.resolution)
+        jumps[steep] = np.inf
+        pairs, jumps = pairs[found | steep], jumps[found | steep]
+        hole = np.isnan(heights)
+        if hole.any():
+            heights[hole] = -np.inf
+            for slope in (planes.slope_x, planes.slope_y):
+                if slope is not None:
+                    slope[hole] = 0.0
+        return Ground(heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps)
+
+    def _walls(self, window: Window, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
+        places, jumps = np.empty((len(pairs), _WALLS)), np.empty((len(pairs), _WALLS))
+        if not len(pairs):
+            return jumps[:, 0]
+        try:
+            finder = self._idle.pop()
+        except IndexError:
+            finder = kernels.WallFinder(self._terrain.field, self._edges)
+        kernels.walls_between(
+            finder, pairs, self._grid.columns(window), self._grid.rows(window),
+            self._grid.resolution, 0.5 * self._least, places, jumps,
+        )  # fmt: skip
+        self._idle.append(finder)
+        return steps_met(pairs, window.width, places, jumps, self._radius)
+
+
+def steps_met(
+    pairs: NDArray[np.int64],
+    width: int,
+    places: NDArray[np.float64],
+    jumps: NDArray[np.float64],
+    radius: float,
+) -> NDArray[np.float64]:
+    """The step that a wheel meets at each pair: its highest wall, or more if two stand close by.
+
+    A wheel that touches the edges of two walls, the upper one h above the other and t behind it,
+    touches the upper at γ + β from the downward vertical: tan γ = h/t, sin β = √(t² + h²)/D. That
+    is so if t² < 2 r h − h²; where they stand farther apart it rolls up one after the other.
+
+    Args:
+        pairs: as in `Ground`.
+        width: of the window, pixels.
+        places: (pairs, walls) where each wall stands along its axis, m.
+        jumps: (pairs, walls) how much the ground rises there along it, m; 0 for no wall.
+        radius: of the wheels, m.
+
+    Returns:
+        (pairs,) heights, m; 0 without a wall.
+    """
+    met: NDArray[np.float64] = np.abs(jumps).max(axis=1, initial=0.0)
+    index, which = np.nonzero(jumps)
+    pixel, down = pairs[index] >> 1, pairs[index] & 1
+    line = 2 * np.where(down, pixel % width, pixel // width) + down
+    place, jump = places[index, which], jumps[index, which]
+    order = np.lexsort([place, line])
+    index, line, place, jump = index[order], line[order], place[order], jump[order]
+    apart, up = np.diff(place), jump[1:] > 0.0
+    upper = np.minimum(np.abs(np.where(up, jump[1:], jump[:-1])), radius)
+    both = (np.diff(line) == 0) & (up == (jump[:-1] > 0.0))
+    both &= apart**2 < upper * (2.0 * radius - upper)
+    chord = np.minimum(np.hypot(apart, upper) / (2.0 * radius), 1.0)
+    angle = np.minimum(np.arctan2(upper, apart) + np.arcsin(chord), 0.5 * np.pi)
+    height = radius * (1.0 - np.cos(angle))
+    for side in (index[:-1], index[1:]):
+        np.maximum.at(met, side[both], height[both])
+    return met
+
+
+def _rises(
+    heights: NDArray[np.float32], labels: NDArray[np.uint32], least: float, resolution: float
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Pairs that rise enough for a step, ascending, and whether they are of one label."""
+    pairs, same = [], []
+    for down in (0, 1):
+        first = np.s_[:-1] if down else np.s_[:, :-1]
+        second = np.s_[1:] if down else np.s_[:, 1:]
+        rise = np.abs(heights[second] - heights[first])
+        alike = labels[second] == labels[first]
+        row, column = np.nonzero((rise >= least) & (~alike | (rise > STEEP * resolution)))
+        pairs.append(2 * (row * heights.shape[1] + column) + down)
+        same.append(alike[row, column])
+    return np.concatenate(pairs), np.concatenate(same)
+
+
+def _rise(heights: NDArray[np.float32], pairs: NDArray[np.int64]) -> NDArray[np.float32]:
+    flat, pixel = heights.reshape(-1), pairs >> 1
+    other = pixel + np.where(pairs & 1, heights.shape[1], 1)
+    return np.asarray(np.abs(flat[other] - flat[pixel]), np.float32)
