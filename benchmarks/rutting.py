@@ -12,11 +12,11 @@ import numpy as np
 import terrains
 from measure import line, medians
 
+from terratool.definition.layout import canonical
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.raster.painter import Painter
-from terratool.text.format import canonical
 from terratool.text.source import Source
 
 SEGMENTS = 10_000

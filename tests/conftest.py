@@ -69,7 +69,7 @@ def terrain_of(definition: dict[str, Any]) -> Terrain:
     """The terrain of a definition that must be valid."""
     checked = check(Source("test.json", text_of(definition).encode()))
     assert checked.definition is not None, checked.findings
-    return Terrain(checked.definition)
+    return Terrain(checked)
 
 
 @pytest.fixture

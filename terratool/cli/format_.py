@@ -10,11 +10,11 @@ import click
 
 from terratool.cli.report import ValidationReport, ValidationSummary, as_text
 from terratool.cli.terminal import Status, called
+from terratool.definition.layout import canonical
 from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
 from terratool.text.display import printable
-from terratool.text.format import canonical
 from terratool.text.source import PLAIN, Source, read_source, sources
 
 

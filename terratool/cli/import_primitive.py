@@ -157,10 +157,10 @@ def _deliver(
     as_json: bool,
 ) -> None:
     """Write the primitive where it is to go, and say how well it fits."""
+    from terratool.definition.layout import primitives_text
     from terratool.importing.primitive import insert
     from terratool.importing.primitive.build import sentences
     from terratool.output import whole_file
-    from terratool.text.edit import object_of
 
     written = None
     notes: list[str] = []
@@ -173,7 +173,7 @@ def _deliver(
         written = str(target.output)
     elif output is not None:
         with whole_file(output, overwrite) as path:
-            path.write_text(object_of(imported.primitives()), encoding="utf-8", newline="\n")
+            path.write_text(primitives_text(imported.primitives()), encoding="utf-8", newline="\n")
         written = output
     if as_json:
         report = {"file": written, **imported.to_json()}
@@ -181,7 +181,7 @@ def _deliver(
         click.echo(json.dumps(report, indent=2, ensure_ascii=False))
         return
     if written is None:
-        click.echo(object_of(imported.primitives()), nl=False)
+        click.echo(primitives_text(imported.primitives()), nl=False)
     else:
         click.echo(f"{written}: has {' and '.join(imported.names)} now")
     lines = [*sentences(imported), *notes]

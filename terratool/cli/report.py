@@ -14,8 +14,9 @@ from msgspec.structs import asdict
 
 from terratool import __version__
 from terratool.definition.findings import Finding
-from terratool.definition.rules import Rule, all_rules
-from terratool.text.display import Excerpt, columns_of, printable
+from terratool.definition.rules import RULES
+from terratool.definition.rules.base import Rule
+from terratool.text.display import Excerpt, columns_of, counted, printable
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 
@@ -27,7 +28,7 @@ def log(findings: Iterable[Finding], unreadable: Sequence[tuple[str, str]]) -> d
         findings: what was found.
         unreadable: names of files that could not be read, and why.
     """
-    rules = all_rules()
+    rules = RULES
     places = {code: index for index, code in enumerate(rules)}
     driver = {
         "name": "terratool",
@@ -167,7 +168,7 @@ def _summed_up(summary: ValidationSummary) -> str:
 
 
 def _count(number: int, noun: str) -> str:
-    return f"{number or 'no':{',' if number else ''}} {noun}{'' if number == 1 else 's'}"
+    return counted(number, noun) if number else f"no {noun}s"
 
 
 def as_json(report: ValidationReport) -> str:

@@ -6,7 +6,8 @@ import re
 
 import click
 
-from terratool.definition.rules import Rule, all_rules
+from terratool.definition.rules import RULES
+from terratool.definition.rules.base import Rule
 
 _HEAD = """# The rules
 
@@ -25,7 +26,7 @@ This page is written by `make docs` from the same text that `terratool rules COD
 @click.option("--markdown", is_flag=True, help="Explain them as Markdown.")
 def command(code: str | None, markdown: bool) -> None:
     """List the validator's rules, those that begin with CODE, or explain the one with CODE."""
-    wanted = [rule for rule in all_rules().values() if rule.code.startswith((code or "").upper())]
+    wanted = [rule for rule in RULES.values() if rule.code.startswith((code or "").upper())]
     if not wanted:
         raise click.UsageError(f"No rule has the code {code}. Run terratool rules for the list.")
     if markdown:
@@ -42,7 +43,7 @@ def command(code: str | None, markdown: bool) -> None:
 def _table() -> str:
     rows = [
         f"| [{rule.code}](#{rule.code.lower()}-{rule.name}) | {rule.severity} | {rule.summary} |"
-        for rule in all_rules().values()
+        for rule in RULES.values()
     ]
     return "\n".join(["| code | severity | |", "|---|---|---|", *rows, ""])
 

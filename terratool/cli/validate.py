@@ -12,8 +12,8 @@ import click
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called
 from terratool.definition.findings import Finding
-from terratool.definition.reader import Checked, CheckOptions, check_any
-from terratool.definition.rules import all_rules
+from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.rules import RULES
 from terratool.errors import ReadError
 from terratool.text.display import printable
 from terratool.text.source import read_source, sources
@@ -26,7 +26,7 @@ def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
         code.strip().upper() for code in chain.from_iterable(v.split(",") for v in values)
     )
     for code in codes:
-        if not code or not any(known.startswith(code) for known in all_rules()):
+        if not code or not any(known.startswith(code) for known in RULES):
             what = f"no rule has the code {code}" if code else "there is an empty code"
             raise click.BadParameter(f"{what}. Run terratool rules for the list.")
     return codes
@@ -94,7 +94,7 @@ def command(
     nothing whose name begins with a dot. Exits 0 if all are valid, 1 if one is not, 3 if one cannot
     be read. A text that is not JSON is an error whatever is selected.
     """
-    if not any(map(CheckOptions(select=select, ignore=ignore).shows, all_rules())):
+    if not any(map(CheckOptions(select=select, ignore=ignore).shows, RULES)):
         raise click.UsageError("--select and --ignore leave no rule. Drop one of them.")
     findings: list[Finding] = []
     unreadable: list[Unreadable] = []
@@ -105,7 +105,7 @@ def command(
             status.say(f"checking {called(name)}")
             options = CheckOptions(True, max_step, max(0, limit - len(findings)), select, ignore)
             try:
-                checked = check_any(read_source(name), options)
+                checked = check(read_source(name), options, kind=None)
             except ReadError as error:
                 unreadable.append(Unreadable(name, error.message, error.hint))
                 continue
@@ -143,7 +143,7 @@ def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str
 
 def _count(checked: Checked, options: CheckOptions) -> tuple[int, int]:
     """Errors and warnings among what is wanted; what ended the reading always is."""
-    rules = all_rules()
+    rules = RULES
     by_severity = {"error": 0, "warning": 0}
     for code, count in checked.counts.items():
         if options.shows(code) or not checked.readable:

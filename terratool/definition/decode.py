@@ -7,25 +7,26 @@ from functools import lru_cache
 from itertools import chain
 from typing import Any, TypeVar
 
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET, Struct, UnsetType, field
 
-from terratool.definition.findings import Remark, RemarkLog
+from terratool.definition.findings import Owner, Remark, RemarkLog
 from terratool.definition.keys import (
     ALL_KEYS,
     BIGGEST,
     JSON_TYPES,
     KEYS,
-    MAX_AXLES,
+    NESTED,
     NEVER,
     REQUIRED,
     SLOTS,
-    VEHICLE_KEYS,
     Key,
+    Kind,
+    Nested,
     QuickCheck,
     fits_double,
 )
 from terratool.definition.model import LARGEST, Definition, Element, Primitive, Surface, Track
-from terratool.definition.tree import Built, Owner, Tree
+from terratool.definition.tree import Tree
 from terratool.definition.vehicle import (
     AxleText,
     ClassesText,
@@ -37,6 +38,9 @@ from terratool.definition.vehicle import (
 )
 from terratool.text.display import escape, shown
 
+_Model = TypeVar("_Model", bound=Struct)
+_NUMBER = KEYS[Element]["vScale"]
+_DEPTH = Key("a depth from 0 to 1e30", "number", 0, LARGEST)
 _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
@@ -44,6 +48,10 @@ _SUBJECTS: dict[type, str] = {
     AxleText: "an axle", CogText: "the centre of gravity", OverhangText: "the overhang",
     MarginsText: "the margins", ClassesText: "the classes",
 }  # fmt: skip
+_ROOTS: dict[Kind, tuple[str, str]] = {
+    "terrain": ("the definition", '{ "size": …, "elemTypes": {…}, "elemTree": {…} }'),
+    "vehicle": ("the vehicle", '{ "mass": …, "wheels": {…}, "wheelbase": …, … }'),
+}
 JSON_NAMES = {
     dict: "an object", list: "a list", str: "a text", bool: "true or false",
     int: "a number", float: "a number", type(None): "null",
@@ -64,8 +72,8 @@ def type_in_words(item: Any) -> str:
 
 
 @lru_cache(maxsize=256)
-def unknown_key(kind: type, key: str, beside: frozenset[str]) -> tuple[str, str]:
-    """Message and hint for a key that a kind of object does not have, among the keys beside it."""
+def unknown_key(kind: type, key: str, present: frozenset[str]) -> tuple[str, str]:
+    """Message and hint for a key that a kind of object does not have, among those present."""
     from difflib import get_close_matches
 
     known = list(SLOTS[kind])
@@ -73,25 +81,104 @@ def unknown_key(kind: type, key: str, beside: frozenset[str]) -> tuple[str, str]
     if not close and len(key) <= _LONG:
         close = get_close_matches(key, known, 1, 0.6)
     hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
-    if close and close[0] in beside:
+    if close and close[0] in present:
         hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
     hint += " A key of your own begins with x-."
     return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint
 
 
-class Decoder:
-    """Fits values into a model; what builds a terrain or a vehicle is one.
+class Decoded(Struct):
+    """What a text says, as far as it fits the model.
 
-    What does not fit is told to `found`, and noted as left out in what is built.
+    Attributes:
+        definition: the terrain, with or without its elements; None where there is none.
+        vehicle: the vehicle; None where there is none.
+        tree: the elements of the terrain.
+        unfit: of each key the owners whose value was left out; "" is for the owner itself.
+        ignores: owner and value of each `x-ignore`.
+    """
+
+    definition: Definition | None = None
+    vehicle: VehicleText | None = None
+    tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
+    unfit: dict[str, set[Owner]] = field(default_factory=dict)
+    ignores: list[tuple[Owner, Any]] = field(default_factory=list)
+
+
+def decode(value: Any, kind: Kind, found: RemarkLog) -> Decoded:
+    """Build the model of a parsed JSON value, without recursion over the elements.
+
+    Args:
+        value: of the whole text.
+        kind: what the text is read as.
+        found: takes the remarks on what does not fit.
+    """
+    decoder = _Decoder(found)
+    if not isinstance(value, dict):
+        name, example = _ROOTS[kind]
+        message = f"{name} is {JSON_NAMES[type(value)]} where an object is expected."
+        decoder.add("TT105", "", message, f"Write {example}.")
+    elif kind == "vehicle":
+        decoder.decoded.vehicle = decoder.model(VehicleText, value, "", "the vehicle")
+    else:
+        decoder.decoded.definition = decoder.model(Definition, value, "", "the terrain")
+    return decoder.decoded
+
+
+class _Decoder:
+    """Fits values into a model.
+
+    Remarks on what does not fit go to `found`; it is noted as left out in `decoded`.
     """
 
     def __init__(self, found: RemarkLog) -> None:
         self._found = found
-        self._built = Built()
+        self.decoded = Decoded()
         self._failed = False
 
+    def model(self, kind: type[_Model], value: dict[str, Any], pointer: str, name: str) -> _Model:
+        """The model of an object and of all objects in it."""
+        fields = self._fields(kind, value, pointer)
+        for key, nested in NESTED.get(kind, {}).items():
+            attribute = SLOTS[kind][key].name
+            if attribute in fields:
+                inner, here = fields.pop(attribute), f"{pointer}/{key}"
+                if nested.form == "tree":
+                    self.decoded.tree = self._tree(inner)
+                elif nested.form == "dictionary":
+                    fields[attribute] = {
+                        entry: self._item(nested, item, f"{here}/{escape(entry)}", shown(entry))
+                        for entry, item in inner.items()
+                    }
+                elif nested.form == "list":
+                    if not nested.least <= len(inner) <= nested.most:
+                        words = ALL_KEYS[kind][key].words
+                        self._wrong_type(pointer, f"/{key}", f'"{key}"', words, inner)
+                        self._leave_out(pointer, key)
+                    fields[attribute] = tuple(
+                        self._item(nested, item, f"{here}/{index}", index)
+                        for index, item in enumerate(inner)
+                    )
+                else:
+                    fields[attribute] = self.model(nested.kind, inner, here, f'"{key}"')
+        for key in REQUIRED.get(kind, ()):
+            if key not in value:
+                hint = f'Add "{key}", {ALL_KEYS[kind][key].words}.'
+                self.add("TT104", pointer, f'{name} has no "{key}".', hint)
+        if kind is VehicleText and "axles" not in value and "wheelbase" not in value:
+            message = 'the vehicle has neither "axles" nor "wheelbase".'
+            self.add("TT104", "", message, 'Add "axles", or "wheelbase" for two driven axles.')
+        return kind(**fields)
+
+    def _item(self, nested: Nested, item: Any, pointer: str, name: str | int) -> Struct:
+        """One of the objects in a list or a dictionary; it keeps its place if it is no object."""
+        if isinstance(item, dict):
+            return self.model(nested.kind, item, pointer, "the axle")
+        self._wrong_type(pointer, "", nested.item.format(name), nested.words, item)
+        return nested.kind()
+
     def _leave_out(self, owner: Owner, key: str) -> None:
-        self._built.unfit.setdefault(key, set()).add(owner)
+        self.decoded.unfit.setdefault(key, set()).add(owner)
 
     def _fields(self, kind: type, value: dict[str, Any], owner: Owner) -> dict[str, Any]:
         """The keys of an object whose values fit, converted; the nested ones as they are."""
@@ -122,7 +209,7 @@ class Decoder:
 
     def _own_key(self, kind: type, key: str, value: dict[str, Any], owner: Owner) -> None:
         if key == "x-ignore":
-            self._built.ignores.append((owner, value[key]))
+            self.decoded.ignores.append((owner, value[key]))
         elif not key.startswith("x-") and self._found.wants("TT103"):
             message, hint = unknown_key(kind, key, frozenset(value))
             remark = remark_on(owner, "/" + escape(key), message, hint, on_key=True)
@@ -169,7 +256,7 @@ class Decoder:
             if item not in wanted.choices:
                 self._failed = True
                 message = f"{shown(item)} is no {wanted.noun}."
-                self._add("TT106", rest, message, f"Write {wanted.words}.", owner)
+                self.add("TT106", rest, message, f"Write {wanted.words}.", owner)
             return item
         if type(item) not in JSON_TYPES[wanted.kind]:
             return self._wrong_type(owner, rest, subject, wanted.words, item)
@@ -193,17 +280,19 @@ class Decoder:
         for index, part in enumerate(item):
             rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
             if isinstance(part, list) and len(part) == 2:
-                points.append(
-                    tuple(
-                        self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
-                        for i, value in enumerate(part)
-                    )
-                )
+                points.append(self._pair(part, owner, rest, subject, key))
             elif isinstance(part, list):
                 self._wrong_type(owner, rest, subject, wanted.words, part)
             else:
                 points.append(self._single(_NUMBER, part, owner, rest, subject, key))
         return tuple(points)
+
+    def _pair(self, pair: list[Any], owner: Owner, rest: str, subject: str, key: str) -> Any:
+        """A knot or a point."""
+        return tuple(
+            self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
+            for i, value in enumerate(pair)
+        )
 
     def _path(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
         if not isinstance(item, list):
@@ -211,15 +300,10 @@ class Decoder:
         points = []
         for index, part in enumerate(item):
             rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
-            if not isinstance(part, list) or len(part) != 2:
+            if isinstance(part, list) and len(part) == 2:
+                points.append(self._pair(part, owner, rest, subject, key))
+            else:
                 self._wrong_type(owner, rest, subject, "a point [x, y], two numbers", part)
-                continue
-            points.append(
-                tuple(
-                    self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
-                    for i, value in enumerate(part)
-                )
-            )
         return tuple(points)
 
     def _depth(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
@@ -245,7 +329,7 @@ class Decoder:
 
     def _not_finite(self, owner: Owner, rest: str) -> None:
         self._failed = True
-        self._add(
+        self.add(
             "TT107",
             rest,
             "the number is too large for a 64-bit float.",
@@ -253,85 +337,9 @@ class Decoder:
             owner,
         )
 
-    def _add(self, code: str, rest: str, message: str, hint: str, owner: Owner = "") -> None:
+    def add(self, code: str, rest: str, message: str, hint: str, owner: Owner = "") -> None:
         if self._found.wants(code):
             self._found.keep(code, remark_on(owner, rest, message, hint))
-
-
-_NUMBER = KEYS[Element]["vScale"]
-_DEPTH = Key("a depth from 0 to 1e30", "number", 0, LARGEST)
-
-
-def remark_on(owner: Owner, rest: str, message: str, hint: str, *, on_key: bool = False) -> Remark:
-    """A remark on what is at `rest` in an object."""
-    if isinstance(owner, int):
-        return Remark(rest, message, hint, on_key, owner)
-    return Remark(owner + rest, message, hint, on_key)
-
-
-def _nonfinite(item: Any) -> Iterator[str]:
-    pending = [(item, "")]
-    while pending:
-        part, here = pending.pop()
-        if isinstance(part, list):
-            pending.extend((value, f"{here}/{i}") for i, value in enumerate(part))
-        elif isinstance(part, dict):
-            pending.extend((value, f"{here}/{escape(key)}") for key, value in part.items())
-        elif isinstance(part, float | int) and not fits_double(part):
-            yield here
-
-
-def build(value: Any, found: RemarkLog) -> Built:
-    """Build the model of a parsed JSON value, without recursion over the elements."""
-    return _TerrainDecoder(found).build(value)
-
-
-class _TerrainDecoder(Decoder):
-    def build(self, value: Any) -> Built:
-        if not isinstance(value, dict):
-            self._add(
-                "TT105",
-                "",
-                f"the definition is {JSON_NAMES[type(value)]} where an object is expected.",
-                'Write { "size": …, "elemTypes": {…}, "elemTree": {…} }.',
-            )
-            return self._built
-        fields = self._fields(Definition, value, "")
-        for key, name, kind in (
-            ("surfTypes", "surf_types", Surface),
-            ("elemTypes", "elem_types", Primitive),
-        ):
-            if name in fields:
-                fields[name] = self._dictionary(kind, fields[name], f"/{key}")
-        if "tracks" in fields:
-            fields["tracks"] = self._tracks(fields["tracks"])
-        if "elem_tree" in fields:
-            self._built.tree = self._tree(fields.pop("elem_tree"))
-        self._built.definition = Definition(**fields)
-        return self._built
-
-    def _dictionary(self, kind: type, entries: dict[str, Any], pointer: str) -> dict[str, Any]:
-        built = {}
-        for name, value in entries.items():
-            here = f"{pointer}/{escape(name)}"
-            if isinstance(value, dict):
-                built[name] = kind(**self._fields(kind, value, here))
-            else:
-                what = "surface" if kind is Surface else "primitive"
-                self._wrong_type(here, "", f"the {what} {shown(name)}", "an object", value)
-                built[name] = kind()  # the name exists, whatever its value
-        return built
-
-    def _tracks(self, values: list[Any]) -> tuple[Track, ...]:
-        built = []
-        for index, value in enumerate(values):
-            here = f"/tracks/{index}"
-            if isinstance(value, dict):
-                built.append(Track(**self._fields(Track, value, here)))
-            else:
-                self._wrong_type(here, "", "a track", "an object", value)
-                built.append(Track())  # keeps its place
-        return tuple(built)
 
     def _tree(self, root: dict[str, Any]) -> Tree:
         values: list[dict[str, Any]] = []
@@ -362,7 +370,7 @@ class _TerrainDecoder(Decoder):
         for key, slot in SLOTS[Element].items():
             if key in used and key != "children":
                 columns[slot.name] = [value.get(key, UNSET) for value in values]
-                self._mend(key, slot, columns[slot.name])
+                self._convert_column(key, slot, columns[slot.name])
             else:
                 columns[slot.name] = [UNSET] * len(values)
         self._own_keys(used - SLOTS[Element].keys(), values)
@@ -371,7 +379,7 @@ class _TerrainDecoder(Decoder):
     def _own_keys(self, own: set[str], values: list[dict[str, Any]]) -> None:
         """All keys that elements have besides those of the format."""
         if "x-ignore" in own:
-            self._built.ignores += [
+            self.decoded.ignores += [
                 (index, value["x-ignore"])
                 for index, value in enumerate(values)
                 if "x-ignore" in value
@@ -399,7 +407,7 @@ class _TerrainDecoder(Decoder):
         self._wrong_type(index, "", "an element", "an object", value)
         return {}  # keeps its place, so that the others keep their pointers
 
-    def _mend(self, key: str, slot: QuickCheck, column: list[Any]) -> None:
+    def _convert_column(self, key: str, slot: QuickCheck, column: list[Any]) -> None:
         """Convert what has to be, and leave out what does not fit."""
         types = set(map(type, column)) - {UnsetType}
         if types <= slot.types:
@@ -408,7 +416,7 @@ class _TerrainDecoder(Decoder):
                 if slot.number and int in types:
                     column[:] = [float(n) if type(n) is int else n for n in column]
                 return
-        wanted, uncounted, misfits = KEYS[Element][key], 0, 0
+        wanted, out_of_range, wrong_types = KEYS[Element][key], 0, 0
         unfit: set[Owner] = set()
         full = self._found.full("TT106")
         for index, item in enumerate(column):
@@ -421,12 +429,12 @@ class _TerrainDecoder(Decoder):
                         column[index] = float(item)
                     continue
                 if full and -BIGGEST <= item <= BIGGEST:  # nobody wants to read of it
-                    uncounted += 1
+                    out_of_range += 1
                     column[index] = UNSET
                     unfit.add(index)
                     continue
             elif its in NEVER and self._found.full("TT105"):
-                misfits += 1
+                wrong_types += 1
                 column[index] = UNSET
                 unfit.add(index)
                 continue
@@ -436,73 +444,26 @@ class _TerrainDecoder(Decoder):
                 column[index] = UNSET
                 unfit.add(index)
                 full = self._found.full("TT106")
-        self._found.take("TT106", iter(()), uncounted)
-        self._found.take("TT105", iter(()), misfits)
+        self._found.take("TT106", iter(()), out_of_range)
+        self._found.take("TT105", iter(()), wrong_types)
         if unfit:
-            self._built.unfit[key] = unfit
+            self.decoded.unfit[key] = unfit
 
 
-_Part = TypeVar("_Part", bound=Struct)
-_PARTS: dict[str, type[Struct]] = {
-    "wheels": WheelsText, "cog": CogText, "overhang": OverhangText, "margins": MarginsText,
-    "classes": ClassesText,
-}  # fmt: skip
+def remark_on(owner: Owner, rest: str, message: str, hint: str, *, on_key: bool = False) -> Remark:
+    """A remark on what is at `rest` in an object."""
+    if isinstance(owner, int):
+        return Remark(rest, message, hint, on_key, owner)
+    return Remark(owner + rest, message, hint, on_key)
 
 
-def build_vehicle(value: Any, found: RemarkLog) -> tuple[VehicleText | None, Built]:
-    """The vehicle as far as it fits, None where the text is no object; and what was left out."""
-    builder = _VehicleDecoder(found)
-    return builder.build(value), builder.built
-
-
-class _VehicleDecoder(Decoder):
-    @property
-    def built(self) -> Built:
-        """What was left out and what is ignored."""
-        return self._built
-
-    def build(self, value: Any) -> VehicleText | None:
-        if not isinstance(value, dict):
-            self._add(
-                "TT105",
-                "",
-                f"the vehicle is {JSON_NAMES[type(value)]} where an object is expected.",
-                'Write { "mass": …, "wheels": {…}, "wheelbase": …, … }.',
-            )
-            return None
-        fields = self._fields(VehicleText, value, "")
-        for key, kind in _PARTS.items():
-            if key in fields:
-                fields[key] = self._part(kind, fields[key], f"/{key}", f'"{key}"')
-        if "axles" in fields:
-            fields["axles"] = self._axles(fields["axles"])
-        self._require(VehicleText, value, "", "the vehicle")
-        if "axles" not in value and "wheelbase" not in value:
-            message = 'the vehicle has neither "axles" nor "wheelbase".'
-            self._add("TT104", "", message, 'Add "axles", or "wheelbase" for two driven axles.')
-        return VehicleText(**fields)
-
-    def _part(self, kind: type[_Part], value: dict[str, Any], pointer: str, name: str) -> _Part:
-        self._require(kind, value, pointer, name)
-        return kind(**self._fields(kind, value, pointer))
-
-    def _axles(self, values: list[Any]) -> tuple[AxleText, ...]:
-        if not 2 <= len(values) <= MAX_AXLES:
-            words = VEHICLE_KEYS[VehicleText]["axles"].words
-            self._wrong_type("", "/axles", '"axles"', words, values)
-            self._leave_out("", "axles")
-        axles = []
-        for index, value in enumerate(values):
-            here = f"/axles/{index}"
-            if isinstance(value, dict):
-                axles.append(self._part(AxleText, value, here, "the axle"))
-            else:
-                self._wrong_type(here, "", f'item {index} of "axles"', "an axle, an object", value)
-                axles.append(AxleText())
-        return tuple(axles)
-
-    def _require(self, kind: type, value: dict[str, Any], pointer: str, name: str) -> None:
-        for key in REQUIRED.get(kind, ()):
-            if key not in value:
-                hint = f'Add "{key}", {VEHICLE_KEYS[kind][key].words}.'
-                self._add("TT104", pointer, f'{name} has no "{key}".', hint)
+def _nonfinite(item: Any) -> Iterator[str]:
+    pending = [(item, "")]
+    while pending:
+        part, here = pending.pop()
+        if isinstance(part, list):
+            pending.extend((value, f"{here}/{i}") for i, value in enumerate(part))
+        elif isinstance(part, dict):
+            pending.extend((value, f"{here}/{escape(key)}") for key, value in part.items())
+        elif isinstance(part, float | int) and not fits_double(part):
+            yield here

@@ -13,6 +13,9 @@ from terratool.text.display import Excerpt
 
 Severity = Literal["error", "warning"]
 Rectangle = tuple[float, float, float, float]
+"""West, south, east, north."""
+Owner = int | str
+"""An element by its index in the tree, anything else by its JSON pointer."""
 
 
 class Remark(Struct, frozen=True, gc=False):

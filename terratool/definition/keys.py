@@ -249,7 +249,49 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     AxleText: ("x",),
     CogText: ("height",),
 }
-"""Keys that must be there; of axles and wheelbase one must be, too."""
+"""Keys of vehicles that must be there; of axles and wheelbase one must be, too."""
+
+ALL_KEYS = {**KEYS, **VEHICLE_KEYS}
+"""Of terrains and of vehicles."""
+
+
+class Nested(NamedTuple):
+    """A key whose value is an object of the format, or holds such objects.
+
+    Attributes:
+        kind: class of the model.
+        form: how they are held.
+        item: one of those that are held, in words; {} is its name or index.
+        words: what a message asks for in its place.
+        least, most: how many a list holds.
+    """
+
+    kind: type[Struct]
+    form: Literal["object", "list", "dictionary", "tree"] = "object"
+    item: str = ""
+    words: str = "an object"
+    least: int = 0
+    most: float = inf
+
+
+NESTED: dict[type, dict[str, Nested]] = {
+    Definition: {
+        "surfTypes": Nested(Surface, "dictionary", "the surface {}"),
+        "elemTypes": Nested(Primitive, "dictionary", "the primitive {}"),
+        "tracks": Nested(Track, "list", "a track"),
+        "elemTree": Nested(Element, "tree", "an element"),
+    },
+    Element: {"children": Nested(Element, "list", "an element")},
+    VehicleText: {
+        "wheels": Nested(WheelsText),
+        "cog": Nested(CogText),
+        "overhang": Nested(OverhangText),
+        "margins": Nested(MarginsText),
+        "classes": Nested(ClassesText),
+        "axles": Nested(AxleText, "list", 'item {} of "axles"', "an axle, an object", 2, MAX_AXLES),
+    },
+}
+"""The objects in objects, in the order in which they are decoded."""
 
 
 BIGGEST = math.nextafter(math.inf, 0)
@@ -289,9 +331,6 @@ def _slot(name: str, key: Key) -> QuickCheck:
     types = JSON_TYPES.get(key.kind, _NO_TYPES) if plain else _NO_TYPES
     return QuickCheck(name, types, max(low, -BIGGEST), min(high, BIGGEST), key.kind == "number")
 
-
-ALL_KEYS = {**KEYS, **VEHICLE_KEYS}
-"""Of terrains and of vehicles."""
 
 SLOTS: dict[type, dict[str, QuickCheck]] = {
     kind: {key: _slot(name, keys[key]) for name, key in names_of(kind)}

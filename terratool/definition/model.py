@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -36,9 +36,21 @@ _Count = Annotated[int, Meta(ge=1, le=MAX_CELLS)]
 _Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 
 
+Number = TypeVar("Number", int, float)
+
+
 def names_of(kind: type) -> Iterator[tuple[str, str]]:
     """Each attribute of a class of the model, and its key in the text."""
     yield from zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True)  # type: ignore[attr-defined]
+
+
+def pair_of(
+    value: Number | tuple[Number, Number] | UnsetType, default: Number
+) -> tuple[Number, Number]:
+    """A number for both axes, or one for each."""
+    if value is UNSET:
+        return default, default
+    return value if isinstance(value, tuple) else (value, value)
 
 
 class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
@@ -83,14 +95,12 @@ class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
     @property
     def grid(self) -> tuple[int, int]:
         """Cells of the grid for the children, along x and y."""
-        if self.cells is UNSET:
-            return DEFAULT_CELLS, DEFAULT_CELLS
-        return self.cells if isinstance(self.cells, tuple) else (self.cells, self.cells)
+        return pair_of(self.cells, DEFAULT_CELLS)
 
     @property
     def block(self) -> tuple[int, int]:
         """Cells that it occupies along x and y."""
-        return (1, 1) if self.span is UNSET else self.span
+        return pair_of(self.span, 1)
 
 
 class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
@@ -132,9 +142,7 @@ class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel"
     @property
     def extent(self) -> Pair:
         """Side lengths along x and y."""
-        if self.size is UNSET:
-            return math.nan, math.nan  # a rule has said so
-        return self.size if isinstance(self.size, tuple) else (self.size, self.size)
+        return pair_of(self.size, math.nan)  # a rule says where there is none
 
     @property
     def corner(self) -> Pair:

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import gc
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-from msgspec import Struct, field
+from msgspec import Struct
 
-from terratool.definition.decode import build_vehicle
-from terratool.definition.findings import Finding, Remark, RemarkLog
-from terratool.definition.keys import COMBINES, KEYS, Key, document_kind
+from terratool.definition.decode import Decoded
+from terratool.definition.findings import Finding, Owner, Remark, RemarkLog
+from terratool.definition.keys import COMBINES, KEYS, Key, Kind, document_kind
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track, names_of
-from terratool.definition.rules import Rule, Subject, VehicleSubject, all_rules
-from terratool.definition.tree import Built, Owner, Tree, complete, flatten
+from terratool.definition.rules import RULES
+from terratool.definition.rules.base import Subject, VehicleSubject
+from terratool.definition.tree import Tree, complete, flatten
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.text.display import shown, unescape
@@ -47,7 +49,7 @@ class IgnoreLists:
     def __bool__(self) -> bool:
         return bool(self._lists)
 
-    def others(self, code: str, remarks: Iterable[Remark], tree: Tree) -> Iterator[Remark]:
+    def unsilenced(self, code: str, remarks: Iterable[Remark], tree: Tree) -> Iterator[Remark]:
         """The warnings that no list around them silences; the lists that do are of use."""
         lists: dict[Owner, list[tuple[Owner, int]]] = {}
         for owner, index, listed in self._codes:
@@ -70,26 +72,25 @@ class IgnoreLists:
             if not silenced:
                 yield remark
 
-    def unused(self, rules: Mapping[str, Rule], idle: frozenset[str]) -> Iterator[Remark]:
+    def unused(self, idle: tuple[str, ...]) -> Iterator[Remark]:
         """A remark on each entry that is none, or that silenced nothing.
 
         Args:
-            rules: all rules by code.
-            idle: codes of those that did not look this time.
+            idle: codes of rules that did not look this time.
         """
         for owner, listed in self._lists:
             if not isinstance(listed, list):
                 yield _remark(owner, "", "it is no list.", 'Write a list of codes, as ["TT208"].')
                 continue
             for index, code in enumerate(listed):
-                if (owner, index) not in self._used and code not in list(idle):  # may be unhashable
-                    yield _remark(owner, f"/{index}", *_why(code, rules))
+                if (owner, index) not in self._used and code not in idle:
+                    yield _remark(owner, f"/{index}", *_why(code))
 
 
-def _why(code: Any, rules: Mapping[str, Rule]) -> tuple[str, str]:
+def _why(code: Any) -> tuple[str, str]:
     if not isinstance(code, str):
         return "an item is no code.", 'Write a text such as "TT208".'
-    meant = [rule for rule in rules.values() if code and rule.code.startswith(code)]
+    meant = [rule for rule in RULES.values() if code and rule.code.startswith(code)]
     if not meant:
         return f"no rule has the code {shown(code)}.", "See terratool rules for the codes."
     if all(rule.severity == "error" for rule in meant):
@@ -146,26 +147,35 @@ class CheckOptions(Struct, frozen=True):
         )
 
 
-class Checked(Struct, frozen=True):
+class Checked(Struct, frozen=True, dict=True):
     """A text that was read.
 
     Attributes:
-        definition: None if it has an error, or is no terrain.
-        findings: sorted by position, no more than `Options.limit`.
+        findings: sorted by position, no more than `CheckOptions.limit`.
         counts: how many findings there are of each code, shown or not.
         readable: whether it was read to its end; if not, there is one finding that says why.
         vehicle: None if it has an error, or is no vehicle.
+        terrain: None if it has an error, or is no terrain; its elements may be in `tree` alone.
+        tree: the elements of the terrain, laid flat.
     """
 
-    definition: Definition | None
     findings: tuple[Finding, ...]
-    counts: Counter[str] = field(default_factory=Counter)
+    counts: Counter[str]
     readable: bool = True
     vehicle: VehicleText | None = None
+    terrain: Definition | None = None
+    tree: Tree | None = None
+
+    @cached_property
+    def definition(self) -> Definition | None:
+        """The terrain with its elements; None if it has an error, or is no terrain."""
+        if self.terrain is None or self.tree is None:
+            return None
+        return complete(self.terrain, self.tree)
 
 
-def load_definition(path: str | Path) -> Definition:
-    """Read a definition that has no errors.
+def load_checked(path: str | Path) -> Checked:
+    """Read a terrain that has no errors.
 
     Raises:
         ReadError: the file cannot be read.
@@ -173,14 +183,21 @@ def load_definition(path: str | Path) -> Definition:
     """
     source = read_source(path)
     checked = check(source, CheckOptions(warnings=False))
-    if checked.definition is None:
+    if checked.terrain is None:
         if document_kind(source.data) == "vehicle":
             raise DefinitionError(
                 f"{source.name}: is a vehicle, where a terrain is wanted.",
                 "Name a terrain here, and the vehicle with --vehicle.",
             )
         raise refusal(checked)
-    return checked.definition
+    return checked
+
+
+def load_definition(path: str | Path) -> Definition:
+    """Read a definition that has no errors; raises what `load_checked` raises."""
+    definition = load_checked(path).definition
+    assert definition is not None
+    return definition
 
 
 def refusal(checked: Checked) -> DefinitionError:
@@ -195,36 +212,48 @@ def refusal(checked: Checked) -> DefinitionError:
     )
 
 
-def check(source: Source, options: CheckOptions | None = None) -> Checked:
-    """Read a text and let every rule look at it. Never raises for what the text contains."""
+def check(
+    source: Source, options: CheckOptions | None = None, kind: Kind | None = "terrain"
+) -> Checked:
+    """Read a text and let every rule look at it. Never raises for what the text contains.
+
+    Args:
+        source: the text.
+        options: how closely to look.
+        kind: what it is read as. None is what it looks like; what looks like neither is read as a
+            terrain.
+    """
+    kind = kind or document_kind(source.data) or "terrain"
     with _no_collector():
-        return _check(source, options or CheckOptions())
+        return _check(source, options or CheckOptions(), kind)
 
 
-def _check(source: Source, options: CheckOptions) -> Checked:
-    data = source.data
+def _check(source: Source, options: CheckOptions, kind: Kind) -> Checked:
     found = RemarkLog(options.limit)
-    built = _quickly(data)
-    if built is None:
-        from terratool.definition.decode import build
+    decoded = _decode_quickly(source.data) if kind == "terrain" else None
+    if decoded is None:
+        from terratool.definition.decode import decode
+        from terratool.text.syntax import JsonSyntaxError
 
-        value, misspelt = plain_values(data)
-        if misspelt is not None:
-            return unreadable(source, misspelt)
-        built = build(value, found)
+        try:
+            value = read_values(source.data)
+        except JsonSyntaxError as error:
+            return _unreadable(source, error)
+        decoded = decode(value, kind, found)
         del value
-    take_repeated(data, found)
-    if built.definition is not None:
-        subject = Subject(
-            built.definition, built.tree, built.unfit, source.size, source.packed,
-            options.max_step,
-        )  # fmt: skip
-        _apply_rules(subject, found, IgnoreLists(built.ignores), options)
-    definition = None
-    rules = all_rules()
-    if all(rules[code].severity != "error" for code in found.counts):
-        definition = complete(built)
-    return Checked(definition, placed(source, found, built, options), found.counts)
+    repeated, count = repeated_keys(source.data, found.limit)
+    found.take("TT102", map(_duplicate, repeated), count)
+    _apply_rules(kind, decoded, source, found, options)
+    findings = _placed(source, found, decoded, options)
+    if any(RULES[code].severity == "error" for code in found.counts):
+        return Checked(findings, found.counts)
+    return Checked(
+        findings,
+        found.counts,
+        vehicle=decoded.vehicle,
+        terrain=decoded.definition,
+        tree=decoded.tree,
+    )
 
 
 @contextmanager
@@ -239,19 +268,7 @@ def _no_collector() -> Iterator[None]:
             gc.enable()
 
 
-def plain_values(data: bytes) -> tuple[Any, JsonSyntaxError | None]:
-    """The values of a JSON text, or what is wrong with it."""
-    from terratool.text.syntax import JsonSyntaxError
-
-    try:
-        return read_values(data), None
-    except JsonSyntaxError as error:
-        return None, error
-    except UnicodeDecodeError as error:
-        return None, _bad_encoding(data, error)
-
-
-def _quickly(data: bytes) -> Built | None:
+def _decode_quickly(data: bytes) -> Decoded | None:
     """What the text says, if all of it fits."""
     try:
         definition = msgspec.json.decode(data, type=Definition)
@@ -261,7 +278,7 @@ def _quickly(data: bytes) -> Built | None:
     crs = definition.crs
     # the values of a crs are free, and may be beyond any float
     free = isinstance(crs, dict) or (isinstance(crs, int) and crs.bit_length() > 64)
-    return None if free or not _in_range(definition, tree) else Built(definition, tree)
+    return None if free or not _in_range(definition, tree) else Decoded(definition, tree=tree)
 
 
 _RANGED: dict[type, list[tuple[str, Key]]] = {
@@ -304,21 +321,37 @@ def _all_hold(ranged: tuple[set[Any], Key]) -> bool:
 
 
 def _apply_rules(
-    subject: Subject, found: RemarkLog, ignores: IgnoreLists, options: CheckOptions
+    kind: Kind, decoded: Decoded, source: Source, found: RemarkLog, options: CheckOptions
 ) -> None:
-    for rule in all_rules().values():
-        if rule.check is not None and (options.warnings or rule.severity == "error"):
+    """Let every rule look at a terrain or a vehicle, unless the text is no object."""
+    subject: Subject | VehicleSubject
+    if decoded.definition is not None:
+        subject = Subject(
+            definition=decoded.definition, tree=decoded.tree, unfit=decoded.unfit,
+            size=source.size, packed=source.packed, max_step=options.max_step,
+        )  # fmt: skip
+    elif decoded.vehicle is not None:
+        subject = VehicleSubject(vehicle=decoded.vehicle, unfit=decoded.unfit)
+    else:
+        return
+    ignores = IgnoreLists(decoded.ignores)
+    for rule in RULES.values():
+        if (
+            rule.check is not None
+            and rule.kind == kind
+            and (options.warnings or rule.severity == "error")
+        ):
             remarks = rule.check(subject)
             if ignores and rule.severity == "warning":
-                remarks = ignores.others(rule.code, remarks, subject.tree)
+                remarks = ignores.unsilenced(rule.code, remarks, decoded.tree)
             found.take(rule.code, remarks)
     if options.warnings:
-        idle = frozenset() if subject.max_step is not None else frozenset(["TT211"])
-        found.take("TT113", ignores.unused(all_rules(), idle))
+        idle = ("TT211",) if kind == "terrain" and options.max_step is None else ()
+        found.take("TT113", ignores.unused(idle))
 
 
-def placed(
-    source: Source, found: RemarkLog, built: Built, options: CheckOptions
+def _placed(
+    source: Source, found: RemarkLog, decoded: Decoded, options: CheckOptions
 ) -> tuple[Finding, ...]:
     """The findings that are wanted, by where they stand in the text."""
     found.kept = [kept for kept in found.kept if options.shows(kept[0])]
@@ -326,26 +359,29 @@ def placed(
         return ()
     from terratool.text.locate import Address, locate
 
-    tree = built.tree
+    tree = decoded.tree
     pointers = [
         (tree.pointer(remark.element) if remark.element >= 0 else "") + remark.pointer
         for _, remark in found.kept
     ]
-    spots = [
+    addresses = [
         Address(pointer, remark.on_key, remark.occurrence)
         for pointer, (_, remark) in zip(pointers, found.kept, strict=True)
     ]
     in_order = sorted(
         zip(
-            locate(source.data, spots, found.counts["TT102"] > 0), found.kept, pointers, strict=True
+            locate(source.data, addresses, found.counts["TT102"] > 0),
+            found.kept,
+            pointers,
+            strict=True,
         ),
         key=lambda each: (each[0].line, each[0].column, each[1][0]),
     )
     findings = []
     for place, (code, remark), pointer in in_order[: found.limit]:
         bounds = None
-        if built.definition is not None and remark.element >= 0:
-            bounds = tree.rectangle(remark.element, built.definition)
+        if decoded.definition is not None and remark.element >= 0:
+            bounds = tree.rectangle(remark.element, decoded.definition)
         findings.append(_finding(source, code, pointer, remark, place, bounds))
     return tuple(findings)
 
@@ -354,15 +390,9 @@ def _finding(
     source: Source, code: str, pointer: str, remark: Remark, place: Position, bounds: Any = None
 ) -> Finding:
     return Finding(
-        source.name, code, all_rules()[code].severity, pointer, place.line, place.column,
+        source.name, code, RULES[code].severity, pointer, place.line, place.column,
         remark.message, remark.hint, bounds, place.excerpt,
     )  # fmt: skip
-
-
-def take_repeated(data: bytes, found: RemarkLog) -> None:
-    """Look for keys that stand twice."""
-    repeated, count = repeated_keys(data, found.limit)
-    found.take("TT102", map(_duplicate, repeated), count)
 
 
 def _duplicate(repeated: Repeated) -> Remark:
@@ -373,7 +403,7 @@ def _duplicate(repeated: Repeated) -> Remark:
     return Remark(pointer, message, hint, on_key=True, occurrence=occurrence)
 
 
-def unreadable(source: Source, error: JsonSyntaxError) -> Checked:
+def _unreadable(source: Source, error: JsonSyntaxError) -> Checked:
     """What is said of a text that is no JSON: this one thing."""
     from terratool.text.locate import positions_of
     from terratool.text.syntax import innermost
@@ -387,7 +417,7 @@ def unreadable(source: Source, error: JsonSyntaxError) -> Checked:
     for line, column, _ in opening:
         message = f"{message[:-1]} that begins in line {line}, column {column}."
     finding = _finding(source, error.code, "", Remark("", message, error.hint), place)
-    return Checked(None, (finding,), Counter([error.code]), readable=False)
+    return Checked((finding,), Counter([error.code]), readable=False)
 
 
 def _in_bytes(data: bytes, offset: int) -> int:
@@ -395,50 +425,3 @@ def _in_bytes(data: bytes, offset: int) -> int:
     if data.isascii():
         return offset
     return len(data.decode("utf-8", "replace")[:offset].encode())
-
-
-def _bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
-    from terratool.text.syntax import NO_TEXT, JsonSyntaxError
-
-    before = data[: error.start].decode("utf-8")
-    message = f"the byte 0x{data[error.start]:02X} is not valid UTF-8."
-    hint = "Save the file as UTF-8."
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        message = "the file begins as UTF-16 where UTF-8 is expected."
-    elif b"\0" in data:
-        hint = NO_TEXT
-    return JsonSyntaxError("TT109", len(before), message, hint)
-
-
-def check_any(source: Source, options: CheckOptions | None = None) -> Checked:
-    """Read a terrain or a vehicle, whatever it looks like; what is neither is read as a terrain."""
-    if document_kind(source.data) == "vehicle":
-        return check_vehicle(source, options)
-    return check(source, options)
-
-
-def check_vehicle(source: Source, options: CheckOptions | None = None) -> Checked:
-    """Read a vehicle and let every rule look at it. Never raises for what the text contains."""
-    options = options or CheckOptions()
-    found = RemarkLog(options.limit)
-    value, misspelt = plain_values(source.data)
-    if misspelt is not None:
-        return unreadable(source, misspelt)
-    take_repeated(source.data, found)
-    vehicle, built = build_vehicle(value, found)
-    rules = all_rules()
-    if vehicle is not None:
-        subject = VehicleSubject(vehicle, built.unfit)
-        ignores = IgnoreLists(built.ignores)
-        for rule in rules.values():
-            if rule.vehicle_check is not None and (options.warnings or rule.severity == "error"):
-                remarks = rule.vehicle_check(subject)
-                if rule.severity == "warning":
-                    remarks = ignores.others(rule.code, remarks, built.tree)
-                found.take(rule.code, remarks)
-        if options.warnings:
-            found.take("TT113", ignores.unused(rules, frozenset()))
-    if any(rules[code].severity == "error" for code in found.counts):
-        vehicle = None
-    findings = placed(source, found, built, options)
-    return Checked(None, findings, found.counts, vehicle=vehicle)

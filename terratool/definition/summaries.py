@@ -42,7 +42,7 @@ class CurveSummary(Struct, frozen=True):
 
 
 def summarise_curve(curve: Curve) -> CurveSummary:
-    """The profile of a curve."""
+    """A curve in short."""
     if isinstance(curve, SampledCurve):
         return _of_values(curve.values)
     if isinstance(curve, FormulaCurve):
@@ -77,7 +77,7 @@ def _of_knots(points: Sequence[Pair]) -> CurveSummary:
     return CurveSummary(
         whole=_range([z for _, z in counting]),
         inner=_range(heights),
-        right=_range([_beside(counting, 0.5)[1], *(z for t, z in counting if t > 0.5)]),
+        right=_range([_sides(counting, 0.5)[1], *(z for t, z in counting if t > 0.5)]),
         ends=(heights[0], heights[-1]),
         steps=tuple(
             (t, before, after)
@@ -101,11 +101,11 @@ def _is_mirrored(points: Sequence[Pair]) -> bool:
     return all(
         abs(here - there) <= slack
         for t, _ in points
-        for here, there in zip(_beside(points, t), _beside(points, 1 - t)[::-1], strict=True)
+        for here, there in zip(_sides(points, t), _sides(points, 1 - t)[::-1], strict=True)
     )
 
 
-def _beside(points: Sequence[Pair], t: float) -> Pair:
+def _sides(points: Sequence[Pair], t: float) -> Pair:
     """The values to the left and to the right of a t."""
     first = bisect_left(points, t - _CLOSE, key=_time)
     last = bisect_right(points, t + _CLOSE, key=_time) - 1
@@ -121,7 +121,7 @@ def _time(point: Pair) -> float:
 
 
 class ShapeSummary(Struct, frozen=True):
-    """The profiles of a shape; `y` is None where x is turned (radial)."""
+    """Both curves of a shape in short; `y` is None where x is turned (radial)."""
 
     x: CurveSummary
     y: CurveSummary | None
@@ -129,37 +129,37 @@ class ShapeSummary(Struct, frozen=True):
 
 
 def summarise_shape(primitive: Primitive) -> ShapeSummary:
-    """The profiles of a primitive whose curves have no problems."""
+    """The curves of a primitive in short, one whose curves have no problems."""
     shape = shape_of(primitive)
     y = None if shape.y is None else summarise_curve(shape.y)
     return ShapeSummary(summarise_curve(shape.x), y, shape.combine)
 
 
-def value_range(outline: ShapeSummary) -> Range:
+def value_range(summary: ShapeSummary) -> Range:
     """Least and largest value of a shape."""
-    if outline.y is None:
-        return outline.x.right
-    return _combined(outline.combine, outline.x.whole, outline.y.whole)
+    if summary.y is None:
+        return summary.x.right
+    return _combined(summary.combine, summary.x.whole, summary.y.whole)
 
 
-def edge_range(outline: ShapeSummary) -> Range:
+def edge_range(summary: ShapeSummary) -> Range:
     """Least and largest value along the edges of the footprint."""
-    x, y = outline.x, outline.y
+    x, y = summary.x, summary.y
     if y is None:
         return x.ends[1], x.ends[1]
-    edges = [_combined(outline.combine, (end, end), y.inner) for end in x.ends]
-    edges += [_combined(outline.combine, x.inner, (end, end)) for end in y.ends]
+    edges = [_combined(summary.combine, (end, end), y.inner) for end in x.ends]
+    edges += [_combined(summary.combine, x.inner, (end, end)) for end in y.ends]
     return min(low for low, _ in edges), max(high for _, high in edges)
 
 
-def tallest_step(outline: ShapeSummary) -> float:
+def tallest_step(summary: ShapeSummary) -> float:
     """The largest vertical step within a shape, for a factor of 1."""
-    x, y = outline.x, outline.y
+    x, y = summary.x, summary.y
     if y is None:
         return max((abs(b - a) for t, a, b in x.steps if t > 0.5), default=0.0)
     return max(
         (
-            abs(_combine(outline.combine, after, z) - _combine(outline.combine, before, z))
+            abs(_combine(summary.combine, after, z) - _combine(summary.combine, before, z))
             for own, other in ((x, y), (y, x))
             for _, before, after in own.steps
             for z in other.inner

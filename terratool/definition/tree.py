@@ -13,7 +13,7 @@ from typing import Any
 from msgspec import UNSET, Struct, field, structs
 
 from terratool.definition.findings import Rectangle
-from terratool.definition.model import DEFAULT_CELLS, Definition, Element
+from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
 
 Block = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
@@ -123,10 +123,7 @@ class Tree(Struct, frozen=True, dict=True):
 
     def grid(self, index: int) -> Pair:
         """Columns and rows of the grid of an element."""
-        cells = self.value("cells", index)
-        if cells is UNSET:
-            return DEFAULT_CELLS, DEFAULT_CELLS
-        return cells if isinstance(cells, tuple) else (cells, cells)
+        return pair_of(self.value("cells", index), DEFAULT_CELLS)
 
     def block(self, index: int) -> Block:
         """The cells of an element in its parent's grid; -1 where the first is unknown."""
@@ -271,30 +268,8 @@ def flatten(definition: Definition) -> Tree:
     return Tree(elements, families, levels)
 
 
-Owner = int | str
-"""An element by its index in the tree, anything else by its JSON pointer."""
-
-
-class Built(Struct):
-    """The model as far as it could be built.
-
-    Attributes:
-        definition: without its elements; None where the text is no object.
-        tree: the elements.
-        unfit: of each key the owners whose value was left out; "" is for the owner itself.
-        ignores: owner and value of each `x-ignore`.
-    """
-
-    definition: Definition | None = None
-    tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
-    unfit: dict[str, set[Owner]] = field(default_factory=dict)
-    ignores: list[tuple[Owner, Any]] = field(default_factory=list)
-
-
-def complete(built: Built) -> Definition:
-    """The definition with its elements; none of its values may have been left out."""
-    tree, definition = built.tree, built.definition
-    assert definition is not None
+def complete(definition: Definition, tree: Tree) -> Definition:
+    """A definition with its elements, which are taken from the columns if it has none."""
     if tree.elements:
         return definition
     broods: list[Any] = [UNSET] * len(tree)

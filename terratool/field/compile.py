@@ -13,8 +13,15 @@ from numpy.typing import NDArray
 
 from terratool.definition.curves import Curve, KnotCurve, SampledCurve, shape_of
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
-from terratool.definition.model import DEFAULT_MULTIPASS, LARGEST, Definition, Element, Track
-from terratool.definition.tree import Tree, flatten
+from terratool.definition.model import (
+    DEFAULT_CELLS,
+    DEFAULT_MULTIPASS,
+    LARGEST,
+    Definition,
+    Track,
+    pair_of,
+)
+from terratool.definition.tree import Tree
 from terratool.field.records import (
     COMBINE,
     ELEMENT,
@@ -342,9 +349,8 @@ class Compiled(NamedTuple):
     primitives: Ints
 
 
-def compile_definition(definition: Definition) -> Compiled:
-    """Compile a valid definition."""
-    tree = flatten(definition)
+def compile_definition(definition: Definition, tree: Tree) -> Compiled:
+    """Compile a valid definition and its elements, laid flat."""
     columns = _columns(tree, definition)
     order, dense = _order(columns, tree)
     rank = np.empty_like(order)
@@ -431,33 +437,34 @@ class _Ranges(NamedTuple):
 
 
 def _columns(tree: Tree, definition: Definition) -> _Columns:
-    elements = tree.elements
     types = {name: i for i, name in enumerate(definition.primitives)}
     surfaces: dict[Any, int] = {name: i for i, name in enumerate(definition.surfaces)}
     surfaces[UNSET] = -1
 
     def floats(name: str, default: float) -> NDArray[np.float64]:
-        values = [getattr(element, name) for element in elements]
+        values = tree.column(name)
         return np.array([default if value is UNSET else value for value in values], np.float64)
 
-    def pairs(values: list[Any]) -> Ints:
-        return np.array(values, np.int64).reshape(-1, 2)
+    def integers(name: str, numbers: dict[Any, Any]) -> Ints:
+        return np.array([numbers[value] for value in tree.column(name)], np.int64)
 
+    def places(name: str) -> Ints:
+        values = tree.column(name)
+        return np.array([0, *values[1:]], np.int64)  # the root has none
+
+    grids = {cells: pair_of(cells, DEFAULT_CELLS) for cells in tree.distinct("cells")}
+    spans = {span: pair_of(span, 1) for span in tree.distinct("span")}
     return _Columns(
         parent=np.array(tree.parents, np.int64),
-        cell=pairs([_cell(element) for element in elements]),
-        span=pairs([element.block for element in elements]),
-        cells=pairs([element.grid for element in elements]),
+        cell=np.column_stack([places("cell_x"), places("cell_y")]),
+        span=integers("span", spans),
+        cells=integers("cells", grids),
         scale=floats("v_scale", math.nan),
         offset=floats("v_offset", 0.0),
         turn=np.fmod(floats("turn_deg", 0.0), 360.0),
-        type=np.array([types[element.type] for element in elements], np.int64),  # type: ignore[index]
-        surface=np.array([surfaces[element.surface] for element in elements], np.int64),
+        type=integers("type", types),
+        surface=integers("surface", surfaces),
     )
-
-
-def _cell(element: Element) -> tuple[Any, Any]:
-    return (0, 0) if element.cell_x is UNSET else (element.cell_x, element.cell_y)
 
 
 def _first_sibling(parent: Ints) -> Ints:

@@ -13,7 +13,8 @@ from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.model import Definition
-from terratool.definition.reader import load_definition
+from terratool.definition.reader import Checked, load_checked, refusal
+from terratool.definition.tree import flatten
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays
@@ -122,8 +123,20 @@ class Terrain:
     in the broadcast shape. Outside there is no height (NaN) and nothing else (None).
     """
 
-    def __init__(self, definition: Definition) -> None:
-        self._compiled: Compiled = compile_definition(definition)
+    def __init__(self, definition: Definition | Checked) -> None:
+        """Compile a valid definition, or one that was checked.
+
+        Raises:
+            DefinitionError: what was checked has errors.
+        """
+        if isinstance(definition, Checked):
+            checked = definition
+            if checked.terrain is None or checked.tree is None:
+                raise refusal(checked)
+            definition, tree = checked.terrain, checked.tree
+        else:
+            tree = flatten(definition)
+        self._compiled: Compiled = compile_definition(definition, tree)
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs
@@ -270,7 +283,7 @@ def load(path: str | Path) -> Terrain:
         ReadError: the file cannot be read.
         DefinitionError: it is no valid terrain; the findings say why.
     """
-    return Terrain(load_definition(path))
+    return Terrain(load_checked(path))
 
 
 def _points(

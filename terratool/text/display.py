@@ -43,6 +43,16 @@ def columns_of(char: str) -> int:
     return 2 if unicodedata.east_asian_width(char) in "WF" else 1
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things in words: 1 file, 2,000 files."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def length(metres: float) -> str:
+    """A length in words, to three digits, or to a metre from a kilometre on."""
+    return f"{metres:.3g} m" if abs(metres) < 1000 else f"{metres:,.0f} m"
+
+
 def shown(value: object) -> str:
     """A name, text or number as a message shows it: on one line, printable, and not too long."""
     if isinstance(value, str):

@@ -10,25 +10,15 @@ import json
 import re
 from typing import Any, NamedTuple
 
-from terratool.text.format import canonical
+from terratool.text.display import unescape
+from terratool.text.format import Layout, member_lines
 from terratool.text.locate import Address, offsets
+from terratool.text.scan import Member, first_value, members, value_end
 
-_gap = re.compile(rb"[ \t\n\r]*").match
-_token = re.compile(rb'[ \t\n\r]*("(?:[^"\\]++|\\.)*+"|[{}\[\],:]|[^{}\[\],:" \t\n\r]++)').match
-_bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]]').finditer
 _line_end = re.compile(rb"\r\n|\n|\r").search
 _blank = re.compile(rb"[ \t]*").match
 _indented = re.compile(rb"[\r\n]([ \t]+)[^ \t\r\n]").search
 _colons = re.compile(rb'"(?:[^"\\]++|\\.)*+"([ \t]*:[ \t]*)').search
-
-
-class Member(NamedTuple):
-    """A member of an object or an item of a list, by offsets in bytes; an item's key is empty."""
-
-    begin: int
-    key_end: int
-    value: int
-    end: int
 
 
 class Container(NamedTuple):
@@ -36,7 +26,6 @@ class Container(NamedTuple):
 
     Attributes:
         open: offset of its opening bracket.
-        close: offset of its closing one.
         first_gap, last_gap: the white space before its first and its last member.
         last: its last member, None if it is empty.
         size: how many there are.
@@ -44,7 +33,6 @@ class Container(NamedTuple):
     """
 
     open: int
-    close: int
     first_gap: bytes
     last_gap: bytes
     last: Member | None
@@ -84,7 +72,7 @@ class Edit(NamedTuple):
         return data[: self.begin] + self.new + data[self.end :]
 
 
-def set_member(data: bytes, pointer: str, key: str, value: Any) -> Edit:
+def set_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) -> Edit:
     """What sets a member of an object: the value of that key changes, or it is added at the end.
 
     Args:
@@ -93,20 +81,23 @@ def set_member(data: bytes, pointer: str, key: str, value: Any) -> Edit:
             "" for the definition.
         key: of the member.
         value: plain values: a primitive, the children of an element, or tracks.
+        layout: of the definition.
     """
     inside = _container(data, offsets(data, [Address(pointer)])[0], key)
     style = _style(data, inside)
     if inside.member is None:
         spelled = json.dumps(key, ensure_ascii=False)
-        return _added(inside, style, _text(style, pointer, spelled, value))
+        return _added(inside, style, _text(style, pointer, spelled, value, layout))
     member = inside.member
     spelled = data[member.begin : member.key_end].decode()
     colon = ": " if style.broken else style.colon
-    text = _text(style, pointer, spelled, value)[len(spelled + colon) :]
+    text = _text(style, pointer, spelled, value, layout)[len(spelled + colon) :]
     return Edit(member.value, member.end, text.encode())
 
 
-def append_child(data: bytes, pointer: str, element: dict[str, Any], has_children: bool) -> Edit:
+def append_child(
+    data: bytes, pointer: str, element: dict[str, Any], has_children: bool, layout: Layout
+) -> Edit:
     """What adds an element at the end of the children of another one.
 
     Args:
@@ -114,13 +105,14 @@ def append_child(data: bytes, pointer: str, element: dict[str, Any], has_childre
         pointer: JSON pointer of the parent.
         element: plain values.
         has_children: whether the parent has the key `children`.
+        layout: of the definition.
     """
     if not has_children:
-        return set_member(data, pointer, "children", [element])
+        return set_member(data, pointer, "children", [element], layout)
     where = pointer + "/children"
     inside = _container(data, offsets(data, [Address(where)])[0], None)
     style = _style(data, inside)
-    return _added(inside, style, _text(style, where, "", element))
+    return _added(inside, style, _text(style, where, "", element, layout))
 
 
 def _added(inside: Container, style: Style, text: str) -> Edit:
@@ -182,25 +174,17 @@ def _colon(data: bytes, inside: Container) -> str:
     return found[1].decode() if found else ": "
 
 
-def _text(style: Style, where: str, key: str, value: Any) -> str:
+def _text(style: Style, where: str, key: str, value: Any, layout: Layout) -> str:
     """A member, or an item if the key is empty, from its first character to its last."""
     if not style.broken:
         return (key + style.colon if key else "") + _inline(value, style)
     # in the canonical layout, at the depth that it will have there
-    depth = where.count("/children")
-    member = f"{key}: {json.dumps(value, ensure_ascii=False)}"
-    if not where:
-        text, base = f"{{{member}}}", 2
-    elif where == "/elemTypes":
-        text, base = f'{{"elemTypes": {{{member}}}}}', 4
-    else:
-        inner = member if key else f'"children": [{member.removeprefix(": ")}]'
-        around = depth if key else depth - 1
-        text = '{"children": [' * around + f"{{{inner}}}" + "]}" * around
-        text, base = f'{{"elemTree": {text}}}', 4 * around + (4 if key else 6)
-    lines = [line[base:] for line in canonical(text).split("\n") if line.startswith(" " * base)]
+    depth = where.count("/") + 1
+    for token in where.split("/")[1:]:
+        layout = layout.of(unescape(token))
+    lines = member_lines(key, json.dumps(value, ensure_ascii=False), layout, depth)
     joint = style.line_end + style.indent
-    return joint.join(_indented_by(line, style.unit) for line in lines)
+    return joint.join(_indented_by(line[2 * depth :], style.unit) for line in lines)
 
 
 def _indented_by(line: str, unit: str) -> str:
@@ -223,49 +207,15 @@ def _inline(value: Any, style: Style) -> str:
 
 def _container(data: bytes, start: int, key: str | None) -> Container:
     """The object or list that begins there, and what stands in it."""
-    last = member = None
-    first_gap = _gap(data, start + 1).group()  # type: ignore[union-attr]
-    last_gap = first_gap
-    count = 0
-    at = start + 1
-    before = at
-    listed = data[start : start + 1] == b"["
-    while True:
-        begin = _gap(data, at).end()  # type: ignore[union-attr]
-        if data[begin : begin + 1] in (b"}", b"]"):
-            return Container(start, begin, first_gap, last_gap, last, count, member)
-        if data[begin : begin + 1] == b",":
-            before = at = begin + 1
-            continue
-        key_end, value = begin, begin
-        if not listed:
-            key_end = _token(data, begin).end()  # type: ignore[union-attr]
-            value = _gap(data, _token(data, key_end).end()).end()  # type: ignore[union-attr]
-        at = _end_of(data, value)
-        last, last_gap = Member(begin, key_end, value, at), data[before:begin]
-        count += 1
-        if key is not None and json.loads(data[begin:key_end]) == key:
-            member = last
-
-
-def _end_of(data: bytes, start: int) -> int:
-    """Where the value that begins there ends."""
-    if data[start : start + 1] not in (b"{", b"["):
-        return _token(data, start).end()  # type: ignore[union-attr]
-    depth = 0
-    for match in _bracket(data, start):
-        first = data[match.start()]
-        if first in b"{[":
-            depth += 1
-        elif first in b"}]":
-            depth -= 1
-            if depth == 0:
-                break
-    return match.end()
-
-
-def object_of(members: dict[str, Any]) -> str:
-    """Primitives by name as a text of their own, laid out as in `elemTypes`."""
-    text = canonical(json.dumps({"elemTypes": members}, ensure_ascii=False))
-    lines = [line.removeprefix("  ") for line in text.split("\n")[1:-2]]
-    return "\n".join([lines[0].removeprefix('"elemTypes": '), *lines[1:], ""])
+    inside = list(members(data, start, lambda _, __, value: value_end(data, value, len(data))))
+    if not inside:
+        gap = data[start + 1 : first_value(data, start + 1)]
+        return Container(start, gap, gap, None, 0, None)
+    first_gap = last_gap = data[start + 1 : inside[0].begin]
+    if len(inside) > 1:
+        last_gap = data[inside[-2].end : inside[-1].begin].partition(b",")[2]
+    found = None
+    for member in inside:
+        if key is not None and json.loads(data[member.begin : member.key_end]) == key:
+            found = member
+    return Container(start, first_gap, last_gap, inside[-1], len(inside), found)

@@ -1,59 +1,46 @@
-"""The canonical layout: values as they are spelled, keys in the order of the format."""
+"""The canonical layout: values as they are spelled, keys in a given order."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import msgspec
 
-from terratool.definition.keys import ALL_KEYS, document_kind
-from terratool.definition.model import Definition, Element, Primitive, Surface, Track
-from terratool.definition.vehicle import (
-    AxleText,
-    ClassesText,
-    CogText,
-    MarginsText,
-    OverhangText,
-    VehicleText,
-    WheelsText,
-)
+from terratool.text.scan import tokens
 
 WIDTH = 120
 """Characters of a line, where its values can be broken."""
 _INDENT = "  "
 
-_token = re.compile(
-    r'[ \t\n\r]*(?:(?P<scalar>"(?:[^"\\]++|\\.)*+"|[-+.0-9a-zA-Z]++)|(?P<sign>[{}\[\],:]))'
-).match
 
-# what an object or list is, by that around it and its key; those around have names, too
-_ROLES = {
-    ("terrain", "surfTypes"): "surfaces",
-    ("terrain", "elemTypes"): "primitives",
-    ("terrain", "elemTree"): "element",
-    ("element", "children"): "elements",
-    ("terrain", "tracks"): "tracks",
-    ("vehicle", "wheels"): "wheels",
-    ("vehicle", "axles"): "axles",
-    ("vehicle", "cog"): "cog",
-    ("vehicle", "overhang"): "overhang",
-    ("vehicle", "margins"): "margins",
-    ("vehicle", "classes"): "classes",
-}
-_ITEMS = {
-    "surfaces": "surface", "primitives": "primitive", "elements": "element", "tracks": "track",
-    "axles": "axle",
-}  # fmt: skip
-_KINDS = {
-    "terrain": Definition, "surface": Surface, "primitive": Primitive, "element": Element,
-    "track": Track, "vehicle": VehicleText, "wheels": WheelsText, "axle": AxleText, "cog": CogText,
-    "overhang": OverhangText, "margins": MarginsText, "classes": ClassesText,
-}  # fmt: skip
-_ALWAYS_BROKEN = ("terrain", "surfaces", "primitives", "vehicle")
-_LAST = ("surfTypes", "elemTypes", "elemTree", "children")
-"""Keys before which those that the format does not have are put."""
+@dataclass(slots=True)
+class Layout:
+    """How an object or a list is laid out.
+
+    Attributes:
+        order: the place of each key; no keys are sorted where it is empty.
+        others: the place of keys that are not in it.
+        members: the layout of the values of some keys.
+        items: that of all other values.
+        broken: it is never written on one line, unless it is empty.
+        rows: short members share a line.
+    """
+
+    order: Mapping[str, int] = field(default_factory=dict)
+    others: float = 0.0
+    members: dict[str, Layout] = field(default_factory=dict)
+    items: Layout | None = None
+    broken: bool = False
+    rows: bool = False
+
+    def of(self, key: str) -> Layout:
+        """The layout of a member or an item."""
+        return self.members.get(key) or self.items or FREE
+
+
+FREE = Layout()
+"""Of what is not in the format: as it stands."""
 
 
 @dataclass(slots=True)
@@ -62,77 +49,89 @@ class _Node:
 
     Attributes:
         open: its bracket, or all of a scalar.
-        role: what it is.
+        layout: how it is laid out; None for a scalar.
         members: key as it is spelled, "" in a list, and value.
         width: characters if written on one line.
         broken: it is never written on one line.
     """
 
     open: str
-    role: str
+    layout: Layout | None = None
     members: list[tuple[str, _Node]] = field(default_factory=list)
     width: int = 0
     broken: bool = False
 
 
-def canonical(text: str) -> str:
+_Line = str | tuple[_Node, str, str, str]
+"""A line, or a value with its indentation and what stands before and behind it."""
+
+
+def canonical(text: str, layout: Layout) -> str:
     """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
-    kind = "vehicle" if document_kind(text.encode()) == "vehicle" else "terrain"
+    return "\n".join([*_lines([(_read(text, layout), "", "", "")]), ""])
+
+
+def member_lines(key: str, text: str, layout: Layout, depth: int) -> list[str]:
+    """The lines of one member of an object, or of one item of a list.
+
+    Args:
+        key: as it is spelled; "" for an item.
+        text: JSON text of the value.
+        layout: of the object or list.
+        depth: how many levels the member is indented by.
+    """
+    value = _read(text, layout.of(_plain(key)))
+    parent = _Node("{" if key else "[", layout, [(key, value)])
+    return _lines(list(_rows(parent, _INDENT * depth)))
+
+
+def _lines(items: list[_Line]) -> list[str]:
     lines: list[str] = []
-    # what is still to be written, last first: a line, or a value with what is around it
-    pending: list[str | tuple[_Node, str, str, str]] = [(_read(text, kind), "", "", "")]
+    pending = items[::-1]  # last first
     while pending:
         item = pending.pop()
         if isinstance(item, str):
             lines.append(item)
             continue
         node, indent, before, behind = item
-        if not node.broken and len(indent + before + behind) + node.width <= WIDTH:
-            lines.append(f"{indent}{before}{_on_one_line(node)}{behind}")
-            continue
-        if not node.members:
+        fits = not node.broken and len(indent + before + behind) + node.width <= WIDTH
+        if fits or not node.members:
             lines.append(f"{indent}{before}{_on_one_line(node)}{behind}")
             continue
         lines.append(f"{indent}{before}{node.open}")
         pending.append(f"{indent}{_close(node)}{behind}")
         pending.extend(reversed(list(_rows(node, indent + _INDENT))))
-    return "\n".join([*lines, ""])
+    return lines
 
 
-def _read(text: str, kind: str) -> _Node:
-    top = _Node("[", "free")
+def _read(text: str, layout: Layout) -> _Node:
+    top = _Node("[", Layout(items=layout))
     stack = [top]
     key = ""
-    at = 0
-    while (match := _token(text, at)) is not None:
-        at = match.end()
+    for token in tokens(text):
         node = stack[-1]
-        token = match["sign"] or match["scalar"]
-        if token in ("{", "["):
-            role = _ROLES.get((node.role, _plain(key)), _ITEMS.get(node.role, "free"))
-            stack.append(_Node(token, kind if node is top else role))
+        if token in "{[":
+            assert node.layout is not None
+            stack.append(_Node(token, node.layout.of(_plain(key))))
             node.members.append((key, stack[-1]))
             key = ""
-        elif token in ("}", "]"):
+        elif token in "}]":
             _finish(stack.pop())
-        elif match["scalar"]:
-            if node.open == "{" and not key:
-                key = token
-            else:
-                node.members.append((key, _Node(token, "scalar", width=len(token))))
-                key = ""
+        elif node.open == "{" and not key:
+            key = token
+        else:
+            node.members.append((key, _Node(token, width=len(token))))
+            key = ""
     return top.members[0][1]
 
 
 def _finish(node: _Node) -> None:
-    if node.role in _KINDS and node.open == "{":
-        order = {name: place for place, name in enumerate(ALL_KEYS[_KINDS[node.role]])}
-        others = min((order[name] for name in _LAST if name in order), default=len(order)) - 0.5
-        node.members.sort(key=lambda member: order.get(_plain(member[0]), others))
+    layout = node.layout
+    assert layout is not None
+    if layout.order and node.open == "{":
+        node.members.sort(key=lambda member: layout.order.get(_plain(member[0]), layout.others))
     node.broken = bool(node.members) and (
-        node.role in _ALWAYS_BROKEN
-        or node.role in ("elements", "tracks")
-        or any(value.broken for _, value in node.members)
+        layout.broken or any(value.broken for _, value in node.members)
     )
     inner = sum(value.width + (len(key) + 2 if key else 0) for key, value in node.members)
     padding = 2 if node.open == "{" and node.members else 0
@@ -155,7 +154,7 @@ def _on_one_line(node: _Node) -> str:
         item = pending.pop()
         if isinstance(item, str):
             parts.append(item)
-        elif item.role == "scalar":
+        elif item.layout is None:
             parts.append(item.open)
         elif not item.members:
             parts.append(item.open + _close(item))
@@ -168,7 +167,7 @@ def _on_one_line(node: _Node) -> str:
     return "".join(parts)
 
 
-def _rows(node: _Node, indent: str) -> Iterator[str | tuple[_Node, str, str, str]]:
+def _rows(node: _Node, indent: str) -> Iterator[_Line]:
     """The members of a broken object or list: short ones share a line."""
     row = ""
     for place, (key, value) in enumerate(node.members):
@@ -195,4 +194,4 @@ def _shares(node: _Node, key: str, value: _Node) -> bool:
         return False
     if node.open == "[":
         return all(item.open not in "{[" for _, item in value.members) and value.open != "{"
-    return node.role in ("surface", "primitive", "element", "track") and _plain(key) != "descr"
+    return node.layout is not None and node.layout.rows and _plain(key) != "descr"

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import Raw
 
-from terratool.text import scan
 from terratool.text.display import Excerpt, unescape
+from terratool.text.scan import first_value, members, value_end
 
 _ABOUT = 60
 """Characters shown before and behind the one at fault."""
@@ -21,12 +21,6 @@ _ABOUT = 60
 _SHORT = 500
 """Bytes up to which brackets are counted; longer values are skipped by decoding."""
 _LINE_ENDS = (b"\n", b"\r", b"\r\n")
-
-_gap = re.compile(rb"[ \t\n\r,]*").match
-_key = re.compile(rb'[ \t\n\r,]*("(?:[^"\\]++|\\.)*+")[ \t\n\r]*:[ \t\n\r]*').match
-_text = re.compile(rb'"(?:[^"\\]++|\\.)*+"').match
-_scalar = re.compile(rb"[^,\]} \t\n\r]+").match
-_bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]"]').finditer
 
 
 class Address(NamedTuple):
@@ -45,25 +39,27 @@ class Position(NamedTuple):
     excerpt: Excerpt
 
 
-def locate(data: bytes, spots: Sequence[Address], repeated: bool = False) -> list[Position]:
+def locate(data: bytes, addresses: Sequence[Address], repeated: bool = False) -> list[Position]:
     """Where values stand in a JSON text in UTF-8; that of what is absent is its parent's.
 
     Args:
         data: the text.
-        spots: what is looked for.
+        addresses: what is looked for.
         repeated: keys may stand twice in an object; the last one counts.
     """
-    return positions_of(data, offsets(data, spots, repeated))
+    return positions_of(data, offsets(data, addresses, repeated))
 
 
-def offsets(data: bytes, spots: Sequence[Address], repeated: bool = False) -> list[int]:
+def offsets(data: bytes, addresses: Sequence[Address], repeated: bool = False) -> list[int]:
     """The same as offsets in bytes."""
     try:
-        root = _Value(data, _gap(data, 0).end(), Raw(data))  # type: ignore[union-attr]
-        return [_offset(root, spot, repeated) for spot in spots]
+        root = _Value(data, first_value(data), len(data))
+        return [_offset(root, address, repeated) for address in addresses]
     except RecursionError:  # nested too deep for skipping
-        text = scan.parse(data.decode("utf-8"))
-        return [len(text.text[: text.offset(*spot)].encode()) for spot in spots]
+        from terratool.text.syntax import parse
+
+        text = parse(data.decode("utf-8"))
+        return [len(text.text[: text.offset(*address)].encode()) for address in addresses]
 
 
 def positions_of(data: bytes, at: Sequence[int]) -> list[Position]:
@@ -106,14 +102,15 @@ def _printable(text: str) -> str:
 class _Value:
     """A value at its place; what is in it is looked up as far as it is asked for."""
 
-    __slots__ = ("_begins", "_data", "_found", "_inner", "_raw", "_raws", "_rest", "start")
+    __slots__ = ("_begins", "_data", "_found", "_inner", "_raws", "_rest", "end", "start")
 
-    def __init__(self, data: bytes, start: int, raw: Raw) -> None:
+    def __init__(self, data: bytes, start: int, end: int) -> None:
         self._data = data
         self.start = start
-        self._raw = raw
-        # of a list: its items, where those begin that were looked at, and the values among them
-        self._raws: list[Raw] | None = None
+        self.end = end
+        # of a list: its items, where those begin that were looked at, and the values among them;
+        # of an object: the values of its members. None where they were not asked for
+        self._raws: Any = None
         self._begins: list[int] = []
         self._inner: dict[int, _Value] = {}
         # of an object: the members so far, and the others
@@ -142,61 +139,54 @@ class _Value:
         return found[occurrence - 1] if len(found) >= max(1, occurrence) else None
 
     def _item(self, index: int) -> tuple[int, _Value] | None:
-        if self._raws is None:
-            self._raws = msgspec.json.decode(self._raw, type=list[Raw])
-        if index >= len(self._raws):
+        raws = self._values(list[Raw])
+        if index >= len(raws):
             return None
         begins = self._begins
         while len(begins) <= index:
-            behind = begins[-1] + len(memoryview(self._raws[len(begins) - 1])) if begins else 0
-            begins.append(_gap(self._data, behind or self.start + 1).end())  # type: ignore[union-attr]
+            behind = begins[-1] + _length(raws[len(begins) - 1]) if begins else self.start + 1
+            begins.append(first_value(self._data, behind))
+        begin = begins[index]
         if index not in self._inner:
-            self._inner[index] = _Value(self._data, begins[index], self._raws[index])
-        return begins[index], self._inner[index]
+            self._inner[index] = _Value(self._data, begin, begin + _length(raws[index]))
+        return begin, self._inner[index]
 
     def _members(self) -> Iterator[tuple[str, int, _Value]]:
-        raws: dict[str, Raw] = {}
-        at = self.start + 1
-        while (match := _key(self._data, at)) is not None:
-            key: str = msgspec.json.decode(match[1])
-            begin = match.end()
-            raw = self._short(begin, begin + _SHORT)
-            if raw is None:
-                raws = raws or msgspec.json.decode(self._raw, type=dict[str, Raw])
-                raw = raws[key]
-                if not self._data.startswith(bytes(raw), begin):
-                    # of a repeated key only the last value is known
-                    raw = self._short(begin, len(self._data))
-                    assert raw is not None
-            yield key, match.start(1), _Value(self._data, begin, raw)
-            at = begin + len(memoryview(raw))
+        for begin, key_end, value, end in members(self._data, self.start, self._end_of):
+            key: str = msgspec.json.decode(self._data[begin:key_end])
+            yield key, begin, _Value(self._data, value, end)
 
-    def _short(self, begin: int, end: int) -> Raw | None:
-        """The value that begins there, if it ends soon enough."""
-        if self._data.startswith(b'"', begin):
-            match = _text(self._data, begin, end)
-            return None if match is None else Raw(match.group())
-        if self._data[begin : begin + 1] not in b"{[":
-            return Raw(_scalar(self._data, begin).group())  # type: ignore[union-attr]
-        depth = 0
-        for match in _bracket(self._data, begin, end):
-            if match.group() == b'"':  # this text does not end here, whatever is in it
-                return None
-            depth += (match.group() in (b"{", b"[")) - (match.group() in (b"}", b"]"))
-            if depth == 0:
-                return Raw(self._data[begin : match.end()])
-        return None
+    def _end_of(self, begin: int, key_end: int, value: int) -> int:
+        """Where the value of a member ends."""
+        end = value_end(self._data, value, value + _SHORT)
+        if end < 0:
+            raw = self._values(dict[str, Raw])[msgspec.json.decode(self._data[begin:key_end])]
+            if self._data.startswith(bytes(raw), value):
+                return value + _length(raw)
+            # of a repeated key only the last value is known
+            end = value_end(self._data, value, len(self._data))
+        return end
+
+    def _values(self, kind: Any) -> Any:
+        if self._raws is None:
+            view = memoryview(self._data)[self.start : self.end]
+            self._raws = msgspec.json.decode(view, type=kind)
+        return self._raws
 
 
-def _offset(root: _Value, spot: Address, repeated: bool) -> int:
+def _length(raw: Raw) -> int:
+    return len(memoryview(raw))
+
+
+def _offset(root: _Value, address: Address, repeated: bool) -> int:
     value, offset = root, root.start
-    tokens = spot.pointer.split("/")[1:]
+    tokens = address.pointer.split("/")[1:]
     for depth, token in enumerate(tokens, 1):
         last = depth == len(tokens)
-        wanted = spot.occurrence if last and spot.occurrence > 1 else 0 if repeated else 1
+        wanted = address.occurrence if last and address.occurrence > 1 else 0 if repeated else 1
         found = value.find(token, wanted)
         if found is None:
             break
         key_at, value = found
-        offset = key_at if last and spot.on_key else value.start
+        offset = key_at if last and address.on_key else value.start
     return offset

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import os
-import re
 import shutil
 import sys
 import zlib
@@ -19,7 +18,6 @@ from terratool.output import is_same_file, whole_file
 MAX_BYTES = 2 * 1024**3
 _GZIP = b"\x1f\x8b"
 _BOM = b"\xef\xbb\xbf"
-_line_end = re.compile(r"\r\n|\n|\r").finditer
 
 
 class Source(Struct, frozen=True):
@@ -111,13 +109,6 @@ def sources(name: str, endings: tuple[str, ...] = ALL) -> Iterator[str]:
             f"{name}: has no {' and no '.join('*' + ending for ending in endings)}.",
             "Name a file, or another directory.",
         )
-
-
-def line_starts(text: str) -> Iterator[int]:
-    """Offsets at which lines begin; CRLF, LF and CR end a line."""
-    yield 0
-    for match in _line_end(text):
-        yield match.end()
 
 
 def _unreadable(name: str, error: OSError) -> ReadError:

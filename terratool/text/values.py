@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -18,6 +19,9 @@ Repeated = tuple[str, int]
 
 _CONTAINERS = frozenset([dict, list])
 
+_byte = re.compile(r".*\(byte ([0-9]+)\)").fullmatch
+"""Where msgspec found that a text is no JSON; it says nothing where that is the end."""
+
 _decoder = msgspec.json.Decoder(float_hook=float)  # numbers beyond floats are infinite
 
 
@@ -25,19 +29,28 @@ def read_values(data: bytes) -> Any:
     """Plain dicts, lists, strings, numbers, booleans and None; the last of repeated keys.
 
     Raises:
-        jsontext.MisspeltError: at the first character that RFC 8259 does not allow.
-        UnicodeDecodeError: the bytes are no UTF-8.
+        JsonSyntaxError: at the first byte that is no UTF-8, or the first character that RFC 8259
+            does not allow.
     """
     if not data.isascii():
-        data.decode("utf-8")
+        try:
+            data.decode("utf-8")
+        except UnicodeDecodeError as error:
+            from terratool.text.syntax import bad_encoding
+
+            raise bad_encoding(data, error) from error
     try:
         return _decoder.decode(data)
-    except (msgspec.MsgspecError, RecursionError):  # or whole numbers longer than Python reads
-        from terratool.text import scan
+    except (msgspec.MsgspecError, RecursionError) as error:
+        # no JSON, or nested too deep, or a whole number longer than Python reads
+        from terratool.text.syntax import parse, parse_near
 
         text = data.decode("utf-8")
-        scan.explain(text)
-        return scan.parse(text).value
+        if type(error) is msgspec.DecodeError:
+            at = _byte(str(error))
+            fault = data[: int(at[1])].decode("utf-8", "ignore") if at else text
+            parse_near(text, len(fault))
+        return parse(text).value
 
 
 def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
@@ -71,9 +84,9 @@ def repeated_keys(data: bytes, limit: int) -> tuple[list[Repeated], int]:
     try:
         value = json.loads(data, object_pairs_hook=look)
     except (ValueError, RecursionError):
-        from terratool.text import scan
+        from terratool.text.syntax import parse
 
-        keys = [pointer for pointer, _ in scan.parse(data.decode("utf-8")).duplicates]
+        keys = [pointer for pointer, _ in parse(data.decode("utf-8")).duplicates]
         first = dict.fromkeys(keys)
         return list(_repeated([*first, *keys]))[:limit], len(keys)
     repeated = [each for _, each in zip(range(limit), _pointed(value, found), strict=False)]

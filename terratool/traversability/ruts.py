@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.layout import TERRAIN
 from terratool.definition.model import Definition, Track
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import CheckOptions, check
@@ -360,7 +361,7 @@ def write_deformed(
     """
     source = read_source(path)
     tracks = msgspec.to_builtins(deformed.tracks)
-    data = set_member(source.data, "", "tracks", tracks).applied(source.data)
+    data = set_member(source.data, "", "tracks", tracks, TERRAIN).applied(source.data)
     packed = Path(output).name.lower().endswith(".gz")
     result = Source(str(path), data, packed, source.marked)
     checked = check(result, CheckOptions(warnings=False))

@@ -10,7 +10,7 @@ from typing import Any
 from msgspec import UNSET, Struct
 
 from terratool.definition.keys import document_kind
-from terratool.definition.reader import CheckOptions, check_vehicle, refusal
+from terratool.definition.reader import CheckOptions, check, refusal
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.text.source import read_source
@@ -209,7 +209,7 @@ def load_vehicle(path: str | Path) -> Vehicle:
         DefinitionError: it has errors, or is a terrain; errors are in `findings`.
     """
     source = read_source(path)
-    checked = check_vehicle(source, CheckOptions(warnings=False))
+    checked = check(source, CheckOptions(warnings=False), kind="vehicle")
     if checked.vehicle is None:
         if document_kind(source.data) == "terrain":
             raise DefinitionError(

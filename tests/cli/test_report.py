@@ -28,10 +28,10 @@ from terratool.cli.report import (
 )
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check
-from terratool.definition.rules import all_rules
+from terratool.definition.rules import RULES
 from terratool.text.locate import positions_of
 from terratool.text.source import Source
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, run
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, call, run
 from tests.layouts import Cursor
 
 TYPES = '"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}'
@@ -239,10 +239,10 @@ def test_a_name_stays_on_its_line(tmp_path: Path) -> None:
     """A line end or an escape sequence in the name of a file cannot fake a line or a colour."""
     path, absent = tmp_path / "a\nb\x1b[31m.json", tmp_path / "absent\n.json"
     path.write_text("{" + FAULT, encoding="utf-8")
-    ran = run("validate", path, absent)
+    ran = call("validate", path, absent)
     assert ran.out.startswith(f"{tmp_path}/a\\nb\\x1b[31m.json:1:9: error TT106: ")
     assert ran.err.startswith(f"terratool: {tmp_path}/absent\\n.json: cannot be read")
-    findings = json.loads(run("validate", path, "--format", "json").out)["findings"]
+    findings = json.loads(call("validate", path, "--format", "json").out)["findings"]
     assert [finding["file"] for finding in findings] == [str(path)]
 
 
@@ -361,7 +361,7 @@ def test_json_is_json_in_any_encoding(tmp_path: Path, form: str, encoding: str) 
 
 def sarif(*arguments: object, stdin: str = "") -> dict[str, Any]:
     log: dict[str, Any] = json.loads(
-        run("validate", "--format", "sarif", *arguments, stdin=stdin).out
+        call("validate", "--format", "sarif", *arguments, stdin=stdin).out
     )
     return log
 
@@ -376,10 +376,10 @@ def test_sarif_says_what_it_is_and_which_rules_there_are() -> None:
     assert one["columnKind"] == "unicodeCodePoints"
     driver = one["tool"]["driver"]
     assert (driver["name"], driver["semanticVersion"]) == ("terratool", __version__)
-    assert [rule["id"] for rule in driver["rules"]] == list(all_rules())
+    assert [rule["id"] for rule in driver["rules"]] == list(RULES)
     for rule in driver["rules"]:
         assert rule["defaultConfiguration"]["level"] in ("error", "warning")
-        assert rule["defaultConfiguration"]["level"] == all_rules()[rule["id"]].severity
+        assert rule["defaultConfiguration"]["level"] == RULES[rule["id"]].severity
         assert rule["shortDescription"]["text"].endswith(".")
         assert "To mend: " in rule["help"]["text"]
 
@@ -388,7 +388,7 @@ def test_sarif_results_are_the_findings(tmp_path: Path) -> None:
     """Each has its rule, level, words, file, region and pointer; lines and columns from 1."""
     path = tmp_path / "a b%é,世.json"
     path.write_text(OBLONG.replace('"cellX": 4', '"cellX": 5'), encoding="utf-8")
-    findings = json.loads(run("validate", path, "--format", "json").out)["findings"]
+    findings = json.loads(call("validate", path, "--format", "json").out)["findings"]
     (one,) = sarif(path)["runs"]
     assert one["invocations"] == [{"executionSuccessful": True, "toolExecutionNotifications": []}]
     assert len(one["results"]) == len(findings) == 4
@@ -483,7 +483,7 @@ def test_annotations_say_where_and_what(name: str) -> None:
 
 def test_annotations_of_a_file() -> None:
     """Those of a real file have its findings, in order."""
-    ran = run("validate", "-", "--format", "github", stdin=OBLONG)
+    ran = call("validate", "-", "--format", "github", stdin=OBLONG)
     assert [(level, values["title"]) for level, values, _ in annotations(ran.out)] == [
         ("warning", "TT204"), ("warning", "TT210"), ("warning", "TT210"),
     ]  # fmt: skip

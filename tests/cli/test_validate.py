@@ -17,8 +17,8 @@ import pytest
 
 from terratool.cli.main import main
 from terratool.cli.report import REPORTERS
-from terratool.definition.rules import all_rules
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, run
+from terratool.definition.rules import RULES
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, Ran, call
 
 GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
 WARNED = GOOD.replace('"type":"b"', '"type":"b","vScale":0')  # TT210
@@ -36,7 +36,7 @@ def files(folder: Path, **texts: str) -> list[Path]:
 
 def report(*arguments: object, stdin: str = "") -> dict[str, Any]:
     found: dict[str, Any] = json.loads(
-        run("validate", "--format", "json", *arguments, stdin=stdin).out
+        call("validate", "--format", "json", *arguments, stdin=stdin).out
     )
     return found
 
@@ -84,7 +84,7 @@ def test_a_directory_without_definitions_is_unreadable(tmp_path: Path) -> None:
     (empty / ".git").mkdir(parents=True)
     (empty / ".git" / "a.json").write_text(GOOD)
     (wrong,) = files(tmp_path, wrong=WRONG)
-    ran = run("validate", empty, wrong)
+    ran = call("validate", empty, wrong)
     assert ran.code == 3
     assert ran.err.startswith(f"terratool: {empty}: has no *.json and no *.json.gz.\n  ")
     assert ran.out.startswith(f"{wrong}:1:9: error TT106: ")
@@ -145,7 +145,7 @@ def test_odd_names_are_no_crash(tmp_path: Path) -> None:
     link = tmp_path / "link.json"
     link.symlink_to(tmp_path / "absent")
     for name in ("x" * 5000, "", link, "\n"):
-        ran = run("validate", name)
+        ran = call("validate", name)
         assert ran.code == 3
         assert ran.err.startswith("terratool: ")
         assert "cannot be read" in ran.err
@@ -155,10 +155,10 @@ def test_odd_names_are_no_crash(tmp_path: Path) -> None:
 def test_standard_input(tmp_path: Path) -> None:
     """``-`` is standard input, plain or gzipped, and has a name of its own in the report."""
     for data in (WRONG.encode(), gzip.compress(WRONG.encode())):
-        ran = run("validate", "-", stdin=data)
+        ran = call("validate", "-", stdin=data)
         assert ran.code == 1
         assert ran.out.startswith('<stdin>:1:9: error TT106: "size" is 0, out of its range.\n')
-    assert run("validate", "-", stdin=GOOD) == Ran(
+    assert call("validate", "-", stdin=GOOD) == Ran(
         0, "1 file checked, no errors, no warnings.\n", ""
     )
     assert codes(*files(tmp_path, a=WARNED), "-", stdin=WRONG) == ["TT210", "TT106"]
@@ -203,7 +203,7 @@ def test_the_worst_file_decides(tmp_path: Path, given: list[str], code: int) -> 
     arguments = [
         tmp_path / f"{word}.json" if word in (*texts, "absent") else word for word in given
     ]
-    ran = run("validate", *arguments)
+    ran = call("validate", *arguments)
     assert ran.code == code
     assert (ran.out == "") == (code == 2)
     assert (ran.err == "") == (code < 2)
@@ -226,9 +226,9 @@ def test_every_file_is_counted_once(tmp_path: Path) -> None:
 def test_a_mixture_in_every_format(tmp_path: Path, form: str) -> None:
     """Each format has the findings of all files in order, and names what could not be read."""
     paths = files(tmp_path, a=GOOD, b=WARNED, c=BROKEN)
-    assert run("validate", "--format", form, *paths[:2]).code == 0
-    assert run("validate", "--format", form, *paths).code == 1
-    ran = run("validate", "--format", form, paths[0], tmp_path / "absent.json", *paths[1:])
+    assert call("validate", "--format", form, *paths[:2]).code == 0
+    assert call("validate", "--format", form, *paths).code == 1
+    ran = call("validate", "--format", form, paths[0], tmp_path / "absent.json", *paths[1:])
     assert ran.code == 3
     assert re.findall(r"\bTT(?:210|101)\b(?=:|,|\"\,\s+\"(?:severity|ruleIndex)|::)", ran.out) == [
         "TT210", "TT101",
@@ -266,7 +266,7 @@ def test_select_and_ignore(options: list[str], shown: str) -> None:
     """Codes and beginnings of codes, in any case, in lists; what is not wanted does not count."""
     found = report("-", *options, stdin=MANY)
     assert [finding["code"] for finding in found["findings"]] == shown.split()
-    errors = sum(all_rules()[code].severity == "error" for code in shown.split())
+    errors = sum(RULES[code].severity == "error" for code in shown.split())
     assert found["summary"]["errors"] == errors
     assert found["summary"]["warnings"] == len(shown.split()) - errors
     assert found["summary"]["invalid"] == (errors > 0)
@@ -279,7 +279,7 @@ def test_select_and_ignore(options: list[str], shown: str) -> None:
 )
 def test_codes_that_there_are_not(option: str, value: str) -> None:
     """A code that no rule has is wrong usage, and said to be so."""
-    ran = run("validate", "-", option, value, stdin=GOOD)
+    ran = call("validate", "-", option, value, stdin=GOOD)
     assert (ran.code, ran.out) == (2, "")
     assert ("no rule has the code" in ran.err) != ("there is an empty code" in ran.err)
 
@@ -287,7 +287,7 @@ def test_codes_that_there_are_not(option: str, value: str) -> None:
 @pytest.mark.parametrize("options", [["--select", "TT206", "--ignore", "TT2"], ["--ignore", "TT"]])
 def test_no_rule_is_left(options: list[str]) -> None:
     """To look at nothing and call it valid is refused."""
-    ran = run("validate", "-", *options, stdin=GOOD)
+    ran = call("validate", "-", *options, stdin=GOOD)
     assert (ran.code, ran.out) == (2, "")
     assert "leave no rule" in ran.err
 
@@ -297,7 +297,7 @@ def test_no_rule_is_left(options: list[str]) -> None:
 def test_a_text_that_is_no_json_always_counts(text: str, options: list[str]) -> None:
     """What could not be read to its end is not valid, whatever is selected."""
     data = text.encode(errors="surrogateescape")
-    ran = run("validate", "-", *options, stdin=data)
+    ran = call("validate", "-", *options, stdin=data)
     assert ran.code == 1
     assert re.match(r"<stdin>:1:\d+: error TT10[1789]: ", ran.out)
     assert ran.out.endswith("1 file checked, 1 invalid, 1 error, no warnings.\n")
@@ -330,7 +330,7 @@ def test_max_step(limit: list[str], lines: list[int]) -> None:
 )  # fmt: skip
 def test_numbers_that_make_no_sense(options: tuple[str, str]) -> None:
     """They are wrong usage."""
-    ran = run("validate", "-", *options, stdin=GOOD)
+    ran = call("validate", "-", *options, stdin=GOOD)
     assert (ran.code, ran.out) == (2, "")
     assert options[0] in ran.err
 
@@ -364,11 +364,11 @@ def test_max_findings_is_for_all_files_together(tmp_path: Path, limit: str, list
 
 def test_a_thousand_are_listed_unless_told_otherwise() -> None:
     """The default is what --help says it is."""
-    assert "[default: 1000" in run("validate", "--help").out
+    assert "[default: 1000" in call("validate", "--help").out
     found = report("-", stdin=crowd(1003))
     assert len(found["findings"]) == 1000
     assert (found["summary"]["warnings"], found["summary"]["hidden"]) == (1003, 3)
-    last = run("validate", "-", stdin=crowd(1003)).out.splitlines()[-1]
+    last = call("validate", "-", stdin=crowd(1003)).out.splitlines()[-1]
     assert last == (
         "1 file checked, no errors, 1,003 warnings; 3 of them not listed (see --max-findings)."
     )
@@ -503,7 +503,7 @@ def test_x_ignore_is_of_use_even_where_its_rule_is_not_shown() -> None:
 def test_x_ignore_silences_no_errors() -> None:
     """An error is shown, and keeps the definition from being valid."""
     text = terrain(terrain='["T"]').replace('"size": 10', '"size": 0')
-    ran = run("validate", "-", stdin=text)
+    ran = call("validate", "-", stdin=text)
     assert ran.code == 1
     assert ran.out.startswith("<stdin>:1:")
     assert " error TT106: " in ran.out
@@ -541,13 +541,12 @@ def test_x_ignore_does_not_reach_names_that_begin_alike() -> None:
 
 def test_rules_as_markdown() -> None:
     """Every rule has a section, to which the table at the top leads, and its examples are JSON."""
-    page = run("rules", "--markdown").out
+    page = call("rules", "--markdown").out
     headings = re.findall(r"^## (TT\d+) (\S+)$", page, re.MULTILINE)
-    assert headings == [(rule.code, rule.name) for rule in all_rules().values()]
+    assert headings == [(rule.code, rule.name) for rule in RULES.values()]
     links = re.findall(r"^\| \[(TT\d+)\]\(#(\S+)\) \| (\w+) \| \S.*\. \|$", page, re.MULTILINE)
     assert links == [
-        (rule.code, f"{rule.code.lower()}-{rule.name}", rule.severity)
-        for rule in all_rules().values()
+        (rule.code, f"{rule.code.lower()}-{rule.name}", rule.severity) for rule in RULES.values()
     ]
     assert page.count("```") == 2 * page.count("```json") > 0
     for section in page.split("\n## ")[1:]:
@@ -561,10 +560,10 @@ def test_rules_as_markdown() -> None:
 
 def test_a_rule_by_its_code_in_any_case() -> None:
     """tt104 is TT104."""
-    ran = run("rules", "tt104")
+    ran = call("rules", "tt104")
     assert (ran.code, ran.err) == (0, "")
     assert ran.out.startswith("TT104 missing-key (error)\n\n")
-    assert ran == run("rules", "TT104") == run("rules", "Tt104")
-    listed = run("rules", "tt1").out.splitlines()
-    assert [line.split()[0] for line in listed] == [c for c in all_rules() if c[:3] == "TT1"]
-    assert run("rules", "TT9").code == 2
+    assert ran == call("rules", "TT104") == call("rules", "Tt104")
+    listed = call("rules", "tt1").out.splitlines()
+    assert [line.split()[0] for line in listed] == [c for c in RULES if c[:3] == "TT1"]
+    assert call("rules", "TT9").code == 2

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from terratool.definition.reader import Checked, CheckOptions, check_any
-from terratool.definition.rules import all_rules
-from terratool.text.format import canonical
+from terratool.definition.layout import canonical
+from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.rules import RULES
 from terratool.text.source import read_source
 
 HERE = Path(__file__).parents[1]
@@ -43,16 +43,16 @@ def places(checked: Checked) -> list[tuple[str, str, str]]:
 def test_invalid_sample(path: Path) -> None:
     """An invalid file has the findings that are listed beside it, all of them, and no others."""
     options, findings = expected(path)
-    checked = check_any(read_source(path), options)
+    checked = check(read_source(path), options, kind=None)
     assert places(checked) == findings
-    errors = [code for _, code, _ in findings if all_rules()[code].severity == "error"]
+    errors = [code for _, code, _ in findings if RULES[code].severity == "error"]
     assert (checked.definition is None and checked.vehicle is None) == bool(errors)
 
 
 @pytest.mark.parametrize("path", VALID, ids=lambda path: path.stem)
 def test_valid_example(path: Path) -> None:
     """A valid file has no errors."""
-    checked = check_any(read_source(path))
+    checked = check(read_source(path), kind=None)
     assert [f for f in checked.findings if f.severity == "error"] == []
     assert checked.definition is not None
 
@@ -60,7 +60,7 @@ def test_valid_example(path: Path) -> None:
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
 def test_sample(path: Path) -> None:
     """A sample is a good example: nothing is wrong with it, and nothing to remark on."""
-    checked = check_any(read_source(path))
+    checked = check(read_source(path), kind=None)
     assert checked.findings == ()
     assert checked.definition is not None
 
@@ -68,7 +68,7 @@ def test_sample(path: Path) -> None:
 @pytest.mark.parametrize("path", VEHICLES, ids=lambda path: path.stem)
 def test_vehicle(path: Path) -> None:
     """So is a sample of a vehicle, which says what it is and where each figure comes from."""
-    checked = check_any(read_source(path))
+    checked = check(read_source(path), kind=None)
     assert checked.findings == ()
     assert checked.vehicle is not None
     value = json.loads(path.read_text("utf-8"))
@@ -99,7 +99,7 @@ def test_every_rule_has_a_sample() -> None:
     lists = sorted((HERE.parent / "samples" / "invalid").glob("*.expected"))
     assert [path.stem for path in lists] == [path.stem for path in INVALID]
     codes = {code for path in INVALID for _, code, _ in expected(path)[1]}
-    assert codes == set(all_rules()) - NO_SAMPLE
+    assert codes == set(RULES) - NO_SAMPLE
     assert VALID
     assert len(SAMPLES) >= 10
     assert len(VEHICLES) >= 4

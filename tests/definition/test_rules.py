@@ -9,8 +9,8 @@ from textwrap import dedent
 import pytest
 
 from terratool.definition.findings import Finding
-from terratool.definition.reader import Checked, CheckOptions, check, check_any
-from terratool.definition.rules import all_rules
+from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.rules import RULES
 from terratool.text.source import Source, read_source
 from tests.commands import run
 
@@ -75,28 +75,28 @@ INVALID = sorted((ROOT / "samples" / "invalid").glob("*.json"))
 
 
 def findings() -> list[Finding]:
-    return [finding for path in INVALID for finding in check_any(read_source(path)).findings]
+    return [finding for path in INVALID for finding in check(read_source(path), kind=None).findings]
 
 
 def test_codes_and_names_are_stable() -> None:
     """No code that was ever published vanishes or means something else."""
-    assert {code: all_rules()[code].name for code in NAMES} == NAMES
-    assert set(all_rules()) == set(NAMES), "list the new codes here"
+    assert {code: RULES[code].name for code in NAMES} == NAMES
+    assert set(RULES) == set(NAMES), "list the new codes here"
 
 
 def test_codes_are_sorted_and_names_unique() -> None:
     """The list of rules is in order, and each has a name of its own."""
-    codes = list(all_rules())
+    codes = list(RULES)
     assert codes == sorted(codes)
-    assert all(rule.code == code for code, rule in all_rules().items())
-    names = [rule.name for rule in all_rules().values()]
+    assert all(rule.code == code for code, rule in RULES.items())
+    names = [rule.name for rule in RULES.values()]
     assert len(set(names)) == len(names)
 
 
 def examples(code: str) -> list[tuple[str, str, str]]:
     """Verdict, circumstances and text of the examples in a manual page."""
     blocks = re.findall(
-        r"^(Fails|Passes)([^\n:]*):\n\n((?:    .*\n|\n(?=    ))+)", all_rules()[code].manual, re.M
+        r"^(Fails|Passes)([^\n:]*):\n\n((?:    .*\n|\n(?=    ))+)", RULES[code].manual, re.M
     )
     return [(verdict, how.strip(", "), dedent(text)) for verdict, how, text in blocks]
 
@@ -112,13 +112,13 @@ def tried(how: str, text: str) -> Checked:
         data += b" " * (int(match[1]) * 1_000_000)
     else:
         assert how in ("", "in Latin-1"), how
-    return check_any(Source("example.json", data), options)
+    return check(Source("example.json", data), options, kind=None)
 
 
 @pytest.mark.parametrize("code", NAMES)
 def test_each_rule_has_a_manual_page(code: str) -> None:
     """It says in a sentence what the rule is about, what fails, what passes and how to mend it."""
-    rule = all_rules()[code]
+    rule = RULES[code]
     assert rule.summary.endswith(".")
     assert "\n\nTo mend: " in rule.manual
     assert rule.manual.endswith(".")
@@ -145,12 +145,12 @@ def test_the_page_of_rules_is_fresh() -> None:
 @pytest.mark.parametrize("path", INVALID, ids=lambda path: path.stem)
 def test_findings_are_worded_as_sentences(path: Path) -> None:
     """What is wrong and what to do are told in whole sentences, each on one line."""
-    for finding in check_any(read_source(path)).findings:
+    for finding in check(read_source(path), kind=None).findings:
         assert finding.message.endswith("."), finding
         assert finding.hint.endswith((".", "?")), finding
         assert finding.message.isprintable(), finding
         assert finding.hint.isprintable(), finding
-        assert finding.severity == all_rules()[finding.code].severity
+        assert finding.severity == RULES[finding.code].severity
 
 
 def test_findings_name_what_is_at_fault() -> None:

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 import terratool
 from terratool.cli.report import REPORTERS
 from terratool.definition.keys import VEHICLE_KEYS, document_kind
-from terratool.definition.reader import Checked, CheckOptions, check_any, check_vehicle
+from terratool.definition.layout import canonical
+from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.vehicle import (
     AxleText,
     ClassesText,
@@ -27,7 +28,6 @@ from terratool.definition.vehicle import (
     VehicleText,
     WheelsText,
 )
-from terratool.text.format import canonical
 from terratool.text.source import Source
 from tests.commands import ROOT, run
 from tests.schemas import subschemas
@@ -88,7 +88,7 @@ def test_has_the_keys_of_the_reader(kind: type, name: str) -> None:
 
 def agree(value: Any) -> None:
     """What the reader takes the schema takes; what is wrong by structure alone it refuses."""
-    checked = check_vehicle(source(value))
+    checked = check(source(value), kind="vehicle")
     codes = {f.code for f in checked.findings if f.severity == "error"}
     assert (checked.vehicle is None) == bool(codes)
     valid = VALIDATOR.is_valid(value)
@@ -101,7 +101,7 @@ def agree(value: Any) -> None:
 @given(vehicles())
 def test_accepts_what_the_schema_accepts(value: Json) -> None:
     """A vehicle in order is one to both."""
-    assert check_vehicle(source(value), CheckOptions(warnings=False)).findings == ()
+    assert check(source(value), CheckOptions(warnings=False), kind="vehicle").findings == ()
     VALIDATOR.validate(value)
 
 
@@ -175,7 +175,7 @@ def test_agrees_with_the_reader_on_each_key(key: str) -> None:
 def test_nothing_but_an_object_is_a_vehicle(value: Any) -> None:
     """Both say so, and the reader says what it found."""
     agree(value)
-    (finding,) = check_vehicle(source(value)).findings
+    (finding,) = check(source(value), kind="vehicle").findings
     assert finding.code == "TT105"
     assert finding.message.startswith("the vehicle is ")
 
@@ -184,7 +184,7 @@ def test_nothing_but_an_object_is_a_vehicle(value: Any) -> None:
 
 
 def places(text: str) -> list[tuple[int, int, str, str]]:
-    findings = check_vehicle(Source("v.json", text.encode())).findings
+    findings = check(Source("v.json", text.encode()), kind="vehicle").findings
     return [(f.line, f.column, f.code, f.pointer) for f in findings]
 
 
@@ -228,7 +228,7 @@ def test_findings_are_sentences_with_a_hint(change: Json, message: str, hint: st
     value = {**SMALLEST, **change}
     if "axles" in change:
         del value["wheelbase"]
-    (finding,) = check_vehicle(source(value)).findings
+    (finding,) = check(source(value), kind="vehicle").findings
     assert message in finding.message
     assert hint in finding.hint
 
@@ -236,7 +236,7 @@ def test_findings_are_sentences_with_a_hint(change: Json, message: str, hint: st
 def test_neither_axles_nor_wheelbase_is_one_finding() -> None:
     """It is said once, and both ways out are named."""
     value = {key: item for key, item in SMALLEST.items() if key != "wheelbase"}
-    (finding,) = check_vehicle(source(value)).findings
+    (finding,) = check(source(value), kind="vehicle").findings
     assert finding.code == "TT104"
     assert "axles" in finding.message
     assert "wheelbase" in finding.message
@@ -251,7 +251,7 @@ def test_neither_axles_nor_wheelbase_is_one_finding() -> None:
 )  # fmt: skip
 def test_what_is_no_json_is_told_as_of_a_terrain(text: str, code: str) -> None:
     """By the same words; it is the only finding."""
-    checked = check_vehicle(Source("v.json", text.encode("latin-1")))
+    checked = check(Source("v.json", text.encode("latin-1")), kind="vehicle")
     assert not checked.readable
     assert [finding.code for finding in checked.findings] == [code]
 
@@ -263,13 +263,13 @@ def test_findings_are_selected_and_limited() -> None:
     assert codes(value, CheckOptions(warnings=False)) == ["TT106", "TT106", "TT103"]
     assert codes(value, CheckOptions(select=("TT5",))) == ["TT508"]
     assert codes(value, CheckOptions(ignore=("TT1",))) == ["TT508"]
-    checked = check_vehicle(source(value), CheckOptions(limit=1))
+    checked = check(source(value), CheckOptions(limit=1), kind="vehicle")
     assert len(checked.findings) == 1
     assert checked.counts.total() == 4
 
 
 def codes(value: Any, options: CheckOptions | None = None) -> list[str]:
-    return [finding.code for finding in check_vehicle(source(value), options).findings]
+    return [finding.code for finding in check(source(value), options, kind="vehicle").findings]
 
 
 def test_warnings_can_be_ignored_where_they_arise() -> None:
@@ -299,9 +299,9 @@ anything = st.recursive(
 @given(st.dictionaries(st.sampled_from([*LOPSIDED, "$schema", "x-ignore"]), anything) | anything)
 def test_nothing_is_a_crash(value: Any) -> None:
     """Whatever stands under whatever key, the answer is findings, each with a place."""
-    checked = check_any(source(value))
+    checked = check(source(value), kind=None)
     assert checked.vehicle is None or checked.definition is None
-    for finding in (*checked.findings, *check_vehicle(source(value)).findings):
+    for finding in (*checked.findings, *check(source(value), kind="vehicle").findings):
         assert finding.line == 1
         assert finding.message.endswith(".")
         assert finding.hint.endswith((".", "?"))
@@ -440,7 +440,7 @@ def test_schema_and_keys_tell_what_a_text_is(text: str, kind: str | None) -> Non
 
 def test_what_is_neither_is_read_as_a_terrain() -> None:
     """So nothing changes for terrains that are far from valid."""
-    checked: Checked = check_any(Source("t.json", b'{"descr": 3}'))
+    checked: Checked = check(Source("t.json", b'{"descr": 3}'), kind=None)
     assert 'the terrain has no "size".' in [finding.message for finding in checked.findings]
 
 

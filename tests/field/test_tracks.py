@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from terratool.definition.layout import canonical
 from terratool.definition.reader import check
 from terratool.field.summary import summarise
 from terratool.field.terrain import Terrain
@@ -22,7 +23,6 @@ from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.loss import LossFinder, subpixel_features
 from terratool.raster.mosaic import fingerprint
 from terratool.raster.painter import Painter
-from terratool.text.format import canonical
 from terratool.text.source import Source
 from tests.conftest import terrain_of
 from tests.oracle import Oracle, Track

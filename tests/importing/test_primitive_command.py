@@ -13,6 +13,7 @@ import pytest
 import rasterio
 from rasterio.transform import Affine
 
+from terratool.definition.layout import canonical
 from terratool.errors import RequestError, TerratoolError
 from terratool.field.terrain import load
 from terratool.importing.primitive.insert import (
@@ -22,7 +23,6 @@ from terratool.importing.primitive.insert import (
     text_with,
     write,
 )
-from terratool.text.format import canonical
 from tests.commands import call as run
 
 COLUMNS, ROWS, SIDE = 40, 26, 0.5

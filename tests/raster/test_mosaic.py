@@ -418,7 +418,8 @@ class TestWrong:
         before = ["tile-0-0.tif", "tile-0-1.tif", "tile-0-2.tif", "tile-1-0.tif"]
         # the thread may have made the next one before anybody knew of the failure
         assert there in (before, [*before, "tile-1-2.tif"])
-        assert finished(folder) == len(there) and len(list(folder.iterdir())) == len(there) + 1
+        assert finished(folder) in (len(before), len(there))  # a file is named before it is noted
+        assert len(list(folder.iterdir())) == len(there) + 1
         monkeypatch.undo()
         report = mosaic(folder)
         assert report.tiles and report.tiles.kept == len(there)

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from terratool.text.edit import Edit, append_child, object_of, set_member
-from terratool.text.format import WIDTH, canonical
+from terratool.definition.layout import TERRAIN, canonical, primitives_text
+from terratool.text.edit import Edit, append_child, set_member
+from terratool.text.format import WIDTH
 from tests.layouts import Layout, texts, values
 from tests.strategies import Json, definitions
 
@@ -66,7 +67,7 @@ def test_a_primitive_is_inserted_and_nothing_else_changes(
     drawn: tuple[bytes, Json], name: str
 ) -> None:
     data, value = drawn
-    edit = set_member(data, "/elemTypes", name, PRIMITIVE)
+    edit = set_member(data, "/elemTypes", name, PRIMITIVE, TERRAIN)
     expected = deepcopy(value)
     expected["elemTypes"][name] = PRIMITIVE
     after = json.loads(edit.applied(data))
@@ -83,7 +84,7 @@ def test_a_child_is_appended_to_any_element(drawn: tuple[bytes, Json], data: st.
     pointer, _ = data.draw(st.sampled_from(elements_of(value)))
     expected = deepcopy(value)
     parent = dict(elements_of(expected))[pointer]
-    edit = append_child(text, pointer, ELEMENT, "children" in parent)
+    edit = append_child(text, pointer, ELEMENT, "children" in parent, TERRAIN)
     parent.setdefault("children", []).append(ELEMENT)
     assert json.loads(edit.applied(text)) == expected
     assert edit.begin == edit.end
@@ -98,7 +99,7 @@ def test_a_primitive_is_replaced_in_its_place(
     if not value["elemTypes"]:
         return
     name = data.draw(st.sampled_from(list(value["elemTypes"])))
-    edit = set_member(text, "/elemTypes", name, PRIMITIVE)
+    edit = set_member(text, "/elemTypes", name, PRIMITIVE, TERRAIN)
     after = json.loads(edit.applied(text))
     assert after == {**value, "elemTypes": {**value["elemTypes"], name: PRIMITIVE}}
     assert list(after["elemTypes"]) == list(value["elemTypes"])
@@ -114,11 +115,15 @@ def test_what_is_canonical_stays_canonical(value: Json, data: st.DataObject) -> 
         st.sampled_from([e for e in elements_of(value) if e[1].get("children")] or [("", {})])
     )
     if pointer:
-        edit = append_child(text.encode(), pointer, ELEMENT, True)
+        edit = append_child(text.encode(), pointer, ELEMENT, True, TERRAIN)
         text = edit.applied(text.encode()).decode()
-    text = set_member(text.encode(), "/elemTypes", "new", PRIMITIVE).applied(text.encode()).decode()
+    text = (
+        set_member(text.encode(), "/elemTypes", "new", PRIMITIVE, TERRAIN)
+        .applied(text.encode())
+        .decode()
+    )
     curve = [n / 1000 for n in range(70)]
-    edit = set_member(text.encode(), "/elemTypes", "long", {"x": curve, "y": curve})
+    edit = set_member(text.encode(), "/elemTypes", "long", {"x": curve, "y": curve}, TERRAIN)
     text = edit.applied(text.encode()).decode()
     assert canonical(text) == text
 
@@ -150,7 +155,7 @@ def test_lines_are_imitated() -> None:
         ),
     ]
     for before, after in cases:
-        edit = set_member(before.encode(), "/elemTypes", "b", {"x": [0, 0.5]})
+        edit = set_member(before.encode(), "/elemTypes", "b", {"x": [0, 0.5]}, TERRAIN)
         assert edit.applied(before.encode()).decode() == after
 
 
@@ -160,9 +165,11 @@ def test_children_are_added_where_there_are_none() -> None:
         '{\n  "elemTree": {\n    "type": "a", "cells": 4,\n    "children": [\n'
         '      { "type": "b", "cellX": 1, "cellY": 2 }\n    ]\n  }\n}\n'
     )
-    edit = append_child(before.encode(), "/elemTree", {"type": "b", "cellX": 1, "cellY": 2}, False)
+    edit = append_child(
+        before.encode(), "/elemTree", {"type": "b", "cellX": 1, "cellY": 2}, False, TERRAIN
+    )
     assert edit.applied(before.encode()).decode() == after
-    again = append_child(after.encode(), "/elemTree", {"type": "c"}, True)
+    again = append_child(after.encode(), "/elemTree", {"type": "c"}, True, TERRAIN)
     assert again.applied(after.encode()).decode() == after.replace(
         " }\n    ]", ' },\n      { "type": "c" }\n    ]'
     )
@@ -171,12 +178,14 @@ def test_children_are_added_where_there_are_none() -> None:
 @pytest.mark.parametrize("escape", ['"\\u0061"', '"a"'])
 def test_a_key_that_is_spelled_by_escapes_is_found(escape: str) -> None:
     text = f'{{"x-a":"}}","elemTypes":{{{escape}:{{"x":[1]}},"b":{{"x":[2]}}}}}}'
-    after: Any = set_member(text.encode(), "/elemTypes", "a", {"x": [3]}).applied(text.encode())
+    after: Any = set_member(text.encode(), "/elemTypes", "a", {"x": [3]}, TERRAIN).applied(
+        text.encode()
+    )
     assert after.decode() == text.replace("[1]", "[3]")
 
 
 def test_an_object_of_its_own_is_laid_out_as_in_a_definition() -> None:
-    assert object_of({"a": {"x": [1, 0]}, "b": {"y": "cos"}}) == (
+    assert primitives_text({"a": {"x": [1, 0]}, "b": {"y": "cos"}}) == (
         '{\n  "a": { "x": [1, 0] },\n  "b": { "y": "cos" }\n}\n'
     )
-    assert json.loads(object_of({"\u2028": {"x": [1]}})) == {"\u2028": {"x": [1]}}
+    assert json.loads(primitives_text({"\u2028": {"x": [1]}})) == {"\u2028": {"x": [1]}}

@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.definition.keys import KEYS
+from terratool.definition.layout import canonical
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
-from terratool.text.format import canonical
 from tests.commands import run
 from tests.conftest import terrain_of
 from tests.layouts import values

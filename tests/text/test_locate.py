@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.kernels import definition as kernels
-from terratool.text import scan
+from terratool.text import syntax
 from terratool.text.display import escape
 from terratool.text.locate import Address, locate
 from terratool.text.syntax import JsonSyntaxError
@@ -328,7 +328,7 @@ def refusal(parse: Any, text: str) -> tuple[Any, ...] | None:
 def test_skimming_finds_the_first_fault(value: Any, data: st.DataObject) -> None:
     """Skipping what is plain leads to the same fault, and the same words, as reading it all."""
     text = broken(value, data)
-    assert refusal(scan.explain, text) == refusal(scan.parse, text)
+    assert refusal(read_values, text.encode()) == refusal(syntax.parse, text)
 
 
 @pytest.mark.parametrize("depth", [5, 99, 100, 101, 3000])
@@ -350,7 +350,7 @@ def test_skimming_deep_texts(depth: int, opening: str, fault: str) -> None:
         "[" + plain + fault + ", 1, 2",
         '{"a":' + fault + ', "b": 1, "c": [' + fault + ",1], 2",
     ):
-        assert refusal(scan.explain, text) == refusal(scan.parse, text)
+        assert refusal(read_values, text.encode()) == refusal(syntax.parse, text)
 
 
 # Values
@@ -359,7 +359,7 @@ def test_skimming_deep_texts(depth: int, opening: str, fault: str) -> None:
 def strictly(text: str) -> str | None:
     """What the careful reader makes of a text, spelled anew; None if it refuses."""
     try:
-        return json.dumps(scan.parse(text).value)
+        return json.dumps(syntax.parse(text).value)
     except JsonSyntaxError:
         return None
 

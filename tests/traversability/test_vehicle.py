@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 
 import terratool
-from terratool.definition.reader import check_vehicle
+from terratool.definition.reader import check
 from terratool.errors import DefinitionError, ReadError
 from terratool.traversability.vehicle import (
     Axle,
@@ -32,7 +32,7 @@ from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles
 
 
 def meant(value: Json) -> Vehicle:
-    checked = check_vehicle(source(value))
+    checked = check(source(value), kind="vehicle")
     assert checked.vehicle is not None, checked.findings
     return vehicle_of(checked.vehicle)
 
@@ -207,7 +207,7 @@ def test_the_page_tells_the_truth() -> None:
     """Its example is clean, and its tables have each key and the default that is in effect."""
     page = (ROOT / "docs" / "vehicle.md").read_text("utf-8")
     (example,) = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
-    checked = check_vehicle(source(json.loads(example)))
+    checked = check(source(json.loads(example)), kind="vehicle")
     assert checked.vehicle is not None
     assert checked.findings == ()
     rows = dict(re.findall(r"^\| `(\w+)` \|.*\| ([^|]+) \|$", page, re.MULTILINE))

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from terratool.definition.findings import Remark
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 from terratool.text.display import escape
 
 
 def _remarks(subject: Subject, code: str) -> Iterator[Remark]:
-    for name, flaws in subject.flaws.items():
+    for name, curve_errors in subject.curve_errors.items():
         here = f"/elemTypes/{escape(name)}"
         if code == "TT303" and subject.left_out(here, "x", "y"):
             continue  # what it has does not fit
-        for flaw in flaws:
-            if flaw.code == code:
-                yield Remark(here + flaw.remark.pointer, flaw.remark.message, flaw.remark.hint)
+        for error in curve_errors:
+            if error.code == code:
+                yield Remark(here + error.remark.pointer, error.remark.message, error.remark.hint)
 
 
 @rule("TT301", "expression")

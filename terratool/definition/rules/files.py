@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 
 _STEPS = 64  # a terrain has at least this many coordinates along each side
 _LARGE = 10_000_000

@@ -8,7 +8,7 @@ from functools import cached_property
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 from terratool.definition.tree import Tree, cover, overlaps
 from terratool.text.display import escape, shown
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 from terratool.text.display import escape, shown
 
 _MANY = 500

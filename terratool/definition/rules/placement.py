@@ -8,7 +8,7 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import DEFAULT_CELLS
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 from terratool.definition.tree import Tree
 
 _LONG = 80

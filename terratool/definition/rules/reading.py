@@ -1,6 +1,6 @@
 """What the reader itself reports: the text, its keys and their types."""
 
-from terratool.definition.rules import reader_rule
+from terratool.definition.rules.base import reader_rule
 
 reader_rule(
     "TT101",

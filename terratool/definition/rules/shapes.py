@@ -8,7 +8,7 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import CurveValue
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import value_range
 from terratool.text.display import escape, shown
 
@@ -37,15 +37,15 @@ def curve_range(subject: Subject) -> Iterator[Remark]:
     To mend: divide the values by the largest and multiply vScale by it; a pit is a hill with a
     negative vScale. Where other values are meant, silence TT306 by x-ignore in the primitive.
     """
-    for name, outline in subject.outlines.items():
+    for name, summary in subject.summaries.items():
         primitive = subject.definition.primitives[name]
-        for key, curve, profile in (
-            ("x", primitive.x, outline.x),
-            ("y", primitive.y, outline.y),
+        for key, curve, curve_summary in (
+            ("x", primitive.x, summary.x),
+            ("y", primitive.y, summary.y),
         ):
-            if curve is UNSET or curve == () or profile is None:
+            if curve is UNSET or curve == () or curve_summary is None:
                 continue  # the other one is told of
-            worst = max(profile.whole, key=lambda value: abs(value - 0.5))
+            worst = max(curve_summary.whole, key=lambda value: abs(value - 0.5))
             if -_CLOSE <= worst <= 1 + _CLOSE:
                 continue
             yield Remark(
@@ -89,8 +89,8 @@ def asymmetric_radial(subject: Subject) -> Iterator[Remark]:
 
     To mend: let the curve run from rim to rim, its left half the mirror image of the right one.
     """
-    for name, outline in subject.outlines.items():
-        if outline.y is None and not outline.x.mirrored:
+    for name, summary in subject.summaries.items():
+        if summary.y is None and not summary.x.mirrored:
             yield Remark(
                 f"/elemTypes/{escape(name)}/x",
                 "the radial curve is not symmetric, and its left half has no effect.",
@@ -113,8 +113,8 @@ def zero_primitive(subject: Subject) -> Iterator[Remark]:
     To mend: give it a shape; level ground is a primitive that is 1 everywhere, and where only a
     surface is meant, silence TT308 by x-ignore in the primitive.
     """
-    for name, outline in subject.outlines.items():
-        if value_range(outline) == (0, 0):
+    for name, summary in subject.summaries.items():
+        if value_range(summary) == (0, 0):
             yield Remark(
                 f"/elemTypes/{escape(name)}",
                 f"the primitive {shown(name)} is 0 everywhere.",

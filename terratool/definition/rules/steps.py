@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import (
     Range,
     ShapeSummary,
@@ -84,7 +84,7 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     limit = subject.max_step
     if limit is None:
         return
-    walls = {name: _walls(outline) for name, outline in subject.outlines.items()}
+    walls = {name: _walls(summary) for name, summary in subject.summaries.items()}
     tree = subject.tree
     columns = (tree.column(key) for key in ("type", "v_scale", "v_offset", "turn_deg"))
     width, height = subject.definition.extent
@@ -117,10 +117,10 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
             )
 
 
-def _walls(outline: ShapeSummary) -> tuple[float, Range, Range, bool]:
+def _walls(summary: ShapeSummary) -> tuple[float, Range, Range, bool]:
     """Tallest step within a shape, ranges at its edges and anywhere, and whether it is radial."""
-    radial = outline.y is None
-    return tallest_step(outline), edge_range(outline), value_range(outline), radial
+    radial = summary.y is None
+    return tallest_step(summary), edge_range(summary), value_range(summary), radial
 
 
 def _cells(tree: Tree) -> list[tuple[float, float]]:

@@ -8,7 +8,7 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.presets import PRESETS
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 from terratool.text.display import escape, shown
 
 _SOIL = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))

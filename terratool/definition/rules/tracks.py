@@ -9,7 +9,7 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import Track
-from terratool.definition.rules import Subject, rule
+from terratool.definition.rules.base import Subject, rule
 from terratool.text.display import shown
 
 

@@ -8,7 +8,7 @@ from itertools import product
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.rules import VehicleSubject, vehicle_rule
+from terratool.definition.rules.base import VehicleSubject, rule
 from terratool.definition.vehicle import AxleText
 from terratool.text.display import shown
 
@@ -17,7 +17,7 @@ _AGREE = 1e-3
 """Share of the wheelbase by which two statements of it may differ: figures are rounded."""
 
 
-@vehicle_rule("TT501", "axles-overlap")
+@rule("TT501", "axles-overlap", kind="vehicle")
 def axles_overlap(subject: VehicleSubject) -> Iterator[Remark]:
     """The wheels of two axles stand in each other's place.
 
@@ -87,7 +87,7 @@ def _across(axle: AxleText, track: float) -> list[float]:
     return [track * (place / (count - 1) - 0.5) for place in range(count)] if count > 1 else [0.0]
 
 
-@vehicle_rule("TT502", "narrow-track")
+@rule("TT502", "narrow-track", kind="vehicle")
 def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
     """The track is too narrow for the wheels of an axle to stand side by side.
 
@@ -123,7 +123,7 @@ def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
         )
 
 
-@vehicle_rule("TT503", "wheelbase-differs")
+@rule("TT503", "wheelbase-differs", kind="vehicle")
 def wheelbase_differs(subject: VehicleSubject) -> Iterator[Remark]:
     """The wheelbase is not the distance of the outermost axles.
 
@@ -160,7 +160,7 @@ def wheelbase_differs(subject: VehicleSubject) -> Iterator[Remark]:
         )
 
 
-@vehicle_rule("TT504", "tips-over")
+@rule("TT504", "tips-over", kind="vehicle")
 def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
     """The vehicle tips over on level ground.
 
@@ -213,7 +213,7 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
         )
 
 
-@vehicle_rule("TT505", "nothing-driven")
+@rule("TT505", "nothing-driven", kind="vehicle")
 def nothing_driven(subject: VehicleSubject) -> Iterator[Remark]:
     """No axle is driven, so that the vehicle cannot move by itself.
 
@@ -243,7 +243,7 @@ def nothing_driven(subject: VehicleSubject) -> Iterator[Remark]:
         )
 
 
-@vehicle_rule("TT509", "idle-overhang", "warning")
+@rule("TT509", "idle-overhang", "warning", kind="vehicle")
 def idle_overhang(subject: VehicleSubject) -> Iterator[Remark]:
     """An overhang can touch nothing before a wheel does, so that it has no effect.
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.rules import VehicleSubject, vehicle_rule
+from terratool.definition.rules.base import VehicleSubject, rule
 from terratool.definition.vehicle import VehicleText
 from terratool.text.display import shown
 
@@ -38,7 +38,7 @@ _PLAUSIBLE = (
 )
 
 
-@vehicle_rule("TT506", "class-order")
+@rule("TT506", "class-order", kind="vehicle")
 def class_order(subject: VehicleSubject) -> Iterator[Remark]:
     """The slip up to which it is go is larger than that up to which it is caution.
 
@@ -77,7 +77,7 @@ def class_order(subject: VehicleSubject) -> Iterator[Remark]:
         )
 
 
-@vehicle_rule("TT507", "weak-drive", "warning")
+@rule("TT507", "weak-drive", "warning", kind="vehicle")
 def weak_drive(subject: VehicleSubject) -> Iterator[Remark]:
     """The motors hardly move the vehicle on hard level ground.
 
@@ -117,7 +117,7 @@ def weak_drive(subject: VehicleSubject) -> Iterator[Remark]:
         )
 
 
-@vehicle_rule("TT508", "implausible-vehicle", "warning")
+@rule("TT508", "implausible-vehicle", "warning", kind="vehicle")
 def implausible_vehicle(subject: VehicleSubject) -> Iterator[Remark]:
     """A value is one that hardly any vehicle has; most often it is in another unit.
 
@@ -160,7 +160,7 @@ def _value(vehicle: VehicleText, path: str) -> object:
     return owner
 
 
-@vehicle_rule("TT510", "used-up-margin", "warning")
+@rule("TT510", "used-up-margin", "warning", kind="vehicle")
 def used_up_margin(subject: VehicleSubject) -> Iterator[Remark]:
     """A margin leaves nothing of its limit, so that no ground is good enough.
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from msgspec import UNSET
 
+from terratool.definition.layout import TERRAIN
 from terratool.definition.model import Definition, Element
 from terratool.definition.reader import CheckOptions, check, load_definition
 from terratool.errors import DefinitionError, RequestError
@@ -139,11 +140,12 @@ def text_with(
     """
     data = target.source.data
     for name, primitive in primitives.items():
-        data = set_member(data, "/elemTypes", name, primitive).applied(data)
+        data = set_member(data, "/elemTypes", name, primitive, TERRAIN).applied(data)
     if target.place is not None:
         has_children = _path(target.definition, target.place.parent)[-1].children is not UNSET
         for element in elements:
-            data = append_child(data, target.place.parent, element, has_children).applied(data)
+            edit = append_child(data, target.place.parent, element, has_children, TERRAIN)
+            data = edit.applied(data)
             has_children = True
     checked = check(Source(target.source.name, data), CheckOptions(warnings=False))
     if checked.definition is None:

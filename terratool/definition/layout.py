@@ -1,0 +1,51 @@
+"""The canonical layout of terrains and vehicles: the order of keys, and what stands on lines."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from terratool.definition.keys import ALL_KEYS, NESTED, document_kind
+from terratool.definition.model import Definition, Element, Primitive, Surface, Track
+from terratool.definition.vehicle import VehicleText
+from terratool.text import format as text_format
+from terratool.text.format import Layout
+
+_BROKEN = (Definition, VehicleText)
+_ROWS = (Surface, Primitive, Element, Track)
+_LAST = ("surfTypes", "elemTypes", "elemTree", "children")
+"""Keys before which those that the format does not have are put."""
+
+
+def _layouts() -> dict[type, Layout]:
+    """The layout of each class of the model."""
+    layouts = {}
+    for kind, keys in ALL_KEYS.items():
+        order = {key: place for place, key in enumerate(keys)}
+        others = min((order[key] for key in _LAST if key in order), default=len(order)) - 0.5
+        layouts[kind] = Layout(order, others, broken=kind in _BROKEN, rows=kind in _ROWS)
+    for kind, members in NESTED.items():
+        for key, nested in members.items():
+            layout = layouts[nested.kind]
+            if nested.form in ("list", "dictionary"):
+                layout = Layout(items=layout, broken=key != "axles")
+            layouts[kind].members[key] = layout
+    return layouts
+
+
+_LAYOUTS = _layouts()
+TERRAIN, VEHICLE = _LAYOUTS[Definition], _LAYOUTS[VehicleText]
+
+
+def canonical(text: str) -> str:
+    """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
+    vehicle = document_kind(text.encode()) == "vehicle"
+    return text_format.canonical(text, VEHICLE if vehicle else TERRAIN)
+
+
+def primitives_text(primitives: dict[str, Any]) -> str:
+    """Primitives by name as a text of their own, laid out as in `elemTypes`."""
+    text = json.dumps(primitives, ensure_ascii=False)
+    lines = text_format.member_lines('"elemTypes"', text, TERRAIN, 1)
+    lines = [line.removeprefix("  ") for line in lines]
+    return "\n".join([lines[0].removeprefix('"elemTypes": '), *lines[1:], ""])

@@ -1,0 +1,128 @@
+"""What a rule is, what it looks at, and the table that it is entered in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterator, Mapping
+from functools import cached_property
+from inspect import cleandoc
+from typing import Any
+
+from msgspec import UNSET, Struct
+
+from terratool.definition.curves import CurveError, problems
+from terratool.definition.findings import Owner, Remark, Severity
+from terratool.definition.keys import Kind
+from terratool.definition.model import Definition
+from terratool.definition.summaries import ShapeSummary, summarise_shape
+from terratool.definition.tree import Tree
+from terratool.definition.vehicle import AxleText, VehicleText
+
+
+class _Subject(Struct, frozen=True, dict=True, kw_only=True):
+    """What rules about terrains and about vehicles look at.
+
+    Attributes:
+        unfit: of each key the owners whose value was left out; "" is for the owner itself.
+    """
+
+    unfit: Mapping[str, Container[Owner]] = {}
+
+    def left_out(self, owner: Owner, *keys: str) -> bool:
+        """Whether one of these values of an object, or all of it, did not fit."""
+        return bool(self.unfit) and any(owner in self.unfit.get(key, ()) for key in ("", *keys))
+
+
+class Subject(_Subject, frozen=True, kw_only=True):
+    """What a rule about terrains looks at.
+
+    Attributes:
+        definition: the model, without the values that did not fit.
+        tree: its elements laid flat.
+        size: bytes of the text.
+        packed: whether they came from gzip.
+        max_step: height of a step from which on it is remarked on; None for no limit.
+    """
+
+    definition: Definition
+    tree: Tree
+    size: int = 0
+    packed: bool = False
+    max_step: float | None = None
+
+    @cached_property
+    def curve_errors(self) -> dict[str, tuple[CurveError, ...]]:
+        """What is wrong with the curves of primitives, by name; none of those that are good."""
+        found = ((name, problems(p)) for name, p in self.definition.primitives.items())
+        return {name: curve_errors for name, curve_errors in found if curve_errors}
+
+    @cached_property
+    def summaries(self) -> dict[str, ShapeSummary]:
+        """What the curves of primitives are like, by name; none of those that mean nothing."""
+        primitives = self.definition.primitives.items()
+        return {name: summarise_shape(p) for name, p in primitives if name not in self.curve_errors}
+
+
+class VehicleSubject(_Subject, frozen=True, kw_only=True):
+    """What a rule about vehicles looks at.
+
+    Attributes:
+        vehicle: the model, without the values that did not fit.
+    """
+
+    vehicle: VehicleText
+
+    @cached_property
+    def axles(self) -> tuple[AxleText, ...]:
+        """The axles in document order, each with an x; none if not all of them are known."""
+        axles = self.vehicle.all_axles
+        known = not self.left_out("", "axles", "wheelbase") and not any(
+            axle.x is UNSET or self.left_out(f"/axles/{index}", "wheels", "driven")
+            for index, axle in enumerate(axles)
+        )
+        return axles if known else ()
+
+
+Check = Callable[[Any], Iterator[Remark]]
+"""The generator of a rule; it takes a `Subject` or a `VehicleSubject`."""
+
+
+class Rule(Struct, frozen=True):
+    """A code, its name, default severity and manual page, and the generator behind it.
+
+    Attributes:
+        check: None if the reader itself reports the code.
+        kind: what `check` looks at.
+    """
+
+    code: str
+    name: str
+    severity: Severity
+    manual: str
+    check: Check | None = None
+    kind: Kind = "terrain"
+
+    @property
+    def summary(self) -> str:
+        """The first sentence of the manual page."""
+        return self.manual.partition("\n\n")[0].replace("\n", " ")
+
+
+registry: dict[str, Rule] = {}
+"""Every rule by its code."""
+
+
+def rule(
+    code: str, name: str, severity: Severity = "error", kind: Kind = "terrain"
+) -> Callable[[Check], Check]:
+    """Register a generator as a rule about terrains or vehicles."""
+
+    def register(check: Check) -> Check:
+        registry[code] = Rule(code, name, severity, cleandoc(check.__doc__ or ""), check, kind)
+        return check
+
+    return register
+
+
+def reader_rule(code: str, name: str, manual: str, severity: Severity = "error") -> None:
+    """Register a code that the reader itself reports."""
+    registry[code] = Rule(code, name, severity, cleandoc(manual))
