@@ -34,7 +34,7 @@ def said(what: str, value: str) -> None:
 
 
 def compiled(text: bytes) -> Terrain:
-    return Terrain(check(Source("benchmark", text)).definition)
+    return Terrain(check(Source("benchmark", text)))
 
 
 def mosaic(

@@ -230,7 +230,7 @@ def _export(request: _Request) -> None:
 def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
     """Write a mesh; its report, and this in lines for people."""
     from terratool.mesh.export import export_mesh
-    from terratool.mesh.loss import counted, length
+    from terratool.text.display import counted, length
 
     _check_output(request)
     terrain = load(request.file)
@@ -274,8 +274,8 @@ def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
     """Write tiles; their report, and this in lines for people."""
     from terratool.errors import WriteError
     from terratool.mesh.formats.table import mesh_format
-    from terratool.mesh.loss import length
     from terratool.mesh.tiles import TileCount, export_tiles
+    from terratool.text.display import length
 
     file, output = Path(request.file), Path(request.output)
     mesh_format(output)

@@ -387,8 +387,9 @@ def compile_definition(definition: Definition, tree: Tree) -> Compiled:
     )
     surfaces = tuple(definition.surfaces)
     surface = _inherit(columns.surface, parents)
-    elements["kind"], kinds, primitives, curves = _kinds(definition, columns.type, surface)
-    _mark_leaves(grids, home, elements, kinds)
+    found = _kinds(definition, columns.type, surface)
+    elements["kind"] = found.of
+    _mark_leaves(grids, home, elements, found.kinds)
     west, south = definition.corner
     bounds = np.array([west, south, west + extent[0], south + extent[1]])
     arrays = FieldArrays(
@@ -397,11 +398,11 @@ def compile_definition(definition: Definition, tree: Tree) -> Compiled:
         offsets=offsets,
         entries=entries,
         poses=poses,
-        kinds=kinds,
-        curves=curves,
+        kinds=found.kinds,
+        curves=found.curves,
         bounds=bounds,
         pending=pending,
-        voids=bool(kinds["is_void"].any()),
+        voids=bool(found.kinds["is_void"].any()),
         tracks=compile_tracks(definition, bounds),
     )
     return Compiled(
@@ -411,7 +412,7 @@ def compile_definition(definition: Definition, tree: Tree) -> Compiled:
         float(own_sides.min()),
         surfaces,
         len(tree.levels) - 1,
-        primitives,
+        found.primitives,
     )
 
 
@@ -582,9 +583,16 @@ def _inherit(surface: Ints, parents: Ints) -> Ints:
     return own
 
 
-def _kinds(
-    definition: Definition, types: Ints, surface: Ints
-) -> tuple[Ints, NDArray[Any], Ints, CurveArrays]:
+class _Kinds(NamedTuple):
+    """The kind of each element, (n,); all kinds, (k,), with their primitives and curves."""
+
+    of: Ints
+    kinds: NDArray[Any]
+    primitives: Ints
+    curves: CurveArrays
+
+
+def _kinds(definition: Definition, types: Ints, surface: Ints) -> _Kinds:
     pairs, index = np.unique(np.column_stack([types, surface]), axis=0, return_inverse=True)
     primitives = list(definition.primitives.values())
     void = [surface.void is True for surface in definition.surfaces.values()] + [False]
@@ -598,7 +606,7 @@ def _kinds(
         for axis, curve in enumerate((shape.x, shape.y or shape.x)):
             store.put(kind, axis, curve)
         kind["special"] = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
-    return index.reshape(-1), kinds, pairs[:, 0], store.curves()
+    return _Kinds(index.reshape(-1), kinds, pairs[:, 0], store.curves())
 
 
 class _CurveStore:

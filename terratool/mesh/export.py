@@ -22,9 +22,10 @@ from terratool.mesh.budget import BudgetedMesh, within_budget
 from terratool.mesh.build import build
 from terratool.mesh.formats.common import points_of
 from terratool.mesh.formats.table import FORMATS, MeshFormat, mesh_format
-from terratool.mesh.loss import MeshLoss, counted, length, omitted_elements, wall_summary
+from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
+from terratool.text.display import counted, length
 
 SHARE = 1e-3
 """The largest error, if not said, in parts of the relief …"""

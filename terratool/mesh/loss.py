@@ -14,6 +14,7 @@ from terratool.kernels import field as fields
 from terratool.mesh.constraints import undrawn_tracks, without_tracks
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import BuiltMesh, Mesh, RutLoss
+from terratool.text.display import counted, length
 
 POINTS = 500_000
 """What is left out is measured at up to so many points in its cells, and at as many anywhere."""
@@ -351,13 +352,3 @@ def spread(part: Bounds) -> tuple[Floats, Floats]:
         west + np.mod(steps / _PLASTIC, 1.0) * (east - west),
         south + np.mod(steps / _PLASTIC**2, 1.0) * (north - south),
     )
-
-
-def length(value: float) -> str:
-    """A length in words."""
-    return f"{value:.3g} m" if abs(value) < 1000 else f"{value:,.0f} m"
-
-
-def counted(count: int, what: str) -> str:
-    """A number of things in words."""
-    return f"{count:,} {what}{'' if count == 1 else 's'}"

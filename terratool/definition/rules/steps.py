@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from msgspec import UNSET
 
@@ -117,10 +118,19 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
             )
 
 
-def _walls(summary: ShapeSummary) -> tuple[float, Range, Range, bool]:
-    """Tallest step within a shape, ranges at its edges and anywhere, and whether it is radial."""
-    radial = summary.y is None
-    return tallest_step(summary), edge_range(summary), value_range(summary), radial
+class _Walls(NamedTuple):
+    """The tallest step within a shape, its ranges at its edges and anywhere; is it radial?"""
+
+    step: float
+    edge: Range
+    anywhere: Range
+    radial: bool
+
+
+def _walls(summary: ShapeSummary) -> _Walls:
+    return _Walls(
+        tallest_step(summary), edge_range(summary), value_range(summary), summary.y is None
+    )
 
 
 def _cells(tree: Tree) -> list[tuple[float, float]]:

@@ -218,8 +218,7 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
 
     grid = patch.samples.grid
     checked = check(Source("patch", msgspec.json.encode(_definition(patch, entries))))
-    assert checked.definition is not None, checked.findings
-    terrain = Terrain(checked.definition)
+    terrain = Terrain(checked)
     x = (np.arange(grid.columns) + 0.5) * grid.dx
     largest, squares, pixels, bare = 0.0, 0.0, 0, 0
     at = 0, 0

@@ -7,29 +7,21 @@ heights, with the best vScale and vOffset for each pair of curves.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from terratool.definition.expression import NAMED
+from terratool.definition.expression import NAMED, evaluate, parse
+from terratool.field.compile import FUNCTIONS
 from terratool.importing.primitive import fit, products
 from terratool.importing.primitive.entries import PrimitiveEntry, fit_error, spelled
 from terratool.importing.primitive.fit import relief_of
 from terratool.importing.primitive.products import Floats, Patch, Points, ProductSum, basis, nodes
 
-_FUNCTIONS: dict[str, Callable[[Floats], Floats]] = {
-    "flat": np.ones_like,
-    "ramp": lambda t: t,
-    "tent": lambda t: 1.0 - np.abs(2.0 * t - 1.0),
-    "cos": lambda t: np.cos(np.pi * (t - 0.5)),
-    "cosbell": lambda t: 0.5 - 0.5 * np.cos(2.0 * np.pi * t),
-    "dome": lambda t: np.sqrt(np.maximum(0.0, 1.0 - (2.0 * t - 1.0) ** 2)),
-    "gauss": lambda t: np.exp(-18.0 * (t - 0.5) ** 2),
-    "smoothstep": lambda t: t**2 * (3.0 - 2.0 * t),
-}
+_CURVES = {name: parse(text) for name, text in NAMED.items()}
 _RISING = ("ramp", "smoothstep")
 """Those that differ from their mirror image."""
 
@@ -65,7 +57,8 @@ class NamedForm:
         s = (t - self.low) / (self.high - self.low)
         if self.name != "gauss":
             s = np.clip(s, 0.0, 1.0)
-        return _FUNCTIONS[self.name](1.0 - s if self.mirrored else s)
+        values = evaluate(_CURVES[self.name], 1.0 - s if self.mirrored else s, FUNCTIONS)
+        return np.broadcast_to(values, t.shape)
 
     def spelled(self) -> str:
         """Its name, or an expression."""
@@ -148,7 +141,7 @@ def _close(found: list[RecognisedPair]) -> list[RecognisedPair]:
 
 
 def _forms() -> Iterator[NamedForm]:
-    for name in _FUNCTIONS:
+    for name in NAMED:
         yield NamedForm(name)
         if name in _RISING:
             yield NamedForm(name, mirrored=True)
