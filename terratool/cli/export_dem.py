@@ -170,6 +170,8 @@ def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
     """A report ready for JSON; `why` says who chose the resolution."""
     import msgspec
 
+    from terratool.text.display import plain
+
     grid = report.grid
     return {
         "format_version": 2,
@@ -184,7 +186,7 @@ def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
         "surfaces": report.surfaces,
         "lacking": report.lacking,
         "losses": report.losses.as_json() if report.losses else None,
-        "tiles": msgspec.to_builtins(report.tiles, enc_hook=str),
+        "tiles": msgspec.to_builtins(report.tiles, enc_hook=plain),
     }
 
 

@@ -447,7 +447,7 @@ class _Decoder:
         self._found.take("TT106", iter(()), out_of_range)
         self._found.take("TT105", iter(()), wrong_types)
         if unfit:
-            self.decoded.unfit[key] = unfit
+            self.decoded.unfit.setdefault(key, set()).update(unfit)
 
 
 def remark_on(owner: Owner, rest: str, message: str, hint: str, *, on_key: bool = False) -> Remark:

@@ -62,9 +62,14 @@ def refuse_empty(bounds: Bounds) -> None:
         RequestError: it is empty, or has a side that is no number.
     """
     west, south, east, north = bounds
-    if not all(map(math.isfinite, bounds)) or west >= east or south >= north:
+    said = " ".join(f"{side:.12g}" for side in bounds)
+    if not all(map(math.isfinite, bounds)):
         raise RequestError(
-            f"The bounds {' '.join(f'{side:.12g}' for side in bounds)} are empty.",
+            f"The bounds are {said}.", "Give four finite numbers: west, south, east, north."
+        )
+    if west >= east or south >= north:
+        raise RequestError(
+            f"The bounds {said} are empty.",
             "Give west south east north, west below east and south below north.",
         )
 

@@ -25,7 +25,7 @@ from terratool.mesh.formats.table import FORMATS, MeshFormat, mesh_format
 from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
-from terratool.text.display import counted, length
+from terratool.text.display import counted, length, plain
 
 SHARE = 1e-3
 """The largest error, if not said, in parts of the relief …"""
@@ -77,7 +77,7 @@ class MeshOptions:
 
     def error_for(self, terrain: Terrain) -> tuple[float, str]:
         """The largest error, and in words who chose it."""
-        if self.max_error:
+        if self.max_error is not None:
             return self.max_error, "as asked"
         relief = relief_of(terrain, self.bounds)
         if relief * SHARE > LEAST_ERROR:
@@ -90,7 +90,7 @@ class ExportReport(Struct, frozen=True, kw_only=True):
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
-        values: dict[str, Any] = json.decode(json.encode(self, enc_hook=str))
+        values: dict[str, Any] = json.decode(json.encode(self, enc_hook=plain))
         return values
 
 

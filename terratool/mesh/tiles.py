@@ -271,6 +271,12 @@ def export_tiles(
             a seam.
         WriteError: something is there already, or cannot be written.
     """
+    options.check()
+    if options.max_faces is not None or options.solid:
+        raise RequestError(
+            "A limit of faces, or a solid, is about one mesh, but tiles are asked for.",
+            "Leave out the limit, the solid or the tiles.",
+        )
     folder = Path(folder).absolute()
     if options.bounds is not None:
         check_bounds(options.bounds, terrain)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 from msgspec import Struct
 
 
@@ -41,6 +44,13 @@ def columns_of(char: str) -> int:
     if unicodedata.combining(char) or unicodedata.category(char) in ("Mn", "Me", "Cf"):
         return 0
     return 2 if unicodedata.east_asian_width(char) in "WF" else 1
+
+
+def plain(value: Any) -> Any:
+    """What `msgspec.to_builtins` asks for: paths as texts, scalars of NumPy as numbers."""
+    if isinstance(value, Path):
+        return str(value)
+    return value.item()
 
 
 def counted(count: int, noun: str) -> str:

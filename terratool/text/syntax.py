@@ -448,7 +448,7 @@ def open_brackets(text: str, offset: int) -> tuple[list[int], int]:
         behind = match.end()
         if text[behind - 1] in "{[":
             begins.append(behind - 1)
-        else:
+        elif begins:
             begins.pop()
     return begins, _behind_leaves(text, behind, offset).end()  # type: ignore[union-attr]
 

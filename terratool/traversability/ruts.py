@@ -365,7 +365,7 @@ def write_deformed(
     packed = Path(output).name.lower().endswith(".gz")
     result = Source(str(path), data, packed, source.marked)
     checked = check(result, CheckOptions(warnings=False))
-    if checked.definition is None:
+    if checked.terrain is None:
         first = checked.findings[0]
         raise DefinitionError(
             f"{path}: with the tracks, it would be invalid: {first.code}: {first.message}",

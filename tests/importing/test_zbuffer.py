@@ -428,7 +428,7 @@ def test_a_wall_that_stands_free_is_not_seen() -> None:
         (GROUND, 1e-300, None, RequestError, "pixels, more than"),
         (GROUND, 100.0, None, RequestError, "no pixel has its centre"),
         (GROUND, 1.0, (0, 0, 0, 4), RequestError, "are empty"),
-        (GROUND, 1.0, (0, 0, np.nan, 4), RequestError, "are empty"),
+        (GROUND, 1.0, (0, 0, np.nan, 4), RequestError, "bounds are 0 0 nan 4"),
         (GROUND, 1.0, (8, 0, 9, 4), RequestError, "miss"),
     ],
 )  # fmt: skip

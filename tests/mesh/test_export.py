@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 
 from terratool.cli.main import main
+from terratool.errors import RequestError
 from terratool.mesh import export
 from terratool.mesh.elevation import export_elevation_grid
 from terratool.mesh.formats.table import FORMATS
+from terratool.mesh.tiles import export_tiles
 from tests.commands import ROOT
 from tests.conftest import terrain_of
 from tests.meshes import HILL, SITE, box, crowd, errors, exported, flat, read
@@ -442,3 +444,15 @@ def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: Told) -
     code = page.split("```python")[1].split("```")[0].replace("samples/", f"{ROOT}/samples/")
     exec(code, {})
     assert (tmp_path / "site.glb").exists()
+
+
+def test_scalars_of_numpy_are_numbers_in_json(tmp_path: Path) -> None:
+    values = exported(terrain_of(SITE), tmp_path / "a.ply", np.float64(0.25)).to_json()
+    assert values["losses"]["wanted_error"] == 0.25 and values["files"] == [str(tmp_path / "a.ply")]
+
+
+@pytest.mark.parametrize("options", [{"max_faces": 9}, {"solid": True}, {"max_error": 0.0}])
+def test_tiles_refuse_what_is_about_one_mesh(tmp_path: Path, options: dict[str, Any]) -> None:
+    with pytest.raises(RequestError):
+        export_tiles(terrain_of(SITE), tmp_path, ".ply", export.MeshOptions(**options))
+    assert list(tmp_path.iterdir()) == []

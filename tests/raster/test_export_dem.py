@@ -174,7 +174,7 @@ class TestGrid:
             (1, (0, 0, 1, 1), "miss the terrain"),
             (1, (500012, 4649776, 500020, 4649780), "miss the terrain"),
             (1, (500003, 4649776, 500001, 4649780), "are empty"),
-            (1, (float("nan"), 4649776, 500001, 4649780), "are empty"),
+            (1, (float("nan"), 4649776, 500001, 4649780), "bounds are nan"),
         ],
     )
     def test_refused(self, resolution: float, bounds: Any, words: str) -> None:

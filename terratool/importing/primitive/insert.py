@@ -148,7 +148,7 @@ def text_with(
             data = edit.applied(data)
             has_children = True
     checked = check(Source(target.source.name, data), CheckOptions(warnings=False))
-    if checked.definition is None:
+    if checked.terrain is None:
         first = checked.findings[0]
         raise DefinitionError(
             f"{target.source.name}: with the primitive, it would be invalid: {first.code}: "
