@@ -1,4 +1,4 @@
-// Where edges stand, and what a primitive is worth at a point of its cell. The edge rule is here.
+// Where edges stand, and how high a primitive is at a point of its cell. The edge rule is here.
 //
 // A cell's edge stands at the double nearest to its exact position, so a coordinate that is typed
 // as the edge's decimal number lies on it. The same goes for a vertical step in a curve of an

@@ -124,7 +124,7 @@ inline i64 find_near_tracks(const Tracks& tracks, In x, In y, Out u, Out v, Span
 
 // The index
 
-// No rounding in `holds` is worth more, in lengths of the segment and its width.
+// No rounding in `holds` is larger, in lengths of the segment and its width.
 constexpr double NOISE = 1e-13;
 // A segment that goes less far along an axis does not go along it.
 constexpr double UPRIGHT_SEGMENT = 1e-290;

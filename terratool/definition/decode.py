@@ -428,7 +428,7 @@ class _Decoder:
                     if slot.number:
                         column[index] = float(item)
                     continue
-                if full and -BIGGEST <= item <= BIGGEST:  # nobody wants to read of it
+                if full and -BIGGEST <= item <= BIGGEST:  # counted, not kept
                     out_of_range += 1
                     column[index] = UNSET
                     unfit.add(index)

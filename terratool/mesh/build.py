@@ -43,9 +43,9 @@ def build(
     """Mesh a terrain, with walls where its height jumps.
 
     With a base the mesh is closed, a solid: a skirt leads from where the ground ends, at the bounds
-    and at the void, down to the base. Every edge has two faces; for that some vertices lie at the
-    same place, and whoever merges vertices by place, as one who reads an STL file must, has edges
-    with four faces and more again. So has a mesh without a base, where its walls meet.
+    and at the void, down to the base. Every edge has two faces. For that, some vertices lie at the
+    same place. A program that merges vertices by place, as readers of STL do, gets edges with four
+    faces and more. A mesh without a base has such edges, too, where its walls meet.
 
     Args:
         terrain: the terrain.

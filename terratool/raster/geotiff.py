@@ -318,7 +318,7 @@ def complaints(
     try:
         yield
     except (RasterioError, CPLE_BaseError, SystemError, ValueError) as error:
-        # what it is called before it is complete is nobody's concern
+        # without the folder of the unfinished file
         reason = str(error.__cause__ or error).rstrip(".").replace(f"{path.parent}/", "")
         if isinstance(error, SystemError):
             reason = "GDAL does not say why"

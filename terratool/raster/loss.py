@@ -15,6 +15,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Planes
+from terratool.text.display import length
 
 Floats = NDArray[np.float64]
 
@@ -161,8 +162,8 @@ class RasterLoss:
             about = "about " if self.estimated else ""
             slope = f" of up to {self.steepest_degrees:.1f}°" if self.steepest else ""
             parts.append(
-                f"{about}{_length(self.wall_length)} of wall became ramps{slope} "
-                f"({_length(self.highest.size)} in one pixel)"
+                f"{about}{length(self.wall_length)} of wall became ramps{slope} "
+                f"({length(self.highest.size)} in one pixel)"
             )
         if self.narrow.count:
             parts.append(
@@ -175,15 +176,11 @@ class RasterLoss:
             )
         if self.interpolation and self.interpolation.largest > _NOISE * self.resolution:
             parts.append(
-                f"pixels differ from the model by up to {_length(self.interpolation.largest)}"
+                f"pixels differ from the model by up to {length(self.interpolation.largest)}"
             )
         if not parts:
             return "Lost: nothing; no walls, nothing narrower than a pixel."
         return f"Lost: {'; '.join(parts)}."
-
-
-def _length(value: float) -> str:
-    return f"{value:.3g} m" if abs(value) < 1000 else f"{value:,.0f} m"
 
 
 def _counted(count: int, one: str, several: str) -> str:

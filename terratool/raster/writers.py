@@ -82,7 +82,7 @@ def main() -> None:
     except WriteError as error:
         sys.stdout.write(error.message)
         sys.stdout.flush()
-        os._exit(1)  # what is left of the driver's memory is nobody's concern
+        os._exit(1)  # a driver that failed may crash as it is unloaded
 
 
 def _copy(source: Path, path: Path, driver: str, options: dict[str, Any]) -> None:

@@ -236,9 +236,9 @@ def assess(
 def verdict_of(summary: MapSummary, routes: Sequence[Route]) -> Verdict:
     """The verdict of the worst route; without one, of the ground by its best headings.
 
-    That is go where all of the ground is, no-go where nothing is better than that, unknown where
-    nothing is better than that, and caution in between. Where it would stand over the edge of the
-    terrain, nothing is known of the ground; that counts only where there is nothing else.
+    Ground that is all alike has that verdict. Ground that is partly go or caution is caution. What
+    is left, no-go and unknown, is no-go. Places where the vehicle would stand over the edge of the
+    terrain count only where there are no others.
     """
     if routes:
         return max((route.verdict for route in routes), key=RANKS.__getitem__)

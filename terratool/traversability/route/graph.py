@@ -181,9 +181,9 @@ def build_graph(
     """The graph of the states that are allowed.
 
     A move costs its length over ground times the mean of the rates at its ends, taken from cell to
-    cell; where it passes between two cells, the dearer one counts. Moving backwards is judged and
-    paid as driving ahead with the opposite heading, so that nobody climbs in reverse what cannot be
-    climbed; and a little more, so that it is only done where it is of use.
+    cell; where it passes between two cells, the dearer one counts. Moving backwards is judged as
+    driving ahead with the opposite heading: what cannot be climbed is not climbed in reverse. It
+    costs a little more, so that it is only done where it is of use.
 
     Args:
         rate: (headings, height, width), the cost of a metre.
