@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from msgspec import Struct
 
-from terratool.definition.decode import Decoded
+from terratool.definition.decode import Decoded, decode
 from terratool.definition.findings import Finding, Owner, Remark, RemarkLog
 from terratool.definition.keys import COMBINES, KEYS, Key, Kind, document_kind
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track, names_of
@@ -232,7 +232,6 @@ def _check(source: Source, options: CheckOptions, kind: Kind) -> Checked:
     found = RemarkLog(options.limit)
     decoded = _decode_quickly(source.data) if kind == "terrain" else None
     if decoded is None:
-        from terratool.definition.decode import decode
         from terratool.text.syntax import JsonSyntaxError
 
         try:

@@ -168,7 +168,7 @@ class Terrain:
         return {name: value for name, value in vars(self).items() if name != "field"}
 
     @property
-    def bounds(self) -> tuple[float, float, float, float]:
+    def bounds(self) -> Bounds:
         """World rectangle west, south, east, north."""
         west, south, east, north = (float(side) for side in self.arrays.bounds)
         return west, south, east, north

@@ -30,6 +30,7 @@ from terratool.raster.tiles import (
     remove_scratch,
     scratch_in,
 )
+from terratool.text.display import plain
 
 NAME = "mosaic.journal"
 
@@ -220,9 +221,7 @@ def _encoded(value: Any) -> Any:
     """What msgspec does not know, in terms that it does."""
     if isinstance(value, np.ndarray):
         return [value.dtype.str, value.shape, value.tobytes()]
-    if isinstance(value, np.generic):
-        return value.item()
-    raise NotImplementedError(type(value))  # what msgspec expects of its hooks
+    return plain(value)
 
 
 def _decoded(_type: Any, value: Any) -> Any:

@@ -47,10 +47,16 @@ def columns_of(char: str) -> int:
 
 
 def plain(value: Any) -> Any:
-    """What `msgspec.to_builtins` asks for: paths as texts, scalars of NumPy as numbers."""
+    """What msgspec cannot encode by itself, as what it can: paths as texts, NumPy's numbers.
+
+    Raises:
+        TypeError: it is something else.
+    """
     if isinstance(value, Path):
         return str(value)
-    return value.item()
+    if hasattr(value, "item"):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} is not to be encoded")
 
 
 def counted(count: int, noun: str) -> str:
