@@ -11,6 +11,7 @@ import click
 
 from terratool.cli.options import vehicle_from, vehicle_options
 from terratool.cli.terminal import Status, called
+from terratool.text.display import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -85,7 +86,7 @@ def command(
     """
     from pathlib import Path
 
-    from terratool.definition.reader import load_definition
+    from terratool.definition.reader import load_checked
     from terratool.errors import WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.traversability.route.waypoints import read_waypoints
@@ -99,10 +100,10 @@ def command(
     vehicle = vehicle_from(options)
     path = read_waypoints(path_file)
     with Status(f"reading {called(file)}") as status:
-        definition = load_definition(file)
+        checked = load_checked(file)
         status.say("driving")
         deformed = deform(
-            definition,
+            checked,
             vehicle,
             path,
             passes=passes,
@@ -137,10 +138,10 @@ def as_dict(deformed: Deformed, output: str, added_bytes: int) -> dict[str, Any]
 def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:
     """What was done, in lines for people."""
     again = f", {deformed.again} driven along again" if deformed.again else ""
-    tracks = "track" if deformed.added == 1 else "tracks"
+    more = f"{counted(deformed.added, 'track')} more{again}"
     yield (
-        f"{output}: {deformed.added} {tracks} more{again}, {deformed.length:,.0f} m of rut by "
-        f"{deformed.points:,} points, {added_bytes:,} bytes"
+        f"{output}: {more}, {deformed.length:,.0f} m of rut by {deformed.points:,} points, "
+        f"{added_bytes:,} bytes"
     )
     for rut in deformed.ruts:
         depth = f"{1e3 * rut.depth:.3g} mm deep at the first pass" if rut.depth else "no rut"

@@ -14,7 +14,7 @@ from terratool.definition.layout import canonical
 from terratool.definition.reader import CheckOptions, check
 from terratool.errors import ReadError, WriteError
 from terratool.output import whole_file
-from terratool.text.display import printable
+from terratool.text.display import counted, printable
 from terratool.text.source import PLAIN, Source, read_source, sources
 
 
@@ -68,8 +68,8 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
                 click.echo(f"{printable(source.name)}: {what}")
             changed += differs
     if "-" not in files or only_check:
-        files_read = f"{count} file{'s' * (count != 1)} read"
-        click.echo(f"{files_read}, {changed} {'would change' * only_check or 'changed'}.")
+        what = "would change" if only_check else "changed"
+        click.echo(f"{counted(count, 'file')} read, {changed:,} {what}.")
     ctx.exit(3 if failed else int(broken > 0 or (only_check and changed > 0)))
 
 

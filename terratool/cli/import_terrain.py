@@ -11,6 +11,7 @@ import click
 
 from terratool.cli.options import options_of, source_options
 from terratool.cli.terminal import Status, called
+from terratool.text.display import counted
 
 if TYPE_CHECKING:
     from terratool.importing.terrain.build import ImportReport
@@ -163,4 +164,4 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
     else:
         yield f"Everywhere between them: at most {report.bound:.4g} {unit}"
     for name, count in report.surfaces.items():
-        yield f"{name}: {count:,} pixel{'' if count == 1 else 's'}"
+        yield f"{name}: {counted(count, 'pixel')}"

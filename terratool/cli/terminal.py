@@ -17,19 +17,6 @@ if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
 
 
-def load(file: str) -> Terrain:
-    """Read, check and compile a definition.
-
-    Raises:
-        ReadError: the file cannot be read.
-        DefinitionError: it is no valid terrain.
-    """
-    from terratool.field import terrain
-
-    with Status(f"reading {called(file)}"):
-        return terrain.load(file)
-
-
 AFTER = 1.0
 """s after which a terminal shows how far it is …"""
 TICK = 0.2
@@ -132,3 +119,16 @@ class Status:
         if text and self._stream is not None:
             self._stream.write(text)
             self._stream.flush()
+
+
+def load(file: str) -> Terrain:
+    """Read, check and compile a definition.
+
+    Raises:
+        ReadError: the file cannot be read.
+        DefinitionError: it is no valid terrain.
+    """
+    from terratool.field import terrain
+
+    with Status(f"reading {called(file)}"):
+        return terrain.load(file)

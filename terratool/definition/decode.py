@@ -12,6 +12,7 @@ from msgspec import UNSET, Struct, UnsetType, field
 from terratool.definition.findings import Owner, Remark, RemarkLog
 from terratool.definition.keys import (
     ALL_KEYS,
+    ALTERNATIVES,
     BIGGEST,
     JSON_TYPES,
     KEYS,
@@ -36,7 +37,7 @@ from terratool.definition.vehicle import (
     VehicleText,
     WheelsText,
 )
-from terratool.text.display import escape, shown
+from terratool.text.display import counted, escape, shown
 
 _Model = TypeVar("_Model", bound=Struct)
 _NUMBER = KEYS[Element]["vScale"]
@@ -67,7 +68,7 @@ def type_in_words(item: Any) -> str:
     if isinstance(item, int | float):
         return f"the number {shown(item)}"
     if isinstance(item, list):
-        return f"a list of {len(item)} item{'s' * (len(item) != 1)}" if item else "an empty list"
+        return f"a list of {counted(len(item), 'item')}" if item else "an empty list"
     return JSON_NAMES[type(item)]
 
 
@@ -165,15 +166,17 @@ class _Decoder:
             if key not in value:
                 hint = f'Add "{key}", {ALL_KEYS[kind][key].words}.'
                 self.add("TT104", pointer, f'{name} has no "{key}".', hint)
-        if kind is VehicleText and "axles" not in value and "wheelbase" not in value:
-            message = 'the vehicle has neither "axles" nor "wheelbase".'
-            self.add("TT104", "", message, 'Add "axles", or "wheelbase" for two driven axles.')
+        for (one, other), hint in ALTERNATIVES.get(kind, {}).items():
+            if one not in value and other not in value:
+                message = f'{name} has neither "{one}" nor "{other}".'
+                self.add("TT104", pointer, message, hint)
         return kind(**fields)
 
     def _item(self, nested: Nested, item: Any, pointer: str, name: str | int) -> Struct:
         """One of the objects in a list or a dictionary; it keeps its place if it is no object."""
         if isinstance(item, dict):
-            return self.model(nested.kind, item, pointer, "the axle")
+            name = f"the {_SUBJECTS[nested.kind].partition(' ')[2]}"
+            return self.model(nested.kind, item, pointer, name)
         self._wrong_type(pointer, "", nested.item.format(name), nested.words, item)
         return nested.kind()
 

@@ -249,7 +249,13 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     AxleText: ("x",),
     CogText: ("height",),
 }
-"""Keys of vehicles that must be there; of axles and wheelbase one must be, too."""
+"""Keys of vehicles that must be there."""
+ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
+    VehicleText: {
+        ("axles", "wheelbase"): 'Add "axles", or "wheelbase" for two driven axles.',
+    },
+}
+"""Two keys of which one must be there, and what to do where neither is."""
 
 ALL_KEYS = {**KEYS, **VEHICLE_KEYS}
 """Of terrains and of vehicles."""

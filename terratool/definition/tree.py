@@ -15,6 +15,9 @@ from msgspec import UNSET, Struct, field, structs
 from terratool.definition.findings import Rectangle
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
 
+ROOT = "/elemTree"
+
+Pair = tuple[int, int]
 Block = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
 
@@ -72,11 +75,6 @@ def cover(blocks: Sequence[Block], target: Block) -> bool:
         if reached < y + height:
             return False
     return True
-
-
-ROOT = "/elemTree"
-
-Pair = tuple[int, int]
 
 
 class Tree(Struct, frozen=True, dict=True):

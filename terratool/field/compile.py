@@ -1,18 +1,15 @@
-"""From a definition to the arrays of a field: curves in pieces, tracks, elements and grids."""
+"""From a definition to the arrays of a field: tracks, elements, grids and kinds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.definition.curves import Curve, KnotCurve, SampledCurve, shape_of
-from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
+from terratool.definition.curves import shape_of
 from terratool.definition.model import (
     DEFAULT_CELLS,
     DEFAULT_MULTIPASS,
@@ -22,6 +19,7 @@ from terratool.definition.model import (
     pair_of,
 )
 from terratool.definition.tree import Tree
+from terratool.field.pieces import CurveStore, Floats
 from terratool.field.records import (
     COMBINE,
     ELEMENT,
@@ -29,188 +27,18 @@ from terratool.field.records import (
     KIND,
     POSE,
     SEGMENT,
-    STEPPED,
     CurveArrays,
     FieldArrays,
     TrackArrays,
 )
 from terratool.kernels import field as kernels
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-TOLERANCE = 1e-8
-"""Largest error of the pieces of a formula."""
-_EVEN_LEVELS = 10  # the finest, 512 pieces, has 8 checked points in each
-_ROUNDING = 2.0**-47
-_MAX_HALVINGS = 60
-_MAX_PIECES = 1 << 16
-_FINEST_START = 1024  # pieces to halve from: each quarter of one is a checked point
-_MAX_BINS = 4096
-_THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
-_TO_CUBIC = np.linalg.inv(np.vander(_THIRDS, 4, increasing=True))
 
 _DENSE_CELLS = 1024
 """A grid of up to this many cells, or four times its children, has a bin per cell …"""
 _DENSE_ROOM = 65536
 """… unless nearly empty grids together have more than this many, and four for each element."""
-
-FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "pow": np.power,
-    "neg": np.negative, "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin,
-    "acos": np.arccos, "atan": np.arctan, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh,
-    "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
-    "min": lambda *values: np.minimum.reduce(np.broadcast_arrays(*values)),
-    "max": lambda *values: np.maximum.reduce(np.broadcast_arrays(*values)),
-}  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class CurvePieces:
-    """A curve in pieces.
-
-    Attributes:
-        starts: (n,) t where each piece begins; the first is 0, two are equal where a piece has no
-            length (a step at t = 1).
-        coefficients: (n, 4); the value at t is c0 + s·(c1 + s·(c2 + s·c3)), with s = t − start for
-            knotted curves and s = n·t − i for evenly spaced ones.
-        end: value at t = 1.
-        even: whether the pieces are evenly spaced.
-        stepped: whether there are vertical steps.
-    """
-
-    starts: Floats
-    coefficients: Floats
-    end: float
-    even: bool
-    stepped: bool = False
-
-
-def pieces_of(curve: Curve) -> CurvePieces:
-    """Cut a curve into pieces."""
-    if isinstance(curve, SampledCurve):
-        return _samples(np.array(curve.values, np.float64))
-    if isinstance(curve, KnotCurve):
-        return _knots(np.array(curve.points, np.float64))
-    return _formula(curve.expression)
-
-
-def _samples(values: Floats) -> CurvePieces:
-    if len(values) == 1:
-        values = np.repeat(values, 2)
-    count = len(values) - 1
-    coefficients = np.zeros((count, 4))
-    coefficients[:, 0] = values[:-1]
-    coefficients[:, 1] = np.diff(values)
-    return CurvePieces(np.arange(count) / count, coefficients, values[-1], True)
-
-
-def _knots(points: Floats) -> CurvePieces:
-    t, z = points[:, 0], points[:, 1]
-    length = np.diff(t)
-    keep = length > 0
-    starts, firsts = t[:-1][keep], z[:-1][keep]
-    with np.errstate(over="ignore"):
-        slopes = np.nan_to_num(np.diff(z)[keep] / length[keep])
-    if t[-2] == 1.0:  # a step at the very end: a piece of no length holds the value on its right
-        starts, firsts, slopes = (
-            np.append(starts, 1.0),
-            np.append(firsts, z[-1]),
-            np.append(slopes, 0.0),
-        )
-    coefficients = np.zeros((len(starts), 4))
-    coefficients[:, 0] = firsts
-    coefficients[:, 1] = slopes
-    return CurvePieces(starts, coefficients, z[-1], False, stepped=not keep.all())
-
-
-def values_of(expression: Expression, t: Floats) -> Floats:
-    """Evaluate an expression at `t`; what is not finite between the checked points is bounded."""
-    with np.errstate(all="ignore"):
-        values = np.asarray(evaluate(expression, t, FUNCTIONS), np.float64)
-    bounded: Floats = np.clip(np.nan_to_num(values, nan=0.0), -MAX_VALUE, MAX_VALUE)
-    return np.broadcast_to(bounded, t.shape)
-
-
-def _formula(expression: Expression) -> CurvePieces:
-    t = np.linspace(0.0, 1.0, CHECK_POINTS)
-    values = values_of(expression, t)
-    # below one part in 1e12 of the largest value lies the rounding of the values themselves
-    tolerance = TOLERANCE + 1e-12 * float(np.abs(values).max())
-    for level in range(_EVEN_LEVELS):
-        starts = np.arange(1 << level) / (1 << level)
-        coefficients = _cubics(expression, starts, np.full(1 << level, 1.0 / (1 << level)))
-        if _error(coefficients, values) <= tolerance and (
-            _error_between(expression, starts, coefficients) <= tolerance
-        ):
-            return CurvePieces(starts, coefficients, values[-1], True)
-    starts, lengths, coefficients = _halve(expression, tolerance)
-    coefficients = coefficients / lengths[:, None] ** np.arange(4)
-    return CurvePieces(starts, coefficients, values[-1], False)
-
-
-def _cubics(expression: Expression, starts: Floats, lengths: Floats) -> Floats:
-    """(n, 4) coefficients in s from 0 to 1 of the cubics through four points of each piece."""
-    t = np.minimum(starts[:, None] + lengths[:, None] * _THIRDS, 1.0)
-    values = values_of(expression, t)
-    coefficients = values @ _TO_CUBIC.T
-    coefficients[:, 0] = values[:, 0]
-    # what is straight stays straight: a level floor has no slope of 1e-15
-    straight = np.abs(coefficients[:, 2:]).max(axis=1) <= _ROUNDING * np.abs(values).max(axis=1)
-    coefficients[straight, 1] = (values[:, 3] - values[:, 0])[straight]
-    coefficients[straight, 2:] = 0.0
-    return coefficients
-
-
-def _at(coefficients: Floats, s: Floats) -> Floats:
-    c = coefficients
-    return c[:, :1] + s * (c[:, 1:2] + s * (c[:, 2:3] + s * c[:, 3:]))
-
-
-def _error(coefficients: Floats, values: Floats) -> float:
-    per_piece = (len(values) - 1) // len(coefficients)
-    s = np.arange(per_piece) / per_piece
-    return float(np.abs(_at(coefficients, s[None, :]) - values[:-1].reshape(-1, per_piece)).max())
-
-
-def _error_between(expression: Expression, starts: Floats, coefficients: Floats) -> float:
-    """The largest error at places that no even spacing has in common with the checked points."""
-    s = np.array([0.1372549, 0.4142135, 0.7236067])
-    values = values_of(expression, starts[:, None] + s / len(starts))
-    return float(np.abs(_at(coefficients, s[None, :]) - values).max())
-
-
-def _halve(expression: Expression, tolerance: float) -> tuple[Floats, Floats, Floats]:
-    inside = np.array([0.02, 0.1, 0.25, 0.45, 0.5, 0.55, 0.75, 0.9, 0.98])
-    starts = np.arange(_FINEST_START) / _FINEST_START
-    lengths = np.full(_FINEST_START, 1 / _FINEST_START)
-    done: list[tuple[Floats, Floats, Floats]] = []
-    total = 0
-    for halving in range(_MAX_HALVINGS):
-        coefficients = _cubics(expression, starts, lengths)
-        t = np.minimum(starts[:, None] + lengths[:, None] * inside, 1.0)
-        miss = np.abs(_at(coefficients, inside[None, :]) - values_of(expression, t)).max(axis=1)
-        # a piece that doubles cannot halve is left as it is
-        good = (miss <= tolerance) | (starts + lengths / 2 <= starts)
-        if halving == _MAX_HALVINGS - 1 or total + 2 * len(starts) > _MAX_PIECES:
-            good[:] = True
-        done.append((starts[good], lengths[good], coefficients[good]))
-        total += int(good.sum())
-        starts, lengths = starts[~good], lengths[~good] / 2
-        if not len(starts):
-            break
-        starts = np.concatenate([starts, starts + lengths])
-        lengths = np.concatenate([lengths, lengths])
-    starts, lengths, coefficients = (np.concatenate(part) for part in zip(*done, strict=True))
-    order = np.argsort(starts, kind="stable")
-    return starts[order], lengths[order], coefficients[order]
-
-
-def bins_of(starts: Floats) -> NDArray[np.uint32]:
-    """For evenly spaced bins of t, the last piece that begins at or before the bin."""
-    count = min(_MAX_BINS, 1 << max(0, math.ceil(math.log2(len(starts)))) + 1)
-    edges = np.arange(count) / count
-    return (np.searchsorted(starts, edges, side="right") - 1).astype(np.uint32)
 
 
 def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
@@ -596,7 +424,7 @@ def _kinds(definition: Definition, types: Ints, surface: Ints) -> _Kinds:
     pairs, index = np.unique(np.column_stack([types, surface]), axis=0, return_inverse=True)
     primitives = list(definition.primitives.values())
     void = [surface.void is True for surface in definition.surfaces.values()] + [False]
-    store = _CurveStore()
+    store = CurveStore()
     kinds = np.zeros(len(pairs), KIND)
     for kind, (type_, surface_) in zip(kinds, pairs, strict=True):
         shape = shape_of(primitives[type_])
@@ -607,48 +435,3 @@ def _kinds(definition: Definition, types: Ints, surface: Ints) -> _Kinds:
             store.put(kind, axis, curve)
         kind["special"] = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
     return _Kinds(index.reshape(-1), kinds, pairs[:, 0], store.curves())
-
-
-class _CurveStore:
-    """Collects the pieces of curves, each curve once."""
-
-    def __init__(self) -> None:
-        self._known: dict[Curve, dict[str, Any]] = {}
-        self._pieces: list[NDArray[np.float64]] = []
-        self._knots: list[NDArray[np.float64]] = [np.zeros(1)]
-        self._bins: list[NDArray[np.uint32]] = [np.zeros(1, np.uint32)]
-        self._counts = [0, 1, 1]
-
-    def put(self, kind: Any, axis: int, curve: Curve) -> None:
-        """Write where a curve's pieces are into the members of one axis of a KIND."""
-        place = self._known.get(curve)  # long vectors take their time to be hashed
-        if place is None:
-            place = self._known[curve] = self._add(pieces_of(curve))
-        for name, value in place.items():
-            kind[name][axis] = value
-
-    def _add(self, curve: CurvePieces) -> dict[str, Any]:
-        first, knot, bin_ = self._counts
-        count = len(curve.coefficients)
-        slope = float(curve.coefficients[-1] @ (0.0, 1.0, 2.0, 3.0))
-        self._pieces += [curve.coefficients.ravel(), np.array([curve.end, slope, 0.0, 0.0])]
-        self._counts[0] += count + 1
-        if not curve.even:
-            bins = bins_of(curve.starts)
-            count = len(bins)
-            self._bins.append(bins)
-            self._knots.append(np.append(curve.starts, np.inf))
-            self._counts[1] += len(self._knots[-1])
-            self._counts[2] += count
-        return {
-            "count": count,
-            "pieces": (first, count - 1),
-            "knots": (knot, bin_),
-            "knotted": 0 if curve.even else STEPPED if curve.stepped else 1,
-        }
-
-    def curves(self) -> CurveArrays:
-        """All pieces, knots and bins."""
-        return CurveArrays(
-            np.concatenate(self._pieces), np.concatenate(self._knots), np.concatenate(self._bins)
-        )

@@ -13,12 +13,14 @@ from typing import Any, NamedTuple
 from terratool.text.display import unescape
 from terratool.text.format import Layout, member_lines
 from terratool.text.locate import Address, offsets
-from terratool.text.scan import Member, first_value, members, value_end
+from terratool.text.scan import TEXT, Member, first_value, members, value_end
 
 _line_end = re.compile(rb"\r\n|\n|\r").search
 _blank = re.compile(rb"[ \t]*").match
 _indented = re.compile(rb"[\r\n]([ \t]+)[^ \t\r\n]").search
-_colons = re.compile(rb'"(?:[^"\\]++|\\.)*+"([ \t]*:[ \t]*)').search
+_key = rb"%s([ \t]*:[ \t]*)" % TEXT.encode()
+_colons = re.compile(_key).search
+_alone = re.compile(rb"(?:^|[\r\n])[ \t]*(?:%s)?\Z" % _key).search
 
 
 class Container(NamedTuple):
@@ -139,9 +141,8 @@ def _style(data: bytes, inside: Container) -> Style:
     colon, comma = (spaced, ", " if spaced[1:] else ",")
     if inside.last is None:
         # on a line of its own where the key of the container begins one, or is in one that does
-        before = data[: inside.open]
-        alone = re.search(rb'(?:^|[\r\n])[ \t]*(?:"(?:[^"\\]++|\\.)*+"[ \t]*:[ \t]*)?\Z', before)
-        broken = bool(_line_end(inside.first_gap)) or (found is not None and alone is not None)
+        alone = found is not None and _alone(data[: inside.open]) is not None
+        broken = alone or bool(_line_end(inside.first_gap))
         unit = _unit(data)
         pad = " " if comma != "," and data[inside.open : inside.open + 1] == b"{" else ""
         return Style(broken, outer + unit, unit, line_end, colon, comma, pad)

@@ -6,12 +6,16 @@ import re
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-_tokens = re.compile(r'"(?:[^"\\]++|\\.)*+"|[-+.0-9a-zA-Z]++|[{}\[\]]').finditer
+TEXT = r'"(?:[^"\\]++|\\.)*+"'
+"""Expression of a text in quotes."""
+_TEXT = TEXT.encode()
+
+_tokens = re.compile(TEXT + r"|[-+.0-9a-zA-Z]++|[{}\[\]]").finditer
 _gap = re.compile(rb"[ \t\n\r,]*").match
-_key = re.compile(rb'("(?:[^"\\]++|\\.)*+")[ \t\n\r]*:[ \t\n\r]*').match
-_text = re.compile(rb'"(?:[^"\\]++|\\.)*+"').match
+_key = re.compile(rb"(%s)[ \t\n\r]*:[ \t\n\r]*" % _TEXT).match
+_text = re.compile(_TEXT).match
 _scalar = re.compile(rb"[^,\]} \t\n\r]+").match
-_bracket = re.compile(rb'"(?:[^"\\]++|\\.)*+"|[{}\[\]"]').finditer
+_bracket = re.compile(rb'%s|[{}\[\]"]' % _TEXT).finditer
 
 
 def tokens(text: str) -> Iterator[str]:

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from terratool.text.display import escape, shown, unescape
+from terratool.text.scan import TEXT
 
 A_KEY = "a key in double quotes"
 A_VALUE = "a value"
 NO_TEXT = "Save the file as UTF-8; it may be UTF-16, or no text at all."
 
-token = re.compile(r"[\w.+-]*").match
+_word = re.compile(r"[\w.+-]*").match
 """What hangs together as a number or a word, right or wrong."""
 
-_number = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?").fullmatch
 _hexadecimal = re.compile(r"0[xX]([0-9a-fA-F]+)").fullmatch
 _found = re.compile(
     # a text in the wrong quotes, a word, the beginning of a comment, or any one character
@@ -23,7 +23,7 @@ _found = re.compile(
     re.DOTALL,
 ).match
 _formula = re.compile(r'[^],}"\r\n]*').match
-_BETWEEN = r'(?:[^][{}"]++|"(?:[^"\\]++|\\.)*+")*+'
+_BETWEEN = rf'(?:[^][{{}}"]++|{TEXT})*+'
 _LEAVES = rf"(?:{_BETWEEN}(?:\{{{_BETWEEN}\}}|\[{_BETWEEN}\]))*+"
 _behind_leaves = re.compile(_LEAVES, re.DOTALL).match
 _to_bracket = re.compile(rf"{_LEAVES}{_BETWEEN}[][{{}}]", re.DOTALL).match
@@ -42,7 +42,7 @@ _TOKEN = 16
 """Characters of the longest token that is read at once: a pair of escapes, or a literal."""
 
 _space = re.compile(r"[ \t\n\r]*").match
-_number_at = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?").match
+_number = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
 _plain = re.compile(r'[^"\\\x00-\x1f]*').match
 _hex4 = re.compile(r"[0-9a-fA-F]{4}").match
 _nonfinite = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE).fullmatch
@@ -220,7 +220,7 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
     char = text[offset : offset + 1]
     if char == '"':
         return _string(text, offset)
-    match = _number_at(text, offset)
+    match = _number.match(text, offset)
     if match is not None:
         end = match.end()
         follow = text[end : end + 1]
@@ -233,7 +233,7 @@ def _scalar(text: str, offset: int) -> tuple[Any, int]:
             except ValueError:  # more digits than Python is set to read
                 return float(spelling), end
         return float(spelling), end
-    spelling = token(text, offset).group()  # type: ignore[union-attr]
+    spelling = _word(text, offset).group()  # type: ignore[union-attr]
     if spelling in _LITERALS:
         return _LITERALS[spelling], offset + len(spelling)
     if _nonfinite(spelling):
@@ -333,7 +333,7 @@ def bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
 
 def bad_number(text: str, offset: int) -> JsonSyntaxError:
     """Something at an offset that begins like a number and is none."""
-    spelling = token(text, offset).group()  # type: ignore[union-attr]
+    spelling = _word(text, offset).group()  # type: ignore[union-attr]
     meant = _number_meant(spelling)
     hint = f"Write {meant}." if meant else "Write it like 12, -0.5 or 1e-3."
     return JsonSyntaxError("TT101", offset, f"{shown(spelling)} is no JSON number.", hint)
@@ -350,7 +350,7 @@ def _number_meant(spelling: str) -> str:
     digits = re.sub(r"^0+(?=[0-9])", "", digits)  # 080
     digits = re.sub(r"^\.(?=[0-9])", "0.", digits)  # .5
     digits = re.sub(r"(?<=[0-9])\.(?![0-9])", "", digits)  # 5.
-    return sign + digits if digits[:1] != "-" and _number(digits) else ""
+    return sign + digits if digits[:1] != "-" and _number.fullmatch(digits) else ""
 
 
 def bad_character(text: str, offset: int) -> JsonSyntaxError:

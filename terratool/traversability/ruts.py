@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from terratool.definition.layout import TERRAIN
 from terratool.definition.model import Definition, Track
 from terratool.definition.presets import preset_of
-from terratool.definition.reader import CheckOptions, check
+from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.errors import DefinitionError, MissedError, RequestError
 from terratool.field.terrain import Terrain
 from terratool.text.display import shown
@@ -151,7 +151,7 @@ class Deformed:
 
 
 def deform(
-    definition: Definition,
+    checked: Checked,
     vehicle: Vehicle,
     path: NDArray[np.float64],
     *,
@@ -167,7 +167,7 @@ def deform(
     of the preset for this wheel and load, and stands in the track.
 
     Args:
-        definition: the terrain.
+        checked: the terrain, as `terratool.check` and `load_checked` have it.
         vehicle: the vehicle.
         path: (n, 2) world, where its middle drives.
         passes: how many times.
@@ -176,17 +176,22 @@ def deform(
         tolerance: by which wheel lines are simplified, m; a fifth of a wheel's width if None.
 
     Raises:
+        DefinitionError: the terrain has errors.
         RequestError: the path is too short, leaves the terrain or its ground, or lies on a surface
             of which nobody knows how deep wheels sink.
         MissedError: a wheel would sink by its radius.
     """
     path = _distinct(path)
+    if checked.terrain is None:
+        raise refusal(checked)
+    definition = checked.terrain
     tolerance = SHARE * vehicle.wheel.width if tolerance is None else tolerance
     if surface is not None and surface not in definition.surfaces:
         raise RequestError(
             f"There is no surface {shown(surface)} for the ruts.", "Name one of surfTypes."
         )
-    ground = Terrain(msgspec.structs.replace(definition, tracks=UNSET))
+    bare = msgspec.structs.replace(definition, tracks=UNSET)
+    ground = Terrain(msgspec.structs.replace(checked, terrain=bare))
     loads = wheel_loads(vehicle)
     lengths: dict[str, float] = {}
     deepest: dict[str, float] = {}

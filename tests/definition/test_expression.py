@@ -26,7 +26,7 @@ from terratool.definition.expression import (
     parse,
 )
 from terratool.definition.listmath import LIST_FUNCTIONS
-from terratool.field.compile import values_of
+from terratool.field.pieces import values_of
 from terratool.text.source import Source
 from tests.strategies import EXPRESSIONS, NAMED_CURVES
 

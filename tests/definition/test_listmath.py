@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.definition.listmath import LIST_FUNCTIONS
-from terratool.field.compile import FUNCTIONS
+from terratool.field.pieces import FUNCTIONS
 
 INF, NAN = math.inf, math.nan
 LIMITS = [math.log(1.7976931348623157e308), math.log(1.7976931348623157e308) + math.log(2)]

@@ -12,10 +12,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from terratool.definition.reader import load_definition
+from terratool.definition.reader import Checked, load_checked
 from terratool.errors import MissedError, RequestError
 from terratool.field.terrain import Terrain, load
-from terratool.traversability.ruts import deform, simplified, wheel_paths, write_deformed
+from terratool.traversability.ruts import Deformed, deform, simplified, wheel_paths, write_deformed
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.commands import ROOT
 from tests.traversability.conftest import Within
@@ -61,9 +61,16 @@ def flat(tmp_path: Path, **more: Any) -> Path:
 
 def driven(path: Path, route: Any, machine: Vehicle | None = None, **options: Any) -> Terrain:
     """The terrain after a drive."""
-    definition = load_definition(path)
-    result = deform(definition, machine or vehicle(), np.array(route, float), **options)
-    return Terrain(msgspec.structs.replace(definition, tracks=result.tracks))
+    site = load_checked(path)
+    result = deform(site, machine or vehicle(), np.array(route, float), **options)
+    return Terrain(rutted(site, result))
+
+
+def rutted(site: Checked, result: Deformed) -> Checked:
+    """A terrain with the tracks that a drive leaves."""
+    assert site.terrain is not None
+    terrain = msgspec.structs.replace(site.terrain, tracks=result.tracks)
+    return msgspec.structs.replace(site, terrain=terrain)
 
 
 class TestLines:
@@ -176,13 +183,13 @@ class TestRuts:
 
     def test_driven_again(self, tmp_path: Path) -> None:
         """The same path once more adds passes, and no tracks."""
-        definition = load_definition(flat(tmp_path))
+        site = load_checked(flat(tmp_path))
         route = np.array([(4.0, 10.0), (12.0, 10.0)])
-        first = deform(definition, vehicle(), route)
-        second = deform(msgspec.structs.replace(definition, tracks=first.tracks), vehicle(), route)
+        first = deform(site, vehicle(), route)
+        second = deform(rutted(site, first), vehicle(), route)
         assert (second.added, second.again, len(second.tracks)) == (0, 4, 4)
         assert [track.passes for track in second.tracks] == [2] * 4
-        terrain = Terrain(msgspec.structs.replace(definition, tracks=second.tracks))
+        terrain = Terrain(rutted(site, second))
         assert terrain.height(8.0, 10.4) == pytest.approx(-0.01 * 4 ** (1 / 3), rel=1e-6)
 
 
@@ -227,7 +234,7 @@ class TestText:
     def test_rest_stays(self, tmp_path: Path) -> None:
         """Without its tracks the new text is the old one, byte for byte."""
         path, out = flat(tmp_path), tmp_path / "out.json"
-        done = deform(load_definition(path), vehicle(), np.array([(4.0, 10.0), (12.0, 10.0)]))
+        done = deform(load_checked(path), vehicle(), np.array([(4.0, 10.0), (12.0, 10.0)]))
         grown = write_deformed(str(path), out, done)
         before, after = path.read_bytes(), out.read_bytes()
         assert len(after) - len(before) == grown
@@ -242,8 +249,7 @@ class TestText:
         x = 50 + 20 * np.sin(y / 40)
         route = np.column_stack([x, y + 20])
         path = flat(tmp_path, size=[100, 1000])
-        definition = load_definition(path)
-        done = deform(definition, vehicle(), route)
+        done = deform(load_checked(path), vehicle(), route)
         grown = write_deformed(str(path), tmp_path / "out.json", done)
         assert done.length > 3800
         assert grown / done.length < 6.0
@@ -298,7 +304,7 @@ class TestText:
 
     def test_a_coarse_tolerance_does_not_move_lines(self, tmp_path: Path) -> None:
         """It leaves out vertices; the wheels of both sides stay apart, and where they are."""
-        definition = load_definition(flat(tmp_path))
-        done = deform(definition, vehicle(), np.array([[4.3, 10.3], [12.3, 10.3]]), tolerance=50.0)
+        site = load_checked(flat(tmp_path))
+        done = deform(site, vehicle(), np.array([[4.3, 10.3], [12.3, 10.3]]), tolerance=50.0)
         sides = {round(float(y), 3) for track in done.tracks for _, y in track.path}
         assert sides == {9.9, 10.7}

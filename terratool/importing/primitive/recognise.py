@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from terratool.definition.expression import NAMED, evaluate, parse
-from terratool.field.compile import FUNCTIONS
+from terratool.field.pieces import FUNCTIONS
 from terratool.importing.primitive import fit, products
 from terratool.importing.primitive.entries import PrimitiveEntry, fit_error, spelled
 from terratool.importing.primitive.fit import relief_of
