@@ -22,12 +22,14 @@ from rasterio.transform import Affine
 from rasterio.windows import Window as RasterioWindow
 
 from terratool import __version__
+from terratool.definition.crs import FORMS, CrsValue, authority_code, crs_problem, is_known
 from terratool.errors import DefinitionError, RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LAYERS, Bands, SurfaceValues
 from terratool.raster.prefetch import TILE
 from terratool.raster.statistics import BandStatistics
+from terratool.text.display import shown
 
 # GDAL's numbers for the types and uses of the columns of an attribute table
 _INTEGER, _REAL, _STRING = 0, 1, 2
@@ -338,15 +340,40 @@ def crs_of(terrain: Terrain) -> CRS | None:
     """The coordinate reference system of a terrain.
 
     Raises:
-        DefinitionError: the library does not know it.
+        DefinitionError: it is none that is taken, or the library does not know it.
     """
     if terrain.crs is None:
         return None
     try:
-        with rasterio.Env():  # GDAL's own complaint goes to its log rather than to the terminal
-            return CRS.from_user_input(terrain.crs)
-    except CRSError as error:
+        return read_crs(terrain.crs)
+    except RequestError as error:
         raise DefinitionError(
-            f'The "crs" of the definition, {terrain.crs!r}, is unknown.',
-            'Write an authority and code such as "EPSG:32633", or WKT.',
+            f'The "crs" of the definition, {shown_crs(terrain.crs)}, is unknown.', error.hint
         ) from error
+
+
+def read_crs(crs: CrsValue) -> CRS:
+    """A coordinate reference system; nothing that it says makes PROJ or GDAL open a file.
+
+    Raises:
+        RequestError: it is none that is taken, or the library does not know it.
+    """
+    problem = crs_problem(crs)
+    if problem is not None:
+        raise RequestError(f"{shown_crs(crs)} names no reference system.", problem.hint)
+    entry = authority_code(crs)
+    try:
+        with rasterio.Env():  # GDAL's own complaint goes to its log rather than to the terminal
+            if entry is None:
+                return CRS.from_user_input(crs)
+            # what is not in the database is not tried as the name of a file
+            if is_known(entry) is False:
+                raise CRSError("not in the database")
+            return CRS.from_user_input(f"{entry.authority}:{entry.code}")
+    except CRSError as error:
+        raise RequestError(f"{shown_crs(crs)} names no reference system.", FORMS) from error
+
+
+def shown_crs(crs: CrsValue) -> str:
+    """A reference system as a message shows it."""
+    return shown(crs) if isinstance(crs, str | int) else "the object"

@@ -514,7 +514,7 @@ def test_x_ignore_silences_no_errors() -> None:
 
 def test_x_ignore_holds_where_it_is_meant_to() -> None:
     """In an object of one's own, or among the values of a crs, it is not looked at."""
-    text = WARNED[:-1] + ',"x-own":{"x-ignore":["TT210",7]},"crs":{"x-ignore":8}}'
+    text = WARNED[:-1] + ',"x-own":{"x-ignore":["TT210",7]},"crs":{"type":"x","x-ignore":8}}'
     assert codes("-", stdin=text) == ["TT210"]
 
 

@@ -29,6 +29,8 @@ NAMES = {
     "TT111": "unresolved",
     "TT112": "uncompressed",
     "TT113": "unused-ignore",
+    "TT114": "no-crs",
+    "TT115": "unknown-crs",
     "TT201": "unknown-primitive",
     "TT202": "unknown-surface",
     "TT203": "outside-grid",

@@ -337,7 +337,8 @@ class TestWholeOrNotAtAll:
         assert (tmp_path / "a.tif").exists()
 
     @pytest.mark.parametrize(
-        ("crs", "code"), [("EPSG:99999999", 1), ("nonsense", 1), ("EPSG:4326", 0), (32633, 0)]
+        ("crs", "code"),
+        [("EPSG:99999999", 1), ("+proj=nonsense", 1), ("EPSG:4326", 0), (32633, 0)],
     )
     def test_unknown_crs(
         self, tmp_path: Path, saved: Callable[..., Path], crs: Any, code: int
@@ -349,7 +350,7 @@ class TestWholeOrNotAtAll:
 
     def test_unknown_crs_raises(self) -> None:
         with pytest.raises(DefinitionError, match="nonsense"):
-            geotiff.crs_of(terrain_of({**SITE, "crs": "nonsense"}))
+            geotiff.crs_of(terrain_of({**SITE, "crs": "+proj=nonsense"}))
 
     @pytest.mark.parametrize(
         ("arguments", "code"),

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from msgspec import UNSET
 
+from terratool.definition.crs import authority_code, crs_problem, is_known
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
 
@@ -71,4 +72,75 @@ def uncompressed(subject: Subject) -> Iterator[Remark]:
             "",
             f"the text has {subject.size / 1e6:.0f} MB and is not compressed.",
             "Run gzip on the file; a .json.gz is read as it is.",
+        )
+
+
+@rule("TT114", "no-crs")
+def no_crs(subject: Subject) -> Iterator[Remark]:
+    """The coordinate reference system is none, or would have a library open a file or an address.
+
+    Taken are an authority with a code, WKT, PROJJSON and the parameters of PROJ, as a text or as
+    an object. A definition may come from a stranger: so there is no +init, no +nadgrids but @null,
+    no name of a file and no URL.
+
+    Fails:
+
+        {
+          "size": 10, "crs": "http://example.com/crs.wkt",
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}
+        }
+
+    Fails:
+
+        {
+          "size": 10, "crs": "+proj=longlat +nadgrids=shift.gsb",
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}
+        }
+
+    Passes:
+
+        {
+          "size": 10, "crs": "EPSG:32633",
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}
+        }
+
+    To mend: write an authority and code, which says the same in a few characters.
+    """
+    crs = subject.definition.crs
+    if crs is not UNSET and (problem := crs_problem(crs)):
+        yield Remark("/crs", *problem)
+
+
+@rule("TT115", "unknown-crs", "warning")
+def unknown_crs(subject: Subject) -> Iterator[Remark]:
+    """No coordinate reference system has that code.
+
+    It is looked up in the database of PROJ. A newer PROJ may know more; without one, as in an
+    installation that writes no rasters, nothing is looked up.
+
+    Fails:
+
+        {
+          "size": 10, "crs": "EPSG:326333",
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}
+        }
+
+    Passes:
+
+        {
+          "size": 10, "crs": "EPSG:32633",
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}
+        }
+
+    To mend: correct the code; epsg.io and crs-explorer.proj.org have all of them.
+    """
+    crs = subject.definition.crs
+    if crs is UNSET or crs_problem(crs):
+        return
+    entry = authority_code(crs)
+    if entry is not None and is_known(entry) is False:
+        yield Remark(
+            "/crs",
+            f'the database of PROJ has no "{entry.authority}:{entry.code}".',
+            "Correct the code; a raster cannot be written with it.",
         )

@@ -1,0 +1,188 @@
+"""What a coordinate reference system may be written as: nothing that reads a file or the net."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import msgspec
+
+CrsValue = str | int | dict[str, Any]
+
+FORMS = 'Write an authority and code such as "EPSG:32633", WKT, PROJJSON or a PROJ string.'
+
+_AUTHORITIES = ("EPSG", "ESRI", "IAU_2015", "IGNF", "NKG", "NRCAN", "OGC")
+"""Of the database of PROJ 9."""
+WELL_KNOWN = {
+    "WGS84": "EPSG:4326", "WGS72": "EPSG:4322", "NAD83": "EPSG:4269", "NAD27": "EPSG:4267",
+    "CRS84": "OGC:CRS84", "CRS83": "OGC:CRS83", "CRS27": "OGC:CRS27",
+}  # fmt: skip
+"""Names of systems that GDAL has always had."""
+
+_authority = f"({'|'.join(_AUTHORITIES)})"
+_code = r"([0-9A-Z_.]+(?:\+[0-9]+)?)"
+_coded = re.compile(f"{_authority}:{_code}", re.IGNORECASE).fullmatch
+_urn = re.compile(f"urn:(?:x-)?ogc:def:crs:{_authority}:[0-9.]*:{_code}", re.IGNORECASE).fullmatch
+_address = re.compile(r"[a-z][a-z0-9+.-]*://|/vsi", re.IGNORECASE).match
+_wkt = re.compile(
+    r"(?:BOUND|COMPOUND|DERIVEDPROJ|ENG|GEOD|GEOG|PARAMETRIC|PROJ|TIME|VERT)(?:ETIC|RAPHIC|ED)?CRS\["
+    r"|(?:GEOGCS|GEOCCS|PROJCS|VERT_CS|LOCAL_CS|COMPD_CS|ENGINEERINGCRS|VERTICALCRS)\[",
+    re.IGNORECASE,
+).match
+_reads = re.compile(
+    r"\b(nadgrids|geoidgrids|xy_grids|z_grids|grids|catalog|init|file)\s*=|\b(PARAMETERFILE)\s*\[",
+    re.IGNORECASE,
+).search
+"""What has PROJ read a file."""
+_NO_GRIDS = re.compile(r"\+nadgrids=@null(?![,\w])")
+"""A datum shift of nothing, as in the Mercator projection of web maps; it reads no file."""
+_parameter = re.compile(r"\+([a-z][a-z0-9_]*)(?:=([-+.\w'\"°,]+))?", re.IGNORECASE).fullmatch
+
+_PARAMETERS = frozenset(
+    """
+    R R_A R_V R_a R_g R_h R_lat_a R_lat_g a alpha axis azi b bound datum e ellps es f gamma geoc
+    geo_lat guam h k k_0 lat_0 lat_1 lat_2 lat_3 lat_b lat_ts lon_0 lon_1 lon_2 lon_3 lon_wrap
+    lonc lsat m M n n_cut no_cut no_defs no_off no_rot no_uoff ns o_alpha o_lat_1 o_lat_2
+    o_lat_c o_lat_p o_lon_1 o_lon_2 o_lon_c o_lon_p o_proj offset orient over path pm proj q
+    r_lat_a rf rot_xy s south sweep t_epoch theta tilt title to_meter towgs84 type units v_1
+    vto_meter vunits W wktext x_0 y_0 zone
+    """.split()  # noqa: SIM905
+)
+"""Those of PROJ 9 that describe a reference system."""
+
+
+class CrsProblem(NamedTuple):
+    """Why something is no reference system that is taken: one sentence, and what to do."""
+
+    message: str
+    hint: str = FORMS
+
+
+class AuthorityCode(NamedTuple):
+    """A reference system by its entry in the database of PROJ."""
+
+    authority: str
+    code: str
+
+
+def authority_code(crs: CrsValue) -> AuthorityCode | None:
+    """The entry that a value names: 32633, "EPSG:32633", "WGS84" or a URN; None for others."""
+    if isinstance(crs, int):
+        return AuthorityCode("EPSG", str(crs))
+    if not isinstance(crs, str):
+        return None
+    text = WELL_KNOWN.get(crs.strip().upper(), crs.strip())
+    match = _coded(text) or _urn(text)
+    return AuthorityCode(match[1].upper(), match[2].upper()) if match else None
+
+
+def crs_problem(crs: CrsValue) -> CrsProblem | None:
+    """What is wrong with a value as a reference system, as far as it shows without a database.
+
+    Taken are an authority with a code, WKT, PROJJSON and the parameters of PROJ, as a text or as
+    an object. Whatever would have a library open a file or an address is not.
+    """
+    if isinstance(crs, int):
+        fits = 0 < crs < 2**31
+        return None if fits else CrsProblem("the crs is a number that is no EPSG code.")
+    if isinstance(crs, dict):
+        return _object_problem(crs)
+    text = crs.strip()
+    if authority_code(text):
+        return None
+    if _address(text):
+        return CrsProblem("the crs is an address, and nothing is fetched from the net.")
+    if text.startswith("{"):
+        try:
+            return _object_problem(msgspec.json.decode(text, type=dict[str, Any]))
+        except (msgspec.MsgspecError, RecursionError):
+            return CrsProblem("the crs is a text that begins as PROJJSON and is none.")
+    if _wkt(text) and text.endswith("]"):
+        return _file_problem(text)
+    if text.startswith("+"):
+        return _parameters_problem(text.split())
+    return CrsProblem("the crs is none that is known here; names of files are not taken.")
+
+
+def _object_problem(crs: dict[str, Any]) -> CrsProblem | None:
+    if "proj" in crs or "init" in crs:
+        return _parameters_problem(
+            [f"+{key}={value}" if value is not True else f"+{key}" for key, value in crs.items()]
+        )
+    if not isinstance(crs.get("type"), str):
+        return CrsProblem('the crs is an object with neither "type" nor "proj".')
+    return next(filter(None, map(_file_problem, _texts(crs))), None)
+
+
+def _texts(crs: dict[str, Any]) -> Iterator[str]:
+    """All texts in PROJJSON; of a parameter that is a file, as WKT has it."""
+    pending: list[Any] = [crs]
+    while pending:
+        item = pending.pop()
+        if isinstance(item, str):
+            yield item
+        elif isinstance(item, list):
+            pending += item
+        elif isinstance(item, dict):
+            pending += item.values()
+            if "name" in item and isinstance(item.get("value"), str):
+                yield "PARAMETERFILE["
+
+
+def _parameters_problem(words: list[str]) -> CrsProblem | None:
+    for word in words:
+        if _NO_GRIDS.fullmatch(word):
+            continue
+        if problem := _file_problem(word):
+            return problem
+        match = _parameter(word)
+        if match is None or match[1] not in _PARAMETERS:
+            return CrsProblem(f"the crs has {word[:40]!r}, which describes no reference system.")
+    return None
+
+
+def _file_problem(text: str) -> CrsProblem | None:
+    found = _reads(_NO_GRIDS.sub("", text))
+    if found is None:
+        return None
+    name = found[1] or found[2]
+    return CrsProblem(
+        f'the crs has "{name}", which reads a file.', "Leave it out; no file is read for a crs."
+    )
+
+
+def is_known(entry: AuthorityCode) -> bool | None:
+    """Whether the database of PROJ has an entry; None if there is no database at hand."""
+    import sqlite3
+
+    path = _database()
+    if path is None:
+        return None
+    try:
+        with sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True) as database:
+            return all(
+                database.execute(
+                    "SELECT 1 FROM crs_view WHERE auth_name = ? AND code = ?",
+                    (entry.authority, code),
+                ).fetchone()
+                for code in entry.code.split("+")
+            )
+    except sqlite3.Error:
+        return None
+
+
+def _database() -> str | None:
+    """Where the database of PROJ is: beside rasterio, or where PROJ_DATA says."""
+    import os
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    spec = find_spec("rasterio")
+    folders = [*(spec.submodule_search_locations or [])] if spec else []
+    found = [Path(folder, "proj_data") for folder in folders]
+    found += [Path(os.environ[name]) for name in ("PROJ_DATA", "PROJ_LIB") if name in os.environ]
+    for folder in found:
+        if (folder / "proj.db").is_file():
+            return (folder / "proj.db").as_uri().removeprefix("file:")
+    return None

@@ -1,0 +1,143 @@
+"""What a crs may be: nothing that has a library open a file or the net."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rasterio.crs import CRS
+
+from terratool.definition.crs import AuthorityCode, authority_code, crs_problem, is_known
+from terratool.definition.reader import check
+from terratool.errors import RequestError
+from terratool.raster.geotiff import read_crs
+from terratool.text.source import Source
+from tests.commands import call
+
+BOX = {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
+WEB_MERCATOR = (
+    "+proj=merc +a=6378137 +b=6378137 +lat_ts=0 +lon_0=0 +x_0=0 +y_0=0 +k=1 +units=m "
+    "+nadgrids=@null +wktext +no_defs"
+)
+
+
+@pytest.mark.parametrize(
+    ("crs", "epsg"),
+    [
+        ("EPSG:32633", 32633), ("epsg:32633", 32633), (32633, 32633), (" EPSG:32633 ", 32633),
+        ("urn:ogc:def:crs:EPSG::32633", 32633), ("urn:ogc:def:crs:EPSG:9.8:32633", 32633),
+        ("WGS84", 4326), ("IAU_2015:30100", None), ("EPSG:32633+5773", None),
+        ("OGC:CRS84", None), ("ESRI:54009", None),
+        ("+proj=utm +zone=33 +datum=WGS84 +units=m +no_defs", 32633), (WEB_MERCATOR, None),
+        ({"proj": "utm", "zone": 33, "datum": "WGS84", "south": False}, 32633),
+    ],
+)  # fmt: skip
+def test_what_is_taken(crs: Any, epsg: int | None) -> None:
+    assert crs_problem(crs) is None
+    found = read_crs(crs)
+    assert found.to_wkt()
+    assert epsg is None or found.to_epsg() == epsg
+
+
+@pytest.mark.parametrize("code", [2056, 27700, 3031, 3857, 4258, 4326, 32633, 32755])
+@pytest.mark.parametrize("version", ["WKT1_GDAL", "WKT1_ESRI", "WKT2_2015", "WKT2_2019"])
+def test_what_libraries_write_is_taken(code: int, version: str) -> None:
+    """WKT in its dialects, and PROJJSON as an object and as a text."""
+    whole = CRS.from_epsg(code)
+    written = whole.to_wkt(version=version)
+    assert crs_problem(written) is None
+    assert read_crs(written).to_wkt()
+    projjson = whole.to_dict(projjson=True)
+    assert crs_problem(projjson) is None and crs_problem(json.dumps(projjson)) is None
+    assert read_crs(projjson) == whole
+
+
+BAD = [
+    "http://127.0.0.1:8799/crs", "HTTPS://example.com/a.wkt", "/vsicurl/http://example.com/a",
+    "ftp://example.com/x", "file:///etc/passwd", "/etc/passwd", "site.prj",
+    "./site.prj", "@site.prj",
+    "ESRI::site.prj", "+init=epsg:4326", "init=epsg:4326", "proj=utm zone=33",
+    "+proj=longlat +nadgrids=shift.gsb",
+    "+proj=longlat +nadgrids=@shift.gsb", "+proj=longlat +nadgrids=@null,shift.gsb",
+    "+proj=utm +zone=33 +geoidgrids=egm96.gtx", "+proj=longlat +ellps=/etc/passwd",
+    "+proj=pipeline +step +proj=utm +zone=33", "+proj=utm +zone=33 @site.prj", "nonsense", "",
+    "+proj=utm +zone=33\n+nadgrids=shift.gsb", {"init": "epsg:4326"}, {"a": 1}, {},
+    {"proj": "longlat", "nadgrids": "shift.gsb"}, {"type": 3}, 0, -4326, 10**400,
+    'PROJCS["x",EXTENSION["PROJ4","+proj=utm +nadgrids=shift.gsb"]]',
+    'BOUNDCRS[SOURCECRS[],ABRIDGEDTRANSFORMATION["a",PARAMETERFILE["f","shift.gsb"]]]',
+    {"type": "BoundCRS", "transformation": {"parameters": [{"name": "f", "value": "shift.gsb"}]}},
+    "IMPORT_FROM_WKT", "AUTO:42001,12,55", '{"type": ', "[" * 200_000,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("crs", BAD, ids=lambda crs: str(crs)[:30])
+def test_what_is_not(crs: Any) -> None:
+    problem = crs_problem(crs)
+    assert problem is not None and problem.message.endswith(".") and problem.hint
+    with pytest.raises(RequestError):
+        read_crs(crs)
+    data = json.dumps({**BOX, "crs": crs}).encode()
+    assert {f.code for f in check(Source("a", data)).findings} <= {"TT114", "TT107"}
+    assert check(Source("a", data)).terrain is None
+
+
+def test_codes_are_looked_up() -> None:
+    """What the database does not have is a warning, and no name of a file is tried."""
+    assert authority_code("ESRI:54009") == AuthorityCode("ESRI", "54009")
+    assert is_known(AuthorityCode("EPSG", "32633")) is True
+    assert is_known(AuthorityCode("EPSG", "32633+5773")) is True
+    assert is_known(AuthorityCode("EPSG", "32633+1")) is False
+    data = json.dumps({**BOX, "crs": "EPSG:326333"}).encode()
+    assert [f.code for f in check(Source("a", data)).findings] == ["TT115"]
+
+
+def test_no_database(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without PROJ nothing is known of a code, and nothing is said."""
+    monkeypatch.setattr("terratool.definition.crs._database", lambda: None)
+    assert is_known(AuthorityCode("EPSG", "326333")) is None
+    data = json.dumps({**BOX, "crs": "EPSG:326333"}).encode()
+    assert not check(Source("a", data)).findings
+
+
+def test_a_file_of_that_name_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file whose name is a code that nobody knows is not taken for what is in it."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("IAU_2015:1", "site.prj"):
+        (tmp_path / name).write_text(CRS.from_epsg(32633).to_wkt(), encoding="utf-8")
+        with pytest.raises(RequestError):
+            read_crs(name)
+
+
+@pytest.fixture
+def server() -> Iterator[tuple[str, list[str]]]:
+    """An address on this machine, and what was asked of it."""
+    asked: list[str] = []
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_error(404)
+
+        def log_message(self, *args: object) -> None:
+            pass
+
+    listening = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=listening.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{listening.server_port}/crs", asked
+    listening.shutdown()
+    listening.server_close()
+
+
+def test_nobody_is_asked(server: tuple[str, list[str]], tmp_path: Path) -> None:
+    """The definition of a stranger has no command talk to an address."""
+    address, asked = server
+    path = tmp_path / "site.json"
+    path.write_text(json.dumps({**BOX, "crs": address}), encoding="utf-8")
+    assert call("validate", path).code == 1
+    assert call("export-dem", path, tmp_path / "out.tif").code == 1
+    assert asked == []
