@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import click
@@ -10,15 +11,21 @@ from msgspec import Struct
 from msgspec.structs import asdict
 
 from terratool import __version__
+from terratool.cli.baseline import digest, fingerprint
 from terratool.definition.findings import Finding
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Rule
-from terratool.text.display import Excerpt, columns_of, counted, printable
+from terratool.text.display import Excerpt, columns_of, counted, printable, xml_text
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 SARIF_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
+_HOME = "https://doi.org/10.2507/26th.daaam.proceedings.056"
+"""The paper on the model: the project has no address of its own yet."""
 _COLORS = {"error": "red", "warning": "yellow"}
 _FIELDS = ("file", "code", "severity", "pointer", "line", "column", "message", "hint", "bounds")
+_PLACE = ("pointer", "line", "column", "bounds")
+_LISTED = 12
+"""Lines that are named of a group's other places."""
 
 
 class Unreadable(Struct, frozen=True):
@@ -34,6 +41,7 @@ class ValidationSummary(Struct, frozen=True):
 
     Attributes:
         hidden: findings that are counted but not listed.
+        known: findings that are left out, as a baseline has them.
     """
 
     files: int = 0
@@ -43,20 +51,57 @@ class ValidationSummary(Struct, frozen=True):
     errors: int = 0
     warnings: int = 0
     hidden: int = 0
+    known: int = 0
+
+
+class FindingGroup(Struct, frozen=True):
+    """Findings in one file that say the same; the `others` are those behind the first."""
+
+    first: Finding
+    others: list[Finding]
+
+    def rest(self) -> str:
+        """A sentence on the other places, empty if there are none."""
+        if not self.others:
+            return ""
+        lines = ", ".join(str(finding.line) for finding in self.others[:_LISTED])
+        more = ", …" if len(self.others) > _LISTED else ""
+        noun = "line" if len(self.others) == 1 else "lines"
+        places = counted(len(self.others), "more place")
+        return f"The same in {places}: {noun} {lines}{more}."
 
 
 class ValidationReport(Struct, frozen=True):
-    """What was found in all files."""
+    """What was found in all files.
+
+    Attributes:
+        files: the names of those that were read.
+        statistics: how often each code was found, if that is to be said.
+    """
 
     findings: tuple[Finding, ...]
     unreadable: tuple[Unreadable, ...]
     summary: ValidationSummary
+    files: tuple[str, ...] = ()
+    statistics: dict[str, int] | None = None
+
+    def groups(self) -> list[FindingGroup]:
+        """The findings, like ones together, by the first of each."""
+        groups: dict[tuple[str, str, str, str], FindingGroup] = {}
+        for finding in self.findings:
+            key = finding.file, finding.code, finding.message, finding.hint
+            if key in groups:
+                groups[key].others.append(finding)
+            else:
+                groups[key] = FindingGroup(finding, [])
+        return list(groups.values())
 
 
 def as_text(report: ValidationReport) -> str:
     """For people: each finding with its line and a caret, a summary last."""
     lines = []
-    for finding in report.findings:
+    for group in report.groups():
+        finding = group.first
         color = _COLORS[finding.severity]
         file = printable(finding.file)
         place = click.style(f"{file}:{finding.line}:{finding.column}:", bold=True)
@@ -64,7 +109,12 @@ def as_text(report: ValidationReport) -> str:
         lines.append(f"{place} {label} {finding.message}")
         if finding.excerpt is not None and finding.excerpt.text:
             lines += _shown(finding.line, finding.excerpt, color)
-        lines.append(f"  {finding.hint}")
+        lines += [f"  {text}" for text in (finding.hint, group.rest()) if text]
+        lines.append("")
+    statistics = report.statistics or {}
+    for code, count in sorted(statistics.items(), key=lambda item: (-item[1], item[0])):
+        lines.append(f"{count:>8,}  {code}  {RULES[code].severity:7}  {RULES[code].name}")
+    if statistics:
         lines.append("")
     return "\n".join([*lines, _summed_up(report.summary)])
 
@@ -87,6 +137,8 @@ def _summed_up(summary: ValidationSummary) -> str:
     end = "."
     if summary.hidden:
         end = f"; {summary.hidden:,} of them not listed (see --max-findings)."
+    if summary.known:
+        end += f" {counted(summary.known, 'known finding')} left out."
     return ", ".join(parts) + end
 
 
@@ -98,25 +150,30 @@ def as_json(report: ValidationReport) -> str:
     """For scripts: versioned, with everything that is known of a finding."""
     import json
 
-    findings = [{name: getattr(f, name) for name in _FIELDS} for f in report.findings]
-    return json.dumps(
-        {
-            "format_version": FORMAT_VERSION,
-            "findings": findings,
-            "unreadable": [asdict(file) for file in report.unreadable],
-            "summary": asdict(report.summary),
-        },
-        indent=2,
-        ensure_ascii=False,
-    )
+    findings = []
+    for group in report.groups():
+        finding: dict[str, Any] = {name: getattr(group.first, name) for name in _FIELDS}
+        others = [{name: getattr(f, name) for name in _PLACE} for f in group.others]
+        findings.append({**finding, "more": others})
+    whole: dict[str, Any] = {
+        "format_version": FORMAT_VERSION,
+        "findings": findings,
+        "unreadable": [asdict(file) for file in report.unreadable],
+        "summary": asdict(report.summary),
+    }
+    if report.statistics is not None:
+        whole["statistics"] = report.statistics
+    return json.dumps(whole, indent=2, ensure_ascii=False)
 
 
 def as_github(report: ValidationReport) -> str:
     """Workflow commands, which GitHub shows as annotations in the text of the file."""
     lines = []
-    for f in report.findings:
+    for group in report.groups():
+        f = group.first
         place = f"file={_property(f.file)},line={f.line},col={f.column},title={f.code}"
-        lines.append(f"::{f.severity} {place}::{_data(f.message + chr(10) + f.hint)}")
+        text = "\n".join(filter(None, (f.message, f.hint, group.rest())))
+        lines.append(f"::{f.severity} {place}::{_data(text)}")
     for file in report.unreadable:
         what = _data(f"{file.message}\n{file.hint}")
         lines.append(f"::error file={_property(file.file)},title=unreadable::{what}")
@@ -135,41 +192,47 @@ def as_sarif(report: ValidationReport) -> str:
     """SARIF 2.1.0, which code scanning services take."""
     import json
 
-    notes = [(file.file, f"{file.message} {file.hint}") for file in report.unreadable]
-    return json.dumps(sarif_log(report.findings, notes), indent=2, ensure_ascii=False)
-
-
-def sarif_log(findings: Iterable[Finding], unreadable: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """The log of one run in SARIF 2.1.0.
-
-    Args:
-        findings: what was found.
-        unreadable: names of files that could not be read, and why.
-    """
-    rules = RULES
-    places = {code: index for index, code in enumerate(rules)}
+    places = {code: index for index, code in enumerate(RULES)}
     driver = {
         "name": "terratool",
+        "version": __version__,
         "semanticVersion": __version__,
-        "rules": [_rule(rule) for rule in rules.values()],
+        "informationUri": _HOME,
+        "rules": [_rule(rule) for rule in RULES.values()],
     }
     notes = [
         {
             "level": "error",
-            "message": {"text": text},
-            "locations": [{"physicalLocation": {"artifactLocation": _artifact(file)}}],
+            "message": {"text": f"{file.message} {file.hint}"},
+            "locations": [{"physicalLocation": {"artifactLocation": _artifact(file.file)}}],
         }
-        for file, text in unreadable
+        for file in report.unreadable
     ]
+    marks = fingerprints(report)
     run = {
         "tool": {"driver": driver},
         "columnKind": "unicodeCodePoints",
         "invocations": [
-            {"executionSuccessful": not unreadable, "toolExecutionNotifications": notes}
+            {"executionSuccessful": not report.unreadable, "toolExecutionNotifications": notes}
         ],
-        "results": [_result(finding, places[finding.code]) for finding in findings],
+        "results": [
+            _result(group, places[group.first.code], mark)
+            for group, mark in zip(report.groups(), marks, strict=True)
+        ],
     }
-    return {"$schema": SARIF_SCHEMA, "version": "2.1.0", "runs": [run]}
+    log = {"$schema": SARIF_SCHEMA, "version": "2.1.0", "runs": [run]}
+    return json.dumps(log, indent=2, ensure_ascii=False)
+
+
+def fingerprints(report: ValidationReport) -> list[str]:
+    """A mark of each group that stays when lines move, and that no other one has."""
+    seen: Counter[str] = Counter()
+    marks = []
+    for group in report.groups():
+        mark = digest(group.first.file, fingerprint(group.first))
+        seen[mark] += 1
+        marks.append(f"{mark}:{seen[mark]}")
+    return marks
 
 
 def _rule(rule: Rule) -> dict[str, Any]:
@@ -182,25 +245,32 @@ def _rule(rule: Rule) -> dict[str, Any]:
     }
 
 
-def _result(finding: Finding, rule: int) -> dict[str, Any]:
+def _result(group: FindingGroup, rule: int, mark: str) -> dict[str, Any]:
+    finding = group.first
     properties: dict[str, Any] = {"hint": finding.hint}
     if finding.bounds is not None:
         properties["bounds"] = finding.bounds
-    return {
+    result = {
         "ruleId": finding.code,
         "ruleIndex": rule,
         "level": finding.severity,
         "message": {"text": f"{finding.message} {finding.hint}"},
-        "locations": [
-            {
-                "physicalLocation": {
-                    "artifactLocation": _artifact(finding.file),
-                    "region": {"startLine": finding.line, "startColumn": finding.column},
-                },
-                "logicalLocations": [{"fullyQualifiedName": finding.pointer}],
-            }
-        ],
+        "locations": [_location(finding)],
+        "partialFingerprints": {"terratool/v1": mark},
         "properties": properties,
+    }
+    if group.others:
+        result["relatedLocations"] = list(map(_location, group.others))
+    return result
+
+
+def _location(finding: Finding) -> dict[str, Any]:
+    return {
+        "physicalLocation": {
+            "artifactLocation": _artifact(finding.file),
+            "region": {"startLine": finding.line, "startColumn": finding.column},
+        },
+        "logicalLocations": [{"fullyQualifiedName": finding.pointer}],
     }
 
 
@@ -215,9 +285,74 @@ def _artifact(file: str) -> dict[str, str]:
     return {"uri": quote(os.fsencode(file.replace(os.sep, "/")))}
 
 
+def as_junit(report: ValidationReport) -> str:
+    """JUnit's XML, which CI servers show: a suite for each file, a case for each code in it."""
+    from xml.etree import ElementTree as Xml
+
+    suites: dict[str, list[FindingGroup]] = {file: [] for file in report.files}
+    for group in report.groups():
+        suites.setdefault(group.first.file, []).append(group)
+    top = Xml.Element("testsuites", name="terratool validate")
+    for file, groups in suites.items():
+        failures = str(sum(1 for _ in groups))
+        suite = Xml.SubElement(
+            top, "testsuite", name=xml_text(file), tests=str(max(1, len(groups))),
+            failures=failures, errors="0",
+        )  # fmt: skip
+        for group in groups:
+            f = group.first
+            case = Xml.SubElement(
+                suite, "testcase", classname=xml_text(file), name=f"{f.code} line {f.line}"
+            )
+            failure = Xml.SubElement(case, "failure", type=f.severity, message=xml_text(f.message))
+            lines = (f"{file}:{f.line}:{f.column}: {f.message}", f.hint, group.rest())
+            failure.text = xml_text("\n".join(filter(None, lines)))
+        if not groups:
+            Xml.SubElement(suite, "testcase", classname=xml_text(file), name="valid")
+    for unread in report.unreadable:
+        name = xml_text(unread.file)
+        suite = Xml.SubElement(top, "testsuite", name=name, tests="1", failures="0", errors="1")
+        case = Xml.SubElement(suite, "testcase", classname=name, name="readable")
+        error = Xml.SubElement(case, "error", message=xml_text(unread.message))
+        error.text = xml_text(unread.hint)
+    Xml.indent(top)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(top, "unicode")
+
+
+def as_gitlab(report: ValidationReport) -> str:
+    """GitLab's code quality report, which merge requests show."""
+    import json
+
+    issues = [
+        {
+            "description": " ".join(
+                filter(None, (group.first.message, group.first.hint, group.rest()))
+            ),
+            "check_name": group.first.code,
+            "severity": {"error": "major", "warning": "minor"}[group.first.severity],
+            "fingerprint": mark,
+            "location": {"path": group.first.file, "lines": {"begin": group.first.line}},
+        }
+        for group, mark in zip(report.groups(), fingerprints(report), strict=True)
+    ]
+    issues += [
+        {
+            "description": f"{file.message} {file.hint}",
+            "check_name": "unreadable",
+            "severity": "blocker",
+            "fingerprint": digest(file.file),
+            "location": {"path": file.file, "lines": {"begin": 1}},
+        }
+        for file in report.unreadable
+    ]
+    return json.dumps(issues, indent=2, ensure_ascii=False)
+
+
 REPORTERS: dict[str, Callable[[ValidationReport], str]] = {
     "text": as_text,
     "json": as_json,
     "sarif": as_sarif,
     "github": as_github,
+    "junit": as_junit,
+    "gitlab": as_gitlab,
 }

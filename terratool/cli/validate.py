@@ -4,31 +4,51 @@ from __future__ import annotations
 
 import math
 import os
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from itertools import chain
+from pathlib import Path
+from typing import Any
 
 import click
 
+from terratool.cli.baseline import Known, write_baseline
+from terratool.cli.config import Config, find_config, read_config
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import RULES
-from terratool.errors import ReadError
-from terratool.text.display import printable
+from terratool.errors import ReadError, RequestError, WriteError
+from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
+from terratool.text.display import counted, printable, shown
 from terratool.text.source import read_source, sources
 
 _ALL = 10**9
+_MOST_FINDINGS = 1000
 
 
 def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
+    try:
+        return _known_codes(values)
+    except RequestError as error:
+        raise click.BadParameter(str(error)) from error
+
+
+def _known_codes(values: tuple[str, ...]) -> tuple[str, ...]:
+    """Codes, or beginnings of some, from texts that may list several.
+
+    Raises:
+        RequestError: no rule has such a code.
+    """
     codes = tuple(
         code.strip().upper() for code in chain.from_iterable(v.split(",") for v in values)
     )
     for code in codes:
         if not code or not any(known.startswith(code) for known in RULES):
             what = f"no rule has the code {code}" if code else "there is an empty code"
-            raise click.BadParameter(f"{what}. Run terratool rules for the list.")
+            raise RequestError(f"{what}.", "Run terratool rules for the list.")
     return codes
 
 
@@ -38,19 +58,194 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
     return value
 
 
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What is asked for, by options or else by settings.
+
+    Attributes:
+        form: of standard output.
+        outputs: forms and the files that they go to.
+        limit: how many findings are listed.
+    """
+
+    form: str
+    outputs: list[tuple[str, str]]
+    strict: bool
+    select: tuple[str, ...]
+    ignore: tuple[str, ...]
+    max_step: float | None
+    limit: int
+    baseline: str | None
+
+    def options(self, settings: Config, name: str, room: int) -> CheckOptions:
+        """How closely to look at a file."""
+        ignore = self.ignore + _known_codes(settings.ignored(name))
+        return CheckOptions(True, self.max_step, room, self.select, ignore)
+
+    def refuse_writing(self, name: str) -> None:
+        """Raises WriteError if a file that is checked would be written over."""
+        for _, out in self.outputs:
+            if is_same_file(out, name):
+                raise WriteError(f"{out}: is to be checked.", "Write the findings elsewhere.")
+
+
+def _settings(config_file: str | None) -> Config:
+    """The settings that hold here.
+
+    Raises:
+        ReadError: their file cannot be read.
+        RequestError: it has what is not taken.
+    """
+    if config_file is None:
+        settings: Config | None = find_config(Path.cwd())
+    else:
+        settings = read_config(Path(config_file))
+    if settings is None:
+        raise RequestError(f"{config_file}: has no [tool.terratool].", "Add that table.")
+    for codes in (settings.select, settings.ignore, *settings.per_file_ignores.values()):
+        try:
+            _known_codes(codes)
+        except RequestError as error:
+            raise RequestError(f"{settings.file}: {error.message}", error.hint) from error
+    return settings
+
+
+def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> _Plan:
+    """What is asked for; what is given outranks the settings.
+
+    Raises:
+        click.UsageError: it makes no sense.
+        WriteError: a file cannot be written.
+    """
+    form = None
+    outputs = []
+    for text in formats or settings.formats:
+        name, separator, out = text.partition("=")
+        if name not in REPORTERS:
+            raise click.UsageError(
+                f"There is no format {shown(name)}. There is {', '.join(REPORTERS)}."
+            )
+        if separator:
+            out = out if formats else settings.located(out)
+            refuse_existing(Path(out), overwrite=True)
+            refuse_missing_folder(Path(out))
+            outputs.append((name, out))
+        elif form is None:
+            form = name
+        else:
+            raise click.UsageError(
+                f"Standard output takes one format, not {form} and {name}. Give one of them a "
+                f"file: --format {name}=FILE."
+            )
+    limit = settings.max_findings if given["max_findings"] is None else given["max_findings"]
+    limit = _MOST_FINDINGS if limit is None else limit
+    baseline = None if settings.baseline is None else settings.located(settings.baseline)
+    plan = _Plan(
+        form or "text",
+        outputs,
+        settings.strict if given["strict"] is None else given["strict"],
+        given["select"] or _known_codes(settings.select),
+        given["ignore"] or _known_codes(settings.ignore),
+        settings.max_step if given["max_step"] is None else given["max_step"],
+        min(limit or _ALL, _ALL),
+        given["baseline"] or baseline,
+    )
+    if not any(map(CheckOptions(select=plan.select, ignore=plan.ignore).shows, RULES)):
+        raise click.UsageError("--select and --ignore leave no rule. Drop one of them.")
+    return plan
+
+
+@dataclass(slots=True)
+class _Found:
+    """What was found in all files so far.
+
+    Attributes:
+        lasting: findings that a baseline takes: all but those of texts that are no JSON.
+        counts: how often each code was found, listed or not.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    lasting: list[Finding] = field(default_factory=list)
+    unreadable: list[Unreadable] = field(default_factory=list)
+    files: list[str] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+    valid: int = 0
+    known: int = 0
+
+    def add(
+        self, name: str, checked: Checked, options: CheckOptions, known: Known | None, strict: bool
+    ) -> None:
+        """Count a file, and keep its findings that are not known."""
+        counts = Counter(
+            {
+                code: count
+                for code, count in checked.counts.items()
+                if options.shows(code) or not checked.readable
+            }
+        )
+        findings = list(checked.findings[: options.limit])
+        if checked.readable:
+            self.lasting += findings
+            if known is not None:
+                left = known.unknown(findings)
+                self.known += len(findings) - len(left)
+                counts -= Counter(f.code for f in findings) - Counter(f.code for f in left)
+                findings = left
+        by_severity = _by_severity(counts)
+        self.valid += not by_severity["error"] and not (strict and by_severity["warning"])
+        self.counts += counts
+        self.findings += findings
+        self.files.append(name)
+
+    def report(self, limit: int, statistics: bool) -> ValidationReport:
+        """All of it, with so many findings."""
+        listed = tuple(self.findings[:limit])
+        by_severity = _by_severity(self.counts)
+        summary = ValidationSummary(
+            files=len(self.files) + len(self.unreadable),
+            valid=self.valid,
+            invalid=len(self.files) - self.valid,
+            unreadable=len(self.unreadable),
+            errors=by_severity["error"],
+            warnings=by_severity["warning"],
+            hidden=self.counts.total() - len(listed),
+            known=self.known,
+        )
+        return ValidationReport(
+            listed, tuple(self.unreadable), summary, tuple(self.files),
+            dict(self.counts) if statistics else None,
+        )  # fmt: skip
+
+
+def _by_severity(counts: Counter[str]) -> Counter[str]:
+    by_severity: Counter[str] = Counter()
+    for code, count in counts.items():
+        by_severity[RULES[code].severity] += count
+    return by_severity
+
+
+def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str]:
+    for name in given:
+        try:
+            yield from sources(name)
+        except ReadError as error:
+            unreadable.append(Unreadable(name, error.message, error.hint))
+
+
 @click.command(
     "validate",
     epilog="Example: terratool validate samples/paper-example.json --strict",
 )
-@click.argument("files", nargs=-1, required=True, metavar="FILE|DIR...")
+@click.argument("files", nargs=-1, metavar="[FILE|DIR]...")
 @click.option(
     "--format",
-    "form",
-    type=click.Choice(list(REPORTERS)),
-    default="text",
-    help="How the findings are written.",
+    "formats",
+    multiple=True,
+    metavar="FORM[=OUT]",
+    help=f"How the findings are written: {', '.join(REPORTERS)}; once, and as often as you like "
+    "into files.  [default: text]",
 )
-@click.option("--strict", is_flag=True, help="Warnings make a file invalid, too.")
+@click.option("--strict/--no-strict", default=None, help="Warnings make a file invalid, too.")
 @click.option(
     "--select",
     multiple=True,
@@ -71,21 +266,27 @@ def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> 
 @click.option(
     "--max-findings",
     type=click.IntRange(min=0),
-    default=1000,
-    show_default=True,
     metavar="N",
-    help="List so many at most and count the rest; 0 lists all.",
+    help=f"List so many at most and count the rest; 0 lists all.  [default: {_MOST_FINDINGS}]",
+)
+@click.option(
+    "--baseline", metavar="FILE", help="Leave out findings that this file has from an earlier run."
+)
+@click.option("--update-baseline", is_flag=True, help="Write all findings into the baseline.")
+@click.option("--statistics", is_flag=True, help="Say how often each rule was broken.")
+@click.option(
+    "--config", "config_file", metavar="FILE", help="Settings, in place of those found.  "
 )
 @click.pass_context
 def command(
     ctx: click.Context,
+    /,
     files: tuple[str, ...],
-    form: str,
-    strict: bool,
-    select: tuple[str, ...],
-    ignore: tuple[str, ...],
-    max_step: float | None,
-    max_findings: int,
+    formats: tuple[str, ...],
+    update_baseline: bool,
+    statistics: bool,
+    config_file: str | None,
+    **given: Any,
 ) -> None:
     """Check terrains and vehicles and say what is wrong, where, and what to do.
 
@@ -93,59 +294,46 @@ def command(
     FILE may be gzipped, and - is standard input; of a DIR all *.json and *.json.gz are checked, but
     nothing whose name begins with a dot. Exits 0 if all are valid, 1 if one is not, 3 if one cannot
     be read. A text that is not JSON is an error whatever is selected.
+
+    Settings are those of .terratool.toml, or of [tool.terratool] in pyproject.toml, in this folder
+    or the nearest one above; options outrank them.
     """
-    if not any(map(CheckOptions(select=select, ignore=ignore).shows, RULES)):
-        raise click.UsageError("--select and --ignore leave no rule. Drop one of them.")
-    findings: list[Finding] = []
-    unreadable: list[Unreadable] = []
-    count = valid = errors = warnings = 0
-    limit = min(max_findings or _ALL, _ALL)
+    settings = _settings(config_file)
+    plan = _plan(formats, settings, given)
+    names = files or settings.files()
+    if not names:
+        raise click.UsageError(
+            "There is nothing to check. Name files or directories, or set paths in .terratool.toml."
+        )
+    if update_baseline and plan.baseline is None:
+        raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
+    known = None if plan.baseline is None or update_baseline else Known(plan.baseline)
+    found = _Found()
     with Status("checking") as status:
-        for name in _names(files, unreadable):
+        for name in _names(names, found.unreadable):
             status.say(f"checking {called(name)}")
-            options = CheckOptions(True, max_step, max(0, limit - len(findings)), select, ignore)
+            plan.refuse_writing(name)
+            room = _ALL if plan.baseline is not None else max(0, plan.limit - len(found.findings))
+            options = plan.options(settings, name, room)
             try:
                 checked = check(read_source(name), options, kind=None)
             except ReadError as error:
-                unreadable.append(Unreadable(name, error.message, error.hint))
+                found.unreadable.append(Unreadable(name, error.message, error.hint))
                 continue
-            count += 1
-            wrong, doubtful = _count(checked, options)
-            errors, warnings = errors + wrong, warnings + doubtful
-            valid += not wrong and not (strict and doubtful)
-            findings += checked.findings[: options.limit]  # one that is no JSON has one anyhow
-    summary = ValidationSummary(
-        files=count + len(unreadable),
-        valid=valid,
-        invalid=count - valid,
-        unreadable=len(unreadable),
-        errors=errors,
-        warnings=warnings,
-        hidden=errors + warnings - len(findings),
-    )
-    if form != "sarif":
-        for file in unreadable:
+            found.add(name, checked, options, known, plan.strict)
+    if update_baseline:
+        assert plan.baseline is not None
+        write_baseline(plan.baseline, found.lasting)
+        click.echo(f"{plan.baseline}: {counted(len(found.lasting), 'finding')} known now.")
+        ctx.exit(3 if found.unreadable else 0)
+    report = found.report(plan.limit, statistics)
+    if plan.form != "sarif":
+        for file in found.unreadable:
             click.echo(f"terratool: {printable(file.message)}\n  {file.hint}", err=True)
+    for form, out in plan.outputs:
+        with whole_file(out, overwrite=True) as part:
+            text = click.unstyle(REPORTERS[form](report))
+            part.write_text(text + "\n", encoding="utf-8", newline="\n")
     color = False if os.environ.get("NO_COLOR") else None
-    click.echo(
-        REPORTERS[form](ValidationReport(tuple(findings), tuple(unreadable), summary)), color=color
-    )
-    ctx.exit(3 if unreadable else int(summary.invalid > 0))
-
-
-def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str]:
-    for name in given:
-        try:
-            yield from sources(name)
-        except ReadError as error:
-            unreadable.append(Unreadable(name, error.message, error.hint))
-
-
-def _count(checked: Checked, options: CheckOptions) -> tuple[int, int]:
-    """Errors and warnings among what is wanted; what ended the reading always is."""
-    rules = RULES
-    by_severity = {"error": 0, "warning": 0}
-    for code, count in checked.counts.items():
-        if options.shows(code) or not checked.readable:
-            by_severity[rules[code].severity] += count
-    return by_severity["error"], by_severity["warning"]
+    click.echo(REPORTERS[plan.form](report), color=color)
+    ctx.exit(3 if found.unreadable else int(report.summary.invalid > 0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +28,7 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LAYERS, Bands, SurfaceValues
 from terratool.raster.prefetch import TILE
 from terratool.raster.statistics import BandStatistics
-from terratool.text.display import shown
+from terratool.text.display import shown, xml_text
 
 # GDAL's numbers for the types and uses of the columns of an attribute table
 _INTEGER, _REAL, _STRING = 0, 1, 2
@@ -42,13 +41,6 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 
 CACHE_BYTES = 1 << 26
 """GDAL would take a twentieth of the machine's memory for tiles that are complete anyway."""
-
-_CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
-
-def xml_text(text: str) -> str:
-    """A text without the control characters that JSON may hold and XML may not."""
-    return _CONTROL.sub("\ufffd", text)
 
 
 def colormap(terrain: Terrain) -> dict[int, tuple[int, int, int, int]]:

@@ -17,12 +17,12 @@ from terratool.raster.geotiff import (
     statistics_tags,
     transform_of,
     xml_bytes,
-    xml_text,
 )
 from terratool.raster.layers import Bands
 from terratool.raster.prefetch import TILE
 from terratool.raster.statistics import RasterStatistics
 from terratool.raster.tiles import MosaicPlan
+from terratool.text.display import xml_text
 
 _TYPES = {
     "uint8": "Byte", "uint16": "UInt16", "uint32": "UInt32",

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
+
+_control = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 class Excerpt(Struct, frozen=True):
@@ -33,6 +36,11 @@ def unescape(token: str) -> str:
 def printable(text: str) -> str:
     """A text on one line, with what cannot be printed as escapes."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def xml_text(text: str) -> str:
+    """A text without the control characters that JSON may hold and XML may not."""
+    return _control.sub("\ufffd", text)
 
 
 def columns_of(char: str) -> int:

@@ -200,14 +200,14 @@ def test_validate_as_json(invalid: Path) -> None:
     ran = run("validate", SAMPLE, invalid, "--format", "json")
     assert ran.code == 1
     report = json.loads(ran.out)
-    assert report["format_version"] == 1
+    assert report["format_version"] == 2
     (finding,) = report["findings"]
     place = {key: finding[key] for key in ("file", "pointer", "line", "column")}
     assert place == {"file": str(invalid), "pointer": "/size", "line": 2, "column": 10}
     assert (finding["code"], finding["severity"]) == ("TT106", "error")
     assert report["summary"] == {
         "files": 2, "valid": 1, "invalid": 1, "unreadable": 0, "errors": 1, "warnings": 0,
-        "hidden": 0,
+        "hidden": 0, "known": 0,
     }  # fmt: skip
 
 

@@ -1,0 +1,105 @@
+"""Findings that are known and left for later: what is new is told apart from them."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable
+from hashlib import sha256
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from terratool.definition.findings import Finding
+from terratool.errors import ReadError
+from terratool.output import whole_file
+
+FORMAT_VERSION = 1
+
+
+class Baseline(Struct, frozen=True, forbid_unknown_fields=True):
+    """Known findings: for each file how often each fingerprint is known.
+
+    Names of files are relative to the folder of the baseline.
+    """
+
+    findings: dict[str, dict[str, int]]
+    format_version: int = FORMAT_VERSION
+
+
+def fingerprint(finding: Finding) -> str:
+    """What a finding is known by: its code, what it says and the text there, but no line."""
+    text = finding.excerpt.text if finding.excerpt else ""
+    return digest(finding.code, finding.message, text)
+
+
+def digest(*texts: str) -> str:
+    """A number for texts, 128 bits in hexadecimal digits."""
+    return sha256("\n".join(texts).encode("utf-8", "surrogatepass")).hexdigest()[:32]
+
+
+def read_baseline(path: str) -> Baseline:
+    """Raises ReadError if a baseline cannot be read, or is none."""
+    try:
+        found = msgspec.json.decode(Path(path).read_bytes(), type=Baseline)
+    except OSError as error:
+        raise ReadError(
+            f"{path}: cannot be read ({(error.strerror or str(error)).lower()}).",
+            "Write it first, with --update-baseline.",
+        ) from error
+    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
+        raise ReadError(
+            f"{path}: is no baseline ({error}).", "Write it anew, with --update-baseline."
+        ) from error
+    if found.format_version != FORMAT_VERSION:
+        raise ReadError(
+            f"{path}: is a baseline of version {found.format_version}.",
+            "Write it anew, with --update-baseline.",
+        )
+    return found
+
+
+def write_baseline(path: str, findings: Iterable[Finding]) -> None:
+    """Write what is found now as known.
+
+    Raises:
+        WriteError: it cannot be written.
+    """
+    known: dict[str, Counter[str]] = {}
+    for finding in findings:
+        known.setdefault(_name(path, finding), Counter())[fingerprint(finding)] += 1
+    data = msgspec.json.encode(Baseline({k: dict(v) for k, v in known.items()}), order="sorted")
+    with whole_file(path, overwrite=True) as part:
+        part.write_bytes(msgspec.json.format(data, indent=1) + b"\n")
+
+
+class Known:
+    """Takes known findings out, each as often as it is known.
+
+    Args:
+        path: of the baseline.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._left = {
+            name: Counter(counts) for name, counts in read_baseline(path).findings.items()
+        }
+
+    def unknown(self, findings: Iterable[Finding]) -> list[Finding]:
+        """Those that are not known."""
+        return [finding for finding in findings if not self._take(finding)]
+
+    def _take(self, finding: Finding) -> bool:
+        left = self._left.get(_name(self._path, finding))
+        mark = fingerprint(finding)
+        if left is None or left[mark] <= 0:
+            return False
+        left[mark] -= 1
+        return True
+
+
+def _name(path: str, finding: Finding) -> str:
+    """A file as a baseline names it."""
+    return Path(os.path.relpath(finding.file, Path(path).parent)).as_posix()

@@ -1,0 +1,222 @@
+"""What a project sets for `validate`, what it knows already, and where the findings go."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from tests.commands import call
+
+GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
+WARNED = GOOD.replace('"type":"b"', '"type":"b","vScale":0')  # TT210
+WRONG = GOOD.replace("10", "0")  # TT106
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with terrains, which one works in; what is above it has no settings."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("a", GOOD), ("b", WARNED), ("old/c", WRONG)):
+        path = tmp_path / f"sites/{name}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def codes(*arguments: object) -> list[str]:
+    ran = call("validate", "--format", "json", *arguments)
+    return [finding["code"] for finding in json.loads(ran.out)["findings"]]
+
+
+@pytest.mark.parametrize(
+    ("name", "head"), [(".terratool.toml", ""), ("pyproject.toml", "[tool.terratool]\n")]
+)
+def test_settings_stand_for_options(project: Path, name: str, head: str) -> None:
+    """Paths, rules and strictness; from a folder below as well, and options outrank them."""
+    (project / name).write_text(
+        head + 'paths = ["sites"]\nstrict = true\nignore = ["TT106"]\n', encoding="utf-8"
+    )
+    assert codes() == ["TT210"]
+    assert call("validate").code == 1
+    assert call("validate", "--no-strict").code == 0
+    assert codes("--ignore", "TT2") == ["TT106"]
+    assert codes("sites/a.json") == []
+
+
+def test_settings_of_a_folder_above(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names in them are of their folder, not of the one that one works in."""
+    (project / ".terratool.toml").write_text('paths = ["sites/b.json"]\n', encoding="utf-8")
+    (project / "sites/pyproject.toml").write_text("[tool.other]\nstrict = 1\n", encoding="utf-8")
+    monkeypatch.chdir(project / "sites/old")
+    ran = call("validate", "--format", "json")
+    (finding,) = json.loads(ran.out)["findings"]
+    assert finding["file"] == str(Path("..", "b.json"))
+
+
+def test_settings_by_pattern(project: Path) -> None:
+    """Codes are ignored in files whose name, or path, fits; the other ones are told of."""
+    text = '[per-file-ignores]\n"sites/old/*" = ["TT1"]\n"a*.json" = ["TT210"]\n'
+    (project / ".terratool.toml").write_text(text, encoding="utf-8")
+    assert codes("sites") == ["TT210"]
+    (project / ".terratool.toml").write_text(text.replace("a*", "b*"), encoding="utf-8")
+    assert codes("sites") == []
+    assert codes(project / "sites") == []
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('stric = true', "stric"), ('strict = "yes"', "strict"), ("paths = 3", "paths"),
+        ('ignore = ["TT999"]', "TT999"), ('folder = "x"', "folder"), ("strict = ", "is no TOML"),
+        ('[per-file-ignores]\n"a" = ["XX"]', "XX"), ('formats = ["xml"]', "xml"),
+        ('formats = ["json", "sarif"]', "Standard output"), ("a" * 3000 + " = 1", "aaa"),
+        ('baseline = "absent.json"', "--update-baseline"),
+    ],
+)  # fmt: skip
+def test_settings_that_are_not_taken(project: Path, text: str, says: str) -> None:
+    """One sentence that names the file or the setting; nothing is checked."""
+    (project / ".terratool.toml").write_text(text, encoding="utf-8")
+    ran = call("validate", "sites")
+    assert ran.code in (2, 3) and says in ran.err and not ran.out
+    assert "Traceback" not in ran.err
+
+
+def test_settings_by_name(project: Path) -> None:
+    (project / "strict.toml").write_text("strict = true\n", encoding="utf-8")
+    assert call("validate", "sites/b.json", "--config", "strict.toml").code == 1
+    assert call("validate", "sites/b.json").code == 0
+    assert call("validate", "sites/b.json", "--config", "absent.toml").code == 3
+    (project / "pyproject.toml").write_text("[tool.other]\n", encoding="utf-8")
+    assert call("validate", "sites/b.json", "--config", "pyproject.toml").code == 2
+
+
+def test_nothing_to_check(project: Path) -> None:
+    ran = call("validate")
+    assert ran.code == 2 and "paths in .terratool.toml" in ran.err
+
+
+def test_baseline(project: Path) -> None:
+    """What was found before is left out, wherever it has moved to; what is new is told of."""
+    known = project / "ci" / "known.json"
+    known.parent.mkdir()
+    assert call("validate", "sites", "--baseline", known).code == 3
+    assert call("validate", "sites", "--update-baseline").code == 2
+    ran = call("validate", "sites", "--baseline", known, "--update-baseline")
+    assert (ran.code, ran.out) == (0, f"{known}: 2 findings known now.\n")
+    ran = call("validate", "sites", "--strict", "--baseline", known)
+    assert ran.code == 0
+    assert ran.out == "3 files checked, no errors, no warnings. 2 known findings left out.\n"
+    moved = project / "sites" / "b.json"
+    moved.write_text("\n\n" + WARNED, encoding="utf-8")
+    assert codes("sites", "--baseline", known) == []
+    # the same once more in one file is new, and so is the same in another file
+    two = WARNED[:-2] + ',\n"children":[{"type":"b","cellX":0,"cellY":0,"vScale":0}]}}'
+    moved.write_text(two.replace('"elemTree":', '"elemTree":\n'), encoding="utf-8")
+    assert len(codes("sites", "--baseline", known)) == 1
+    (project / "sites" / "d.json").write_text(WRONG, encoding="utf-8")
+    assert codes("sites/d.json", "--baseline", known) == ["TT106"]
+
+
+def test_a_baseline_holds_no_text_that_is_no_json(project: Path) -> None:
+    broken = project / "broken.json"
+    broken.write_text(GOOD[:-1], encoding="utf-8")
+    assert call("validate", broken, "--baseline", "known.json", "--update-baseline").code == 0
+    assert codes(broken, "--baseline", "known.json") == ["TT101"]
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"findings": 3}', '{"findings":{},"x":1}', "\xff"])
+def test_a_broken_baseline(project: Path, text: str) -> None:
+    Path("known.json").write_text(text, encoding="latin-1")
+    ran = call("validate", "sites", "--baseline", "known.json")
+    assert ran.code == 3 and "is no baseline" in ran.err
+
+
+def test_several_formats(project: Path) -> None:
+    """One on standard output, others into files; each is what it would be alone."""
+    forms = ("json", "sarif", "junit", "gitlab", "github", "text")
+    options = [f"--format={form}=out.{form}" for form in forms]
+    ran = call("validate", "sites", *options)
+    assert ran.code == 1 and ran.out == call("validate", "sites").out
+    for form in forms:
+        alone = call("validate", "sites", "--format", form).out
+        assert Path(f"out.{form}").read_text("utf-8") == alone
+    assert call("validate", "sites", *options).code == 1  # written anew
+    before = Path("sites/a.json").read_bytes()
+    ran = call("validate", "sites", "--format", "json=sites/a.json")
+    assert ran.code == 3 and Path("sites/a.json").read_bytes() == before
+    assert call("validate", "sites", "--format", "json=absent/x.json").code == 3
+    assert call("validate", "sites", "--format", "json", "--format", "text").code == 2
+
+
+def found(*forms: str) -> Any:
+    return json.loads(call("validate", "sites", "absent.json", *forms).out)
+
+
+def test_junit(project: Path) -> None:
+    """A suite for each file; findings are failures, and what cannot be read is an error."""
+    text = call("validate", "sites", "absent.json", "--format", "junit").out
+    suites = ElementTree.fromstring(text).findall("testsuite")
+    assert [suite.get("name") for suite in suites] == [
+        "sites/a.json", "sites/b.json", "sites/old/c.json", "absent.json",
+    ]  # fmt: skip
+    assert [
+        (suite.get("tests"), suite.get("failures"), suite.get("errors")) for suite in suites
+    ] == [("1", "0", "0"), ("1", "1", "0"), ("1", "1", "0"), ("1", "0", "1")]
+    failure = suites[2].find("testcase/failure")
+    assert failure is not None and failure.get("type") == "error"
+    assert str(failure.text).startswith("sites/old/c.json:1:9: ")
+
+
+def test_gitlab(project: Path) -> None:
+    """Its code quality report: path, line, severity, and a fingerprint that no other has."""
+    issues = found("--format", "gitlab")
+    assert [issue["location"] for issue in issues] == [
+        {"path": "sites/b.json", "lines": {"begin": 1}},
+        {"path": "sites/old/c.json", "lines": {"begin": 1}},
+        {"path": "absent.json", "lines": {"begin": 1}},
+    ]
+    assert [issue["severity"] for issue in issues] == ["minor", "major", "blocker"]
+    assert len({issue["fingerprint"] for issue in issues}) == 3
+
+
+def test_sarif_fingerprints_stay_when_lines_move(project: Path) -> None:
+    def marks() -> list[str]:
+        (run,) = found("--format", "sarif")["runs"]
+        assert run["tool"]["driver"]["version"] and run["tool"]["driver"]["informationUri"]
+        return [result["partialFingerprints"]["terratool/v1"] for result in run["results"]]
+
+    before = marks()
+    Path("sites/b.json").write_text("\n" + WARNED, encoding="utf-8")
+    assert marks() == before
+    assert len(set(before)) == 2
+
+
+def test_statistics(project: Path) -> None:
+    ran = call("validate", "sites", "sites/b.json", "--statistics")
+    lines = [line for line in ran.out.splitlines() if line.startswith("       ")]
+    assert [line.split() for line in lines] == [
+        ["2", "TT210", "warning", "zero-scale"], ["1", "TT106", "error", "out-of-range"],
+    ]  # fmt: skip
+    assert found("--format", "json", "--statistics")["statistics"] == {"TT210": 1, "TT106": 1}
+
+
+def test_like_findings_are_one(tmp_path: Path) -> None:
+    """What is said of many elements in the same words is said once, with all places."""
+    children = ",\n".join(
+        f'{{"type":"b","cellX":{i % 5},"cellY":{i // 5},"vScale":0}}' for i in range(23)
+    )
+    text = GOOD[:-2] + f',"children":[\n{children}]}}}}'
+    path = tmp_path / "slab.json"
+    path.write_text(text, encoding="utf-8")
+    out = call("validate", path).out
+    assert out.count("warning TT210") == 1
+    assert "The same in 22 more places: lines 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, …." in out
+    assert out.endswith("1 file checked, no errors, 23 warnings.\n")
+    (finding,) = json.loads(call("validate", path, "--format", "json").out)["findings"]
+    assert [place["line"] for place in finding["more"]] == list(range(3, 25))
+    (run,) = json.loads(call("validate", path, "--format", "sarif").out)["runs"]
+    assert len(run["results"]) == 1 and len(run["results"][0]["relatedLocations"]) == 22
