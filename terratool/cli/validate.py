@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from msgspec import structs
 
 from terratool.cli.baseline import Known, write_baseline
 from terratool.cli.config import Config, find_config, read_config
@@ -23,10 +24,12 @@ from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
 from terratool.text.display import counted, printable, shown
-from terratool.text.source import read_source, sources
+from terratool.text.source import Source, read_source, sources, write_source
 
 _ALL = 10**9
 _MOST_FINDINGS = 1000
+_ROUNDS = 1000
+"""So many errors of syntax are mended in one run."""
 
 
 def _codes(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
@@ -217,6 +220,36 @@ class _Found:
         )  # fmt: skip
 
 
+def _mended(name: str, source: Source, options: CheckOptions, status: Status) -> Source:
+    """A text without what has one answer; its file is written anew if there was any.
+
+    Raises:
+        RequestError: it is standard input.
+        WriteError: the file cannot be written.
+    """
+    if name == "-":
+        raise RequestError(
+            "--fix writes files, and standard input is none.", "Give the name of a file."
+        )
+    data, count = source.data, 0
+    # an error of syntax hides all others, so that there may be many rounds
+    for _ in range(_ROUNDS):
+        checked = check(structs.replace(source, data=data), options, kind=None)
+        edits = [finding.fix for finding in checked.findings if finding.fix is not None]
+        if not edits:
+            break
+        for edit in sorted(edits, reverse=True):
+            data = edit.applied(data)
+        count += len(edits)
+    if not count:
+        return source
+    source = structs.replace(source, data=data)
+    write_source(source, name, overwrite=True)
+    status.clear()
+    click.echo(f"terratool: {printable(name)}: mended in {counted(count, 'place')}.", err=True)
+    return source
+
+
 def _by_severity(counts: Counter[str]) -> Counter[str]:
     by_severity: Counter[str] = Counter()
     for code, count in counts.items():
@@ -274,6 +307,7 @@ def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str
 )
 @click.option("--update-baseline", is_flag=True, help="Write all findings into the baseline.")
 @click.option("--statistics", is_flag=True, help="Say how often each rule was broken.")
+@click.option("--fix", is_flag=True, help="Mend in place what can be mended in one way only.")
 @click.option(
     "--config", "config_file", metavar="FILE", help="Settings, in place of those found.  "
 )
@@ -285,6 +319,7 @@ def command(
     formats: tuple[str, ...],
     update_baseline: bool,
     statistics: bool,
+    fix: bool,
     config_file: str | None,
     **given: Any,
 ) -> None:
@@ -316,10 +351,13 @@ def command(
             room = _ALL if plan.baseline is not None else max(0, plan.limit - len(found.findings))
             options = plan.options(settings, name, room)
             try:
-                checked = check(read_source(name), options, kind=None)
+                source = read_source(name)
             except ReadError as error:
                 found.unreadable.append(Unreadable(name, error.message, error.hint))
                 continue
+            if fix:
+                source = _mended(name, source, options, status)
+            checked = check(source, options, kind=None)
             found.add(name, checked, options, known, plan.strict)
     if update_baseline:
         assert plan.baseline is not None

@@ -37,7 +37,7 @@ from terratool.definition.vehicle import (
     VehicleText,
     WheelsText,
 )
-from terratool.text.display import counted, escape, shown
+from terratool.text.display import counted, escape, only_answer, shown
 
 _Model = TypeVar("_Model", bound=Struct)
 _NUMBER = KEYS[Element]["vScale"]
@@ -73,19 +73,26 @@ def type_in_words(item: Any) -> str:
 
 
 @lru_cache(maxsize=256)
-def unknown_key(kind: type, key: str, present: frozenset[str]) -> tuple[str, str]:
-    """Message and hint for a key that a kind of object does not have, among those present."""
+def unknown_key(kind: type, key: str, present: frozenset[str]) -> tuple[str, str, str]:
+    """Message, hint and fix for a key that a kind of object does not have.
+
+    Args:
+        kind: class of the model.
+        key: what it does not have.
+        present: all keys of the object.
+    """
     from difflib import get_close_matches
 
     known = list(SLOTS[kind])
     close = [name for name in known if name.lower() == key.lower()]
     if not close and len(key) <= _LONG:
-        close = get_close_matches(key, known, 1, 0.6)
+        close = get_close_matches(key, known, 2, 0.6)
     hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
+    fix = "" if close and close[0] in present else only_answer(key, close)
     if close and close[0] in present:
         hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
     hint += " A key of your own begins with x-."
-    return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint
+    return f"{shown(key)} is no key of {_SUBJECTS[kind]}.", hint, fix
 
 
 class Decoded(Struct):
@@ -214,8 +221,8 @@ class _Decoder:
         if key == "x-ignore":
             self.decoded.ignores.append((owner, value[key]))
         elif not key.startswith("x-") and self._found.wants("TT103"):
-            message, hint = unknown_key(kind, key, frozenset(value))
-            remark = remark_on(owner, "/" + escape(key), message, hint, on_key=True)
+            about = unknown_key(kind, key, frozenset(value))
+            remark = remark_on(owner, "/" + escape(key), *about, on_key=True)
             self._found.keep("TT103", remark)
 
     def _fit(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
@@ -453,11 +460,13 @@ class _Decoder:
             self.decoded.unfit.setdefault(key, set()).update(unfit)
 
 
-def remark_on(owner: Owner, rest: str, message: str, hint: str, *, on_key: bool = False) -> Remark:
+def remark_on(
+    owner: Owner, rest: str, message: str, hint: str, fix: str = "", *, on_key: bool = False
+) -> Remark:
     """A remark on what is at `rest` in an object."""
     if isinstance(owner, int):
-        return Remark(rest, message, hint, on_key, owner)
-    return Remark(owner + rest, message, hint, on_key)
+        return Remark(rest, message, hint, on_key, owner, fix=fix)
+    return Remark(owner + rest, message, hint, on_key, fix=fix)
 
 
 def _nonfinite(item: Any) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Literal
 
 from msgspec import Struct, field
 
-from terratool.text.display import Excerpt
+from terratool.text.display import Edit, Excerpt
 
 Severity = Literal["error", "warning"]
 Rectangle = tuple[float, float, float, float]
@@ -28,6 +28,8 @@ class Remark(Struct, frozen=True, gc=False):
         on_key: the key is at fault rather than its value.
         element: index of the element in the tree that `pointer` starts at; -1 is the whole text.
         occurrence: which of the equal keys of an object is meant, from 1.
+        fix: JSON text that the value, or the key, is to be replaced with; empty if no one answer
+            is the only one.
     """
 
     pointer: str
@@ -36,6 +38,7 @@ class Remark(Struct, frozen=True, gc=False):
     on_key: bool = False
     element: int = -1
     occurrence: int = 1
+    fix: str = ""
 
 
 class RemarkLog(Struct):
@@ -82,7 +85,8 @@ class Finding(Struct, frozen=True):
     """A remark with its code, severity and place in the file.
 
     Lines and columns count from 1, columns in characters; 0 where a file has no text. `bounds` is
-    the world rectangle (west, south, east, north) of the element concerned.
+    the world rectangle (west, south, east, north) of the element concerned. `fix` is what mends
+    it where there is only one answer.
     """
 
     file: str
@@ -95,3 +99,4 @@ class Finding(Struct, frozen=True):
     hint: str
     bounds: Rectangle | None = None
     excerpt: Excerpt | None = None
+    fix: Edit | None = None

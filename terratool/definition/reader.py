@@ -23,7 +23,8 @@ from terratool.definition.rules.base import Subject, VehicleSubject
 from terratool.definition.tree import Tree, complete, flatten
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
-from terratool.text.display import shown, unescape
+from terratool.text.display import Edit, shown, unescape
+from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source
 from terratool.text.values import Repeated, read_values, repeated_keys
 
@@ -356,7 +357,7 @@ def _placed(
     found.kept = [kept for kept in found.kept if options.shows(kept[0])]
     if not found.kept:
         return ()
-    from terratool.text.locate import Address, locate
+    from terratool.text.locate import Address, offsets, positions_of
 
     tree = decoded.tree
     pointers = [
@@ -367,30 +368,31 @@ def _placed(
         Address(pointer, remark.on_key, remark.occurrence)
         for pointer, (_, remark) in zip(pointers, found.kept, strict=True)
     ]
+    at = offsets(source.data, addresses, found.counts["TT102"] > 0)
+    places = positions_of(source.data, at)
     in_order = sorted(
-        zip(
-            locate(source.data, addresses, found.counts["TT102"] > 0),
-            found.kept,
-            pointers,
-            strict=True,
-        ),
+        zip(places, found.kept, pointers, at, strict=True),
         key=lambda each: (each[0].line, each[0].column, each[1][0]),
     )
     findings = []
-    for place, (code, remark), pointer in in_order[: found.limit]:
+    for place, (code, remark), pointer, begin in in_order[: found.limit]:
         bounds = None
         if decoded.definition is not None and remark.element >= 0:
             bounds = tree.rectangle(remark.element, decoded.definition)
-        findings.append(_finding(source, code, pointer, remark, place, bounds))
+        fix = None
+        if remark.fix:
+            fix = Edit(begin, value_end(source.data, begin, source.size), remark.fix.encode())
+        findings.append(_finding(source, code, pointer, remark, place, bounds, fix))
     return tuple(findings)
 
 
 def _finding(
-    source: Source, code: str, pointer: str, remark: Remark, place: Position, bounds: Any = None
-) -> Finding:
+    source: Source, code: str, pointer: str, remark: Remark, place: Position,
+    bounds: Any = None, fix: Edit | None = None,
+) -> Finding:  # fmt: skip
     return Finding(
         source.name, code, RULES[code].severity, pointer, place.line, place.column,
-        remark.message, remark.hint, bounds, place.excerpt,
+        remark.message, remark.hint, bounds, place.excerpt, fix,
     )  # fmt: skip
 
 
@@ -415,7 +417,11 @@ def _unreadable(source: Source, error: JsonSyntaxError) -> Checked:
     message = error.message
     for line, column, _ in opening:
         message = f"{message[:-1]} that begins in line {line}, column {column}."
-    finding = _finding(source, error.code, "", Remark("", message, error.hint), place)
+    fix = None
+    if error.fix is not None:
+        count, new = error.fix
+        fix = Edit(at[0], _in_bytes(source.data, error.offset + count), new.encode())
+    finding = _finding(source, error.code, "", Remark("", message, error.hint), place, fix=fix)
     return Checked((finding,), Counter([error.code]), readable=False)
 
 

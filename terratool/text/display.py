@@ -1,13 +1,16 @@
-"""How texts, values and pointers are shown to people."""
+"""How texts, values and pointers are shown to people, and what of a text is replaced."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from msgspec import Struct
 
+_NEAR = 0.8
+"""Names that are alike by this share, as difflib counts, are near."""
 _control = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -21,6 +24,18 @@ class Excerpt(Struct, frozen=True):
 
     text: str
     caret: int
+
+
+class Edit(NamedTuple):
+    """Bytes that take the place of others: text[:begin] + new + text[end:]."""
+
+    begin: int
+    end: int
+    new: bytes
+
+    def applied(self, data: bytes) -> bytes:
+        """The text with the change."""
+        return data[: self.begin] + self.new + data[self.end :]
 
 
 def escape(key: str) -> str:
@@ -52,6 +67,21 @@ def columns_of(char: str) -> int:
     if unicodedata.combining(char) or unicodedata.category(char) in ("Mn", "Me", "Cf"):
         return 0
     return 2 if unicodedata.east_asian_width(char) in "WF" else 1
+
+
+def only_answer(name: str, close: Sequence[str]) -> str:
+    """The one name that another one must have meant, as JSON; empty where there are two or none.
+
+    Args:
+        name: as it is written.
+        close: the two names that are nearest, or those that differ in their case alone.
+    """
+    import json
+    from difflib import get_close_matches
+
+    near = [other for other in close if other.lower() == name.lower()]
+    near = near or get_close_matches(name, close, 2, _NEAR)
+    return json.dumps(near[0], ensure_ascii=False) if len(near) == 1 else ""
 
 
 def plain(value: Any) -> Any:

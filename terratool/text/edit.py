@@ -10,7 +10,7 @@ import json
 import re
 from typing import Any, NamedTuple
 
-from terratool.text.display import unescape
+from terratool.text.display import Edit, unescape
 from terratool.text.format import Layout, member_lines
 from terratool.text.locate import Address, offsets
 from terratool.text.scan import TEXT, Member, first_value, members, value_end
@@ -60,18 +60,6 @@ class Style(NamedTuple):
     colon: str
     comma: str
     pad: str
-
-
-class Edit(NamedTuple):
-    """Bytes that take the place of others: text[:begin] + new + text[end:]."""
-
-    begin: int
-    end: int
-    new: bytes
-
-    def applied(self, data: bytes) -> bytes:
-        """The text with the change."""
-        return data[: self.begin] + self.new + data[self.end :]
 
 
 def set_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) -> Edit:

@@ -60,18 +60,21 @@ class JsonSyntaxError(Exception):
         offset: of the fault, in characters from 0.
         message: one sentence, what is wrong.
         hint: one sentence, what to do.
+        fix: what is to stand in place of so many characters from there, if that is clear.
         inside: the message ends with "inside an object" or "inside a list", the `innermost` one.
     """
 
     def __init__(
-        self, code: str, offset: int, message: str, hint: str, inside: bool = False
-    ) -> None:
+        self, code: str, offset: int, message: str, hint: str, *, inside: bool = False,
+        fix: tuple[int, str] | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(message)
         self.code = code
         self.offset = offset
         self.message = message
         self.hint = hint
         self.inside = inside
+        self.fix = fix
 
 
 @dataclass(slots=True)
@@ -201,6 +204,7 @@ def parse(text: str) -> JsonText:
                 comma,
                 f'there is a comma before the closing "{closing}".',
                 "Remove the comma; JSON allows none after the last item.",
+                fix=(1, ""),
             )
         if closing == "}":
             key, key_at, offset = _key(text, offset)
@@ -336,7 +340,8 @@ def bad_number(text: str, offset: int) -> JsonSyntaxError:
     spelling = _word(text, offset).group()  # type: ignore[union-attr]
     meant = _number_meant(spelling)
     hint = f"Write {meant}." if meant else "Write it like 12, -0.5 or 1e-3."
-    return JsonSyntaxError("TT101", offset, f"{shown(spelling)} is no JSON number.", hint)
+    fix = (len(spelling), meant) if meant else None
+    return JsonSyntaxError("TT101", offset, f"{shown(spelling)} is no JSON number.", hint, fix=fix)
 
 
 def _number_meant(spelling: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 from typing import Any
@@ -220,3 +221,65 @@ def test_like_findings_are_one(tmp_path: Path) -> None:
     assert [place["line"] for place in finding["more"]] == list(range(3, 25))
     (run,) = json.loads(call("validate", path, "--format", "sarif").out)["runs"]
     assert len(run["results"]) == 1 and len(run["results"][0]["relatedLocations"]) == 22
+
+
+BROKEN = (
+    '{\r\n\t"size" : 010, "descr": "héllo",\r\n "surfTypes": {"sand": {"cohesion": .5,},'
+    ' "rock":{}}, "elemTyps":{"box":{"x":[+1, 5.]}, "hill":{"x":[1]}},\r\n'
+    ' "elemTree":{"type":"bx","surface":"Sand","children":[\r\n'
+    '   {"typ":"hil", "cellX":0x3, "cellY":-0, "surface":"gravel"},]}}'
+)
+MENDED = (
+    '{\r\n\t"size" : 10, "descr": "héllo",\r\n "surfTypes": {"sand": {"cohesion": 0.5},'
+    ' "rock":{}}, "elemTypes":{"box":{"x":[1, 5]}, "hill":{"x":[1]}},\r\n'
+    ' "elemTree":{"type":"box","surface":"sand","children":[\r\n'
+    '   {"type":"hill", "cellX":3, "cellY":-0, "surface":"gravel"}]}}'
+)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_fix_mends_what_has_one_answer(tmp_path: Path, packed: bool) -> None:
+    """All else stays byte for byte, and is told of."""
+    path = tmp_path / ("site.json.gz" if packed else "site.json")
+    data = b"\xef\xbb\xbf" + BROKEN.encode()
+    path.write_bytes(gzip.compress(data) if packed else data)
+    ran = call("validate", path, "--fix", "--format", "json")
+    assert ran.code == 1 and "mended in 12 places" in ran.err
+    after = gzip.decompress(path.read_bytes()) if packed else path.read_bytes()
+    assert after == b"\xef\xbb\xbf" + MENDED.encode()
+    assert [f["code"] for f in json.loads(ran.out)["findings"] if f["severity"] == "error"] == [
+        "TT202"
+    ]
+    before = path.stat().st_mtime_ns
+    assert "mended" not in call("validate", path, "--fix").err
+    assert path.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        # two are as near, a key is there already, or one may have meant a text
+        '{"size":1,"elemTypes":{"box1":{"x":[1]},"box2":{"x":[1]}},"elemTree":{"type":"box"}}',
+        '{"size":1,"siz":2,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}',
+        '{"size":1 "elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}',
+        '{"size":1,"elemTypes":{"Box":{"x":[1]},"BOX":{"x":[1]}},"elemTree":{"type":"box"}}',
+    ],
+)
+def test_fix_leaves_what_has_more(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(text, encoding="utf-8")
+    assert call("validate", path, "--fix").code == 1
+    assert path.read_text("utf-8") == text
+
+
+def test_fix_needs_a_file() -> None:
+    ran = call("validate", "-", "--fix", stdin=BROKEN)
+    assert ran.code == 2 and "standard input" in ran.err
+
+
+def test_fix_heeds_what_is_selected(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    text = '{"siz":1,"elemTypes":{"box":{"x":[1]}},"elemTree":{"type":"bx"}}'
+    path.write_text(text, encoding="utf-8")
+    call("validate", path, "--fix", "--select", "TT201")
+    assert path.read_text("utf-8") == text.replace("bx", "box")

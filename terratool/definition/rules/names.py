@@ -8,7 +8,7 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
-from terratool.text.display import escape, shown
+from terratool.text.display import escape, only_answer, shown
 
 _MANY = 500
 _LONG = 60
@@ -48,10 +48,10 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     for index, name in subject.tree.having("type", missing):
         if name in surfaces:
             message = f"{shown(name)} is a surface, where a primitive belongs."
-            hint = f'Write the primitive as "type" and "surface": {shown(name)}.'
+            hint, fix = f'Write the primitive as "type" and "surface": {shown(name)}.', ""
         else:
-            message, hint = f"no primitive is called {shown(name)}.", hints[name]
-        yield Remark("/type", message, hint, element=index)
+            message, (hint, fix) = f"no primitive is called {shown(name)}.", hints[name]
+        yield Remark("/type", message, hint, element=index, fix=fix)
 
 
 @rule("TT202", "unknown-surface")
@@ -91,38 +91,46 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
     for index, name in subject.tree.having("surface", missing):
         if name in primitives:
             message = f"{shown(name)} is a primitive, where a surface belongs."
-            hint = f'Write "type": {shown(name)} and the surface as "surface".'
+            hint, fix = f'Write "type": {shown(name)} and the surface as "surface".', ""
         else:
-            message, hint = f"no surface is called {shown(name)}.", hints[name]
-        yield Remark("/surface", message, hint, element=index)
+            message, (hint, fix) = f"no surface is called {shown(name)}.", hints[name]
+        yield Remark("/surface", message, hint, element=index, fix=fix)
     for index, track in enumerate(subject.definition.ruts):
         here = f"/tracks/{index}"
         if track.surface is not UNSET and track.surface not in surfaces:
             message = f"no surface is called {shown(track.surface)}."
-            yield Remark(f"{here}/surface", message, hints[track.surface])
+            hint, fix = hints[track.surface]
+            yield Remark(f"{here}/surface", message, hint, fix=fix)
         for name in track.depth if isinstance(track.depth, dict) else ():
             if name not in surfaces:
                 message = f"no surface is called {shown(name)}."
-                yield Remark(f"{here}/depth/{escape(name)}", message, hints[name], on_key=True)
+                hint, fix = hints[name]
+                pointer = f"{here}/depth/{escape(name)}"
+                yield Remark(pointer, message, hint, on_key=True, fix=fix)
 
 
-class _Hints(dict[str, str]):
-    """What to write instead of names that a dictionary does not have."""
+class _Hints(dict[str, tuple[str, str]]):
+    """What to write instead of names that a dictionary does not have: in words, and as JSON.
+
+    The second is empty unless one name alone is near.
+    """
 
     def __init__(self, known: Collection[str], dictionary: str) -> None:
         self._dictionary = dictionary
-        self._alike = {name.lower(): name for name in known}
+        self._alike: dict[str, list[str]] = {}
+        for name in known:
+            self._alike.setdefault(name.lower(), []).append(name)
         self._close = [name for name in known if len(name) <= _LONG] if len(known) <= _MANY else []
 
-    def __missing__(self, name: str) -> str:
-        close = self._alike.get(name.lower())
+    def __missing__(self, name: str) -> tuple[str, str]:
+        close = self._alike.get(name.lower(), [])
         # comparing more, or with more, takes longer than it helps
-        if close is None and len(self) < _MANY and len(name) <= _LONG:
+        if not close and len(self) < _MANY and len(name) <= _LONG:
             from difflib import get_close_matches
 
-            close = next(iter(get_close_matches(name, self._close, 1)), None)
+            close = get_close_matches(name, self._close, 2)
         hint = f'Add {shown(name)} to "{self._dictionary}", or use a name that is there.'
-        if close is not None:
-            hint = f"Did you mean {shown(close)}?"
-        self[name] = hint
-        return hint
+        if close:
+            hint = f"Did you mean {shown(close[0])}?"
+        self[name] = hint, only_answer(name, close)
+        return self[name]
