@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from terratool.cli.options import Names
 from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
     "--layer",
     "layers",
     multiple=True,
-    type=click.Choice(LAYERS),
+    type=Names(LAYERS),
     default=("height",),
     metavar="NAME",
     help=f"What to write, once or several times: {', '.join(LAYERS)}.  [default: height]",
@@ -49,7 +50,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 )
 @click.option(
     "--compress",
-    type=click.Choice(COMPRESSIONS),
+    type=Names(COMPRESSIONS),
     help="Of a GeoTIFF.  [default: zstd]",
 )
 @click.option(

@@ -17,6 +17,9 @@ from terratool.output import whole_file
 from terratool.text.display import counted, printable
 from terratool.text.source import PLAIN, Source, read_source, sources
 
+_NOT_ONE = ("TT105", "")
+"""Code and place of what is found in a text that is no object."""
+
 
 @click.command("format", epilog="Example: terratool format samples/paper-example.json --check")
 @click.argument("files", nargs=-1, required=True, metavar="FILE|DIR...")
@@ -30,8 +33,8 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
     Keys stand in the format's order, short vectors and members share a line, lines have up to 120
     characters. Numbers and texts stay as they are spelled, keys of your own are kept. - reads
     standard input and writes to standard output. Of a DIR all *.json are laid out; compressed files
-    are not. Exits 1 if a text is not JSON, or with --check if one is not laid out so, and 3 if one
-    cannot be read or written.
+    are not. Exits 1 if a text is no JSON object, or with --check if one is not laid out so, and 3
+    if one cannot be read or written.
     """
     changed = broken = count = 0
     failed: list[ReadError | WriteError] = []
@@ -44,7 +47,7 @@ def command(ctx: click.Context, files: tuple[str, ...], only_check: bool) -> Non
             except ReadError as error:
                 failed.append(_said(error, status))
                 continue
-            if not _is_json(source, status):
+            if not _is_definition(source, status):
                 broken += 1
                 continue
             text = canonical(source.data.decode("utf-8"))
@@ -86,13 +89,15 @@ def _said(error: ReadError | WriteError, status: Status) -> ReadError | WriteErr
     return error
 
 
-def _is_json(source: Source, status: Status) -> bool:
-    checked = check(source, CheckOptions(warnings=False))
-    if checked.readable:
+def _is_definition(source: Source, status: Status) -> bool:
+    """Whether a text is a JSON object; if not, what is wrong with it is said."""
+    checked = check(source, CheckOptions(warnings=False), kind=None)
+    wrong = [f for f in checked.findings if not checked.readable or (f.code, f.pointer) == _NOT_ONE]
+    if not wrong:
         return True
     summary = ValidationSummary(files=1, invalid=1, errors=1)
     status.clear()
-    click.echo(as_text(ValidationReport(checked.findings, (), summary)), err=True)
+    click.echo(as_text(ValidationReport(tuple(wrong[:1]), (), summary)), err=True)
     return False
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import options_of, source_options
+from terratool.cli.options import Names, options_of, source_options
 from terratool.cli.terminal import Status, called
 from terratool.text.display import counted
 
@@ -54,7 +54,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     "--method",
     "methods",
     multiple=True,
-    type=click.Choice(_METHODS),
+    type=Names(_METHODS),
     metavar="NAME",
     help=f"How to write the heights, once or several times: {', '.join(_METHODS)}.  "
     "[default: the smallest]",

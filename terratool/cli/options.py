@@ -17,6 +17,18 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 _NAMES = ("bounds", "window", "band", "crs", "nodata", "resolution", "up", "scale")
 
 
+class Names(click.Choice[str]):
+    """Names to choose from; one that is nearly right is guessed at."""
+
+    def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
+        """The message of click, and a guess."""
+        from difflib import get_close_matches
+
+        message = super().get_invalid_choice_message(value, ctx)
+        close = get_close_matches(str(value).lower(), self.choices, 1)
+        return f"{message} Did you mean {close[0]}?" if close else message
+
+
 def source_options(command: _Command) -> _Command:
     """Add the options to a command; it gets them by name, and `options_of` collects them."""
     for option in reversed(

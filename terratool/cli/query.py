@@ -19,9 +19,10 @@ from terratool.errors import ReadError
 from terratool.text.display import shown
 
 if TYPE_CHECKING:
-    from terratool.field.terrain import Terrain
+    from terratool.field.terrain import PointSamples, Terrain
 
-COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz")
+COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "note")
+_OUTSIDE = -2
 FORMAT_VERSION = 1
 _CHUNK = 65536
 
@@ -32,8 +33,8 @@ Point = tuple[float, float]
     "query",
     # coordinates may be negative, and must not be taken for options
     context_settings={"ignore_unknown_options": True},
-    epilog="Examples: terratool query samples/paper-example.json 15 15   "
-    "terratool query terrain.json --points points.csv --format json",
+    epilog="\b\nExamples: terratool query samples/paper-example.json 15 15\n"
+    "          terratool query terrain.json --points points.csv --format json",
 )
 @click.argument("file")
 @click.argument("coordinates", nargs=-1, metavar="[X Y]...")
@@ -49,7 +50,7 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
     """Answer height, surface, element and normal at points.
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
-    a point does not have (outside, in the void) is an empty cell, null in JSON.
+    a point does not have is an empty cell, null in JSON; the note says why: outside, or void.
     """
     if (points is None) == (not coordinates):
         raise click.UsageError("Give points either as X Y pairs or with --points.")
@@ -167,8 +168,18 @@ def _rows(terrain: Terrain, points: Iterator[Point]) -> Iterator[tuple[Any, ...]
             [names[i] for i in found.surface.tolist()],
             [pointers[i] for i in found.element.tolist()],
             *(_or_none(found.normal[:, axis].tolist()) for axis in range(3)),
+            _notes(found),
             strict=True,
         )
+
+
+def _notes(found: PointSamples) -> list[str | None]:
+    """Why each point has no height, None where it has one."""
+    import numpy as np
+
+    notes = np.where(found.element == _OUTSIDE, "outside", "void").astype(object)
+    notes[~np.isnan(found.height)] = None
+    return list(notes)
 
 
 def _or_none(values: list[float]) -> list[float | None]:

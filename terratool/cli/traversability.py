@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import vehicle_from, vehicle_options
+from terratool.cli.options import Names, vehicle_from, vehicle_options
 from terratool.cli.terminal import Status, load
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ PREFERENCES = ("length", "time", "energy", "margin")
 )
 @click.option(
     "--prefer",
-    type=click.Choice(PREFERENCES),
+    type=Names(PREFERENCES),
     default="time",
     show_default=True,
     metavar="WHAT",

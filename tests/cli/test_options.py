@@ -14,7 +14,7 @@ from click.testing import CliRunner  # noqa: TID251
 from terratool.cli.options import vehicle_from, vehicle_options
 from terratool.errors import DefinitionError, ReadError
 from terratool.traversability.vehicle import Vehicle, Wheel
-from tests.commands import SAMPLE
+from tests.commands import SAMPLE, call
 from tests.vehicles import SMALLEST
 
 WHEEL = ["--wheel-radius", "0.2", "--wheel-width", "0.1", "--load", "100"]
@@ -99,3 +99,17 @@ def test_a_file_that_is_none_is_told_by_its_reader(tmp_path: Path) -> None:
         given("--vehicle", tmp_path / "absent.json")
     with pytest.raises(DefinitionError, match="is a terrain"):
         given("--vehicle", SAMPLE)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "guess"),
+    [
+        (("export-dem", "a.json", "a.tif", "--layer", "heigth"), "Did you mean height?"),
+        (("export-dem", "a.json", "a.tif", "--compress", "Zst"), "Did you mean zstd?"),
+        (("export-dem", "a.json", "a.tif", "--layer", "qqqqq"), "is not one of"),
+    ],
+)
+def test_names_that_are_nearly_right_are_guessed_at(arguments: tuple[str, ...], guess: str) -> None:
+    ran = call(*arguments)
+    assert ran.code == 2 and guess in ran.err
+    assert ("Did you mean" in ran.err) == guess.startswith("Did")

@@ -14,7 +14,7 @@ import pytest
 
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, YARD, Ran, call
 
-HEADER = "x,y,z,surface,element,nx,ny,nz"
+HEADER = "x,y,z,surface,element,nx,ny,nz,note"
 SLOPE = sqrt(0.5)
 FLAT = (0.0, 0.0, 1.0)
 
@@ -38,6 +38,11 @@ def yard(tmp_path: Path) -> Path:
     return path
 
 
+def note(z: float | None, surface: str | None) -> str:
+    """Why there is no height; a void has a surface."""
+    return "" if z is not None else "void" if surface else "outside"
+
+
 def rows(ran: Ran) -> list[list[str]]:
     assert (ran.code, ran.err) == (0, "")
     header, *found = csv.reader(io.StringIO(ran.out, newline=""))
@@ -55,7 +60,8 @@ def test_answers_as_csv(yard: Path) -> None:
     for (point, (z, surface, element, normal)), row in zip(ANSWERS.items(), found, strict=True):
         assert (float(row[0]), float(row[1])) == point
         assert row[3:5] == [surface or "", element or ""]
-        for text, value in zip([row[2], *row[5:]], [z, *normal], strict=True):
+        assert row[8] == note(z, surface)
+        for text, value in zip([row[2], *row[5:8]], [z, *normal], strict=True):
             assert (text == "") if value is None else float(text) == pytest.approx(value, abs=1e-12)
 
 
@@ -69,6 +75,7 @@ def test_answers_as_json(yard: Path) -> None:
         assert list(row) == HEADER.split(",")
         assert (row["x"], row["y"]) == point
         assert (row["surface"], row["element"]) == (surface, element)
+        assert row["note"] == (note(z, surface) or None)
         expected = [z, *normal]
         for key, value in zip(("z", "nx", "ny", "nz"), expected, strict=True):
             assert row[key] == (value if value is None else pytest.approx(value, abs=1e-12))

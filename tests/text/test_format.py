@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from terratool.definition.keys import KEYS
 from terratool.definition.layout import canonical
 from terratool.definition.model import Definition, Element, Primitive, Surface, Track
-from tests.commands import run
+from tests.commands import call, run
 from tests.conftest import terrain_of
 from tests.layouts import values
 from tests.strategies import Json, definitions, points
@@ -344,6 +344,15 @@ def test_what_is_no_json_is_refused(tmp_path: Path, data: bytes) -> None:
     assert f"{path}:1:" in ran.err
     assert path.read_bytes() == data
     assert other.read_text("utf-8") == TIDY
+
+
+@pytest.mark.parametrize("text", ["[]", "3", '"a"', "null"])
+def test_what_is_no_object_is_refused(tmp_path: Path, text: str) -> None:
+    """It is JSON and no definition, so that it must be the wrong file."""
+    path = tmp_path / "a.json"
+    path.write_text(text, encoding="utf-8")
+    ran = call("format", path)
+    assert ran.code == 1 and "TT105" in ran.err and path.read_text("utf-8") == text
 
 
 def test_what_cannot_be_laid_out_stops_nothing(tmp_path: Path) -> None:
