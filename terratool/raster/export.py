@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 
 import numpy as np
@@ -26,13 +26,8 @@ from terratool.raster.geotiff import Compression, RasterExtent, crs_of
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands, SurfaceValues, files_of, layers_named
 from terratool.raster.loss import LossFinder, RasterLoss
-from terratool.raster.prefetch import WindowMaker, heights_type, prefetch, processors, windows_of
-from terratool.raster.statistics import (
-    BandStatistics,
-    RasterStatistics,
-    StatisticsSum,
-    combined,
-)
+from terratool.raster.prefetch import WindowMaker, prefetch, processors, windows_of
+from terratool.raster.statistics import BandStatistics, RasterStatistics, StatisticsSum
 from terratool.raster.writers import Storage, open_writer
 
 COMPANIONS = ("*.aux.xml", "*.ovr", "*.msk")
@@ -63,8 +58,8 @@ class WrittenFile:
 
 
 @dataclass(frozen=True, slots=True)
-class MosaicLayout:
-    """How a mosaic is cut.
+class MosaicSummary:
+    """What a mosaic consists of.
 
     Attributes:
         folder: where the tiles are.
@@ -102,7 +97,7 @@ class RasterReport:
     surfaces: dict[str, int]
     lacking: dict[str, list[str]]
     losses: RasterLoss | None
-    tiles: MosaicLayout | None = None
+    tiles: MosaicSummary | None = None
 
     @property
     def pixels(self) -> int:
@@ -193,7 +188,6 @@ def export_dem(
     crs_of(terrain)
     refuse_full_disk(path, grid, files, form)
 
-    losses = LossFinder(terrain, grid, heights_type(files)) if request.losses else None
     ranges = _ranges(terrain, grid, files, form, threads)
     codings = list(map(partial(coding_of, form), files, ranges))
     storage = Storage(form, request.compression or Compression(), threads)
@@ -202,7 +196,7 @@ def export_dem(
         parts = [
             stack.enter_context(whole_file(name, request.overwrite, companions)) for name in paths
         ]
-        maker = WindowMaker(terrain, grid, files, losses)
+        maker = WindowMaker(terrain, grid, files, request.losses)
         filled = fill_files(parts, maker, storage, codings, progress=progress)
     written = (
         WrittenFile(name, bands, statistics, coding or plain_coding(bands), difference)
@@ -210,7 +204,7 @@ def export_dem(
             paths, files, filled.statistics.statistics, codings, filled.differences, strict=True
         )
     )
-    return report_of(terrain, grid, tuple(written), filled.statistics, losses)
+    return report_of(terrain, grid, tuple(written), filled.statistics, maker.losses)
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,7 +267,7 @@ def report_of(
     written: tuple[WrittenFile, ...],
     statistics: RasterStatistics,
     losses: LossFinder | None,
-    tiles: MosaicLayout | None = None,
+    tiles: MosaicSummary | None = None,
 ) -> RasterReport:
     """What there is to say when all is written."""
     soils = SurfaceValues(terrain)
@@ -299,7 +293,7 @@ def paths_of(path: Path, files: Sequence[Bands]) -> list[Path]:
     names = {"number": "numbers", "surface": "surface", "color": "color"}
     others = [
         path.with_name(
-            f"{path.stem}-{bands.layers[0].name if bands.count == 1 else names[bands.kind]}"
+            f"{path.stem}-{bands.layers[0].name if bands.count == 1 else names[bands.content]}"
             f"{path.suffix}"
         )
         for bands in files[1:]
@@ -330,7 +324,7 @@ def _ranges(
     for made in prefetch(maker.make, windows_of(grid.whole, wanting), threads):
         total.add(made.statistics)
         maker.reuse(made)
-    ranges = iter(combined(statistics) for statistics in total.total().statistics)
+    ranges = (reduce(BandStatistics.with_, bands) for bands in total.total().statistics)
     return [next(ranges) if wants_range(form, bands) else None for bands in files]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,14 +73,6 @@ def band_statistics(pixels: NDArray[Any]) -> BandStatistics:
     )
 
 
-def combined(parts: Iterable[BandStatistics]) -> BandStatistics:
-    """Statistics of all parts, merged in their order."""
-    total = BandStatistics()
-    for part in parts:
-        total = total.with_(part)
-    return total
-
-
 @dataclass(frozen=True, slots=True)
 class RasterStatistics:
     """What is known of the pixels of some windows.
@@ -103,7 +95,7 @@ class StatisticsSum:
 
     def __init__(self, files: Sequence[Bands]) -> None:
         self._statistics = [
-            [BandStatistics()] * bands.count if bands.kind == "number" else [] for bands in files
+            [BandStatistics()] * bands.count if bands.content == "number" else [] for bands in files
         ]
         self._counts = np.zeros(0, np.int64)
         self._nodata = 0

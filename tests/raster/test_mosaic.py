@@ -344,7 +344,7 @@ class TestAnother:
     ) -> None:
         """Its journal, without a tile, stands in nobody's way."""
 
-        def lost(*_: Any) -> Any:
+        def lost(*_: Any, **__: Any) -> Any:
             raise WriteError("The disk is lost.")
 
         with monkeypatch.context() as patch, pytest.raises(WriteError, match="is lost"):
