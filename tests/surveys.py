@@ -18,7 +18,7 @@ ROVER = Vehicle(
     (Axle(0.3), Axle(-0.3)),
     mass=20.0,
     gravity=10.0,
-    track=0.5,
+    track_width=0.5,
     clearance=0.12,
     body_width=0.5,
     front=Overhang(0.15, 0.2),

@@ -58,7 +58,9 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
         side = axle.wheels // 2
         x += [axle.x] * axle.wheels
         y += (
-            [0.5 * vehicle.track] * side + [0.0] * (axle.wheels % 2) + [-0.5 * vehicle.track] * side
+            [0.5 * vehicle.track_width] * side
+            + [0.0] * (axle.wheels % 2)
+            + [-0.5 * vehicle.track_width] * side
         )
         driven += [axle.driven] * axle.wheels
     if not x:

@@ -331,10 +331,11 @@ def _merged(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, 
 
 
 def _track_key(track: Track) -> Any:
-    """What is the same for two tracks that are driven in the same line."""
-    depth = track.depth
-    depths = tuple(sorted(depth.items())) if isinstance(depth, dict) else depth
-    return track.path, track.width, track.load, depths, track.multipass, track.surface
+    """A track without its passes and its name, hashable: the same for those in the same line."""
+    depth: Any = track.depth
+    if isinstance(depth, dict):
+        depth = tuple(sorted(depth.items()))
+    return msgspec.structs.replace(track, descr=UNSET, passes=UNSET, depth=depth)
 
 
 def _passes(track: Track) -> int:

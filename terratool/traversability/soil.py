@@ -203,13 +203,6 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     )
 
 
-def all_figures(terrain: Terrain, vehicle: Vehicle) -> tuple[Figures, ...]:
-    """The figures of every surface of a terrain, in the order of the definition."""
-    return tuple(
-        surface_figures(name, surface, vehicle) for name, surface in terrain.surface_types.items()
-    )
-
-
 def _largest(found: SteepestSlope, tips: float, vehicle: Vehicle) -> tuple[float | None, Reason]:
     """A slope less its margins, or that at which it tips over; None if not even the level."""
     if not found.possible:

@@ -70,14 +70,14 @@ class VehicleFootprint:
         by_heading: for each heading, clockwise from north; the second half are the opposite ones.
         sides: (headings, 4) m, how far the vehicle reaches west, south, east and north of its
             reference point.
-        margin: pixels beyond the outermost reference points that may matter.
+        halo: pixels beyond the outermost reference points that may matter.
         shared: whether opposite headings have the same wheels, body and places.
     """
 
     resolution: float
     by_heading: tuple[HeadingFootprint, ...]
     sides: NDArray[np.float64]
-    margin: int
+    halo: int
     shared: bool
 
 
@@ -163,7 +163,7 @@ def _covered(
         if vehicle.rear.length > 0.0 and math.isfinite(vehicle.rear.height):
             rear, _ = _rectangle(-half - vehicle.rear.length, -half, body, resolution, direction)
     # between the wheels' middles: what wheels would touch there reaches as far as they do
-    length, across = half or radius, 0.5 * (vehicle.track or width)
+    length, across = half or radius, 0.5 * (vehicle.track_width or width)
     places, _ = _rectangle(-length, length, across, resolution, direction)
     apart = max(1, round(math.sqrt(len(places) / PLACES)))
     places = places[(places % apart == 0).all(axis=1)]
@@ -199,7 +199,7 @@ def _rectangle(
 def _fit(vehicle: Vehicle, wheels: Offsets, resolution: float) -> NDArray[np.float64]:
     """Least squares of a plane over the wheels' pixels; a level one where they stand in a row."""
     places = np.column_stack([np.ones(len(wheels)), wheels[:, 1], -wheels[:, 0]])
-    if vehicle.wheelbase == 0.0 or vehicle.track == 0.0 or np.linalg.matrix_rank(places) < 3:
+    if vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0 or np.linalg.matrix_rank(places) < 3:
         return np.vstack([np.full((1, len(wheels)), 1.0 / len(wheels)), np.zeros((2, len(wheels)))])
     return np.asarray(np.linalg.pinv(places) / [[1.0], [resolution], [resolution]], np.float64)
 

@@ -15,6 +15,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import Grid, Window
+from terratool.raster.painter import id_type
 from terratool.raster.prefetch import prefetch
 from terratool.traversability.limits import (
     WheelLayout,
@@ -53,9 +54,9 @@ _LEAST = 0.02
 _DETREND = 1.5
 """A step is what a wheel rises within so many radii before and behind a wall."""
 
-_BLOCK = (128, 512)
+_WINDOW = (128, 512)
 _FINE_PIXELS = 1 << 22
-"""Pixels of ground that are sweep at a time; with what is found out of them some 200 MB."""
+"""Pixels of ground that are swept at a time; with what is found out of them some 200 MB."""
 
 MOST_HEADINGS = 64
 
@@ -207,7 +208,7 @@ def survey(
 ) -> Survey:
     """A vehicle at the pixel centres of a grid.
 
-    Memory is that of the result (26 bytes for each pixel and heading) and of some blocks of ground.
+    Memory is that of the result (26 bytes for each pixel and heading) and of ground under windows.
 
     Args:
         terrain: the ground.
@@ -228,13 +229,12 @@ def survey(
         kernels.ENERGY,
     )  # fmt: skip
     numbers = [np.empty((headings, *flat), np.float32) for _ in planes]
-    heights, surfaces = np.empty(flat, np.float32), np.empty(flat, surveyor.ids)
-    blocks = list(surveyor.blocks(grid.whole))
-    made = prefetch(surveyor.measure, blocks, checked_threads(threads))
-    for block, found in zip(blocks, made, strict=True):
-        part = np.s_[
-            block.row : block.row + block.height, block.column : block.column + block.width
-        ]
+    heights, surfaces = np.empty(flat, np.float32), np.empty(flat, id_type(terrain))
+    windows = list(surveyor.windows(grid.whole))
+    made = prefetch(surveyor.measure, windows, checked_threads(threads))
+    for window, found in zip(windows, made, strict=True):
+        row, column = window.row, window.column
+        part = np.s_[row : row + window.height, column : column + window.width]
         heights[part], surfaces[part] = found.heights, found.surfaces
         verdict[:, *part], reason[:, *part] = found.verdict, found.reason
         for values, plane in zip(numbers, planes, strict=True):
@@ -303,29 +303,24 @@ class Surveyor:
         self._footprint: VehicleFootprint = vehicle_footprint(
             vehicle, self._fine.resolution, grid.resolution, headings
         )
-        self._margin = math.ceil(self._footprint.margin / parts)
-        slopes = vehicle.wheelbase == 0.0 or vehicle.track == 0.0
+        self._halo = math.ceil(self._footprint.halo / parts)
+        slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
         self._painter = GroundPainter(terrain, self._fine, _LEAST * radius, slopes, radius)
         self._on_soils = kernels.VehicleOnSoils(
             vehicle_params(vehicle), *soil_table(terrain, vehicle)
         )
 
-    @property
-    def ids(self) -> np.dtype[Any]:
-        """Type of the surfaces."""
-        return np.min_scalar_type(len(self.terrain.surfaces))
-
-    def blocks(self, window: Window) -> Iterator[Window]:
+    def windows(self, window: Window) -> Iterator[Window]:
         """Windows that cover a larger one, each not too large to be measured at once."""
-        side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._margin, 16)
-        return window.cut(min(_BLOCK[0], side), min(_BLOCK[1], side))
+        side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._halo, 16)
+        return window.cut(min(_WINDOW[0], side), min(_WINDOW[1], side))
 
     def measure(self, window: Window) -> WindowMeasures:
         """All that is found out about a window of the grid."""
-        parts, margin = self._parts, self._margin
+        parts, halo = self._parts, self._halo
         around = Window(
-            parts * (window.row - margin), parts * (window.column - margin),
-            parts * (window.height + 2 * margin), parts * (window.width + 2 * margin),
+            parts * (window.row - halo), parts * (window.column - halo),
+            parts * (window.height + 2 * halo), parts * (window.width + 2 * halo),
         )  # fmt: skip
         sweep = _Sweep(self, window, self._painter.paint(around))
         flat = (window.height, window.width)
@@ -391,10 +386,10 @@ class _Sweep:
     """The ground of a window, laid out for sweeps of a footprint over it."""
 
     def __init__(self, surveyor: Surveyor, window: Window, ground: Ground) -> None:
-        self._parts, self._margin = surveyor._parts, surveyor._margin
+        self._parts, self._halo = surveyor._parts, surveyor._halo
         self._surveyor, self._ground = surveyor, ground
         self._shape = (window.height, window.width)
-        self.first = self._parts * self._margin + self._parts // 2
+        self.first = self._parts * self._halo + self._parts // 2
         self._heights = self._phased(ground.heights)
         self.ids = self._phased(ground.surfaces)
         middle = np.zeros(2, np.int64)
@@ -413,7 +408,7 @@ class _Sweep:
         """Rows, phases and columns of offsets."""
         column = self._parts // 2 + offsets[:, 1]
         return np.column_stack(
-            [offsets[:, 0], column % self._parts, self._margin + column // self._parts]
+            [offsets[:, 0], column % self._parts, self._halo + column // self._parts]
         )
 
     def _at(self, plane: NDArray[Any], offset: Offsets) -> NDArray[Any]:
@@ -454,8 +449,9 @@ class _Sweep:
         places = self._shifts(covered.places)
         rough = self._empty()
         kernels.roughness(
-            phased, self.first, self.placed(covered.places), places, plane, _spread(places), rough
-        )
+            phased, self.first, self.placed(covered.places), places, plane,
+            _inverse_moments(places), rough,
+        )  # fmt: skip
         return plane, self.bump(covered.body, plane), rough
 
     def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -500,11 +496,8 @@ class _Sweep:
         return out
 
 
-def _spread(places: NDArray[np.float32]) -> NDArray[np.float32]:
+def _inverse_moments(places: NDArray[np.float32]) -> NDArray[np.float32]:
     """The inverse of the second moments of places about the middle: xx, xy, yy; 0 for a line."""
     moments = places.astype(np.float64).T @ places
-    if np.linalg.matrix_rank(moments) < 2:
-        largest = np.linalg.pinv(moments)
-    else:
-        largest = np.linalg.inv(moments)
-    return np.array([largest[0, 0], largest[0, 1], largest[1, 1]], np.float32)
+    inverted = np.linalg.pinv if np.linalg.matrix_rank(moments) < 2 else np.linalg.inv
+    return np.asarray(inverted(moments)[[0, 0, 1], [0, 1, 1]], np.float32)

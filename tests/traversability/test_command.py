@@ -19,7 +19,7 @@ from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
 from terratool.traversability import assess as assessing
-from terratool.traversability.assess import Request, assess, plan_assessment
+from terratool.traversability.assess import Request, assess, prepare_assessment
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
 from terratool.traversability.report.wording import conclusion
@@ -274,7 +274,7 @@ def test_the_example_of_the_help_runs(drive: Within) -> None:
     terrain = load(ROOT / words[2])
     vehicle = load_vehicle(ROOT / words[words.index("--vehicle") + 1])
     x0, y0, x1, y1 = map(float, words[at + 1 : at + 5])
-    plan_assessment(
+    prepare_assessment(
         terrain, vehicle, Request(routes=((x0, y0, x1, y1),)), mapped=False, pictured=True
     )  # its places lie on the terrain
 
@@ -285,7 +285,7 @@ def vehicle(saved: Saved) -> Vehicle:
 
 
 def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
-    return assess(plan_assessment(terrain, vehicle, request))
+    return assess(prepare_assessment(terrain, vehicle, request))
 
 
 class TestAssess:
@@ -294,10 +294,10 @@ class TestAssess:
     ) -> None:
         monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
         terrain = terrain_of(WALLED)
-        grids = plan_assessment(terrain, vehicle, Request(), pictured=True)
+        grids = prepare_assessment(terrain, vehicle, Request(), pictured=True)
         assert (grids.grid.width, grids.grid.height) == (60, 40)
         assert "60 on the longer side" in grids.notes[0]
-        full = plan_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
+        full = prepare_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
         assert full.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in full.notes[0]
 
@@ -307,14 +307,14 @@ class TestAssess:
         length = sum(vehicle.rectangle[:2])
         for factor, gaps in ((0.9, False), (1.1, True)):
             request = Request(resolution=factor * length)
-            notes = plan_assessment(terrain, vehicle, request).notes
+            notes = prepare_assessment(terrain, vehicle, request).notes
             assert any("is not looked at" in note for note in notes) == gaps
 
     def test_bounds_decide_the_resolution(self, vehicle: Vehicle) -> None:
         terrain = terrain_of(WALLED | {"size": [240000, 160000]})
         west, south, _, _ = terrain.bounds
         request = Request(bounds=(west, south, west + 10, south + 5))
-        grids = plan_assessment(terrain, vehicle, request)
+        grids = prepare_assessment(terrain, vehicle, request)
         assert grids.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in grids.notes[0]
 
@@ -323,7 +323,7 @@ class TestAssess:
         terrain = terrain_of(WALLED)
         told: list[int] = []
         request = Request(routes=(tuple(map(float, WAY)),), resolution=0.2)  # type: ignore[arg-type]
-        planned = plan_assessment(terrain, vehicle, request, pictured=True)
+        planned = prepare_assessment(terrain, vehicle, request, pictured=True)
         report = assess(planned, progress=told.append)
         assert report.preview is not None
         assert report.preview.grid.resolution == 0.2

@@ -25,7 +25,7 @@ WHEEL = Wheel(radius=0.2, width=0.1)
 
 def vehicle(*axles: Axle, mass: float = 40.0, track: float = 0.8) -> Vehicle:
     axles = axles or (Axle(0.5), Axle(-0.5))
-    return Vehicle(WHEEL, axles, mass, 10.0, track=track, cog_height=0.3, clearance=0.2)
+    return Vehicle(WHEEL, axles, mass, 10.0, track_width=track, cog_height=0.3, clearance=0.2)
 
 
 def flat(tmp_path: Path, **more: Any) -> Path:

@@ -15,7 +15,7 @@ from terratool.traversability.report import wording
 from terratool.traversability.results import COLORS, RANKS, RouteProfile, Survey, Verdict
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
-"""Margins for the numbers of the axes, and for what the upper axis is of."""
+"""Room for the numbers of the axes, and for what the upper axis is of."""
 _HILL, _STRIP, _GAP, _SUNK, _BELOW = 130, 10, 30, 56, 40
 """Heights: of the ground's panel, the strip, the room between, the sinkage's panel, the x axis."""
 
