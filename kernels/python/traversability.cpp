@@ -38,22 +38,6 @@ Drive drive(
     return drive_wheels(wheels, pull, wheel, max_torque);
 }
 
-double tipping_on(const Layout& layout, double along, double across) {
-    return tipping(layout, gravity(along, across));
-}
-
-std::optional<SlopeState> find_state(
-    const VehicleOnSoils& on, i64 soil, double along, double across
-) {
-    (void)on.soils.at(soil);  // refuses what is none
-    return on.find(soil, along, across);
-}
-
-SlopeState state_on(const VehicleOnSoils& on, i64 soil, double along, double across) {
-    auto wheels = wheels_on(on.vehicle.layout, on.soils.at(soil));
-    return slope_state(on.vehicle, along, across, wheels);
-}
-
 }  // namespace
 
 template <> struct Argument<VehicleOnSoils> : KnownArgument<KeptVehicle> {
@@ -118,9 +102,6 @@ void bind_traversability(nb::module_ m) {
         m, "wheel_loads", "Loads of a vehicle's wheels on a slope.",
         {"layout", "weight", "pitch", "roll"}
     );
-    def<&tipping_on>(
-        m, "tipping", "The share of a tip-over angle that is used.", {"layout", "along", "across"}
-    );
     def<&drive>(
         m, "drive", "What it asks of a vehicle's wheels to push.",
         {"layout", "load[w]", "soil", "pull", "wheel", "max_torque"}
@@ -134,14 +115,6 @@ void bind_traversability(nb::module_ m) {
         {"shares[m]", "go[m]", "strict[m]", "reasons[m]"}
     );
 
-    def<&find_state>(
-        m, "tabulated_state", "What a slope and a soil ask of a vehicle, if its tables have it.",
-        {"vehicle", "soil", "along", "across"}
-    );
-    def<&state_on>(
-        m, "slope_state", "What a slope and a soil ask of a vehicle.",
-        {"vehicle", "soil", "along", "across"}
-    );
     def<&judge_cells>(
         m, "judge_cells", "Judge a vehicle with a heading at every reference point.",
         {"vehicle", "stance", "east", "north", "out"}

@@ -28,12 +28,6 @@ struct SlopeState {
     double reserve;  // how much more it may lean until it tips over, rad
 };
 
-template <class Visit> void visit_members(SlopeState& s, Visit visit) {
-    visit("share", s.share), visit("torque", s.torque), visit("slip", s.slip);
-    visit("energy", s.energy), visit("drawbar", s.drawbar), visit("deepest", s.deepest);
-    visit("sliding", s.sliding), visit("tipping", s.tipping), visit("reserve", s.reserve);
-}
-
 // The share that a size takes of a limit.
 INLINE double share_of(double size, double limit) {
     if (size <= 0.0) return 0.0;
@@ -110,10 +104,11 @@ public:
         double s = x - i, t = y - j;
         const SlopeState *low = &states_[i * (HALF + 1) + j], *high = low + (HALF + 1);
         const SlopeState &one = low[0], &two = low[1], &three = high[0], &four = high[1];
-        Kind kind = kind_of(one);
-        bool alike = kind_of(two) == kind && kind_of(three) == kind && kind_of(four) == kind;
-        if (kind == ENDLESS || !alike) return {};
-        if (kind == MOVES) {
+        Regime regime = regime_of(one);
+        bool alike =
+            regime_of(two) == regime && regime_of(three) == regime && regime_of(four) == regime;
+        if (regime == ENDLESS || !alike) return {};
+        if (regime == MOVES) {
             for (auto n : {&SlopeState::share, &SlopeState::slip}) {
                 double least = min(min(one.*n, two.*n), min(three.*n, four.*n));
                 double most = max(max(one.*n, two.*n), max(three.*n, four.*n));
@@ -129,7 +124,7 @@ public:
               &SlopeState::drawbar, &SlopeState::deepest, &SlopeState::sliding,
               &SlopeState::tipping, &SlopeState::reserve})
             out.*n = between(between(one.*n, two.*n, t), between(three.*n, four.*n, t), s);
-        if (kind == STUCK) {
+        if (regime == STUCK) {
             out.energy = INF;
             if (!(out.slip < INF)) out.slip = INF;
         }
@@ -141,12 +136,12 @@ private:
     static constexpr double STEEPEST = 1.0;  // … up to which it goes, ahead both ways …
     static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;  // … and to a side
     static constexpr double SMOOTH = 0.08;  // shares or slips that differ by more are not smooth
-    enum Kind { MOVES, STUCK, ENDLESS };    // it does, does not, or what it takes is not finite
+    enum Regime { MOVES, STUCK, ENDLESS };  // it does, does not, or what it takes is not finite
 
     double max_torque_;
     std::vector<SlopeState> states_;  // (SIDE, HALF + 1)
 
-    Kind kind_of(const SlopeState& s) const {
+    Regime regime_of(const SlopeState& s) const {
         if (s.share < 1.0 && s.slip < 1.0 && s.torque <= max_torque_) return MOVES;
         return abs(s.share + s.torque + s.sliding + s.tipping) < INF ? STUCK : ENDLESS;
     }
