@@ -329,16 +329,16 @@ def _ranges(
 
 
 def refuse_full_disk(
-    path: Path, grid: Grid, files: Sequence[Bands], form: RasterFormat, there: int = 0
+    path: Path, grid: Grid, files: Sequence[Bands], form: RasterFormat, finished: int = 0
 ) -> None:
-    """Refuse what may not fit on the disk; so many pixels are there already.
+    """Refuse what may not fit on the disk; so many pixels are finished.
 
     Raises:
         WriteError: there is less free than the pixels may take.
     """
     if not path.absolute().parent.is_dir():
         return  # whole_file says so
-    pixels = grid.width * grid.height - there
+    pixels = grid.width * grid.height - finished
     needed = pixels * sum(bands.pixel_bytes for bands in files)
     if form.driver == "COG":
         needed += needed + needed // 3  # what it is copied from, and its overviews
@@ -349,7 +349,7 @@ def refuse_full_disk(
         needed *= 2
     free = free_bytes(path)
     if needed > free:
-        rest = "the rest of " if there else ""
+        rest = "the rest of " if finished else ""
         raise WriteError(
             f"{path}: {rest}{grid.width} × {grid.height} pixels may take "
             f"{needed:,} bytes, but {free:,} are free.",

@@ -67,10 +67,7 @@ def describe_surfaces(
 ) -> None:
     """Put category names and an attribute table of the surfaces into the element of a band.
 
-    Args:
-        band: a PAMRasterBand or VRTRasterBand.
-        terrain: whose surfaces are meant.
-        counts: (surfaces + 1,) pixels of each id.
+    `counts` are (surfaces + 1,) pixels of each id.
     """
     names = ["none", *map(xml_text, terrain.surfaces)]
     name_categories(band, names)
@@ -208,10 +205,10 @@ def geotiff(
     ):
         file.descriptions = bands.names
         file.units = bands.units
-        about = {"TIFFTAG_SOFTWARE": f"terratool {__version__}"}
+        tags = {"TIFFTAG_SOFTWARE": f"terratool {__version__}"}
         if terrain.descr:
-            about["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
-        file.update_tags(**about)
+            tags["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
+        file.update_tags(**tags)
         if bands.content == "surface":
             if len(terrain.surfaces) < colors:
                 file.write_colormap(1, colormap(terrain))

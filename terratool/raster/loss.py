@@ -324,12 +324,8 @@ class LossFinder:
     A window with more candidates than can be looked at has some of them tested, evenly spread, and
     the rest estimated; which ones depends on the window and on nothing else. The steepest ramp is
     exact even so: whatever is steeper than the steepest so far is tested too, up to as many pairs
-    again. A ramp is a wall's if the wall is at least half of it.
-
-    Args:
-        terrain: the terrain.
-        grid: the pixels.
-        dtype: of the heights in the file.
+    again. A ramp is a wall's if the wall is at least half of it. `dtype` is that of the heights in
+    the file.
     """
 
     def __init__(self, terrain: Terrain, grid: Grid, dtype: DTypeLike = np.float32) -> None:
@@ -353,9 +349,7 @@ class LossFinder:
     def of(self, window: Window, planes: Planes) -> LossCounts:
         """What is lost between the pixels of a window and their neighbours to the east and south.
 
-        Args:
-            window: the window.
-            planes: heights and labels of the window with its neighbours.
+        `planes` are heights and labels of the window with its neighbours.
         """
         whole, resolution = self.with_neighbours(window), self._grid.resolution
         heights, labels = planes.heights, planes.labels
@@ -406,12 +400,7 @@ class LossFinder:
         )
 
     def statement(self, part: LossCounts, nodata: int) -> RasterLoss:
-        """What the whole grid loses.
-
-        Args:
-            part: the sum of those of its windows.
-            nodata: pixels without a height.
-        """
+        """What the whole grid loses, by the sum of its windows and its pixels without a height."""
         resolution = self._grid.resolution
         (rise, ramp), (height, jump) = part.steepest, part.highest
         degrees = math.degrees(math.atan2(rise, resolution))

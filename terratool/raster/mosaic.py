@@ -142,10 +142,12 @@ def export_mosaic(
             (number, tile, known.get((tile.row, tile.column)))
             for number, tile in enumerate(tiling.tiles())
         ]
-        there = sum(
-            tile.window.height * tile.window.width for _, tile, done in jobs if _seems(tiling, done)
+        finished = sum(
+            tile.window.height * tile.window.width
+            for _, tile, done in jobs
+            if _has_its_sizes(tiling, done)
         )
-        refuse_full_disk(folder, grid, files, RasterFormat("GTiff"), there)
+        refuse_full_disk(folder, grid, files, RasterFormat("GTiff"), finished)
         scratch = journal.begin(overwrite)
         stack.callback(remove_scratch, scratch)
         tiler = TileMaker(terrain, tiling, scratch)
@@ -197,19 +199,19 @@ def _refuse_index(path: Path, journal: Journal, folder: Path, overwrite: bool) -
     """Refuse an index that is there, unless the mosaic's own."""
     if path.absolute().parent != folder:
         refuse_missing_folder(path)
-    known = journal.indexes.get(_seen(path, folder))
+    known = journal.indexes.get(_relative(path, folder))
     own = known is not None and path.is_file() and checksum(path) == known
     if path.absolute().parent == folder and journal.header is not None:
         own = own or bool(OWNED.fullmatch(path.name))
     refuse_existing(path, overwrite or own)
 
 
-def _seen(path: Path, folder: Path) -> str:
+def _relative(path: Path, folder: Path) -> str:
     """A path as seen from a folder."""
     return os.path.relpath(path.resolve(), folder.resolve())
 
 
-def _seems(tiling: Tiling, known: FinishedTile | None) -> bool:
+def _has_its_sizes(tiling: Tiling, known: FinishedTile | None) -> bool:
     """Whether the files of a tile have their sizes, at least; they are read when it is its turn."""
     try:
         return known is not None and all(
@@ -286,7 +288,7 @@ def _write_indexes(
         text = index_of(path, tiling, file, tiler.terrain, statistics)
         # known before it is there, so that the next run does not take it for another's
         journal.add_index(
-            _seen(path, tiling.folder), hashlib.blake2b(text, digest_size=16).hexdigest()
+            _relative(path, tiling.folder), hashlib.blake2b(text, digest_size=16).hexdigest()
         )
         within = tiler.scratch if path.absolute().parent == tiling.folder else None
         with whole_file(path, True, COMPANIONS, within) as part:
@@ -296,14 +298,9 @@ def _write_indexes(
 def index_of(
     path: Path, tiling: Tiling, file: int, terrain: Terrain, statistics: RasterStatistics
 ) -> bytes:
-    """The text of an index; it names the tiles relative to where it is.
+    """The text of the index of each tile's file of this number.
 
-    Args:
-        path: where it will be.
-        tiling: the tiles.
-        file: which file of each tile it is of.
-        terrain: the terrain.
-        statistics: of all pixels.
+    It names the tiles relative to `path`, where it will be.
     """
     grid, bands = tiling.grid, tiling.files[file]
     root = Element("VRTDataset", rasterXSize=str(grid.width), rasterYSize=str(grid.height))
@@ -311,10 +308,10 @@ def index_of(
     if crs is not None:
         SubElement(root, "SRS").text = crs.to_wkt()
     SubElement(root, "GeoTransform").text = ", ".join(map(repr, transform_of(grid).to_gdal()))
-    about = {"AREA_OR_POINT": "Area"}
+    tags = {"AREA_OR_POINT": "Area"}
     if terrain.descr:
-        about["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
-    _metadata(root, about)
+        tags["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
+    _metadata(root, tags)
     if bands.content == "color":
         _metadata(root, {"INTERLEAVE": "PIXEL"}, domain="IMAGE_STRUCTURE")
     for number in range(bands.count):

@@ -50,13 +50,8 @@ class Painter:
 
     At every pixel centre the same elements as the queries find, the same heights and slopes but for
     the rounding of sums in double precision and then to the type of the planes. The value of a
-    pixel depends neither on the window nor on the planes that are asked for.
-
-    Args:
-        terrain: the terrain.
-        grid: the pixels.
-        dtype: float32 or float64, of heights and slopes.
-        surfaces, slopes, labels: which planes there are besides the heights.
+    pixel depends neither on the window nor on the planes that are asked for. Heights and slopes are
+    of `dtype`, float32 or float64.
     """
 
     def __init__(

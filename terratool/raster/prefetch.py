@@ -64,11 +64,7 @@ class WindowContent:
 class WindowMaker:
     """Makes the windows of a raster's files; may be used by several threads at a time.
 
-    Args:
-        terrain: the terrain.
-        grid: the pixels.
-        files: what the files hold.
-        losses: whether to find out what the pixels do not show.
+    With `losses` it finds out what the pixels do not show, too.
     """
 
     def __init__(

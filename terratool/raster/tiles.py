@@ -142,11 +142,8 @@ Done = tuple[int, FinishedTile, bool]
 class TileMaker:
     """Makes tiles; the same for threads and for the workers of Dask, which are sent one.
 
-    Args:
-        terrain: the terrain.
-        tiling: its tiles.
-        scratch: a folder in that of the tiles for what is not yet complete. Who removes it stops
-            all that still write.
+    What is not yet complete is in `scratch`, a folder in that of the tiles. Who removes it stops
+    all that still write.
     """
 
     def __init__(self, terrain: Terrain, tiling: Tiling, scratch: Path) -> None:

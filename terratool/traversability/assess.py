@@ -124,12 +124,7 @@ def prepare_assessment(
 ) -> PreparedRequest:
     """Check a request, and choose its grids, before any long work.
 
-    Args:
-        terrain: the ground.
-        vehicle: a vehicle, or a wheel by itself.
-        request: what is wanted.
-        mapped: whether the map goes into a file.
-        pictured: whether the report has a picture.
+    `mapped` says whether the map goes into a file, `pictured` whether the report has a picture.
 
     Raises:
         RequestError: what is asked for lies outside the terrain, or makes no sense.
@@ -208,7 +203,7 @@ def assess(
         surveyor, map_path, threads=threads, overwrite=overwrite, progress=progress, stack=stack
     )
 
-    def surveyed(grid: Grid | None) -> Survey | None:
+    def survey_on(grid: Grid | None) -> Survey | None:
         if grid is None:
             return None
         found = survey(terrain, vehicle, grid, headings=request.headings, threads=threads)
@@ -216,17 +211,21 @@ def assess(
             progress(grid.width * grid.height)
         return found
 
-    seen, picture = surveyed(prepared.route), surveyed(prepared.picture)
+    route_survey, picture = survey_on(prepared.route), survey_on(prepared.picture)
     routes: list[Route] = []
     reached: Reach | None = None
-    if seen:
+    if route_survey:
         for x0, y0, x1, y1 in request.routes:
             routes.append(
-                plan_route(terrain, vehicle, seen, (x0, y0), (x1, y1), prefer=request.prefer)
+                plan_route(
+                    terrain, vehicle, route_survey, (x0, y0), (x1, y1), prefer=request.prefer
+                )
             )
-        routes += [check_route(terrain, vehicle, seen, points) for points in request.waypoints]
+        routes += [
+            check_route(terrain, vehicle, route_survey, points) for points in request.waypoints
+        ]
         if request.reachable is not None:
-            reached = reach(terrain, vehicle, seen, request.reachable)
+            reached = reach(terrain, vehicle, route_survey, request.reachable)
     return TraversabilityReport(
         terrain=name,
         descr=terrain.descr,
@@ -237,7 +236,7 @@ def assess(
         verdict=verdict_of(summary, routes),
         routes=tuple(routes),
         reach=reached,
-        preview=(picture or seen) if prepared.pictured else None,
+        preview=(picture or route_survey) if prepared.pictured else None,
         assumptions=(*ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
         notes=prepared.notes,
     )

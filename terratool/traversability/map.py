@@ -145,11 +145,7 @@ def default_resolution(
 ) -> tuple[float, str]:
     """A resolution for a map, and in words why: a quarter of the wheel's radius, within reason.
 
-    Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
-        bounds: what is looked at; all if None.
-        most: pixels on the longer side of what is looked at.
+    `most` is how many pixels the longer side of the bounds, or of the terrain, may have.
 
     Raises:
         RequestError: the bounds are empty or miss the terrain; or so many pixels are too few.

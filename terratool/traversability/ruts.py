@@ -345,13 +345,9 @@ def _passes(track: Track) -> int:
 def write_deformed(
     path: str, output: str | Path, deformed: Deformed, overwrite: bool = False
 ) -> int:
-    """Write a definition's text with other tracks; all else in it stays byte for byte.
+    """Write the text of the definition at `path` with other tracks; all else stays byte for byte.
 
-    Args:
-        path: of the definition.
-        output: where it goes, gzipped if the name ends with .gz.
-        deformed: the tracks.
-        overwrite: whether the output may be there already.
+    The output is gzipped if its name ends with .gz.
 
     Returns:
         By how many bytes the text has grown.

@@ -142,11 +142,6 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     Climb, cross-slope, step and verdict are those of the whole vehicle, with its margins taken
     off. Slip is limited by the wheel's largest or by where caution ends, whichever is less.
 
-    Args:
-        name: of the surface.
-        surface: of the definition.
-        vehicle: whose wheels drive on it.
-
     Raises:
         RequestError: the vehicle or the soil has a number that the formulas do not hold for.
     """

@@ -86,27 +86,22 @@ def vehicle_footprint(
 ) -> VehicleFootprint:
     """What a vehicle covers at each of some headings.
 
-    Seen from above as on level ground: slopes do not shorten it.
-
-    Args:
-        vehicle: the vehicle.
-        resolution: of the ground, m.
-        apart: reference points along the axes, m.
-        headings: a multiple of 4.
+    Seen from above as on level ground: slopes do not shorten it. The ground has pixels of
+    `resolution`, m; reference points are so far `apart` along the axes, m.
     """
     wheels = wheel_layout(vehicle)
     x, y = wheels.x - vehicle.middle, wheels.y
     # obliquely the next reference point is farther away, and what is between must be seen, too
     reaches = [max(vehicle.wheel.radius, apart / max(map(abs, d))) for d in directions(headings)]
     by_heading = tuple(
-        _covered(vehicle, x, y, resolution, reach, direction)
+        _heading_footprint(vehicle, x, y, resolution, reach, direction)
         for reach, direction in zip(reaches, directions(headings), strict=True)
     )
     front, rear, side = vehicle.rectangle
     corners = np.array([(front, side), (front, -side), (-rear, side), (-rear, -side)])
     sides = []
-    for covered in by_heading:
-        east, north = _turned(corners, covered.direction)
+    for footprint in by_heading:
+        east, north = _turned(corners, footprint.direction)
         sides.append((-east.min(), -north.min(), east.max(), north.max()))
     # wheels that look for steps, and what shows how high these are, reach farthest
     farthest = math.hypot(max(front, rear), side) + max(reaches) + 2.5 * vehicle.wheel.radius
@@ -136,7 +131,7 @@ def _turned(
     return along * direction[0] - left * direction[1], along * direction[1] + left * direction[0]
 
 
-def _covered(
+def _heading_footprint(
     vehicle: Vehicle,
     x: NDArray[np.float64],
     y: NDArray[np.float64],
@@ -229,14 +224,8 @@ class Ground:
 class GroundPainter:
     """Paints windows of ground; may be used by several threads at a time.
 
-    Windows may reach beyond the grid; no pixel depends on the window.
-
-    Args:
-        terrain: the terrain.
-        grid: the pixels.
-        least: walls and faces lower than this, m, are left out.
-        slopes: whether slopes are wanted.
-        radius: of the wheels, m.
+    Windows may reach beyond the grid; no pixel depends on the window. Walls and faces lower than
+    `least`, m, are left out. `radius` is that of the wheels, m.
     """
 
     def __init__(

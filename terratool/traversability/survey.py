@@ -275,12 +275,6 @@ def parts_of(vehicle: Vehicle, resolution: float) -> int:
 class Surveyor:
     """Finds out about windows of a grid; may be used by several threads at a time.
 
-    Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
-        grid: the pixels.
-        headings: a multiple of 4 from 4 to 64.
-
     Raises:
         RequestError: as `survey`.
     """
@@ -335,18 +329,19 @@ class Surveyor:
             steps = sweep.steps(first, supports)
             body = None
             for heading in (turn, turn + half):
-                covered = self._footprint.by_heading[heading]
+                footprint = self._footprint.by_heading[heading]
                 if body is None or not self._footprint.shared:
-                    body = sweep.body(covered, supports)
+                    body = sweep.body(footprint, supports)
                 plane, bump, rough[heading] = body
-                step[heading] = sweep.step_ahead(covered, steps)
+                step[heading] = sweep.step_ahead(footprint, steps)
                 stance = Stance(
-                    plane, bump, sweep.bump(covered.front, plane), sweep.bump(covered.rear, plane),
+                    plane, bump,
+                    sweep.bump(footprint.front, plane), sweep.bump(footprint.rear, plane),
                     rough[heading], step[heading], self._reaches_beyond(window, heading),
-                    sweep.ids, sweep.first, sweep.placed(covered.wheels),
+                    sweep.ids, sweep.first, sweep.placed(footprint.wheels),
                 )  # fmt: skip
                 out = Verdicts(verdict[heading], reason[heading], numbers[heading])
-                kernels.judge_cells(self._on_soils, stance, *covered.direction, out)
+                kernels.judge_cells(self._on_soils, stance, *footprint.direction, out)
                 left = self._clearances(stance, numbers[heading])
                 clearance[heading], overhang[heading] = left
         return WindowMeasures(
@@ -429,30 +424,30 @@ class _Sweep:
         return np.asarray(offsets[:, ::-1] * (resolution, -resolution), np.float32)
 
     def body(
-        self, covered: HeadingFootprint, supports: NDArray[np.float32]
+        self, footprint: HeadingFootprint, supports: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], Any, Any]:
         """The plane that the vehicle stands on, what rises above it under the body, roughness."""
         phased = self._phased(supports)
         total = np.zeros((3, *self._shape))
-        for n, wheel in enumerate(covered.wheels):
+        for n, wheel in enumerate(footprint.wheels):
             support = self._at(phased, wheel)
             support[np.isneginf(self._at(self._heights, wheel))] = np.nan
-            total += covered.fit[:, n, None, None] * support
+            total += footprint.fit[:, n, None, None] * support
         plane = total.astype(np.float32)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
             # wheels in a row say nothing of a plane: they take the ground's own slope under them
             treads = np.concatenate(
-                [self.placed(wheel + covered.tread) for wheel in covered.wheels]
+                [self.placed(wheel + footprint.tread) for wheel in footprint.wheels]
             )
             for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
                 kernels.mean(self._phased(slope), self.first, treads, plane[axis])
-        places = self._shifts(covered.places)
+        places = self._shifts(footprint.places)
         rough = self._empty()
         kernels.roughness(
-            phased, self.first, self.placed(covered.places), places, plane,
+            phased, self.first, self.placed(footprint.places), places, plane,
             _inverse_moments(places), rough,
         )  # fmt: skip
-        return plane, self.bump(covered.body, plane), rough
+        return plane, self.bump(footprint.body, plane), rough
 
     def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
         """How far the ground stands above the plane under offsets, m."""
@@ -462,17 +457,17 @@ class _Sweep:
         )
         return out
 
-    def supports(self, covered: HeadingFootprint) -> NDArray[np.float32]:
+    def supports(self, footprint: HeadingFootprint) -> NDArray[np.float32]:
         """How high a wheel's lowest point stands at every pixel of the ground, m.
 
         Minus infinity where there is no ground, and along the edges, where not all of it is known.
         """
         out = np.empty_like(self._ground.heights)
-        kernels.supports(self._ground.heights, covered.tread, covered.lift, out)
+        kernels.supports(self._ground.heights, footprint.tread, footprint.lift, out)
         return out
 
     def steps(
-        self, covered: HeadingFootprint, supports: NDArray[np.float32]
+        self, footprint: HeadingFootprint, supports: NDArray[np.float32]
     ) -> NDArray[np.float32] | None:
         """Steps that wheels with a heading, or its opposite, meet; None for none, else phased."""
         if not len(self._ground.pairs):
@@ -481,18 +476,18 @@ class _Sweep:
         radius = self._surveyor._vehicle.wheel.radius
         strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
         kernels.raise_steps(
-            supports, self._ground.pairs, self._ground.jumps, *covered.direction, strides, steps
+            supports, self._ground.pairs, self._ground.jumps, *footprint.direction, strides, steps
         )
         return self._phased(steps)
 
     def step_ahead(
-        self, covered: HeadingFootprint, steps: NDArray[np.float32] | None
+        self, footprint: HeadingFootprint, steps: NDArray[np.float32] | None
     ) -> NDArray[np.float32]:
         """The highest step ahead of the wheels, m."""
         if steps is None:
             return np.zeros(self._shape, np.float32)
         out = self._empty()
-        kernels.highest(steps, self.first, self.placed(covered.lane), out)
+        kernels.highest(steps, self.first, self.placed(footprint.lane), out)
         return out
 
 

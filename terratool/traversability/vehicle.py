@@ -222,19 +222,14 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
 
 def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
-    """What the text of a vehicle means.
-
-    Args:
-        text: without errors.
-        name: for reports.
-    """
+    """What the text of a vehicle without errors means; `name` is for reports."""
     placed = [
         Axle(axle.x - text.cog_x, axle.count, axle.is_driven)
         for axle in text.all_axles
         if axle.x is not UNSET
     ]
     given = _given(text)
-    hang, margins = _given(text.overhang), _given(text.margins)
+    overhangs, margins = _given(text.overhang), _given(text.margins)
     for angle in margins.keys() & {"tip", "slope"}:
         margins[angle] = math.radians(margins[angle])
     return Vehicle(
@@ -244,8 +239,8 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         gravity=text.acceleration,
         track_width=given["track"],
         cog_height=_given(text.cog)["height"],
-        front=_overhang(hang, "front", given["clearance"]),
-        rear=_overhang(hang, "rear", given["clearance"]),
+        front=_overhang(overhangs, "front", given["clearance"]),
+        rear=_overhang(overhangs, "rear", given["clearance"]),
         margins=Margins(**margins),
         thresholds=Thresholds(**_given(text.classes)),
         name=name,

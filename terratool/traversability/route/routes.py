@@ -129,12 +129,7 @@ def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: f
     radius (a cell, if that is more) ahead; unless the lower side's element is one of the higher
     one's children, and so a hole in it. For soil it is the weakest that a wheel stands on.
 
-    Args:
-        terrain: the ground.
-        vehicle: a vehicle, or a wheel by itself.
-        reason: what binds.
-        pose: of the vehicle.
-        cell: side of the survey's cells, m.
+    `cell` is the side of the survey's cells, m.
     """
     if reason == Reason.EDGE:
         return "the edge of the terrain"
@@ -297,15 +292,8 @@ def plan_route(
     The vehicle may begin and end with any heading, moves to the cell that it faces, backs up,
     and turns on the spot; it is where the survey says go or caution. Its energy is the sum over
     legs of energy per metre × length over ground, plus the vehicle's power × time; the time that of
-    length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run.
-
-    Args:
-        terrain: the terrain.
-        vehicle: that of the survey.
-        survey: of the vehicle on the terrain.
-        start: x and y.
-        goal: x and y.
-        prefer: what the way is the least of, see `graph.rates`.
+    length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run. `prefer` says
+    what the way is the least of, see `graph.rates`.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey, or on no ground; the
