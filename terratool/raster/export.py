@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -324,7 +324,7 @@ def _ranges(
     for made in prefetch(maker.make, windows_of(grid.whole, wanting), threads):
         total.add(made.statistics)
         maker.reuse(made)
-    ranges = (reduce(BandStatistics.with_, bands) for bands in total.total().statistics)
+    ranges = (sum(bands, BandStatistics()) for bands in total.total().statistics)
     return [next(ranges) if wants_range(form, bands) else None for bands in files]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -39,7 +40,7 @@ class BandStatistics:
         """Standard deviation of the pixels themselves, as GDAL has it."""
         return math.sqrt(self.square / self.count) if self.count else math.nan
 
-    def with_(self, other: BandStatistics) -> BandStatistics:
+    def __add__(self, other: BandStatistics) -> BandStatistics:
         """Of the pixels of both. Chan, Golub & LeVeque (1979), Stanford STAN-CS-79-773."""
         count = self.count + other.count
         if not other.count or not self.count:
@@ -104,7 +105,7 @@ class StatisticsSum:
     def add(self, part: RasterStatistics) -> None:
         """Add those of other windows."""
         for total, bands in zip(self._statistics, part.statistics, strict=True):
-            total[:] = map(BandStatistics.with_, total, bands)
+            total[:] = map(operator.add, total, bands)
         self._counts = part.counts + self._counts if self._counts.size else part.counts
         self._nodata += part.nodata
         self._lost += part.lost

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -235,7 +236,7 @@ def write_map(
         for made in prefetch(partial(_made, surveyor), grid.windows(TILE, TILE), threads):
             for file, pixels in zip(files, made.bands, strict=False):
                 file.write(made.window, pixels)
-            statistics = list(map(BandStatistics.with_, statistics, made.statistics))
+            statistics = list(map(operator.add, statistics, made.statistics))
             count, worst, reasons = count + made.counts, worst + made.worst, reasons + made.reasons
             if progress:
                 progress(made.window.height * made.window.width)

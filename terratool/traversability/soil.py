@@ -108,9 +108,7 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
                 f"The surface {name!r} has {key.replace('_', ' ')} {number:g}, which is too large.",
                 "Give the soil's figures in kPa, degrees, m/kN and m.",
             )
-    return Soil.of(
-        numbers["cohesion"], numbers["fric_angle"], numbers["sinkage"], numbers["shear_modulus"]
-    )
+    return Soil.of(*numbers.values())
 
 
 def governing_load(vehicle: Vehicle) -> float:

@@ -114,10 +114,8 @@ def vehicle_footprint(
 
 def directions(headings: int) -> list[tuple[float, float]]:
     """Unit vectors east and north, clockwise from north; opposite ones are exactly so."""
-    quarter = []
-    for n in range(headings // 4):
-        angle = 2.0 * math.pi * n / headings
-        quarter.append((math.sin(angle), math.cos(angle)))
+    angles = (2.0 * math.pi * n / headings for n in range(headings // 4))
+    quarter = [(math.sin(angle), math.cos(angle)) for angle in angles]
     east = [(north, -east) for east, north in quarter]
     half = quarter + east
     return half + [(-east + 0.0, -north + 0.0) for east, north in half]

@@ -214,8 +214,8 @@ def build_graph(
     turn = max(arc, _STAND * resolution)
     for heading, (row, column) in enumerate(heading_offsets(headings)):
         here = allowed[heading]
-        own, paid = targets[ends[heading] : ends[heading + 1]], costs[ends[heading] :]
-        paid = paid[: len(own)]
+        part = slice(ends[heading], ends[heading + 1])
+        own, paid = targets[part], costs[part]
         opposite = (heading + headings // 2) % headings
         both = backward[heading] & backward[opposite]
         for slot, (move, judged, free, weight) in enumerate(
