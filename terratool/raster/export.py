@@ -289,16 +289,12 @@ def report_of(
 
 
 def paths_of(path: Path, files: Sequence[Bands]) -> list[Path]:
-    """Where the files go: the first to `path`, the others with their kind before the suffix."""
-    names = {"number": "numbers", "surface": "surface", "color": "color"}
-    others = [
-        path.with_name(
-            f"{path.stem}-{bands.layers[0].name if bands.count == 1 else names[bands.content]}"
-            f"{path.suffix}"
-        )
+    """Where the files go: the first to `path`, the others with what they hold before the suffix."""
+    names = (
+        "numbers" if bands.content == "number" and bands.count > 1 else bands.layers[0].name
         for bands in files[1:]
-    ]
-    return [path, *others]
+    )
+    return [path, *(path.with_name(f"{path.stem}-{name}{path.suffix}") for name in names)]
 
 
 def checked_threads(threads: int | None) -> int:
