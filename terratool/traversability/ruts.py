@@ -28,7 +28,7 @@ from terratool.traversability.vehicle import Vehicle
 
 SHARPEST = math.radians(20.0)
 """A turn of the path up to this is driven through, a sharper one is made on the spot …"""
-STEP = math.radians(10.0)
+TURN_STEP = math.radians(10.0)
 """… in steps of at most this."""
 
 Points = NDArray[np.float64]
@@ -78,7 +78,9 @@ def _poses(path: Points) -> tuple[Points, Points]:
         if abs(turn) <= SHARPEST:
             angles = [before + 0.5 * turn]
         else:
-            angles = (before + np.linspace(0.0, turn, math.ceil(abs(turn) / STEP) + 1)).tolist()
+            angles = (
+                before + np.linspace(0.0, turn, math.ceil(abs(turn) / TURN_STEP) + 1)
+            ).tolist()
         places += [at] * len(angles)
         turned += angles
     return np.array([*places, path[-1]]), np.array([*turned, headings[-1]])
