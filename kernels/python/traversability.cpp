@@ -28,14 +28,11 @@ public:
     VehicleOnSoils on;
 };
 
-Drive drive(
-    const Layout& layout, In load, const Soils& soil, double pull, const Wheel& wheel,
-    double max_torque
-) {
+Drive drive(const Layout& layout, In load, const Soils& soil, double pull, const Wheel& wheel) {
     auto wheels = wheels_on(layout, soil[0]);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
     sink_wheels(wheels, wheel);
-    return drive_wheels(wheels, pull, wheel, max_torque);
+    return drive_wheels(wheels, pull, wheel);
 }
 
 }  // namespace
@@ -104,11 +101,11 @@ void bind_traversability(nb::module_ m) {
     );
     def<&drive>(
         m, "drive", "What it asks of a vehicle's wheels to push.",
-        {"layout", "load[w]", "soil", "pull", "wheel", "max_torque"}
+        {"layout", "load[w]", "soil", "pull", "wheel"}
     );
     def<&steepest>(
         m, "steepest", "The largest slope on a soil, and the reason that limits it.",
-        {"across", "layout", "weight", "soil", "slip", "wheel", "max_torque"}
+        {"across", "layout", "weight", "soil", "slip", "wheel"}
     );
     def<&judge>(
         m, "judge", "Verdict, reason and largest share of measures.",

@@ -51,8 +51,8 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     Gravity g = gravity(along, across);
     Sinkage sunk = load_and_sink(g);
     double pull = -v.weight * g.forward;
-    Drive drive = drive_wheels(wheels, pull, v.wheel, v.max_torque);
-    bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque <= v.max_torque;
+    Drive drive = drive_wheels(wheels, pull, v.wheel);
+    bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque <= v.wheel.max_torque;
     out.energy = moves ? max(0.0, drive.torques) / (v.wheel.radius * (1.0 - drive.slip)) : INF;
     out.deepest = sunk.deepest;
     double tilt_along = along, tilt_across = across;
@@ -61,15 +61,16 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
         tilt_along -= v.fit_along[n] * f.soil.sinkage * f.load;
         tilt_across -= v.fit_across[n] * f.soil.sinkage * f.load;
     }
-    double mobile = least_mobilised(wheels, v.wheel, v.max_slip);
-    out.drawbar = pulls(wheels, mobile, v.wheel, v.max_torque).force - resistances(wheels) - pull;
+    double mobile = least_mobilised(wheels, v.wheel, v.wheel.max_slip);
+    out.drawbar =
+        pulls(wheels, mobile, v.wheel, v.wheel.max_torque).force - resistances(wheels) - pull;
     double slope = hypot(along, across), held = sunk.held;
     if (v.slope_margin > 0.0) {
         // what it must be able to do is that on slopes steeper by so much
         double steeper = atan(along) + v.slope_margin * (along >= 0.0 ? 1.0 : -1.0);
         g = gravity(tan(below_upright(steeper)), across);
         load_and_sink(g);
-        drive = drive_wheels(wheels, -v.weight * g.forward, v.wheel, v.max_torque);
+        drive = drive_wheels(wheels, -v.weight * g.forward, v.wheel);
         double steepest = tan(below_upright(atan(slope) + v.slope_margin));
         double east = slope > 0.0 ? along / slope : 0.0, north = slope > 0.0 ? across / slope : 1.0;
         held = load_and_sink(gravity(steepest * east, steepest * north)).held;
@@ -86,7 +87,7 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
 // The states of a vehicle on a soil, by slope.
 class SlopeTable {
 public:
-    SlopeTable(const Vehicle& v, const Soil& soil) : max_torque_(v.max_torque) {
+    SlopeTable(const Vehicle& v, const Soil& soil) : max_torque_(v.wheel.max_torque) {
         auto wheels = wheels_on(v.layout, soil);
         for (int i = 0; i < SIDE; ++i)
             for (int j = 0; j <= HALF; ++j)
@@ -287,7 +288,9 @@ void judge_points(
             if (known) {
                 judged.add(Reason::TRACTION, need.share, v.go_traction, true);
                 judged.add(Reason::SLIP, need.slip / v.slip, v.go_slip, true);
-                judged.add(Reason::TORQUE, share_of(need.torque, v.max_torque), v.go_torque, false);
+                judged.add(
+                    Reason::TORQUE, share_of(need.torque, v.wheel.max_torque), v.go_torque, false
+                );
                 judged.add(Reason::SINKAGE, sunk / v.wheel.radius, shape, true);
                 judged.add(Reason::SIDE_SLIP, need.sliding, shape, false);
                 number(SINKAGE) = float(sunk), number(SLIP) = float(vague ? NaN : need.slip);

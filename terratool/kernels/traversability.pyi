@@ -122,7 +122,7 @@ def wheel_loads(layout: Any, weight: float, pitch: float, roll: float) -> NDArra
     """Loads of a vehicle's wheels on a slope."""
 
 def drive(
-    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, wheel: Any, max_torque: float
+    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, wheel: Any
 ) -> dict[str, Any]:
     """
     What it asks of a vehicle's wheels to push.
@@ -131,7 +131,7 @@ def drive(
     """
 
 def steepest(
-    across: bool, layout: Any, weight: float, soil: Any, slip: float, wheel: Any, max_torque: float
+    across: bool, layout: Any, weight: float, soil: Any, slip: float, wheel: Any
 ) -> dict[str, Any]:
     """The largest slope on a soil, and the reason that limits it."""
 

@@ -252,9 +252,8 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
 
 
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
-    wheel, layout = vehicle.wheel, wheel_layout(vehicle)
     found = kernels.steepest(
-        across, layout, vehicle.weight, one_soil(soil), slip, wheel, wheel.max_torque
+        across, wheel_layout(vehicle), vehicle.weight, one_soil(soil), slip, vehicle.wheel
     )
     angle = found["angle"]
     return SteepestSlope(max(angle, 0.0), angle >= 0.0, Reason(found["reason"]))
@@ -324,7 +323,7 @@ class LevelDemand(NamedTuple):
 def level_demand(vehicle: Vehicle, soil: Soil) -> LevelDemand:
     """What the wheels need to roll on the level."""
     wheel, loads = vehicle.wheel, wheel_loads(vehicle)
-    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, wheel, wheel.max_torque)
+    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, wheel)
     sinkage = float(np.max(contact(loads, soil, wheel).sinkage))
     return LevelDemand(need["torque"], need["utilisation"], need["slip"], sinkage)
 

@@ -69,7 +69,7 @@ class VehicleParams(NamedTuple):
         fit_along, fit_across: (wheels,) how much a metre under each wheel tilts the body, ahead and
             to the left.
         wheel: each of its wheels.
-        weight, max_torque, max_slip: of the vehicle and its wheels.
+        weight: N.
         slip: the slip that is no-go.
         slope_margin: rad.
         clearance, front, rear: what ground and sinkage may take under the body and its overhangs.
@@ -82,8 +82,6 @@ class VehicleParams(NamedTuple):
     fit_across: NDArray[np.float64]
     wheel: Wheel
     weight: float
-    max_torque: float
-    max_slip: float
     slip: float
     slope_margin: float
     clearance: float
@@ -106,8 +104,7 @@ def vehicle_params(vehicle: Vehicle) -> VehicleParams:
         layout=replace(wheels, edges=tip_edges(vehicle, wheels)),
         fit_along=ahead / lengths if lengths > 0.0 else np.zeros_like(ahead),
         fit_across=wheels.y / widths if widths > 0.0 else np.zeros_like(ahead),
-        wheel=wheel, weight=vehicle.weight, max_torque=wheel.max_torque, max_slip=wheel.max_slip,
-        slip=slip, slope_margin=margins.slope,
+        wheel=wheel, weight=vehicle.weight, slip=slip, slope_margin=margins.slope,
         clearance=vehicle.clearance - margins.clearance,
         front=vehicle.front.height - margins.clearance,
         rear=vehicle.rear.height - margins.clearance,

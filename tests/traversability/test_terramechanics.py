@@ -465,7 +465,7 @@ def driven(vehicle: Vehicle, soil: Soil, pull: float, pitch: float = 0.0) -> tup
     """`kernels.drive` for a vehicle that heads up a slope."""
     plan, tyre = limits.wheel_layout(vehicle), vehicle.wheel
     weights = limits.wheel_loads(vehicle, pitch)
-    need = kernels.drive(plan, weights, one_soil(soil), pull, tyre, tyre.max_torque)
+    need = kernels.drive(plan, weights, one_soil(soil), pull, tyre)
     return need["utilisation"], need["torque"], need["slip"], need["torques"]
 
 
