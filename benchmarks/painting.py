@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import terrains
 from compiled import busy
@@ -58,7 +57,7 @@ def compare(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
             "fill": fill,
             "one": lambda: painter.paint(window, planes),
             "two": lambda: paint_rows(painter, window, planes),
-            "slopes": lambda: sloped.paint(window, replace(more, labels=None)),
+            "slopes": lambda: sloped.paint(window, more._replace(labels=None)),
             "labels": lambda: labelled.paint(window, more),
             "alone": lambda: busy(rounds),
             "together": lambda: on_two_threads(rounds),
@@ -92,13 +91,13 @@ def compare_losses(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
     windows = list(grid.windows(512, 8192))
     painter, labelled = Painter(terrain, grid), Painter(terrain, grid, labels=True)
     found = LossFinder(terrain, grid)
-    margins = [found.margins(window) for window in windows]
-    planes = [labelled.paint(window) for window in margins]
+    around = [found.with_neighbours(window) for window in windows]
+    planes = [labelled.paint(window) for window in around]
     whole = sum(map(found.of, windows, planes), LossCounts())
     seconds = medians(
         {
             "paint": lambda: [painter.paint(window) for window in windows],
-            "labels": lambda: [labelled.paint(window) for window in margins],
+            "labels": lambda: [labelled.paint(window) for window in around],
             "losses": lambda: [found.of(*pair) for pair in zip(windows, planes, strict=True)],
             "statement": lambda: found.statement(whole, 0),
         },

@@ -25,7 +25,7 @@ from terratool.traversability.route.graph import (
 from terratool.traversability.route.routes import MOST_STATES
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
-ROVER = Vehicle(Wheel(0.1, 0.06), (Axle(0.3), Axle(-0.3)), 20.0, track=0.5)
+ROVER = Vehicle(Wheel(0.1, 0.06), (Axle(0.3), Axle(-0.3)), 20.0, track_width=0.5)
 HEADINGS = 8
 BARRED = 0.15
 """Share of the cells that cannot be driven."""

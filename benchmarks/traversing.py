@@ -22,7 +22,7 @@ VEHICLE = Vehicle(
     Wheel(0.2, 0.15, 40.0),
     (Axle(0.35), Axle(-0.35)),
     mass=70.0,
-    track=0.6,
+    track_width=0.6,
     cog_height=0.25,
     clearance=0.15,
     body_width=0.5,

@@ -32,7 +32,7 @@ ROVER = Vehicle(
     (Axle(0.3), Axle(0.0, driven=False), Axle(-0.3)),
     25.0,
     3.71,
-    track=0.6,
+    track_width=0.6,
     cog_height=0.2,
     clearance=0.15,
     body_width=0.5,

@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
+from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
+from terratool.traversability.limits import wheel_layout
 from terratool.traversability.results import Reason, Survey, Verdict
+from terratool.traversability.survey import Stance, Verdicts, vehicle_params
 from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
 from tests.conftest import terrain_of
 
@@ -18,7 +21,7 @@ ROVER = Vehicle(
     (Axle(0.3), Axle(-0.3)),
     mass=20.0,
     gravity=10.0,
-    track=0.5,
+    track_width=0.5,
     clearance=0.12,
     body_width=0.5,
     front=Overhang(0.15, 0.2),
@@ -100,6 +103,31 @@ def barred(
         survey.reason[heading][cells] = reason
         survey.utilisation[heading][cells] = 2.0
     return survey
+
+
+def judged(
+    vehicle: Vehicle, soils: Any, slopes: NDArray[np.float64], ids: list[int]
+) -> NDArray[np.float32]:
+    """The numbers of a vehicle on plane slopes, (kernels.PLANES, n).
+
+    Args:
+        vehicle: heads north.
+        soils: by id, and the steps on them, as of `soil_table`.
+        slopes: (n, 2) tangents along and across.
+        ids: of the soil under each wheel.
+    """
+    shape = (1, len(slopes))
+    flat = np.zeros(shape, np.float32)
+    along, across = slopes.astype(np.float32).T
+    stance = Stance(
+        np.stack([flat, -across[None], along[None]]), flat, flat, flat, flat, flat,
+        np.zeros(shape, np.bool_), np.array(ids, np.uint8)[:, None, None].repeat(shape[1], axis=2),
+        0, np.array([[wheel, 0, 0] for wheel in range(len(wheel_layout(vehicle).x))]),
+    )  # fmt: skip
+    out = Verdicts(*np.empty((2, *shape), np.uint8), np.empty((kernels.PLANES, *shape), np.float32))
+    on_soils = kernels.VehicleOnSoils(vehicle_params(vehicle), *soils)
+    kernels.judge_cells(on_soils, stance, 0.0, 1.0, out)
+    return out.numbers[:, 0]
 
 
 def stood(terrain: Terrain, vehicle: Vehicle, grid: Grid, step: float) -> Survey:

@@ -452,6 +452,15 @@ template <Bundle B> struct Argument<B> : Bundled<B> {
     using Bundled<B>::Bundled;
 };
 
+// An array of T that takes over the memory of a vector.
+template <class T, class Made>
+nb::object array_of(Made&& made, std::initializer_list<std::size_t> shape) {
+    auto* kept = new Made(std::move(made));
+    nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<Made*>(p); });
+    auto* data = reinterpret_cast<T*>(kept->data());
+    return nb::cast(nb::ndarray<nb::numpy, T>(data, shape.size(), shape.begin(), owner));
+}
+
 // How the result of a kernel becomes a Python value, and what its type is called.
 template <class R> struct Result {
     COLD static std::string type() {
@@ -472,21 +481,14 @@ template <> struct Result<std::string> {
 template <class T> struct Result<std::vector<T>> {
     COLD static std::string type() { return Argument<Span<T>>::type(); }
     static nb::object of(std::vector<T>&& made) {
-        auto* kept = new std::vector<T>(std::move(made));
-        nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-        std::size_t shape[] = {kept->size()};
-        return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), 1, shape, owner));
+        return array_of<T>(std::move(made), {made.size()});
     }
 };
 
 template <class T, std::size_t width> struct Result<std::vector<std::array<T, width>>> {
     COLD static std::string type() { return Argument<Matrix<T>>::type(); }
     static nb::object of(std::vector<std::array<T, width>>&& made) {
-        using Made = std::vector<std::array<T, width>>;
-        auto* kept = new Made(std::move(made));
-        nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<Made*>(p); });
-        std::size_t shape[] = {kept->size(), width};
-        return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), 2, shape, owner));
+        return array_of<T>(std::move(made), {made.size(), width});
     }
 };
 
@@ -523,11 +525,7 @@ template <class A, class B> struct Result<std::vector<std::pair<A, B>>> {
 template <Record T> struct Result<std::vector<T>> {
     COLD static std::string type() { return "NDArray[np.uint8]"; }
     static nb::object of(std::vector<T>&& made) {
-        auto* kept = new std::vector<T>(std::move(made));
-        nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-        std::size_t shape[] = {kept->size() * sizeof(T)};
-        auto* bytes = reinterpret_cast<u8*>(kept->data());
-        return nb::cast(nb::ndarray<nb::numpy, u8>(bytes, 1, shape, owner));
+        return array_of<u8>(std::move(made), {made.size() * sizeof(T)});
     }
 };
 

@@ -28,30 +28,11 @@ public:
     VehicleOnSoils on;
 };
 
-Drive drive(
-    const Layout& layout, In load, const Soils& soil, double pull, const Wheel& wheel,
-    double max_torque
-) {
+Drive drive(const Layout& layout, In load, const Soils& soil, double pull, const Wheel& wheel) {
     auto wheels = wheels_on(layout, soil[0]);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
     sink_wheels(wheels, wheel);
-    return drive_wheels(wheels, pull, wheel, max_torque);
-}
-
-double tipping_on(const Layout& layout, double along, double across) {
-    return tipping(layout, gravity(along, across));
-}
-
-std::optional<SlopeState> find_state(
-    const VehicleOnSoils& on, i64 soil, double along, double across
-) {
-    (void)on.soils.at(soil);  // refuses what is none
-    return on.find(soil, along, across);
-}
-
-SlopeState state_on(const VehicleOnSoils& on, i64 soil, double along, double across) {
-    auto wheels = wheels_on(on.vehicle.layout, on.soils.at(soil));
-    return slope_state(on.vehicle, along, across, wheels);
+    return drive_wheels(wheels, pull, wheel);
 }
 
 }  // namespace
@@ -118,30 +99,19 @@ void bind_traversability(nb::module_ m) {
         m, "wheel_loads", "Loads of a vehicle's wheels on a slope.",
         {"layout", "weight", "pitch", "roll"}
     );
-    def<&tipping_on>(
-        m, "tipping", "The share of a tip-over angle that is used.", {"layout", "along", "across"}
-    );
     def<&drive>(
         m, "drive", "What it asks of a vehicle's wheels to push.",
-        {"layout", "load[w]", "soil", "pull", "wheel", "max_torque"}
+        {"layout", "load[w]", "soil", "pull", "wheel"}
     );
     def<&steepest>(
         m, "steepest", "The largest slope on a soil, and the reason that limits it.",
-        {"across", "layout", "weight", "soil", "slip", "wheel", "max_torque"}
+        {"across", "layout", "weight", "soil", "slip", "wheel"}
     );
     def<&judge>(
         m, "judge", "Verdict, reason and largest share of measures.",
         {"shares[m]", "go[m]", "strict[m]", "reasons[m]"}
     );
 
-    def<&find_state>(
-        m, "tabulated_state", "What a slope and a soil ask of a vehicle, if its tables have it.",
-        {"vehicle", "soil", "along", "across"}
-    );
-    def<&state_on>(
-        m, "slope_state", "What a slope and a soil ask of a vehicle.",
-        {"vehicle", "soil", "along", "across"}
-    );
     def<&judge_cells>(
         m, "judge_cells", "Judge a vehicle with a heading at every reference point.",
         {"vehicle", "stance", "east", "north", "out"}

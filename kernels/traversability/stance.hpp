@@ -28,12 +28,6 @@ struct SlopeState {
     double reserve;  // how much more it may lean until it tips over, rad
 };
 
-template <class Visit> void visit_members(SlopeState& s, Visit visit) {
-    visit("share", s.share), visit("torque", s.torque), visit("slip", s.slip);
-    visit("energy", s.energy), visit("drawbar", s.drawbar), visit("deepest", s.deepest);
-    visit("sliding", s.sliding), visit("tipping", s.tipping), visit("reserve", s.reserve);
-}
-
 // The share that a size takes of a limit.
 INLINE double share_of(double size, double limit) {
     if (size <= 0.0) return 0.0;
@@ -57,8 +51,8 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     Gravity g = gravity(along, across);
     Sinkage sunk = load_and_sink(g);
     double pull = -v.weight * g.forward;
-    Drive drive = drive_wheels(wheels, pull, v.wheel, v.max_torque);
-    bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque <= v.max_torque;
+    Drive drive = drive_wheels(wheels, pull, v.wheel);
+    bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque <= v.wheel.max_torque;
     out.energy = moves ? max(0.0, drive.torques) / (v.wheel.radius * (1.0 - drive.slip)) : INF;
     out.deepest = sunk.deepest;
     double tilt_along = along, tilt_across = across;
@@ -67,15 +61,16 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
         tilt_along -= v.fit_along[n] * f.soil.sinkage * f.load;
         tilt_across -= v.fit_across[n] * f.soil.sinkage * f.load;
     }
-    double mobile = least_mobilised(wheels, v.wheel, v.max_slip);
-    out.drawbar = pulls(wheels, mobile, v.wheel, v.max_torque).force - resistances(wheels) - pull;
+    double mobile = least_mobilised(wheels, v.wheel, v.wheel.max_slip);
+    out.drawbar =
+        pulls(wheels, mobile, v.wheel, v.wheel.max_torque).force - resistances(wheels) - pull;
     double slope = hypot(along, across), held = sunk.held;
     if (v.slope_margin > 0.0) {
         // what it must be able to do is that on slopes steeper by so much
         double steeper = atan(along) + v.slope_margin * (along >= 0.0 ? 1.0 : -1.0);
         g = gravity(tan(below_upright(steeper)), across);
         load_and_sink(g);
-        drive = drive_wheels(wheels, -v.weight * g.forward, v.wheel, v.max_torque);
+        drive = drive_wheels(wheels, -v.weight * g.forward, v.wheel);
         double steepest = tan(below_upright(atan(slope) + v.slope_margin));
         double east = slope > 0.0 ? along / slope : 0.0, north = slope > 0.0 ? across / slope : 1.0;
         held = load_and_sink(gravity(steepest * east, steepest * north)).held;
@@ -92,7 +87,7 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
 // The states of a vehicle on a soil, by slope.
 class SlopeTable {
 public:
-    SlopeTable(const Vehicle& v, const Soil& soil) : max_torque_(v.max_torque) {
+    SlopeTable(const Vehicle& v, const Soil& soil) : max_torque_(v.wheel.max_torque) {
         auto wheels = wheels_on(v.layout, soil);
         for (int i = 0; i < SIDE; ++i)
             for (int j = 0; j <= HALF; ++j)
@@ -110,10 +105,11 @@ public:
         double s = x - i, t = y - j;
         const SlopeState *low = &states_[i * (HALF + 1) + j], *high = low + (HALF + 1);
         const SlopeState &one = low[0], &two = low[1], &three = high[0], &four = high[1];
-        Kind kind = kind_of(one);
-        bool alike = kind_of(two) == kind && kind_of(three) == kind && kind_of(four) == kind;
-        if (kind == ENDLESS || !alike) return {};
-        if (kind == MOVES) {
+        Regime regime = regime_of(one);
+        bool alike =
+            regime_of(two) == regime && regime_of(three) == regime && regime_of(four) == regime;
+        if (regime == ENDLESS || !alike) return {};
+        if (regime == MOVES) {
             for (auto n : {&SlopeState::share, &SlopeState::slip}) {
                 double least = min(min(one.*n, two.*n), min(three.*n, four.*n));
                 double most = max(max(one.*n, two.*n), max(three.*n, four.*n));
@@ -129,7 +125,7 @@ public:
               &SlopeState::drawbar, &SlopeState::deepest, &SlopeState::sliding,
               &SlopeState::tipping, &SlopeState::reserve})
             out.*n = between(between(one.*n, two.*n, t), between(three.*n, four.*n, t), s);
-        if (kind == STUCK) {
+        if (regime == STUCK) {
             out.energy = INF;
             if (!(out.slip < INF)) out.slip = INF;
         }
@@ -141,12 +137,12 @@ private:
     static constexpr double STEEPEST = 1.0;  // … up to which it goes, ahead both ways …
     static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;  // … and to a side
     static constexpr double SMOOTH = 0.08;  // shares or slips that differ by more are not smooth
-    enum Kind { MOVES, STUCK, ENDLESS };    // it does, does not, or what it takes is not finite
+    enum Regime { MOVES, STUCK, ENDLESS };  // it does, does not, or what it takes is not finite
 
     double max_torque_;
     std::vector<SlopeState> states_;  // (SIDE, HALF + 1)
 
-    Kind kind_of(const SlopeState& s) const {
+    Regime regime_of(const SlopeState& s) const {
         if (s.share < 1.0 && s.slip < 1.0 && s.torque <= max_torque_) return MOVES;
         return abs(s.share + s.torque + s.sliding + s.tipping) < INF ? STUCK : ENDLESS;
     }
@@ -292,7 +288,9 @@ void judge_points(
             if (known) {
                 judged.add(Reason::TRACTION, need.share, v.go_traction, true);
                 judged.add(Reason::SLIP, need.slip / v.slip, v.go_slip, true);
-                judged.add(Reason::TORQUE, share_of(need.torque, v.max_torque), v.go_torque, false);
+                judged.add(
+                    Reason::TORQUE, share_of(need.torque, v.wheel.max_torque), v.go_torque, false
+                );
                 judged.add(Reason::SINKAGE, sunk / v.wheel.radius, shape, true);
                 judged.add(Reason::SIDE_SLIP, need.sliding, shape, false);
                 number(SINKAGE) = float(sunk), number(SLIP) = float(vague ? NaN : need.slip);

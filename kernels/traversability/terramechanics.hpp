@@ -28,10 +28,12 @@ constexpr double RIGID = 1e-6;  // m of sinkage below which ground is rigid
 
 struct Wheel {
     double radius, width;
+    double max_torque = INF, max_slip = 1.0;
 };
 
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
     visit("radius", w.radius), visit("width", w.width);
+    visit("max_torque", w.max_torque), visit("max_slip", w.max_slip);
 }
 
 struct Soil {

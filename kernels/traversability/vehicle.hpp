@@ -23,15 +23,14 @@ struct Vehicle {
     Layout layout;
     In fit_along, fit_across;
     Wheel wheel;
-    double weight, max_torque, max_slip, slip, slope_margin, clearance, front, rear, roughness;
+    double weight, slip, slope_margin, clearance, front, rear, roughness;
     double go_traction, go_slip, go_torque, go_geometry;
 };
 
 template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
     visit("layout", v.layout);
     visit("fit_along[w]", v.fit_along), visit("fit_across[w]", v.fit_across);
-    visit("wheel", v.wheel), visit("weight", v.weight);
-    visit("max_torque", v.max_torque), visit("max_slip", v.max_slip), visit("slip", v.slip);
+    visit("wheel", v.wheel), visit("weight", v.weight), visit("slip", v.slip);
     visit("slope_margin", v.slope_margin), visit("clearance", v.clearance);
     visit("front", v.front), visit("rear", v.rear), visit("roughness", v.roughness);
     visit("go_traction", v.go_traction), visit("go_slip", v.go_slip);
@@ -240,7 +239,7 @@ inline Drive brake(LoadedWheels wheels, double total, const Wheel& wheel) {
 // The driven wheels share it so that each uses the same share U of its soil's strength; a wheel at
 // its motor's limit leaves the rest to the others. Below what the wheels resist by themselves they
 // are held back.
-inline Drive drive_wheels(LoadedWheels wheels, double pull, const Wheel& wheel, double max_torque) {
+inline Drive drive_wheels(LoadedWheels wheels, double pull, const Wheel& wheel) {
     double total = pull + resistances(wheels);
     if (total < pulls(wheels, 0.0, wheel, INF).force) return brake(wheels, total, wheel);
     double limit = INF;
@@ -257,10 +256,10 @@ inline Drive drive_wheels(LoadedWheels wheels, double pull, const Wheel& wheel, 
             double slip = slip_for(f.contact, wheel.radius, f.soil.shear_modulus, share);
             drive.slip = max(drive.slip, slip);
         }
-        if (drive.torque <= max_torque || helped || share >= 1.0) break;
-        double more = common_share(wheels, total, wheel, max_torque);
+        if (drive.torque <= wheel.max_torque || helped || share >= 1.0) break;
+        double more = common_share(wheels, total, wheel, wheel.max_torque);
         if (more >= 1.0) break;
-        drive.utilisation = more, limit = max_torque;
+        drive.utilisation = more, limit = wheel.max_torque;
     }
     return drive;
 }
@@ -275,13 +274,13 @@ struct Reserve {
 // What its wheels can push beyond what a slope asks for, and what limits them.
 inline Reserve climb_reserve(
     LoadedWheels wheels, const Layout& layout, double weight, double angle, double slip,
-    const Wheel& wheel, double max_torque
+    const Wheel& wheel
 ) {
     Gravity g = gravity(tan(angle), 0.0);
     if (load_wheels(wheels, layout, weight, g)) return {-INF, Reason::TIP_OVER};
     if (sink_wheels(wheels, wheel).deepest >= wheel.radius) return {-INF, Reason::SINKAGE};
     double share = least_mobilised(wheels, wheel, slip);
-    Pull pushed = pulls(wheels, share, wheel, max_torque);
+    Pull pushed = pulls(wheels, share, wheel, wheel.max_torque);
     return {
         pushed.force - resistances(wheels) + weight * g.forward,
         pushed.motor      ? Reason::TORQUE
@@ -342,12 +341,12 @@ template <class ReserveAt> Slope steepest_slope(ReserveAt reserve_at) {
 // nothing turns.
 inline Slope steepest(
     bool across, const Layout& layout, double weight, const Soils& soil, double slip,
-    const Wheel& wheel, double max_torque
+    const Wheel& wheel
 ) {
     auto wheels = wheels_on(layout, soil[0]);
     return steepest_slope([&](double angle) {
         return across ? cross_reserve(wheels, layout, weight, angle, wheel)
-                      : climb_reserve(wheels, layout, weight, angle, slip, wheel, max_torque);
+                      : climb_reserve(wheels, layout, weight, angle, slip, wheel);
     });
 }
 

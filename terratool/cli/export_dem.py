@@ -186,7 +186,7 @@ def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
         "files": [_file_as_dict(written, report.pixels) for written in report.files],
         "surfaces": report.surfaces,
         "lacking": report.lacking,
-        "losses": report.losses.as_json() if report.losses else None,
+        "losses": msgspec.to_builtins(report.losses),
         "tiles": msgspec.to_builtins(report.tiles, enc_hook=plain),
     }
 
@@ -248,7 +248,7 @@ def as_text(report: RasterReport, why: str) -> Iterator[str]:
         what = "grey" if layer == "color" else "nodata"
         yield f"No {layer} is given for {some}: {what} there."
     if report.losses:
-        yield report.losses.sentence()
+        yield report.losses.sentence(grid.resolution)
 
 
 def _band(written: WrittenFile, index: int, name: str) -> str:

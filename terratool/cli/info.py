@@ -3,24 +3,50 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from terratool.cli.terminal import Status, load
 
+if TYPE_CHECKING:
+    from terratool.field.terrain import Terrain
+
 
 @click.command("info", epilog="Example: terratool info samples/paper-example.json")
 @click.argument("file")
 @click.option("--json", "as_json", is_flag=True, help="Write JSON.")
-def command(file: str, as_json: bool) -> None:
+@click.option(
+    "--geojson",
+    is_flag=True,
+    help="Write the footprints of elements and the lines of tracks as GeoJSON, in the terrain's crs.",
+)
+def command(file: str, as_json: bool, geojson: bool) -> None:
     """Say what a terrain consists of: size, elements, heights, memory."""
+    if as_json and geojson:
+        raise click.UsageError("--json and --geojson are two formats. Choose one.")
     from terratool.field.summary import summarise
 
     terrain = load(file)
+    if geojson:
+        with Status("writing"):
+            _write_geojson(terrain)
+        return
     with Status("looking at heights"):
         summary = summarise(terrain)
     click.echo(json.dumps(summary, indent=2, ensure_ascii=False) if as_json else _text(summary))
+
+
+def _write_geojson(terrain: Terrain) -> None:
+    """Feature by feature, a line each, so that a million take no memory."""
+    from terratool.field.footprints import features, geojson_head
+
+    head = json.dumps(geojson_head(terrain), ensure_ascii=False)
+    separator = f'{head[:-1]}, "features": ['
+    for feature in features(terrain):
+        click.echo(f"{separator}\n{json.dumps(feature, ensure_ascii=False)}", nl=False)
+        separator = ","
+    click.echo("\n]}")
 
 
 def _text(s: dict[str, Any]) -> str:

@@ -123,7 +123,7 @@ def command(
 
     from terratool.output import whole_file
     from terratool.text.display import printable
-    from terratool.traversability.assess import Request, assess, plan_assessment
+    from terratool.traversability.assess import Request, assess, prepare_assessment
     from terratool.traversability.conditions import parse
     from terratool.traversability.report import document, tables
     from terratool.traversability.route.waypoints import read_waypoints
@@ -144,7 +144,9 @@ def command(
     )
     terrain = load(file)
     pictured = any(Path(path).suffix.lower() == ".html" for path in reports)
-    planned = plan_assessment(terrain, vehicle, request, mapped=map_ is not None, pictured=pictured)
+    planned = prepare_assessment(
+        terrain, vehicle, request, mapped=map_ is not None, pictured=pictured
+    )
 
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place

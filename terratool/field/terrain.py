@@ -246,10 +246,13 @@ class Terrain:
         surface[tracked] = arrays.tracks.surface[element[tracked] - count]
         return surface
 
+    def primitive_of(self) -> NDArray[np.int64]:
+        """Index into `primitives` of each element, (n,) int64."""
+        return self._compiled.primitives[self.arrays.elements["kind"]]
+
     def count_by_primitive(self) -> dict[str, int]:
         """Elements of each primitive, the unused ones included."""
-        primitives = self._compiled.primitives[self.arrays.elements["kind"]]
-        counts = np.bincount(primitives, minlength=len(self.primitives))
+        counts = np.bincount(self.primitive_of(), minlength=len(self.primitives))
         return dict(zip(self.primitives, counts.tolist(), strict=True))
 
     def count_by_surface(self) -> dict[str, int]:

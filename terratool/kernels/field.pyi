@@ -160,8 +160,6 @@ def segment_holds(
     Shapes: segment[1], x[n], y[n], out[n].
     """
 
-TILE_HEIGHT: int = 132
-
 class Painter:
     """Paints windows of a field; each thread needs its own."""
 

@@ -121,11 +121,8 @@ def measured_stresses(
 def wheel_loads(layout: Any, weight: float, pitch: float, roll: float) -> NDArray[np.float64]:
     """Loads of a vehicle's wheels on a slope."""
 
-def tipping(layout: Any, along: float, across: float) -> float:
-    """The share of a tip-over angle that is used."""
-
 def drive(
-    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, wheel: Any, max_torque: float
+    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, wheel: Any
 ) -> dict[str, Any]:
     """
     What it asks of a vehicle's wheels to push.
@@ -134,7 +131,7 @@ def drive(
     """
 
 def steepest(
-    across: bool, layout: Any, weight: float, soil: Any, slip: float, wheel: Any, max_torque: float
+    across: bool, layout: Any, weight: float, soil: Any, slip: float, wheel: Any
 ) -> dict[str, Any]:
     """The largest slope on a soil, and the reason that limits it."""
 
@@ -149,14 +146,6 @@ def judge(
 
     Shapes: shares[m], go[m], strict[m], reasons[m].
     """
-
-def tabulated_state(
-    vehicle: VehicleOnSoils, soil: int, along: float, across: float
-) -> dict[str, Any] | None:
-    """What a slope and a soil ask of a vehicle, if its tables have it."""
-
-def slope_state(vehicle: VehicleOnSoils, soil: int, along: float, across: float) -> dict[str, Any]:
-    """What a slope and a soil ask of a vehicle."""
 
 def judge_cells(vehicle: VehicleOnSoils, stance: Any, east: float, north: float, out: Any) -> None:
     """Judge a vehicle with a heading at every reference point."""

@@ -37,11 +37,7 @@ _LOST = 5
 
 @contextlib.contextmanager
 def connected(address: str, processes: int) -> Iterator[Client]:
-    """A connection to a Dask scheduler, whose log is quiet.
-
-    Args:
-        address: of the scheduler, or "local" for processes on this machine.
-        processes: how many of these.
+    """A connection to a Dask scheduler, whose log is quiet; "local" is processes on this machine.
 
     Raises:
         RequestError: Dask is not installed.

@@ -26,13 +26,8 @@ from terratool.raster.geotiff import Compression, RasterExtent, crs_of
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands, SurfaceValues, files_of, layers_named
 from terratool.raster.loss import LossFinder, RasterLoss
-from terratool.raster.prefetch import WindowMaker, heights_type, prefetch, processors, windows_of
-from terratool.raster.statistics import (
-    BandStatistics,
-    RasterStatistics,
-    StatisticsSum,
-    combined,
-)
+from terratool.raster.prefetch import WindowMaker, prefetch, processors, windows_of
+from terratool.raster.statistics import BandStatistics, RasterStatistics, StatisticsSum
 from terratool.raster.writers import Storage, open_writer
 
 COMPANIONS = ("*.aux.xml", "*.ovr", "*.msk")
@@ -63,8 +58,8 @@ class WrittenFile:
 
 
 @dataclass(frozen=True, slots=True)
-class MosaicLayout:
-    """How a mosaic is cut.
+class MosaicSummary:
+    """What a mosaic consists of.
 
     Attributes:
         folder: where the tiles are.
@@ -102,7 +97,7 @@ class RasterReport:
     surfaces: dict[str, int]
     lacking: dict[str, list[str]]
     losses: RasterLoss | None
-    tiles: MosaicLayout | None = None
+    tiles: MosaicSummary | None = None
 
     @property
     def pixels(self) -> int:
@@ -193,7 +188,6 @@ def export_dem(
     crs_of(terrain)
     refuse_full_disk(path, grid, files, form)
 
-    losses = LossFinder(terrain, grid, heights_type(files)) if request.losses else None
     ranges = _ranges(terrain, grid, files, form, threads)
     codings = list(map(partial(coding_of, form), files, ranges))
     storage = Storage(form, request.compression or Compression(), threads)
@@ -202,7 +196,7 @@ def export_dem(
         parts = [
             stack.enter_context(whole_file(name, request.overwrite, companions)) for name in paths
         ]
-        maker = WindowMaker(terrain, grid, files, losses)
+        maker = WindowMaker(terrain, grid, files, request.losses)
         filled = fill_files(parts, maker, storage, codings, progress=progress)
     written = (
         WrittenFile(name, bands, statistics, coding or plain_coding(bands), difference)
@@ -210,7 +204,7 @@ def export_dem(
             paths, files, filled.statistics.statistics, codings, filled.differences, strict=True
         )
     )
-    return report_of(terrain, grid, tuple(written), filled.statistics, losses)
+    return report_of(terrain, grid, tuple(written), filled.statistics, maker.losses)
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,7 +267,7 @@ def report_of(
     written: tuple[WrittenFile, ...],
     statistics: RasterStatistics,
     losses: LossFinder | None,
-    tiles: MosaicLayout | None = None,
+    tiles: MosaicSummary | None = None,
 ) -> RasterReport:
     """What there is to say when all is written."""
     soils = SurfaceValues(terrain)
@@ -295,16 +289,12 @@ def report_of(
 
 
 def paths_of(path: Path, files: Sequence[Bands]) -> list[Path]:
-    """Where the files go: the first to `path`, the others with their kind before the suffix."""
-    names = {"number": "numbers", "surface": "surface", "color": "color"}
-    others = [
-        path.with_name(
-            f"{path.stem}-{bands.layers[0].name if bands.count == 1 else names[bands.kind]}"
-            f"{path.suffix}"
-        )
+    """Where the files go: the first to `path`, the others with what they hold before the suffix."""
+    names = (
+        "numbers" if bands.content == "number" and bands.count > 1 else bands.layers[0].name
         for bands in files[1:]
-    ]
-    return [path, *others]
+    )
+    return [path, *(path.with_name(f"{path.stem}-{name}{path.suffix}") for name in names)]
 
 
 def checked_threads(threads: int | None) -> int:
@@ -330,21 +320,21 @@ def _ranges(
     for made in prefetch(maker.make, windows_of(grid.whole, wanting), threads):
         total.add(made.statistics)
         maker.reuse(made)
-    ranges = iter(combined(statistics) for statistics in total.total().statistics)
+    ranges = (sum(bands, BandStatistics()) for bands in total.total().statistics)
     return [next(ranges) if wants_range(form, bands) else None for bands in files]
 
 
 def refuse_full_disk(
-    path: Path, grid: Grid, files: Sequence[Bands], form: RasterFormat, there: int = 0
+    path: Path, grid: Grid, files: Sequence[Bands], form: RasterFormat, finished: int = 0
 ) -> None:
-    """Refuse what may not fit on the disk; so many pixels are there already.
+    """Refuse what may not fit on the disk; so many pixels are finished.
 
     Raises:
         WriteError: there is less free than the pixels may take.
     """
     if not path.absolute().parent.is_dir():
         return  # whole_file says so
-    pixels = grid.width * grid.height - there
+    pixels = grid.width * grid.height - finished
     needed = pixels * sum(bands.pixel_bytes for bands in files)
     if form.driver == "COG":
         needed += needed + needed // 3  # what it is copied from, and its overviews
@@ -355,7 +345,7 @@ def refuse_full_disk(
         needed *= 2
     free = free_bytes(path)
     if needed > free:
-        rest = "the rest of " if there else ""
+        rest = "the rest of " if finished else ""
         raise WriteError(
             f"{path}: {rest}{grid.width} × {grid.height} pixels may take "
             f"{needed:,} bytes, but {free:,} are free.",

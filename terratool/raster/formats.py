@@ -150,13 +150,19 @@ def check_fit(form: RasterFormat, path: Path, bands: Bands, terrain: Terrain, gr
     Raises:
         RequestError: it cannot.
     """
-    if form.one_band and bands.count > 1 and not (form.driver == "PNG" and bands.kind == "color"):
+    if (
+        form.one_band
+        and bands.count > 1
+        and not (form.driver == "PNG" and bands.content == "color")
+    ):
         raise RequestError(
             f"{path.name}: a {path.suffix} holds one band, but these are {bands.count}: "
             f"{', '.join(bands.names)}.",
             "Ask for one layer at a time, or for a .tif.",
         )
-    if form.driver == "SRTMHGT" and (bands.kind != "number" or path.name != _degree(terrain, grid)):
+    if form.driver == "SRTMHGT" and (
+        bands.content != "number" or path.name != _degree(terrain, grid)
+    ):
         raise RequestError(
             f"{path.name}: a .hgt is a degree in EPSG:4326 at 1201² or 3601² points, with the name "
             f"of its south-west corner; this is {_degree(terrain, grid) or 'none'}.",
@@ -189,7 +195,7 @@ def coding_of(form: RasterFormat, bands: Bands, range_: BandStatistics | None) -
 
     `range_` is that of the numbers, where `wants_range` says that it is needed.
     """
-    if bands.kind != "number" or (not form.bits and math.isnan(form.nodata)):
+    if bands.content != "number" or (not form.bits and math.isnan(form.nodata)):
         return None
     if not form.bits:
         return Coding(bands.dtype, form.nodata)
@@ -210,4 +216,4 @@ def plain_coding(bands: Bands) -> Coding:
 
 def wants_range(form: RasterFormat, bands: Bands) -> bool:
     """Whether the range of the numbers has to be known before they are written."""
-    return form.bits > 0 and bands.kind == "number"
+    return form.bits > 0 and bands.content == "number"

@@ -49,40 +49,41 @@ def colormap(terrain: Terrain) -> dict[int, tuple[int, int, int, int]]:
     return {id_: (*color, 255 if id_ else 0) for id_, color in enumerate(colors)}
 
 
-def describe(
-    band: ElementTree.Element, terrain: Terrain, counts: NDArray[np.int64] | None = None
-) -> None:
-    """Put category names and an attribute table of the surfaces into the element of a band.
-
-    Args:
-        band: a PAMRasterBand or VRTRasterBand.
-        terrain: whose surfaces are meant.
-        counts: (surfaces + 1,) pixels of each id, if known.
-    """
-    names = ["none", *map(xml_text, terrain.surfaces)]
+def name_categories(band: ElementTree.Element, names: Sequence[str]) -> None:
+    """Put the names of the values 0, 1, … into the element of a band."""
     categories = ElementTree.SubElement(band, "CategoryNames")
     for name in names:
         ElementTree.SubElement(categories, "Category").text = name
+
+
+def describe_surfaces(
+    band: ElementTree.Element, terrain: Terrain, counts: NDArray[np.int64]
+) -> None:
+    """Put category names and an attribute table of the surfaces into the element of a band.
+
+    `counts` are (surfaces + 1,) pixels of each id.
+    """
+    names = ["none", *map(xml_text, terrain.surfaces)]
+    name_categories(band, names)
     soils = SurfaceValues(terrain)
     columns: list[tuple[str, int, int, list[object]]] = [
         ("Value", _INTEGER, _MIN_MAX, list(range(len(names)))),
         ("Class", _STRING, _NAME, list(names)),
+        ("Count", _INTEGER, _PIXEL_COUNT, counts.tolist()),
     ]
-    if counts is not None:
-        columns.append(("Count", _INTEGER, _PIXEL_COUNT, counts.tolist()))
     for title, use, shades in zip(
         ("Red", "Green", "Blue"), (_RED, _GREEN, _BLUE), soils.colors.T, strict=True
     ):
         columns.append((title, _INTEGER, use, shades.tolist()))
     for layer in LAYERS.values():
-        if layer.soil and layer.kind == "number":
+        if layer.soil and layer.content == "number":
             values = soils.values(layer, np.dtype(np.float64)).tolist()
             title = f"{layer.bands[0]} ({layer.unit})" if layer.unit else layer.bands[0]
             columns.append((title, _REAL, _GENERIC, values))
     table = ElementTree.SubElement(band, "GDALRasterAttributeTable", tableType="thematic")
-    for index, (title, kind, use, _) in enumerate(columns):
+    for index, (title, type_, use, _) in enumerate(columns):
         column = ElementTree.SubElement(table, "FieldDefn", index=str(index))
-        for key, value in (("Name", title), ("Type", str(kind)), ("Usage", str(use))):
+        for key, value in (("Name", title), ("Type", str(type_)), ("Usage", str(use))):
             ElementTree.SubElement(column, key).text = value
     for index, cells in enumerate(zip(*(column[3] for column in columns), strict=True)):
         row = ElementTree.SubElement(table, "Row", index=str(index))
@@ -187,9 +188,9 @@ def geotiff(
         "tiled": True, "blockxsize": TILE, "blockysize": TILE, "interleave": "band",
         "bigtiff": "if_safer", "num_threads": str(max(1, threads)),
     }  # fmt: skip
-    if bands.kind == "color":
+    if bands.content == "color":
         profile |= {"photometric": "rgb", "interleave": "pixel"}
-    elif bands.kind == "class" and bands.count > 1:
+    elif bands.count > 1 and bands.dtype == np.uint8:
         profile["photometric"] = "minisblack"  # three bands of bytes are not red, green and blue
     with (
         complaints(path),
@@ -198,14 +199,14 @@ def geotiff(
     ):
         file.descriptions = bands.names
         file.units = bands.units
-        about = {"TIFFTAG_SOFTWARE": f"terratool {__version__}"}
+        tags = {"TIFFTAG_SOFTWARE": f"terratool {__version__}"}
         if terrain.descr:
-            about["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
-        file.update_tags(**about)
-        if bands.kind == "surface":
+            tags["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
+        file.update_tags(**tags)
+        if bands.content == "surface":
             if len(terrain.surfaces) < colors:
                 file.write_colormap(1, colormap(terrain))
-        elif bands.kind == "number":
+        elif bands.content == "number":
             file.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (bands.count - 1)
         yield GeoTiff(file, window)
     check_blocks(path)
@@ -250,7 +251,7 @@ def statistics_tags(statistics: BandStatistics, pixels: int) -> dict[str, str]:
 def name_surfaces(path: Path, terrain: Terrain, counts: NDArray[np.int64]) -> None:
     """Write the names, colours and soils of the surfaces into the .aux.xml of a raster of ids."""
     root = ElementTree.Element("PAMDataset")
-    describe(ElementTree.SubElement(root, "PAMRasterBand", band="1"), terrain, counts)
+    describe_surfaces(ElementTree.SubElement(root, "PAMRasterBand", band="1"), terrain, counts)
     path.with_name(path.name + ".aux.xml").write_bytes(xml_bytes(root))
 
 
@@ -284,7 +285,7 @@ def check_blocks(path: Path) -> None:
 def cog_options(bands: Bands, compression: Compression) -> dict[str, Any]:
     """What the driver of cloud-optimised GeoTIFFs is told for a file."""
     plain = compression.options(bands)
-    average = bands.kind != "surface" and all(layer.average for layer in bands.layers)
+    average = all(layer.average for layer in bands.layers)
     options: dict[str, Any] = {
         "compress": plain.get("compress", "none"),
         "blocksize": TILE,

@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 
 from terratool.errors import WriteError
+from terratool.output import refuse_missing_folder
 from terratool.raster.statistics import RasterStatistics
 from terratool.raster.tiles import (
     OWNED,
@@ -153,10 +154,7 @@ def journal_of(folder: Path, request: dict[str, Any], overwrite: bool) -> Iterat
     """
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
-    if not folder.absolute().parent.is_dir():
-        raise WriteError(
-            f"{folder}: the folder {folder.absolute().parent} does not exist.", "Create it first."
-        )
+    refuse_missing_folder(folder)
     with _sentences(folder):
         path = folder / NAME
         file = open(path, "r+b") if path.exists() else None  # noqa: SIM115 # closed below

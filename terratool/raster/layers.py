@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ class Layer:
         name: how it is asked for.
         bands: what its bands are called.
         unit: of its values; empty for none.
-        kind: "number", "surface" or "color".
+        content: of its pixels: "number", "surface", "color", or "class" in maps.
         soil: the attribute of a surface that it shows; empty for others.
         slopes: whether the slopes are needed for it.
         average: whether the mean of values is one, as overviews want to know.
@@ -40,7 +39,7 @@ class Layer:
     name: str
     bands: tuple[str, ...]
     unit: str
-    kind: str = "number"
+    content: str = "number"
     soil: str = ""
     slopes: bool = False
     average: bool = True
@@ -48,7 +47,7 @@ class Layer:
     @property
     def surfaces(self) -> bool:
         """Whether the surfaces are needed for it."""
-        return bool(self.soil) or self.kind != "number"
+        return bool(self.soil) or self.content != "number"
 
 
 LAYERS: dict[str, Layer] = {
@@ -76,16 +75,15 @@ class Bands:
     Attributes:
         layers: in the order of their bands.
         dtype: of every band.
-        kind: of every layer.
     """
 
     layers: tuple[Layer, ...]
     dtype: np.dtype[Any]
 
     @property
-    def kind(self) -> str:
-        """Of every layer."""
-        return self.layers[0].kind
+    def content(self) -> str:
+        """That of every layer."""
+        return self.layers[0].content
 
     @property
     def count(self) -> int:
@@ -104,8 +102,8 @@ class Bands:
 
     @property
     def nodata(self) -> float | None:
-        """NaN for numbers, 0 for surfaces; colours have none."""
-        return {"number": np.nan, "surface": 0.0}.get(self.kind)
+        """NaN for numbers, 0 for surfaces and classes; colours have none."""
+        return {"number": np.nan, "color": None}.get(self.content, 0.0)
 
     @property
     def pixel_bytes(self) -> int:
@@ -135,12 +133,10 @@ def files_of(layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any]) ->
     Surfaces and colours cannot share one: their bytes are told apart by what the whole file says
     of its colours. The first layer's file comes first.
     """
-    kinds = list(dict.fromkeys(layer.kind for layer in layers))
     dtypes = {"number": dtype, "surface": id_type(terrain), "color": np.dtype(np.uint8)}
-    ordered = sorted(layers, key=lambda layer: kinds.index(layer.kind))
     return tuple(
-        Bands(tuple(group), dtypes[kind])
-        for kind, group in groupby(ordered, key=lambda layer: layer.kind)
+        Bands(tuple(layer for layer in layers if layer.content == content), dtypes[content])
+        for content in dict.fromkeys(layer.content for layer in layers)
     )
 
 
@@ -188,7 +184,7 @@ def layer_painter(bands: Bands, terrain: Terrain) -> Callable[[Planes, Pixels], 
     """A function from the planes of a window into the bands of a file, (bands, height, width)."""
     soils = SurfaceValues(terrain)
     tables: dict[str, Pixels] = {
-        layer.name: soils.colors if layer.kind == "color" else soils.values(layer, bands.dtype)
+        layer.name: soils.colors if layer.content == "color" else soils.values(layer, bands.dtype)
         for layer in bands.layers
         if layer.soil
     }
@@ -203,7 +199,7 @@ def layer_painter(bands: Bands, terrain: Terrain) -> Callable[[Planes, Pixels], 
                 table = tables[layer.name].reshape(len(soils.voids), -1)
                 for values, plane in zip(table.T, part, strict=True):
                     np.take(values, planes.surfaces, out=plane)
-                    if layer.kind == "color":
+                    if layer.content == "color":
                         plane[np.isnan(planes.heights)] = 0
             else:
                 _COMPUTED[layer.name](planes, part)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Planes
-from terratool.text.display import length
+from terratool.text.display import counted, length
 
 Floats = NDArray[np.float64]
 
@@ -50,12 +50,43 @@ _UNIT = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Wall:
-    """A wall between two neighbouring pixels: its size, and the middle between the two."""
+class SteepestRamp:
+    """The steepest ramp that a wall became: of two pixels as stored, in the middle between them."""
 
-    size: float
+    degrees: float
+    rise: float
     x: float
     y: float
+
+
+@dataclass(frozen=True, slots=True)
+class LargestJump:
+    """The highest wall between two neighbouring pixels, in the middle between them."""
+
+    height: float
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class WallLoss:
+    """Walls that became ramps.
+
+    Attributes:
+        length: seen from above. A wall between two pixels counts by the direction it runs in, so
+            turned and round walls have their length.
+        pairs: number of pairs of neighbours with a wall between them.
+        estimated: whether these two numbers are estimates, from a part of the walls; `largest_jump`
+            is then that of this part.
+        steepest_ramp: None without walls that are at least half of the ramp between their pixels.
+        largest_jump: None without walls.
+    """
+
+    length: float
+    pairs: int
+    estimated: bool
+    steepest_ramp: SteepestRamp | None
+    largest_jump: LargestJump | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,82 +130,38 @@ class RasterLoss:
     """What a grid loses. Lengths are in units of the terrain.
 
     Attributes:
-        resolution: side of a pixel.
-        wall_length: length, seen from above, of the walls that became ramps. A wall between two
-            pixels counts by the direction it runs in, so turned and round walls have their length.
-        wall_pairs: number of pairs of neighbours with a wall between them.
-        estimated: whether these two numbers are estimates, from a part of the walls; `highest` is
-            then the highest of that part.
-        steepest: the steepest ramp that a wall became, its size the difference of the two pixels as
-            stored; None without walls that are at least half of such a difference.
-        highest: the highest wall between two pixels; None without walls.
-        narrow: elements whose cells are narrower than a pixel.
-        details: other elements with a straight stretch of a curve narrower than a pixel.
+        walls: those that became ramps.
+        narrow_elements: elements and tracks that are narrower than a pixel.
+        narrow_details: other elements with a straight stretch of a curve narrower than a pixel.
         nodata: pixels without a height.
         interpolation: what lies between the pixels; None where no four of them have heights.
     """
 
-    resolution: float
-    wall_length: float
-    wall_pairs: int
-    estimated: bool
-    steepest: Wall | None
-    highest: Wall | None
-    narrow: SubpixelFeatures
-    details: SubpixelFeatures
+    walls: WallLoss
+    narrow_elements: SubpixelFeatures
+    narrow_details: SubpixelFeatures
     nodata: int
     interpolation: InterpolationError | None
 
-    @property
-    def steepest_degrees(self) -> float:
-        """Slope of the steepest ramp that a wall became; 0 without walls."""
-        rise = self.steepest.size if self.steepest else 0.0
-        return math.degrees(math.atan2(rise, self.resolution))
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
-        steepest, highest = self.steepest, self.highest
-        return {
-            "walls": {
-                "length": self.wall_length,
-                "pairs": self.wall_pairs,
-                "estimated": self.estimated,
-                "steepest_ramp": steepest
-                and {
-                    "degrees": self.steepest_degrees,
-                    "rise": steepest.size,
-                    "x": steepest.x,
-                    "y": steepest.y,
-                },
-                "largest_jump": highest
-                and {"height": highest.size, "x": highest.x, "y": highest.y},
-            },
-            "narrow_elements": asdict(self.narrow),
-            "narrow_details": asdict(self.details),
-            "nodata": self.nodata,
-            "interpolation": self.interpolation and asdict(self.interpolation),
-        }
-
-    def sentence(self) -> str:
-        """All of it in a line of text."""
+    def sentence(self, resolution: float) -> str:
+        """All of it in a line of text; `resolution` is the side of a pixel."""
         parts = []
-        if self.highest:
-            about = "about " if self.estimated else ""
-            slope = f" of up to {self.steepest_degrees:.1f}°" if self.steepest else ""
+        ramp, jump = self.walls.steepest_ramp, self.walls.largest_jump
+        if jump:
+            about = "about " if self.walls.estimated else ""
+            slope = f" of up to {ramp.degrees:.1f}°" if ramp else ""
             parts.append(
-                f"{about}{length(self.wall_length)} of wall became ramps{slope} "
-                f"({length(self.highest.size)} in one pixel)"
+                f"{about}{length(self.walls.length)} of wall became ramps{slope} "
+                f"({length(jump.height)} in one pixel)"
             )
-        if self.narrow.count:
-            parts.append(
-                _counted(self.narrow.count, "element is", "elements are") + " narrower than a pixel"
-            )
-        if self.details.count:
-            parts.append(
-                _counted(self.details.count, "element has", "elements have")
-                + " details narrower than a pixel"
-            )
-        if self.interpolation and self.interpolation.largest > _NOISE * self.resolution:
+        for features, (one, several), what in (
+            (self.narrow_elements, ("is", "are"), "narrower than a pixel"),
+            (self.narrow_details, ("has", "have"), "details narrower than a pixel"),
+        ):
+            if features.count:
+                verb = one if features.count == 1 else several
+                parts.append(f"{counted(features.count, 'element')} {verb} {what}")
+        if self.interpolation and self.interpolation.largest > _NOISE * resolution:
             parts.append(
                 f"pixels differ from the model by up to {length(self.interpolation.largest)}"
             )
@@ -183,14 +170,10 @@ class RasterLoss:
         return f"Lost: {'; '.join(parts)}."
 
 
-def _counted(count: int, one: str, several: str) -> str:
-    return f"{count:,} {one if count == 1 else several}"
-
-
 def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, SubpixelFeatures]:
     """Elements and tracks within the grid that are narrower than a pixel; others with such details.
 
-    An element is as wide as the shorter side of its block of cells. Details are those of
+    An element is as wide as the shorter side of its cells. Details are those of
     `finest_details`.
     """
     west, south, east, north = terrain.cells()
@@ -341,12 +324,8 @@ class LossFinder:
     A window with more candidates than can be looked at has some of them tested, evenly spread, and
     the rest estimated; which ones depends on the window and on nothing else. The steepest ramp is
     exact even so: whatever is steeper than the steepest so far is tested too, up to as many pairs
-    again. A ramp is a wall's if the wall is at least half of it.
-
-    Args:
-        terrain: the terrain.
-        grid: the pixels.
-        dtype: of the heights in the file.
+    again. A ramp is a wall's if the wall is at least half of it. `dtype` is that of the heights in
+    the file.
     """
 
     def __init__(self, terrain: Terrain, grid: Grid, dtype: DTypeLike = np.float32) -> None:
@@ -358,7 +337,7 @@ class LossFinder:
         largest = float(largest_heights(terrain.arrays).max())
         self._level = max(_LEVEL * largest, _LOW * grid.resolution)
 
-    def margins(self, window: Window) -> Window:
+    def with_neighbours(self, window: Window) -> Window:
         """The window, and one more row to the south and column to the east if the grid has them."""
         return Window(
             window.row,
@@ -370,11 +349,9 @@ class LossFinder:
     def of(self, window: Window, planes: Planes) -> LossCounts:
         """What is lost between the pixels of a window and their neighbours to the east and south.
 
-        Args:
-            window: the window.
-            planes: heights and labels of its margins.
+        `planes` are heights and labels of the window with its neighbours.
         """
-        whole, resolution = self.margins(window), self._grid.resolution
+        whole, resolution = self.with_neighbours(window), self._grid.resolution
         heights, labels = planes.heights, planes.labels
         if labels is None or not labels.shape == heights.shape == (whole.height, whole.width):
             raise ValueError(f"heights and labels of {whole.height} × {whole.width} are wanted")
@@ -423,26 +400,20 @@ class LossFinder:
         )
 
     def statement(self, part: LossCounts, nodata: int) -> RasterLoss:
-        """What the whole grid loses.
-
-        Args:
-            part: the sum of those of its windows.
-            nodata: pixels without a height.
-        """
+        """What the whole grid loses, by the sum of its windows and its pixels without a height."""
         resolution = self._grid.resolution
-        narrow, details = subpixel_features(self._terrain, self._grid)
-        return RasterLoss(
-            resolution=resolution,
-            wall_length=part.length / _UNIT * resolution,
-            wall_pairs=part.pairs,
+        (rise, ramp), (height, jump) = part.steepest, part.highest
+        degrees = math.degrees(math.atan2(rise, resolution))
+        walls = WallLoss(
+            length=part.length / _UNIT * resolution,
+            pairs=part.pairs,
             estimated=part.tested < part.candidates,
-            steepest=self._wall(part.steepest),
-            highest=self._wall(part.highest),
-            narrow=narrow,
-            details=details,
-            nodata=nodata,
-            interpolation=interpolation_error(self._terrain, self._grid, self._dtype),
+            steepest_ramp=SteepestRamp(degrees, rise, *self._middle(ramp)) if ramp else None,
+            largest_jump=LargestJump(height, *self._middle(jump)) if jump else None,
         )
+        narrow, details = subpixel_features(self._terrain, self._grid)
+        interpolation = interpolation_error(self._terrain, self._grid, self._dtype)
+        return RasterLoss(walls, narrow, details, nodata, interpolation)
 
     def _name(self, window: Window, pair: int) -> int:
         """The number of a pair of a window in the grid, counted from 1."""
@@ -450,15 +421,12 @@ class LossFinder:
         pixel = (window.row + row) * self._grid.width + window.column + column
         return 2 * pixel + (pair & 1) + 1
 
-    def _wall(self, found: tuple[float, int]) -> Wall | None:
-        size, name = found
-        if not name:
-            return None
+    def _middle(self, name: int) -> tuple[float, float]:
+        """X and y between the pixels of a pair, by its negative number."""
         pair = -name - 1
         row, column = divmod(pair >> 1, self._grid.width)
         two = Window(row, column, 1 + (pair & 1), 2 - (pair & 1))
-        x, y = float(self._grid.columns(two).mean()), float(self._grid.rows(two).mean())
-        return Wall(size, x, y)
+        return float(self._grid.columns(two).mean()), float(self._grid.rows(two).mean())
 
 
 def _spread(count: int, limit: int) -> NDArray[np.int64]:

@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import os
 import threading
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement
 
 import msgspec
 import numpy as np
 
-from terratool.errors import RequestError, WriteError
+from terratool.errors import RequestError
 from terratool.field.records import scalar_columns
 from terratool.field.terrain import Terrain
-from terratool.output import refuse_existing, stop_on_signals, whole_file
+from terratool.output import (
+    refuse_existing,
+    refuse_missing_folder,
+    stop_on_signals,
+    whole_file,
+)
 from terratool.raster.export import (
     COMPANIONS,
     HEIGHTS,
-    MosaicLayout,
+    MosaicSummary,
     Progress,
     RasterReport,
     RasterRequest,
@@ -31,11 +39,20 @@ from terratool.raster.export import (
     report_of,
 )
 from terratool.raster.formats import RasterFormat, plain_coding
-from terratool.raster.geotiff import Compression, crs_of
+from terratool.raster.geotiff import (
+    MOST_COLORS,
+    Compression,
+    colormap,
+    crs_of,
+    describe_surfaces,
+    statistics_tags,
+    transform_of,
+    xml_bytes,
+)
 from terratool.raster.grid import Grid
 from terratool.raster.journal import Journal, journal_of
-from terratool.raster.loss import LossFinder
-from terratool.raster.prefetch import heights_type, prefetch
+from terratool.raster.layers import Bands
+from terratool.raster.prefetch import TILE, prefetch
 from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.tiles import (
     INDEX,
@@ -43,15 +60,24 @@ from terratool.raster.tiles import (
     Done,
     FinishedTile,
     Job,
-    MosaicPlan,
     TileMaker,
+    Tiling,
     checksum,
     remove_scratch,
 )
-from terratool.raster.vrt import index_of
+from terratool.text.display import xml_text
 
 TILE_SIZE = 4096
 """Pixels on the side of a tile, if not said."""
+
+_TYPES = {
+    "uint8": "Byte", "uint16": "UInt16", "uint32": "UInt32",
+    "float32": "Float32", "float64": "Float64",
+}  # fmt: skip
+"""What a .vrt calls the types of numbers."""
+
+MakeTiles = Callable[[TileMaker, Iterable[Job]], Generator[Done, None, None]]
+"""Makes tiles, in any order."""
 
 
 def export_mosaic(
@@ -99,19 +125,14 @@ def export_mosaic(
         )
     files, overwrite = request.files(terrain), request.overwrite
     compression = request.compression or Compression()
-    plan = MosaicPlan(grid, files, compression, tile_size, request.losses, folder)
+    tiling = Tiling(grid, files, compression, tile_size, request.losses, folder)
     indexes = paths_of(index, files)
     crs_of(terrain)
     threads = checked_threads(request.threads)
-    connection: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
-    if dask is not None:
-        from terratool.raster.dask import connected, made_by_dask
-
-        connection = connected(dask, threads)
     with (
         stop_on_signals(),
-        connection as client,
-        journal_of(folder, request_of(terrain, plan), overwrite) as journal,
+        _by_threads_or_dask(threads, dask) as make_tiles,
+        journal_of(folder, request_of(terrain, tiling), overwrite) as journal,
         contextlib.ExitStack() as stack,
     ):
         for name in indexes:
@@ -119,46 +140,42 @@ def export_mosaic(
         known = {} if overwrite else journal.known
         jobs = [
             (number, tile, known.get((tile.row, tile.column)))
-            for number, tile in enumerate(plan.tiles())
+            for number, tile in enumerate(tiling.tiles())
         ]
-        there = sum(
-            tile.window.height * tile.window.width for _, tile, done in jobs if _seems(plan, done)
+        finished = sum(
+            tile.window.height * tile.window.width
+            for _, tile, done in jobs
+            if _has_its_sizes(tiling, done)
         )
-        refuse_full_disk(folder, grid, files, RasterFormat("GTiff"), there)
+        refuse_full_disk(folder, grid, files, RasterFormat("GTiff"), finished)
         scratch = journal.begin(overwrite)
         stack.callback(remove_scratch, scratch)
-        tiler = TileMaker(terrain, plan, scratch)
-        made = (
-            made_by_threads(tiler, jobs, threads)
-            if dask is None
-            else made_by_dask(client, tiler, jobs, dask)
-        )
-        statistics, kept = _add_up(made, plan, jobs, journal, progress)
+        tiler = TileMaker(terrain, tiling, scratch)
+        statistics, kept = _add_up(make_tiles(tiler, jobs), tiling, jobs, journal, progress)
         _write_indexes(indexes, tiler, statistics, journal)
-    tiles = MosaicLayout(given, tile_size, plan.rows, plan.columns, kept, len(jobs) - kept)
+    tiles = MosaicSummary(given, tile_size, tiling.rows, tiling.columns, kept, len(jobs) - kept)
     error = compression.max_z_error
     written = tuple(
         WrittenFile(
-            name, bands, parts, plain_coding(bands), error if bands.kind == "number" else 0.0
+            name, bands, parts, plain_coding(bands), error if bands.content == "number" else 0.0
         )
         for name, bands, parts in zip(indexes, files, statistics.statistics, strict=True)
     )
-    losses = LossFinder(terrain, grid, heights_type(files)) if request.losses else None
-    return report_of(terrain, grid, written, statistics, losses, tiles)
+    return report_of(terrain, grid, written, statistics, tiler.maker.losses, tiles)
 
 
-def request_of(terrain: Terrain, plan: MosaicPlan) -> dict[str, Any]:
+def request_of(terrain: Terrain, tiling: Tiling) -> dict[str, Any]:
     """What decides each byte of a mosaic, in words and numbers for its journal."""
-    grid = plan.grid
+    grid = tiling.grid
     return {
-        "version of terratool": plan.version,
+        "version of terratool": tiling.version,
         "definition": fingerprint(terrain),
         "grid": [grid.west, grid.south, grid.resolution, grid.height, grid.width],
-        "choice of layers": [[layer.name for layer in bands.layers] for bands in plan.files],
-        "type of numbers": [bands.dtype.name for bands in plan.files],
-        "compression": [plan.compression.name, plan.compression.max_z_error],
-        "tile size": plan.size,
-        "choice of losses": plan.losses,
+        "choice of layers": [[layer.name for layer in bands.layers] for bands in tiling.files],
+        "type of numbers": [bands.dtype.name for bands in tiling.files],
+        "compression": [tiling.compression.name, tiling.compression.max_z_error],
+        "tile size": tiling.size,
+        "choice of losses": tiling.losses,
     }
 
 
@@ -180,25 +197,25 @@ def fingerprint(terrain: Terrain) -> str:
 
 def _refuse_index(path: Path, journal: Journal, folder: Path, overwrite: bool) -> None:
     """Refuse an index that is there, unless the mosaic's own."""
-    if path.absolute().parent != folder and not path.absolute().parent.is_dir():
-        raise WriteError(f"{path}: the folder {path.parent} does not exist.", "Create it first.")
-    known = journal.indexes.get(_seen(path, folder))
+    if path.absolute().parent != folder:
+        refuse_missing_folder(path)
+    known = journal.indexes.get(_relative(path, folder))
     own = known is not None and path.is_file() and checksum(path) == known
     if path.absolute().parent == folder and journal.header is not None:
         own = own or bool(OWNED.fullmatch(path.name))
     refuse_existing(path, overwrite or own)
 
 
-def _seen(path: Path, folder: Path) -> str:
+def _relative(path: Path, folder: Path) -> str:
     """A path as seen from a folder."""
     return os.path.relpath(path.resolve(), folder.resolve())
 
 
-def _seems(plan: MosaicPlan, known: FinishedTile | None) -> bool:
+def _has_its_sizes(tiling: Tiling, known: FinishedTile | None) -> bool:
     """Whether the files of a tile have their sizes, at least; they are read when it is its turn."""
     try:
         return known is not None and all(
-            (plan.folder / file.name).stat().st_size == file.size for file in known.files
+            (tiling.folder / file.name).stat().st_size == file.size for file in known.files
         )
     except OSError:
         return False
@@ -206,13 +223,13 @@ def _seems(plan: MosaicPlan, known: FinishedTile | None) -> bool:
 
 def _add_up(
     made: Generator[Done, None, None],
-    plan: MosaicPlan,
+    tiling: Tiling,
     jobs: Sequence[Job],
     journal: Journal,
     progress: Progress | None,
 ) -> tuple[RasterStatistics, int]:
     """Note tiles as they are made; the statistics of all, and how many were kept."""
-    total = StatisticsSum(plan.files)
+    total = StatisticsSum(tiling.files)
     kept = wanted = 0
     waiting: dict[int, FinishedTile] = {}  # the order of tiles decides the last bits of means
     with contextlib.closing(made):
@@ -228,6 +245,18 @@ def _add_up(
                 total.add(waiting.pop(wanted).statistics)
                 wanted += 1
     return total.total(), kept
+
+
+@contextlib.contextmanager
+def _by_threads_or_dask(threads: int, dask: str | None) -> Iterator[MakeTiles]:
+    """What makes the tiles; connected to Dask while the block lasts, if that is to make them."""
+    if dask is None:
+        yield partial(made_by_threads, threads=threads)
+        return
+    from terratool.raster.dask import connected, made_by_dask
+
+    with connected(dask, threads) as client:
+        yield partial(made_by_dask, client, address=dask)
 
 
 class _StoppedError(Exception):
@@ -254,13 +283,108 @@ def made_by_threads(
 def _write_indexes(
     paths: Sequence[Path], tiler: TileMaker, statistics: RasterStatistics, journal: Journal
 ) -> None:
-    plan = tiler.plan
+    tiling = tiler.tiling
     for file, path in enumerate(paths):
-        text = index_of(path, plan, file, tiler.terrain, statistics)
+        text = index_of(path, tiling, file, tiler.terrain, statistics)
         # known before it is there, so that the next run does not take it for another's
         journal.add_index(
-            _seen(path, plan.folder), hashlib.blake2b(text, digest_size=16).hexdigest()
+            _relative(path, tiling.folder), hashlib.blake2b(text, digest_size=16).hexdigest()
         )
-        within = tiler.scratch if path.absolute().parent == plan.folder else None
+        within = tiler.scratch if path.absolute().parent == tiling.folder else None
         with whole_file(path, True, COMPANIONS, within) as part:
             part.write_bytes(text)
+
+
+def index_of(
+    path: Path, tiling: Tiling, file: int, terrain: Terrain, statistics: RasterStatistics
+) -> bytes:
+    """The text of the index of each tile's file of this number.
+
+    It names the tiles relative to `path`, where it will be.
+    """
+    grid, bands = tiling.grid, tiling.files[file]
+    root = Element("VRTDataset", rasterXSize=str(grid.width), rasterYSize=str(grid.height))
+    crs = crs_of(terrain)
+    if crs is not None:
+        SubElement(root, "SRS").text = crs.to_wkt()
+    SubElement(root, "GeoTransform").text = ", ".join(map(repr, transform_of(grid).to_gdal()))
+    tags = {"AREA_OR_POINT": "Area"}
+    if terrain.descr:
+        tags["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
+    _metadata(root, tags)
+    if bands.content == "color":
+        _metadata(root, {"INTERLEAVE": "PIXEL"}, domain="IMAGE_STRUCTURE")
+    for number in range(bands.count):
+        band = _band(root, bands, number, terrain, statistics)
+        own = statistics.statistics[file]
+        if own and own[number].count and not tiling.compression.max_z_error:
+            # before all else: GDAL's schema of these files has an order
+            band.insert(0, Element("Metadata"))
+            _items(band[0], statistics_tags(own[number], grid.width * grid.height))
+        _sources(band, path, tiling, file, number + 1)
+    return xml_bytes(root)
+
+
+def _band(
+    root: Element, bands: Bands, number: int, terrain: Terrain, statistics: RasterStatistics
+) -> Element:
+    band = SubElement(
+        root, "VRTRasterBand", dataType=_TYPES[bands.dtype.name], band=str(number + 1),
+        blockXSize=str(TILE), blockYSize=str(TILE),
+    )  # fmt: skip
+    SubElement(band, "Description").text = bands.names[number]
+    if bands.units[number]:
+        SubElement(band, "UnitType").text = bands.units[number]
+    if bands.nodata is not None:
+        nodata = "nan" if math.isnan(bands.nodata) else f"{bands.nodata:g}"
+        SubElement(band, "NoDataValue").text = nodata
+    interpretation = SubElement(band, "ColorInterp")
+    interpretation.text = _interpretation(bands, number, terrain)
+    if interpretation.text == "Palette":
+        table = SubElement(band, "ColorTable")
+        for color in colormap(terrain).values():
+            SubElement(table, "Entry", {f"c{n}": str(c) for n, c in enumerate(color, 1)})
+    if bands.content == "surface":
+        describe_surfaces(band, terrain, statistics.counts)
+    return band
+
+
+def _interpretation(bands: Bands, number: int, terrain: Terrain) -> str:
+    if bands.content == "color":
+        return ("Red", "Green", "Blue")[number]
+    if bands.content == "surface":
+        return "Palette" if len(terrain.surfaces) < MOST_COLORS else "Gray"
+    return "Gray" if number == 0 else "Undefined"
+
+
+def _sources(band: Element, path: Path, tiling: Tiling, file: int, number: int) -> None:
+    """Where each tile is from which the band reads."""
+    folder = Path(os.path.relpath(tiling.folder.resolve(), path.resolve().parent))
+    for tile in tiling.tiles():
+        window = tile.window
+        source = SubElement(band, "SimpleSource")
+        name = (folder / tiling.paths(tile)[file].name).as_posix()
+        SubElement(source, "SourceFilename", relativeToVRT="1").text = name
+        SubElement(source, "SourceBand").text = str(number)
+        # so that a tile is opened when it is read and not before
+        SubElement(
+            source, "SourceProperties", RasterXSize=str(window.width),
+            RasterYSize=str(window.height), DataType=band.attrib["dataType"],
+            BlockXSize=str(TILE), BlockYSize=str(TILE),
+        )  # fmt: skip
+        _rectangle(source, "SrcRect", (0, 0, window.width, window.height))
+        _rectangle(source, "DstRect", (window.column, window.row, window.width, window.height))
+
+
+def _rectangle(source: Element, name: str, sides: Sequence[int]) -> None:
+    keys = ("xOff", "yOff", "xSize", "ySize")
+    SubElement(source, name, dict(zip(keys, map(str, sides), strict=True)))
+
+
+def _metadata(parent: Element, values: dict[str, str], **attributes: str) -> None:
+    _items(SubElement(parent, "Metadata", attributes), values)
+
+
+def _items(metadata: Element, values: dict[str, str]) -> None:
+    for key, value in values.items():
+        SubElement(metadata, "MDI", key=key).text = value

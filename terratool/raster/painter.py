@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -20,8 +19,7 @@ def id_type(terrain: Terrain) -> np.dtype[Any]:
     return np.min_scalar_type(len(terrain.surfaces))
 
 
-@dataclass(frozen=True, slots=True)
-class Planes:
+class Planes(NamedTuple):
     """What is painted over a window: (height, width), C-contiguous, rows from the north.
 
     All but the heights are None where not asked for.
@@ -43,12 +41,8 @@ class Planes:
 
     def cropped(self, height: int, width: int) -> Planes:
         """The first rows and columns, not copied."""
-        heights, *others = (None if p is None else p[:height, :width] for p in self._all())
-        assert heights is not None
-        return Planes(heights, *others)
-
-    def _all(self) -> tuple[Any, ...]:
-        return self.heights, self.surfaces, self.slope_x, self.slope_y, self.labels
+        parts: Any = (None if plane is None else plane[:height, :width] for plane in self)
+        return Planes(*parts)
 
 
 class Painter:
@@ -56,13 +50,8 @@ class Painter:
 
     At every pixel centre the same elements as the queries find, the same heights and slopes but for
     the rounding of sums in double precision and then to the type of the planes. The value of a
-    pixel depends neither on the window nor on the planes that are asked for.
-
-    Args:
-        terrain: the terrain.
-        grid: the pixels.
-        dtype: float32 or float64, of heights and slopes.
-        surfaces, slopes, labels: which planes there are besides the heights.
+    pixel depends neither on the window nor on the planes that are asked for. Heights and slopes are
+    of `dtype`, float32 or float64.
     """
 
     def __init__(
@@ -94,8 +83,8 @@ class Painter:
     def blank(self, window: Window) -> Planes:
         """Planes for a window, their contents undefined."""
         shape = (window.height, window.width)
-        heights, *others = self._dtypes
-        return Planes(np.empty(shape, heights), *(d and np.empty(shape, d) for d in others))
+        planes: Any = (dtype and np.empty(shape, dtype) for dtype in self._dtypes)
+        return Planes(*planes)
 
     def paint(self, window: Window, planes: Planes | None = None) -> Planes:
         """Paint a window, on one thread, into the planes given or new ones.
@@ -118,7 +107,7 @@ class Painter:
 
     def _check(self, window: Window, planes: Planes) -> None:
         shape = (window.height, window.width)
-        for plane, dtype in zip(planes._all(), self._dtypes, strict=True):
+        for plane, dtype in zip(planes, self._dtypes, strict=True):
             if (plane is None) != (dtype is None) or not (
                 plane is None
                 or (plane.shape == shape and plane.dtype == dtype and plane.flags.c_contiguous)

@@ -44,7 +44,7 @@ class WindowBuffer:
     """Memory for a window; to allocate it anew takes as long as to paint it.
 
     Attributes:
-        planes: of the window, with margins if these are wanted.
+        planes: of the window, and of its neighbours where losses are wanted.
         pixels: for each file its bands, (bands, height, width).
     """
 
@@ -64,34 +64,27 @@ class WindowContent:
 class WindowMaker:
     """Makes the windows of a raster's files; may be used by several threads at a time.
 
-    Args:
-        terrain: the terrain.
-        grid: the pixels.
-        files: what the files hold.
-        losses: finds what the pixels do not show, where it is asked for.
+    With `losses` it finds out what the pixels do not show, too.
     """
 
     def __init__(
-        self,
-        terrain: Terrain,
-        grid: Grid,
-        files: Sequence[Bands],
-        losses: LossFinder | None = None,
+        self, terrain: Terrain, grid: Grid, files: Sequence[Bands], losses: bool = False
     ) -> None:
         self.terrain, self.grid, self.files = terrain, grid, files
+        dtype = heights_type(files)
+        self.losses = LossFinder(terrain, grid, dtype) if losses else None
         layers = [layer for bands in files for layer in bands.layers]
         self._painter = Painter(
             terrain,
             grid,
-            dtype=heights_type(files),
+            dtype=dtype,
             surfaces=any(layer.surfaces for layer in layers),
             slopes=any(layer.slopes for layer in layers),
-            labels=losses is not None,
+            labels=losses,
         )
         self._layer_painters = [layer_painter(bands, terrain) for bands in files]
         self._buffers: deque[WindowBuffer] = deque()
         self._ids = len(terrain.surfaces) + 1
-        self._losses = losses
 
     def make(self, window: Window) -> WindowContent:
         """Paint a window and lay it out for each file.
@@ -99,15 +92,15 @@ class WindowMaker:
         Raises:
             RequestError: it has numbers beyond those of its type.
         """
-        painted = self._losses.margins(window) if self._losses else window
+        painted = self.losses.with_neighbours(window) if self.losses else window
         buffer = self._buffer(window, painted)
         self._painter.paint(painted, buffer.planes)
-        lost = self._losses.of(window, buffer.planes) if self._losses else LossCounts()
+        lost = self.losses.of(window, buffer.planes) if self.losses else LossCounts()
         planes = buffer.planes.cropped(window.height, window.width)
         for paint_layers, bands in zip(self._layer_painters, buffer.pixels, strict=True):
             paint_layers(planes, bands)
         statistics = tuple(
-            tuple(map(band_statistics, bands)) if file.kind == "number" else ()
+            tuple(map(band_statistics, bands)) if file.content == "number" else ()
             for file, bands in zip(self.files, buffer.pixels, strict=True)
         )
         _refuse_infinite(chain.from_iterable(statistics))
@@ -141,7 +134,7 @@ class WindowMaker:
         )
 
     def _counts(self, planes: Planes) -> NDArray[np.int64]:
-        if not any(file.kind == "surface" for file in self.files):
+        if not any(file.content == "surface" for file in self.files):
             return np.zeros(0, np.int64)
         assert planes.surfaces is not None
         return np.bincount(planes.surfaces.ravel(), minlength=self._ids)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +40,7 @@ class BandStatistics:
         """Standard deviation of the pixels themselves, as GDAL has it."""
         return math.sqrt(self.square / self.count) if self.count else math.nan
 
-    def with_(self, other: BandStatistics) -> BandStatistics:
+    def __add__(self, other: BandStatistics) -> BandStatistics:
         """Of the pixels of both. Chan, Golub & LeVeque (1979), Stanford STAN-CS-79-773."""
         count = self.count + other.count
         if not other.count or not self.count:
@@ -73,14 +74,6 @@ def band_statistics(pixels: NDArray[Any]) -> BandStatistics:
     )
 
 
-def combined(parts: Iterable[BandStatistics]) -> BandStatistics:
-    """Statistics of all parts, merged in their order."""
-    total = BandStatistics()
-    for part in parts:
-        total = total.with_(part)
-    return total
-
-
 @dataclass(frozen=True, slots=True)
 class RasterStatistics:
     """What is known of the pixels of some windows.
@@ -103,7 +96,7 @@ class StatisticsSum:
 
     def __init__(self, files: Sequence[Bands]) -> None:
         self._statistics = [
-            [BandStatistics()] * bands.count if bands.kind == "number" else [] for bands in files
+            [BandStatistics()] * bands.count if bands.content == "number" else [] for bands in files
         ]
         self._counts = np.zeros(0, np.int64)
         self._nodata = 0
@@ -112,7 +105,7 @@ class StatisticsSum:
     def add(self, part: RasterStatistics) -> None:
         """Add those of other windows."""
         for total, bands in zip(self._statistics, part.statistics, strict=True):
-            total[:] = map(BandStatistics.with_, total, bands)
+            total[:] = map(operator.add, total, bands)
         self._counts = part.counts + self._counts if self._counts.size else part.counts
         self._nodata += part.nodata
         self._lost += part.lost

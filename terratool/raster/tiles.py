@@ -24,8 +24,7 @@ from terratool.raster.formats import RasterFormat
 from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands
-from terratool.raster.loss import LossFinder
-from terratool.raster.prefetch import TILE, WindowMaker, heights_type
+from terratool.raster.prefetch import TILE, WindowMaker
 from terratool.raster.statistics import RasterStatistics
 from terratool.raster.writers import Storage
 
@@ -43,7 +42,7 @@ SCRATCH = f"{PART}tiles-"
 
 
 @dataclass(frozen=True, slots=True)
-class MosaicPlan:
+class Tiling:
     """All that decides the tiles of a terrain.
 
     Attributes:
@@ -53,7 +52,7 @@ class MosaicPlan:
         size: pixels on the side of a tile, but for the last ones.
         losses: whether to find out what the pixels do not show.
         folder: where the tiles go.
-        version: of the program that made the plan.
+        version: of the program that began the mosaic.
     """
 
     grid: Grid
@@ -143,26 +142,21 @@ Done = tuple[int, FinishedTile, bool]
 class TileMaker:
     """Makes tiles; the same for threads and for the workers of Dask, which are sent one.
 
-    Args:
-        terrain: the terrain.
-        plan: its tiles.
-        scratch: a folder in that of the tiles for what is not yet complete. Who removes it stops
-            all that still write.
+    What is not yet complete is in `scratch`, a folder in that of the tiles. Who removes it stops
+    all that still write.
     """
 
-    def __init__(self, terrain: Terrain, plan: MosaicPlan, scratch: Path) -> None:
-        self.terrain, self.plan, self.scratch = terrain, plan, scratch
+    def __init__(self, terrain: Terrain, tiling: Tiling, scratch: Path) -> None:
+        self.terrain, self.tiling, self.scratch = terrain, tiling, scratch
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return TileMaker, (self.terrain, self.plan, self.scratch)  # without what it works in
+        return TileMaker, (self.terrain, self.tiling, self.scratch)  # without what it works in
 
     @cached_property
-    def _maker(self) -> WindowMaker:
-        plan = self.plan
-        losses = (
-            LossFinder(self.terrain, plan.grid, heights_type(plan.files)) if plan.losses else None
-        )
-        return WindowMaker(self.terrain, plan.grid, plan.files, losses)
+    def maker(self) -> WindowMaker:
+        """Makes the windows of all tiles."""
+        tiling = self.tiling
+        return WindowMaker(self.terrain, tiling.grid, tiling.files, tiling.losses)
 
     def make(
         self,
@@ -184,25 +178,27 @@ class TileMaker:
             WriteError: its files cannot be written, or the folder is not seen here.
             RequestError: its numbers are beyond their type, or this is another version.
         """
-        plan = self.plan
-        if plan.version != __version__:
+        tiling = self.tiling
+        if tiling.version != __version__:
             raise RequestError(
                 f"{gethostname()}: has terratool {__version__}, but the mosaic is of "
-                f"{plan.version}.",
+                f"{tiling.version}.",
                 "Install the same version for all workers.",
             )
-        paths = plan.paths(tile)
+        paths = tiling.paths(tile)
         if known and all(map(is_complete, paths, known.files)):
             return known, True
         self.check()
-        storage = Storage(RasterFormat("GTiff"), plan.compression)
+        storage = Storage(RasterFormat("GTiff"), tiling.compression)
         with contextlib.ExitStack() as stack:
             parts = [
                 stack.enter_context(whole_file(path, True, COMPANIONS, self.scratch))
                 for path in paths
             ]
-            filled = fill_files(parts, self._maker, storage, window=tile.window, progress=progress)
-            files = tuple(map(_state_of, parts))
+            filled = fill_files(parts, self.maker, storage, window=tile.window, progress=progress)
+            files = tuple(
+                FileState(part.name, part.stat().st_size, checksum(part)) for part in parts
+            )
         return FinishedTile(tile.row, tile.column, files, filled.statistics), False
 
     def check(self, _pixels: int = 0) -> None:
@@ -213,7 +209,7 @@ class TileMaker:
         """
         if not self.scratch.is_dir():
             raise WriteError(
-                f"{self.plan.folder}: is not seen, or no longer written, from {gethostname()}.",
+                f"{self.tiling.folder}: is not seen, or no longer written, from {gethostname()}.",
                 "Choose a folder that all workers share under the same name.",
             )
 
@@ -247,7 +243,3 @@ def checksum(path: Path) -> str:
     """BLAKE2b of a file, 16 bytes in hexadecimal digits."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
-
-
-def _state_of(path: Path) -> FileState:
-    return FileState(path.name, path.stat().st_size, checksum(path))

@@ -120,8 +120,8 @@ def difference(one: Path, other: Path, bands: Bands, nodata: float) -> float:
                 apart = np.abs(first - second)
                 if not np.isnan(apart).all():
                     largest = max(largest, float(np.nanmax(apart)) * abs(a.scales[band - 1]))
-    if largest and bands.kind != "number":
-        raise _unfit(other, f"the {bands.kind}s")
+    if largest and bands.content != "number":
+        raise _unfit(other, f"the {bands.content}s")
     return largest
 
 
@@ -207,19 +207,19 @@ def open_writer(
         if coding is not None and not coding.exact:
             file.file.scales = (coding.scale,) * bands.count
             file.file.offsets = (coding.offset,) * bands.count
-        named = None if extent.window or bands.kind != "surface" else first
+        named = None if extent.window or bands.content != "surface" else first
         writer = _Raster(file, named, extent.terrain, coding)
-        if tiff and bands.kind == "number":
+        if tiff and bands.content == "number":
             writer.difference = compression.max_z_error
         yield writer
     if direct:
         return
     options = cog_options(bands, compression) if form.driver == "COG" else dict(form.options)
-    if form.driver == "AAIGrid" and bands.kind == "number":
+    if form.driver == "AAIGrid" and bands.content == "number":
         options["significant_digits"] = 9 if bands.dtype == np.float32 else 17
     copied(first, path, form.driver, options, threads)
     if form.driver != "COG":
-        nothing = form.nodata if bands.kind == "number" else math.nan
+        nothing = form.nodata if bands.content == "number" else math.nan
         writer.difference += difference(first, path, coded, nothing)
     first.unlink()
     first.with_name(first.name + ".aux.xml").unlink(missing_ok=True)

@@ -10,7 +10,6 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from terratool.errors import RequestError
 from terratool.field.terrain import Bounds, Terrain, clip_bounds
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, grid_over
 from terratool.traversability.map import default_resolution, write_map
@@ -25,10 +24,16 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.route.graph import PREFERENCES, Preference
+from terratool.traversability.route.graph import Preference, check_preference
 from terratool.traversability.route.paths import check_ground, check_inside
-from terratool.traversability.route.routes import MOST_STATES, check, plan, reach, route_grid
-from terratool.traversability.soil import ASSUMPTIONS, all_figures
+from terratool.traversability.route.routes import (
+    MOST_STATES,
+    check_route,
+    plan_route,
+    reach,
+    route_grid,
+)
+from terratool.traversability.soil import ASSUMPTIONS, surface_figures
 from terratool.traversability.survey import Surveyor, survey
 from terratool.traversability.vehicle import Vehicle
 
@@ -81,7 +86,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class AssessmentPlan:
+class PreparedRequest:
     """A request that has been checked, and the grids for it.
 
     Attributes:
@@ -109,30 +114,22 @@ class AssessmentPlan:
         return sum(grid.width * grid.height for grid in grids if grid is not None)
 
 
-def plan_assessment(
+def prepare_assessment(
     terrain: Terrain,
     vehicle: Vehicle,
     request: Request,
     *,
     mapped: bool = False,
     pictured: bool = False,
-) -> AssessmentPlan:
+) -> PreparedRequest:
     """Check a request, and choose its grids, before any long work.
 
-    Args:
-        terrain: the ground.
-        vehicle: a vehicle, or a wheel by itself.
-        request: what is wanted.
-        mapped: whether the map goes into a file.
-        pictured: whether the report has a picture.
+    `mapped` says whether the map goes into a file, `pictured` whether the report has a picture.
 
     Raises:
         RequestError: what is asked for lies outside the terrain, or makes no sense.
     """
-    if request.prefer not in PREFERENCES:
-        raise RequestError(
-            f"There is no preference {request.prefer!r}.", f"There is {', '.join(PREFERENCES)}."
-        )
+    check_preference(request.prefer)
     grid, why = _map_grid(terrain, vehicle, request, mapped)
     part = clip_bounds(terrain, request.bounds)
     for what, place in _places(request):
@@ -169,11 +166,11 @@ def plan_assessment(
         coarse = max(grid.resolution, max(part[2] - part[0], part[3] - part[1]) / _PICTURE)
         shorter = min(part[2] - part[0], part[3] - part[1])
         picture = grid_over(terrain, min(coarse, shorter), request.bounds)
-    return AssessmentPlan(terrain, vehicle, request, pictured, grid, route, picture, tuple(notes))
+    return PreparedRequest(terrain, vehicle, request, pictured, grid, route, picture, tuple(notes))
 
 
 def assess(
-    planned: AssessmentPlan,
+    prepared: PreparedRequest,
     *,
     name: str = "",
     map_path: str | Path | None = None,
@@ -185,26 +182,28 @@ def assess(
     """Find out whether, where and why not a vehicle can drive on a terrain.
 
     Args:
-        planned: what is wanted, from `plan_assessment`.
+        prepared: what is wanted, from `prepare_assessment`.
         name: of the terrain, for people.
         map_path: a .tif for the map; its numbers go to a second file beside it.
         overwrite: whether files may be there already.
         threads: number of threads; as many as there are processors if None.
-        progress: called with the number of pixels that are done, of the pixels of the plan.
+        progress: called with the number of pixels that are done, of all its pixels.
         stack: the map's files take their places when it ends, if given.
 
     Raises:
         RequestError: a figure of a surface is too large, or the vehicle cannot stand at a start.
         WriteError: the map exists already, or cannot be written.
     """
-    terrain, vehicle, request = planned.terrain, planned.vehicle, planned.request
-    figures = all_figures(terrain, vehicle)
-    surveyor = Surveyor(terrain, vehicle, planned.grid, request.headings)
+    terrain, vehicle, request = prepared.terrain, prepared.vehicle, prepared.request
+    figures = tuple(
+        surface_figures(name, surface, vehicle) for name, surface in terrain.surface_types.items()
+    )
+    surveyor = Surveyor(terrain, vehicle, prepared.grid, request.headings)
     summary = write_map(
         surveyor, map_path, threads=threads, overwrite=overwrite, progress=progress, stack=stack
     )
 
-    def surveyed(grid: Grid | None) -> Survey | None:
+    def survey_on(grid: Grid | None) -> Survey | None:
         if grid is None:
             return None
         found = survey(terrain, vehicle, grid, headings=request.headings, threads=threads)
@@ -212,11 +211,21 @@ def assess(
             progress(grid.width * grid.height)
         return found
 
-    seen, picture = surveyed(planned.route), surveyed(planned.picture)
-    routes = tuple(_routes(terrain, vehicle, request, seen)) if seen else ()
+    route_survey, picture = survey_on(prepared.route), survey_on(prepared.picture)
+    routes: list[Route] = []
     reached: Reach | None = None
-    if request.reachable is not None and seen:
-        reached = reach(terrain, vehicle, seen, request.reachable)
+    if route_survey:
+        for x0, y0, x1, y1 in request.routes:
+            routes.append(
+                plan_route(
+                    terrain, vehicle, route_survey, (x0, y0), (x1, y1), prefer=request.prefer
+                )
+            )
+        routes += [
+            check_route(terrain, vehicle, route_survey, points) for points in request.waypoints
+        ]
+        if request.reachable is not None:
+            reached = reach(terrain, vehicle, route_survey, request.reachable)
     return TraversabilityReport(
         terrain=name,
         descr=terrain.descr,
@@ -225,11 +234,11 @@ def assess(
         surfaces=figures,
         summary=summary,
         verdict=verdict_of(summary, routes),
-        routes=routes,
+        routes=tuple(routes),
         reach=reached,
-        preview=(picture or seen) if planned.pictured else None,
+        preview=(picture or route_survey) if prepared.pictured else None,
         assumptions=(*ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
-        notes=planned.notes,
+        notes=prepared.notes,
     )
 
 
@@ -251,13 +260,6 @@ def verdict_of(summary: MapSummary, routes: Sequence[Route]) -> Verdict:
     if counts.get(Verdict.GO) or counts.get(Verdict.CAUTION):
         return Verdict.CAUTION
     return Verdict.UNKNOWN if not counts else Verdict.NO_GO
-
-
-def _routes(terrain: Terrain, vehicle: Vehicle, request: Request, seen: Survey) -> Iterator[Route]:
-    for x0, y0, x1, y1 in request.routes:
-        yield plan(terrain, vehicle, seen, (x0, y0), (x1, y1), request.prefer)
-    for points in request.waypoints:
-        yield check(terrain, vehicle, seen, points)
 
 
 def _map_grid(

@@ -58,7 +58,9 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
         side = axle.wheels // 2
         x += [axle.x] * axle.wheels
         y += (
-            [0.5 * vehicle.track] * side + [0.0] * (axle.wheels % 2) + [-0.5 * vehicle.track] * side
+            [0.5 * vehicle.track_width] * side
+            + [0.0] * (axle.wheels % 2)
+            + [-0.5 * vehicle.track_width] * side
         )
         driven += [axle.driven] * axle.wheels
     if not x:
@@ -186,15 +188,11 @@ def gap_width(radius: float, step: float) -> float:
 
 
 def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
-    """The highest step that all wheels of a vehicle get up, and what limits it.
+    """The highest step that all wheels of a vehicle get up with a friction μ, and what limits it.
 
     The smallest of what friction and motors give on the axle where it is least, with level loads;
     not beyond the wheel's radius, nor the clearance less its margin. The step's margin is taken
     off at the end.
-
-    Args:
-        vehicle: what climbs.
-        friction: μ, tan φ of the surface.
     """
     wheel, wheels = vehicle.wheel, wheel_layout(vehicle)
     loads = np.maximum(vehicle.weight * wheels.shares[:, 0], 0.0)
@@ -203,12 +201,12 @@ def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
     if not vehicle.is_single:
         limits.append((vehicle.clearance - vehicle.margins.clearance, "clearance"))
     for x in np.unique(wheels.x):
-        here = wheels.x == x
-        load, count = float(loads[here].sum()), int(here.sum())
+        axle = wheels.x == x
+        load, count = float(loads[axle].sum()), int(axle.sum())
         if load == 0.0:
             continue
-        driven = bool(wheels.driven[here].any())
-        push = float(force[~here].sum()) / load
+        driven = bool(wheels.driven[axle].any())
+        push = float(force[~axle].sum()) / load
         limits.append((step_pushed(wheel.radius, friction, push, driven), "friction"))
         if driven and math.isfinite(wheel.max_torque):
             lifted = step_torque(wheel.radius, load / count, wheel.max_torque)
@@ -238,12 +236,8 @@ def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> Steepe
     Loads are those of the slope. Each driven wheel pushes with the same share of the soil's
     strength: all of it where K is not known, else what `max_slip` mobilises in the one that
     mobilises least; with its motor's limit where that is less. Each towed wheel resists.
-    A wheel that lifts ends the search, and so does one that sinks in to its axle.
-
-    Args:
-        vehicle: its margins are not taken off.
-        soil: under all wheels.
-        max_slip: the largest slip; that of the wheel if None.
+    A wheel that lifts ends the search, and so does one that sinks in to its axle. Margins are not
+    taken off. `max_slip` is that of the wheel if None.
     """
     return _steepest(vehicle, soil, False, vehicle.wheel.max_slip if max_slip is None else max_slip)
 
@@ -258,9 +252,8 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
 
 
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
-    wheel, layout = vehicle.wheel, wheel_layout(vehicle)
     found = kernels.steepest(
-        across, layout, vehicle.weight, one_soil(soil), slip, wheel, wheel.max_torque
+        across, wheel_layout(vehicle), vehicle.weight, one_soil(soil), slip, vehicle.wheel
     )
     angle = found["angle"]
     return SteepestSlope(max(angle, 0.0), angle >= 0.0, Reason(found["reason"]))
@@ -330,7 +323,7 @@ class LevelDemand(NamedTuple):
 def level_demand(vehicle: Vehicle, soil: Soil) -> LevelDemand:
     """What the wheels need to roll on the level."""
     wheel, loads = vehicle.wheel, wheel_loads(vehicle)
-    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, wheel, wheel.max_torque)
+    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, wheel)
     sinkage = float(np.max(contact(loads, soil, wheel).sinkage))
     return LevelDemand(need["torque"], need["utilisation"], need["slip"], sinkage)
 

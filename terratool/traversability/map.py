@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +21,15 @@ from terratool.kernels import traversability as kernels
 from terratool.output import refuse_existing, whole_file
 from terratool.raster.export import COMPANIONS, checked_threads, refuse_full_disk
 from terratool.raster.formats import raster_format
-from terratool.raster.geotiff import Compression, GeoTiff, RasterExtent, crs_of, geotiff
+from terratool.raster.geotiff import (
+    Compression,
+    GeoTiff,
+    RasterExtent,
+    crs_of,
+    geotiff,
+    name_categories,
+    xml_bytes,
+)
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
 from terratool.raster.layers import Bands, Layer
 from terratool.raster.prefetch import TILE, prefetch
@@ -108,12 +117,12 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
         np.minimum(at(worst, share), MOST),
         *(np.degrees(at(heading, slope)) for heading in (best, worst) for slope in (along, across)),
         measures.step.max(axis=0),
-        _extreme(np.fmax, measures.rough),
-        _extreme(np.fmin, measures.clearance),
-        _extreme(np.fmin, measures.overhang),
-        _extreme(np.fmax, measures.numbers[:, kernels.SINKAGE]),
-        _extreme(np.fmin, measures.numbers[:, kernels.DRAWBAR]),
-        _extreme(np.fmin, measures.numbers[:, kernels.RESERVE]),
+        np.fmax.reduce(measures.rough),
+        np.fmin.reduce(measures.clearance),
+        np.fmin.reduce(measures.overhang),
+        np.fmax.reduce(measures.numbers[:, kernels.SINKAGE]),
+        np.fmin.reduce(measures.numbers[:, kernels.DRAWBAR]),
+        np.fmin.reduce(measures.numbers[:, kernels.RESERVE]),
     )
     numbers = np.stack(bands).astype(np.float32)
     reserve_band = numbers[-1]
@@ -132,21 +141,12 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
     )
 
 
-def _extreme(of: np.ufunc, values: NDArray[np.float32]) -> NDArray[Any]:
-    """Largest or smallest over the headings, of those that have one."""
-    return np.asarray(of.reduce(values, axis=0))
-
-
 def default_resolution(
     terrain: Terrain, vehicle: Vehicle, bounds: Bounds | None = None, most: int = DEFAULT_PIXELS
 ) -> tuple[float, str]:
     """A resolution for a map, and in words why: a quarter of the wheel's radius, within reason.
 
-    Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
-        bounds: what is looked at; all if None.
-        most: pixels on the longer side of what is looked at.
+    `most` is how many pixels the longer side of the bounds, or of the terrain, may have.
 
     Raises:
         RequestError: the bounds are empty or miss the terrain; or so many pixels are too few.
@@ -236,7 +236,7 @@ def write_map(
         for made in prefetch(partial(_made, surveyor), grid.windows(TILE, TILE), threads):
             for file, pixels in zip(files, made.bands, strict=False):
                 file.write(made.window, pixels)
-            statistics = list(map(BandStatistics.with_, statistics, made.statistics))
+            statistics = list(map(operator.add, statistics, made.statistics))
             count, worst, reasons = count + made.counts, worst + made.worst, reasons + made.reasons
             if progress:
                 progress(made.window.height * made.window.width)
@@ -258,19 +258,19 @@ def _by_verdict(counts: NDArray[np.int64]) -> dict[Verdict, int]:
 
 
 def _made(surveyor: Surveyor, window: Window) -> _Made:
-    """Judge a tile, block by block."""
+    """Judge a tile, window by window."""
     terrain, grid = surveyor.terrain, surveyor.grid
     west, south, east, north = terrain.bounds
     flat = (window.height, window.width)
     whole = MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
     ground, surfaces = np.empty(flat, np.bool_), np.empty(flat, np.int64)
-    for block in surveyor.blocks(window):
-        measures = surveyor.measure(block)
-        x, y = grid.columns(block), grid.rows(block)
+    for inner in surveyor.windows(window):
+        measures = surveyor.measure(inner)
+        x, y = grid.columns(inner), grid.rows(inner)
         inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))[None]
         folded = map_bands(measures, inside)
-        row, column = block.row - window.row, block.column - window.column
-        part = np.s_[row : row + block.height, column : column + block.width]
+        row, column = inner.row - window.row, inner.column - window.column
+        part = np.s_[row : row + inner.height, column : column + inner.width]
         for bands, pixels in zip(whole, folded, strict=True):
             bands[:, *part] = pixels
         ground[part], surfaces[part] = ~np.isnan(measures.heights), measures.surfaces
@@ -307,9 +307,8 @@ def _opened(
     parts = [stack.enter_context(whole_file(name, overwrite, COMPANIONS)) for name in paths]
     files = []
     for part, bands in zip(parts, _FILES, strict=True):
-        nodata = None if bands is NUMBERS else 0.0
         file = stack.enter_context(
-            geotiff(part, RasterExtent(terrain, grid), bands, Compression(), threads, nodata)
+            geotiff(part, RasterExtent(terrain, grid), bands, Compression(), threads)
         )
         if bands is VERDICT:
             file.file.write_colormap(1, {int(key): (*c, 255) for key, c in COLORS.items()})
@@ -325,9 +324,6 @@ def _class_names(bands: Bands) -> bytes:
     root = ElementTree.Element("PAMDataset")
     for number, name in enumerate(bands.names, 1):
         band = ElementTree.SubElement(root, "PAMRasterBand", band=str(number))
-        kind: type[Verdict] | type[Reason] = Verdict if name.startswith("verdict") else Reason
-        categories = ElementTree.SubElement(band, "CategoryNames")
-        for value in kind:
-            ElementTree.SubElement(categories, "Category").text = value.label
-    ElementTree.indent(root)
-    return f"{ElementTree.tostring(root, encoding='unicode')}\n".encode()
+        classes: type[Verdict] | type[Reason] = Verdict if name.startswith("verdict") else Reason
+        name_categories(band, [value.label for value in classes])
+    return xml_bytes(root)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -355,7 +355,13 @@ class MapSummary:
 
     def fraction(self, verdict: Verdict) -> float:
         """Share of the pixels with ground that have this verdict; 0 where there are none."""
-        return self.counts.get(verdict, 0) / self.pixels if self.pixels else 0.0
+        return fraction_of(self.counts, verdict)
+
+
+def fraction_of(counts: dict[Verdict, int], verdict: Verdict) -> float:
+    """Share of counted pixels that have this verdict; 0 where there are none."""
+    total = sum(counts.values())
+    return counts.get(verdict, 0) / total if total else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,5 +394,5 @@ class TraversabilityReport:
     routes: tuple[Route, ...] = ()
     reach: Reach | None = None
     preview: Survey | None = None
-    assumptions: tuple[str, ...] = field(default_factory=tuple)
+    assumptions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

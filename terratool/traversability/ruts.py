@@ -28,7 +28,7 @@ from terratool.traversability.vehicle import Vehicle
 
 SHARPEST = math.radians(20.0)
 """A turn of the path up to this is driven through, a sharper one is made on the spot …"""
-STEP = math.radians(10.0)
+TURN_STEP = math.radians(10.0)
 """… in steps of at most this."""
 
 Points = NDArray[np.float64]
@@ -78,7 +78,9 @@ def _poses(path: Points) -> tuple[Points, Points]:
         if abs(turn) <= SHARPEST:
             angles = [before + 0.5 * turn]
         else:
-            angles = (before + np.linspace(0.0, turn, math.ceil(abs(turn) / STEP) + 1)).tolist()
+            angles = (
+                before + np.linspace(0.0, turn, math.ceil(abs(turn) / TURN_STEP) + 1)
+            ).tolist()
         places += [at] * len(angles)
         turned += angles
     return np.array([*places, path[-1]]), np.array([*turned, headings[-1]])
@@ -336,10 +338,11 @@ def _merged(known: tuple[Track, ...], fresh: list[Track]) -> tuple[tuple[Track, 
 
 
 def _track_key(track: Track) -> Any:
-    """What is the same for two tracks that are driven in the same line."""
-    depth = track.depth
-    depths = tuple(sorted(depth.items())) if isinstance(depth, dict) else depth
-    return track.path, track.width, track.load, depths, track.multipass, track.surface
+    """A track without its passes and its name, hashable: the same for those in the same line."""
+    depth: Any = track.depth
+    if isinstance(depth, dict):
+        depth = tuple(sorted(depth.items()))
+    return msgspec.structs.replace(track, descr=UNSET, passes=UNSET, depth=depth)
 
 
 def _passes(track: Track) -> int:
@@ -349,13 +352,9 @@ def _passes(track: Track) -> int:
 def write_deformed(
     path: str, output: str | Path, deformed: Deformed, overwrite: bool = False
 ) -> int:
-    """Write a definition's text with other tracks; all else in it stays byte for byte.
+    """Write the text of the definition at `path` with other tracks; all else stays byte for byte.
 
-    Args:
-        path: of the definition.
-        output: where it goes, gzipped if the name ends with .gz.
-        deformed: the tracks.
-        overwrite: whether the output may be there already.
+    The output is gzipped if its name ends with .gz.
 
     Returns:
         By how many bytes the text has grown.

@@ -108,9 +108,7 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
                 f"The surface {name!r} has {key.replace('_', ' ')} {number:g}, which is too large.",
                 "Give the soil's figures in kPa, degrees, m/kN and m.",
             )
-    return Soil.of(
-        numbers["cohesion"], numbers["fric_angle"], numbers["sinkage"], numbers["shear_modulus"]
-    )
+    return Soil.of(*numbers.values())
 
 
 def governing_load(vehicle: Vehicle) -> float:
@@ -141,11 +139,6 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
 
     Climb, cross-slope, step and verdict are those of the whole vehicle, with its margins taken
     off. Slip is limited by the wheel's largest or by where caution ends, whichever is less.
-
-    Args:
-        name: of the surface.
-        surface: of the definition.
-        vehicle: whose wheels drive on it.
 
     Raises:
         RequestError: the vehicle or the soil has a number that the formulas do not hold for.
@@ -200,13 +193,6 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         verdict=verdict,
         reason=reason,
         warnings=(*wheels.remarks(load, soil, vehicle.wheel), *_remarks(vehicle, soil, load)),
-    )
-
-
-def all_figures(terrain: Terrain, vehicle: Vehicle) -> tuple[Figures, ...]:
-    """The figures of every surface of a terrain, in the order of the definition."""
-    return tuple(
-        surface_figures(name, surface, vehicle) for name, surface in terrain.surface_types.items()
     )
 
 

@@ -70,14 +70,14 @@ class VehicleFootprint:
         by_heading: for each heading, clockwise from north; the second half are the opposite ones.
         sides: (headings, 4) m, how far the vehicle reaches west, south, east and north of its
             reference point.
-        margin: pixels beyond the outermost reference points that may matter.
+        halo: pixels beyond the outermost reference points that may matter.
         shared: whether opposite headings have the same wheels, body and places.
     """
 
     resolution: float
     by_heading: tuple[HeadingFootprint, ...]
     sides: NDArray[np.float64]
-    margin: int
+    halo: int
     shared: bool
 
 
@@ -86,27 +86,22 @@ def vehicle_footprint(
 ) -> VehicleFootprint:
     """What a vehicle covers at each of some headings.
 
-    Seen from above as on level ground: slopes do not shorten it.
-
-    Args:
-        vehicle: the vehicle.
-        resolution: of the ground, m.
-        apart: reference points along the axes, m.
-        headings: a multiple of 4.
+    Seen from above as on level ground: slopes do not shorten it. The ground has pixels of
+    `resolution`, m; reference points are so far `apart` along the axes, m.
     """
     wheels = wheel_layout(vehicle)
     x, y = wheels.x - vehicle.middle, wheels.y
     # obliquely the next reference point is farther away, and what is between must be seen, too
     reaches = [max(vehicle.wheel.radius, apart / max(map(abs, d))) for d in directions(headings)]
     by_heading = tuple(
-        _covered(vehicle, x, y, resolution, reach, direction)
+        _heading_footprint(vehicle, x, y, resolution, reach, direction)
         for reach, direction in zip(reaches, directions(headings), strict=True)
     )
     front, rear, side = vehicle.rectangle
     corners = np.array([(front, side), (front, -side), (-rear, side), (-rear, -side)])
     sides = []
-    for covered in by_heading:
-        east, north = _turned(corners, covered.direction)
+    for footprint in by_heading:
+        east, north = _turned(corners, footprint.direction)
         sides.append((-east.min(), -north.min(), east.max(), north.max()))
     # wheels that look for steps, and what shows how high these are, reach farthest
     farthest = math.hypot(max(front, rear), side) + max(reaches) + 2.5 * vehicle.wheel.radius
@@ -119,10 +114,8 @@ def vehicle_footprint(
 
 def directions(headings: int) -> list[tuple[float, float]]:
     """Unit vectors east and north, clockwise from north; opposite ones are exactly so."""
-    quarter = []
-    for n in range(headings // 4):
-        angle = 2.0 * math.pi * n / headings
-        quarter.append((math.sin(angle), math.cos(angle)))
+    angles = (2.0 * math.pi * n / headings for n in range(headings // 4))
+    quarter = [(math.sin(angle), math.cos(angle)) for angle in angles]
     east = [(north, -east) for east, north in quarter]
     half = quarter + east
     return half + [(-east + 0.0, -north + 0.0) for east, north in half]
@@ -136,7 +129,7 @@ def _turned(
     return along * direction[0] - left * direction[1], along * direction[1] + left * direction[0]
 
 
-def _covered(
+def _heading_footprint(
     vehicle: Vehicle,
     x: NDArray[np.float64],
     y: NDArray[np.float64],
@@ -163,7 +156,7 @@ def _covered(
         if vehicle.rear.length > 0.0 and math.isfinite(vehicle.rear.height):
             rear, _ = _rectangle(-half - vehicle.rear.length, -half, body, resolution, direction)
     # between the wheels' middles: what wheels would touch there reaches as far as they do
-    length, across = half or radius, 0.5 * (vehicle.track or width)
+    length, across = half or radius, 0.5 * (vehicle.track_width or width)
     places, _ = _rectangle(-length, length, across, resolution, direction)
     apart = max(1, round(math.sqrt(len(places) / PLACES)))
     places = places[(places % apart == 0).all(axis=1)]
@@ -199,7 +192,7 @@ def _rectangle(
 def _fit(vehicle: Vehicle, wheels: Offsets, resolution: float) -> NDArray[np.float64]:
     """Least squares of a plane over the wheels' pixels; a level one where they stand in a row."""
     places = np.column_stack([np.ones(len(wheels)), wheels[:, 1], -wheels[:, 0]])
-    if vehicle.wheelbase == 0.0 or vehicle.track == 0.0 or np.linalg.matrix_rank(places) < 3:
+    if vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0 or np.linalg.matrix_rank(places) < 3:
         return np.vstack([np.full((1, len(wheels)), 1.0 / len(wheels)), np.zeros((2, len(wheels)))])
     return np.asarray(np.linalg.pinv(places) / [[1.0], [resolution], [resolution]], np.float64)
 
@@ -229,14 +222,8 @@ class Ground:
 class GroundPainter:
     """Paints windows of ground; may be used by several threads at a time.
 
-    Windows may reach beyond the grid; no pixel depends on the window.
-
-    Args:
-        terrain: the terrain.
-        grid: the pixels.
-        least: walls and faces lower than this, m, are left out.
-        slopes: whether slopes are wanted.
-        radius: of the wheels, m.
+    Windows may reach beyond the grid; no pixel depends on the window. Walls and faces lower than
+    `least`, m, are left out. `radius` is that of the wheels, m.
     """
 
     def __init__(

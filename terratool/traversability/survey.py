@@ -15,6 +15,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import Grid, Window
+from terratool.raster.painter import id_type
 from terratool.raster.prefetch import prefetch
 from terratool.traversability.limits import (
     WheelLayout,
@@ -53,9 +54,9 @@ _LEAST = 0.02
 _DETREND = 1.5
 """A step is what a wheel rises within so many radii before and behind a wall."""
 
-_BLOCK = (128, 512)
+_WINDOW = (128, 512)
 _FINE_PIXELS = 1 << 22
-"""Pixels of ground that are sweep at a time; with what is found out of them some 200 MB."""
+"""Pixels of ground that are swept at a time; with what is found out of them some 200 MB."""
 
 MOST_HEADINGS = 64
 
@@ -68,7 +69,7 @@ class VehicleParams(NamedTuple):
         fit_along, fit_across: (wheels,) how much a metre under each wheel tilts the body, ahead and
             to the left.
         wheel: each of its wheels.
-        weight, max_torque, max_slip: of the vehicle and its wheels.
+        weight: N.
         slip: the slip that is no-go.
         slope_margin: rad.
         clearance, front, rear: what ground and sinkage may take under the body and its overhangs.
@@ -81,8 +82,6 @@ class VehicleParams(NamedTuple):
     fit_across: NDArray[np.float64]
     wheel: Wheel
     weight: float
-    max_torque: float
-    max_slip: float
     slip: float
     slope_margin: float
     clearance: float
@@ -105,8 +104,7 @@ def vehicle_params(vehicle: Vehicle) -> VehicleParams:
         layout=replace(wheels, edges=tip_edges(vehicle, wheels)),
         fit_along=ahead / lengths if lengths > 0.0 else np.zeros_like(ahead),
         fit_across=wheels.y / widths if widths > 0.0 else np.zeros_like(ahead),
-        wheel=wheel, weight=vehicle.weight, max_torque=wheel.max_torque, max_slip=wheel.max_slip,
-        slip=slip, slope_margin=margins.slope,
+        wheel=wheel, weight=vehicle.weight, slip=slip, slope_margin=margins.slope,
         clearance=vehicle.clearance - margins.clearance,
         front=vehicle.front.height - margins.clearance,
         rear=vehicle.rear.height - margins.clearance,
@@ -207,7 +205,7 @@ def survey(
 ) -> Survey:
     """A vehicle at the pixel centres of a grid.
 
-    Memory is that of the result (26 bytes for each pixel and heading) and of some blocks of ground.
+    Memory is that of the result (26 bytes for each pixel and heading) and of ground under windows.
 
     Args:
         terrain: the ground.
@@ -228,13 +226,12 @@ def survey(
         kernels.ENERGY,
     )  # fmt: skip
     numbers = [np.empty((headings, *flat), np.float32) for _ in planes]
-    heights, surfaces = np.empty(flat, np.float32), np.empty(flat, surveyor.ids)
-    blocks = list(surveyor.blocks(grid.whole))
-    made = prefetch(surveyor.measure, blocks, checked_threads(threads))
-    for block, found in zip(blocks, made, strict=True):
-        part = np.s_[
-            block.row : block.row + block.height, block.column : block.column + block.width
-        ]
+    heights, surfaces = np.empty(flat, np.float32), np.empty(flat, id_type(terrain))
+    windows = list(surveyor.windows(grid.whole))
+    made = prefetch(surveyor.measure, windows, checked_threads(threads))
+    for window, found in zip(windows, made, strict=True):
+        row, column = window.row, window.column
+        part = np.s_[row : row + window.height, column : column + window.width]
         heights[part], surfaces[part] = found.heights, found.surfaces
         verdict[:, *part], reason[:, *part] = found.verdict, found.reason
         for values, plane in zip(numbers, planes, strict=True):
@@ -275,12 +272,6 @@ def parts_of(vehicle: Vehicle, resolution: float) -> int:
 class Surveyor:
     """Finds out about windows of a grid; may be used by several threads at a time.
 
-    Args:
-        terrain: the terrain.
-        vehicle: the vehicle.
-        grid: the pixels.
-        headings: a multiple of 4 from 4 to 64.
-
     Raises:
         RequestError: as `survey`.
     """
@@ -303,29 +294,24 @@ class Surveyor:
         self._footprint: VehicleFootprint = vehicle_footprint(
             vehicle, self._fine.resolution, grid.resolution, headings
         )
-        self._margin = math.ceil(self._footprint.margin / parts)
-        slopes = vehicle.wheelbase == 0.0 or vehicle.track == 0.0
+        self._halo = math.ceil(self._footprint.halo / parts)
+        slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
         self._painter = GroundPainter(terrain, self._fine, _LEAST * radius, slopes, radius)
         self._on_soils = kernels.VehicleOnSoils(
             vehicle_params(vehicle), *soil_table(terrain, vehicle)
         )
 
-    @property
-    def ids(self) -> np.dtype[Any]:
-        """Type of the surfaces."""
-        return np.min_scalar_type(len(self.terrain.surfaces))
-
-    def blocks(self, window: Window) -> Iterator[Window]:
+    def windows(self, window: Window) -> Iterator[Window]:
         """Windows that cover a larger one, each not too large to be measured at once."""
-        side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._margin, 16)
-        return window.cut(min(_BLOCK[0], side), min(_BLOCK[1], side))
+        side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._halo, 16)
+        return window.cut(min(_WINDOW[0], side), min(_WINDOW[1], side))
 
     def measure(self, window: Window) -> WindowMeasures:
         """All that is found out about a window of the grid."""
-        parts, margin = self._parts, self._margin
+        parts, halo = self._parts, self._halo
         around = Window(
-            parts * (window.row - margin), parts * (window.column - margin),
-            parts * (window.height + 2 * margin), parts * (window.width + 2 * margin),
+            parts * (window.row - halo), parts * (window.column - halo),
+            parts * (window.height + 2 * halo), parts * (window.width + 2 * halo),
         )  # fmt: skip
         sweep = _Sweep(self, window, self._painter.paint(around))
         flat = (window.height, window.width)
@@ -340,18 +326,19 @@ class Surveyor:
             steps = sweep.steps(first, supports)
             body = None
             for heading in (turn, turn + half):
-                covered = self._footprint.by_heading[heading]
+                footprint = self._footprint.by_heading[heading]
                 if body is None or not self._footprint.shared:
-                    body = sweep.body(covered, supports)
+                    body = sweep.body(footprint, supports)
                 plane, bump, rough[heading] = body
-                step[heading] = sweep.step_ahead(covered, steps)
+                step[heading] = sweep.step_ahead(footprint, steps)
                 stance = Stance(
-                    plane, bump, sweep.bump(covered.front, plane), sweep.bump(covered.rear, plane),
+                    plane, bump,
+                    sweep.bump(footprint.front, plane), sweep.bump(footprint.rear, plane),
                     rough[heading], step[heading], self._reaches_beyond(window, heading),
-                    sweep.ids, sweep.first, sweep.placed(covered.wheels),
+                    sweep.ids, sweep.first, sweep.placed(footprint.wheels),
                 )  # fmt: skip
                 out = Verdicts(verdict[heading], reason[heading], numbers[heading])
-                kernels.judge_cells(self._on_soils, stance, *covered.direction, out)
+                kernels.judge_cells(self._on_soils, stance, *footprint.direction, out)
                 left = self._clearances(stance, numbers[heading])
                 clearance[heading], overhang[heading] = left
         return WindowMeasures(
@@ -391,10 +378,10 @@ class _Sweep:
     """The ground of a window, laid out for sweeps of a footprint over it."""
 
     def __init__(self, surveyor: Surveyor, window: Window, ground: Ground) -> None:
-        self._parts, self._margin = surveyor._parts, surveyor._margin
+        self._parts, self._halo = surveyor._parts, surveyor._halo
         self._surveyor, self._ground = surveyor, ground
         self._shape = (window.height, window.width)
-        self.first = self._parts * self._margin + self._parts // 2
+        self.first = self._parts * self._halo + self._parts // 2
         self._heights = self._phased(ground.heights)
         self.ids = self._phased(ground.surfaces)
         middle = np.zeros(2, np.int64)
@@ -413,7 +400,7 @@ class _Sweep:
         """Rows, phases and columns of offsets."""
         column = self._parts // 2 + offsets[:, 1]
         return np.column_stack(
-            [offsets[:, 0], column % self._parts, self._margin + column // self._parts]
+            [offsets[:, 0], column % self._parts, self._halo + column // self._parts]
         )
 
     def _at(self, plane: NDArray[Any], offset: Offsets) -> NDArray[Any]:
@@ -434,29 +421,30 @@ class _Sweep:
         return np.asarray(offsets[:, ::-1] * (resolution, -resolution), np.float32)
 
     def body(
-        self, covered: HeadingFootprint, supports: NDArray[np.float32]
+        self, footprint: HeadingFootprint, supports: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], Any, Any]:
         """The plane that the vehicle stands on, what rises above it under the body, roughness."""
         phased = self._phased(supports)
         total = np.zeros((3, *self._shape))
-        for n, wheel in enumerate(covered.wheels):
+        for n, wheel in enumerate(footprint.wheels):
             support = self._at(phased, wheel)
             support[np.isneginf(self._at(self._heights, wheel))] = np.nan
-            total += covered.fit[:, n, None, None] * support
+            total += footprint.fit[:, n, None, None] * support
         plane = total.astype(np.float32)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
             # wheels in a row say nothing of a plane: they take the ground's own slope under them
             treads = np.concatenate(
-                [self.placed(wheel + covered.tread) for wheel in covered.wheels]
+                [self.placed(wheel + footprint.tread) for wheel in footprint.wheels]
             )
             for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
                 kernels.mean(self._phased(slope), self.first, treads, plane[axis])
-        places = self._shifts(covered.places)
+        places = self._shifts(footprint.places)
         rough = self._empty()
         kernels.roughness(
-            phased, self.first, self.placed(covered.places), places, plane, _spread(places), rough
-        )
-        return plane, self.bump(covered.body, plane), rough
+            phased, self.first, self.placed(footprint.places), places, plane,
+            _inverse_moments(places), rough,
+        )  # fmt: skip
+        return plane, self.bump(footprint.body, plane), rough
 
     def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
         """How far the ground stands above the plane under offsets, m."""
@@ -466,17 +454,17 @@ class _Sweep:
         )
         return out
 
-    def supports(self, covered: HeadingFootprint) -> NDArray[np.float32]:
+    def supports(self, footprint: HeadingFootprint) -> NDArray[np.float32]:
         """How high a wheel's lowest point stands at every pixel of the ground, m.
 
         Minus infinity where there is no ground, and along the edges, where not all of it is known.
         """
         out = np.empty_like(self._ground.heights)
-        kernels.supports(self._ground.heights, covered.tread, covered.lift, out)
+        kernels.supports(self._ground.heights, footprint.tread, footprint.lift, out)
         return out
 
     def steps(
-        self, covered: HeadingFootprint, supports: NDArray[np.float32]
+        self, footprint: HeadingFootprint, supports: NDArray[np.float32]
     ) -> NDArray[np.float32] | None:
         """Steps that wheels with a heading, or its opposite, meet; None for none, else phased."""
         if not len(self._ground.pairs):
@@ -485,26 +473,23 @@ class _Sweep:
         radius = self._surveyor._vehicle.wheel.radius
         strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
         kernels.raise_steps(
-            supports, self._ground.pairs, self._ground.jumps, *covered.direction, strides, steps
+            supports, self._ground.pairs, self._ground.jumps, *footprint.direction, strides, steps
         )
         return self._phased(steps)
 
     def step_ahead(
-        self, covered: HeadingFootprint, steps: NDArray[np.float32] | None
+        self, footprint: HeadingFootprint, steps: NDArray[np.float32] | None
     ) -> NDArray[np.float32]:
         """The highest step ahead of the wheels, m."""
         if steps is None:
             return np.zeros(self._shape, np.float32)
         out = self._empty()
-        kernels.highest(steps, self.first, self.placed(covered.lane), out)
+        kernels.highest(steps, self.first, self.placed(footprint.lane), out)
         return out
 
 
-def _spread(places: NDArray[np.float32]) -> NDArray[np.float32]:
+def _inverse_moments(places: NDArray[np.float32]) -> NDArray[np.float32]:
     """The inverse of the second moments of places about the middle: xx, xy, yy; 0 for a line."""
     moments = places.astype(np.float64).T @ places
-    if np.linalg.matrix_rank(moments) < 2:
-        largest = np.linalg.pinv(moments)
-    else:
-        largest = np.linalg.inv(moments)
-    return np.array([largest[0, 0], largest[0, 1], largest[1, 1]], np.float32)
+    inverted = np.linalg.pinv if np.linalg.matrix_rank(moments) < 2 else np.linalg.inv
+    return np.asarray(inverted(moments)[[0, 0, 1], [0, 1, 1]], np.float32)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from msgspec import UNSET, Struct
+from msgspec import UNSET, Struct, structs
 
 from terratool.definition.keys import document_kind
 from terratool.definition.reader import CheckOptions, check, refusal
@@ -15,7 +15,7 @@ from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
 from terratool.text.source import read_source
 
-_PLAIN = ("mass", "track", "clearance", "body_width", "speed", "power")
+_PLAIN = ("mass", "clearance", "body_width", "speed", "power")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ class Vehicle:
         axles: from the front to the rear.
         mass: kg.
         gravity: m/s².
-        track: m between the middles of the left and the right wheels; 0 for a wheel by itself.
+        track_width: m between the middles of left and right wheels; 0 for a wheel by itself.
         cog_height: of the centre of gravity over level ground, m; 0 for a wheel by itself.
         clearance: of the body between the outermost axles over level ground, m; infinity for none.
         body_width: of the body, m; 0 for none. Wheels may stand out of it or under it.
@@ -148,7 +148,7 @@ class Vehicle:
     axles: tuple[Axle, ...]
     mass: float
     gravity: float = 9.80665
-    track: float = 0.0
+    track_width: float = 0.0
     cog_height: float = 0.0
     clearance: float = math.inf
     body_width: float = 0.0
@@ -197,7 +197,7 @@ class Vehicle:
         return (
             half + max(radius, self.front.length),
             half + max(radius, self.rear.length),
-            0.5 * max(self.track + self.wheel.width, self.body_width),
+            0.5 * max(self.track_width + self.wheel.width, self.body_width),
         )
 
 
@@ -222,19 +222,14 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
 
 def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
-    """What the text of a vehicle means.
-
-    Args:
-        text: without errors.
-        name: for reports.
-    """
+    """What the text of a vehicle without errors means; `name` is for reports."""
     placed = [
         Axle(axle.x - text.cog_x, axle.count, axle.is_driven)
         for axle in text.all_axles
         if axle.x is not UNSET
     ]
     given = _given(text)
-    hang, margins = _given(text.overhang), _given(text.margins)
+    overhangs, margins = _given(text.overhang), _given(text.margins)
     for angle in margins.keys() & {"tip", "slope"}:
         margins[angle] = math.radians(margins[angle])
     return Vehicle(
@@ -242,9 +237,10 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         # from the front to the rear, whatever the order in the file
         axles=tuple(sorted(placed, key=lambda axle: -axle.x)),
         gravity=text.acceleration,
+        track_width=given["track"],
         cog_height=_given(text.cog)["height"],
-        front=_overhang(hang, "front", given["clearance"]),
-        rear=_overhang(hang, "rear", given["clearance"]),
+        front=_overhang(overhangs, "front", given["clearance"]),
+        rear=_overhang(overhangs, "rear", given["clearance"]),
         margins=Margins(**margins),
         thresholds=Thresholds(**_given(text.classes)),
         name=name,
@@ -254,8 +250,8 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
 
 def _given(text: Struct) -> dict[str, float]:
     """What stands in the text, by the names of the model; what is absent has its default later."""
-    pairs = ((name, getattr(text, name)) for name in text.__struct_fields__)
-    return {name: value for name, value in pairs if value is not UNSET}
+    members = structs.asdict(text).items()
+    return {name: value for name, value in members if value is not UNSET}
 
 
 def _overhang(given: dict[str, float], end: str, clearance: float) -> Overhang:

@@ -6,7 +6,7 @@ All functions take numbers, or arrays that broadcast together.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,26 +27,6 @@ SHORT = 0.4
 
 Numbers = NDArray[np.float64] | np.float64
 """An array, or a NumPy number where all that went in were numbers."""
-
-DEMAND = np.dtype([(name, np.float64) for name in ("torque", "utilisation", "slip", "sinkage")])
-"""A `Demand`."""
-
-TRACTION = np.dtype(
-    [
-        ("mobilised", np.float64),
-        ("normal_stress", np.float64),
-        ("shear_stress", np.float64),
-        ("thrust", np.float64),
-        ("resistance", np.float64),
-        ("drawbar", np.float64),
-        ("torque", np.float64),
-        ("motor", np.bool_),
-    ],
-    align=True,
-)
-"""A `Traction`."""
-
-kernels.check_records(TRACTION, DEMAND)
 
 
 class SoilArrays(NamedTuple):
@@ -145,6 +125,37 @@ class Traction:
     drawbar: Numbers
     torque: Numbers
     motor: NDArray[np.bool_] | np.bool_
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What a wheel needs, in the shape that loads, soils and pulls broadcast to.
+
+    Attributes:
+        torque: N m; below 0 where it is held back.
+        utilisation: U, the share of the soil's strength that is used: 1 and more is immobile,
+            infinity where no strength would do.
+        slip: s; above 1 is immobile. 0 where K is not known (the rule is A = 1), on rigid ground
+            and for a wheel that is held back.
+        sinkage: m.
+    """
+
+    torque: Numbers
+    utilisation: Numbers
+    slip: Numbers
+    sinkage: Numbers
+
+
+TRACTION, DEMAND = (
+    np.dtype(
+        [(f.name, np.bool_ if f.name == "motor" else np.float64) for f in fields(kind)],
+        align=True,
+    )
+    for kind in (Traction, Demand)
+)
+"""Arrays of these, as the kernels fill them."""
+
+kernels.check_records(TRACTION, DEMAND)
 
 
 def contact(load: Any, soil: Soil, wheel: Wheel) -> Contact:
@@ -317,25 +328,6 @@ def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
             "of its strength acts; with sinkage 0 it counts as rigid, and all of it does."
         )
     return tuple(found)
-
-
-@dataclass(frozen=True, slots=True)
-class Demand:
-    """What a wheel needs, in the shape that loads, soils and pulls broadcast to.
-
-    Attributes:
-        torque: N m; below 0 where it is held back.
-        utilisation: U, the share of the soil's strength that is used: 1 and more is immobile,
-            infinity where no strength would do.
-        slip: s; above 1 is immobile. 0 where K is not known (the rule is A = 1), on rigid ground
-            and for a wheel that is held back.
-        sinkage: m.
-    """
-
-    torque: Numbers
-    utilisation: Numbers
-    slip: Numbers
-    sinkage: Numbers
 
 
 def demand(load: Any, soil: Soil, wheel: Wheel, pull: Any = 0.0) -> Demand:

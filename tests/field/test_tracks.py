@@ -301,9 +301,9 @@ def test_walls_of_ruts_are_lost() -> None:
     statement = losses.statement(losses.of(grid.whole, planes), 0)
     edge = 5 + 5  # that of the firm ground
     expected = 2 * math.hypot(7, 4) + math.pi * 1.5 + edge
-    assert statement.wall_length == pytest.approx(expected, rel=0.02)
-    assert statement.highest is not None
-    assert statement.highest.size == 1
+    assert statement.walls.length == pytest.approx(expected, rel=0.02)
+    assert statement.walls.largest_jump is not None
+    assert statement.walls.largest_jump.height == 1
 
 
 def test_narrow_tracks_are_named() -> None:

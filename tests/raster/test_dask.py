@@ -27,7 +27,7 @@ from terratool.raster.geotiff import Compression
 from terratool.raster.grid import Grid, grid_over
 from terratool.raster.layers import files_of, layers_named
 from terratool.raster.painter import Painter
-from terratool.raster.tiles import MosaicPlan, TileMaker
+from terratool.raster.tiles import TileMaker, Tiling
 from tests.commands import COMMAND, ENVIRONMENT
 from tests.conftest import terrain_of
 from tests.mosaics import ALL, SITE, contents, export_dem, export_mosaic, finished, wait_until
@@ -154,8 +154,8 @@ class TestSent:
     def tiler(self, folder: Path) -> TileMaker:
         terrain = terrain_of(SITE)
         files = files_of(layers_named(ALL), terrain, np.dtype("float32"))
-        plan = MosaicPlan(grid_at(0.01), files, Compression(), 512, True, folder)
-        return TileMaker(terrain, plan, folder)
+        tiling = Tiling(grid_at(0.01), files, Compression(), 512, True, folder)
+        return TileMaker(terrain, tiling, folder)
 
     def test_arrays_that_arrive_read_only_are_as_good(self, tmp_path: Path) -> None:
         """Dask hands over arrays as they were received."""
@@ -164,8 +164,8 @@ class TestSent:
         sent = pickle.dumps(tiler, 5, buffer_callback=buffers.append)
         arrived = pickle.loads(sent, buffers=[bytes(buffer) for buffer in buffers])
         assert not arrived.terrain.arrays.elements.flags.writeable
-        window = tiler.plan.grid.whole
-        planes = [Painter(t.terrain, t.plan.grid).paint(window) for t in (tiler, arrived)]
+        window = tiler.tiling.grid.whole
+        planes = [Painter(t.terrain, t.tiling.grid).paint(window) for t in (tiler, arrived)]
         assert np.array_equal(planes[0].heights, planes[1].heights, equal_nan=True)
 
     def test_the_terrain_travels_once(self, tmp_path: Path, monkeypatch: Any) -> None:
@@ -190,15 +190,15 @@ class TestSent:
 
     def test_another_version(self, tmp_path: Path) -> None:
         tiler = self.tiler(tmp_path)
-        tiler.plan = replace(tiler.plan, version="0.0.1")
+        tiler.tiling = replace(tiler.tiling, version="0.0.1")
         with pytest.raises(RequestError, match=r"but the mosaic is of 0\.0\.1"):
-            tiler.make(next(tiler.plan.tiles()))
+            tiler.make(next(tiler.tiling.tiles()))
 
     def test_a_folder_that_is_not_shared(self, tmp_path: Path) -> None:
         """Or from which the run has gone that wanted the tile: nothing may be written then."""
         tiler = self.tiler(tmp_path / "not" / "here")
         with pytest.raises(WriteError, match="is not seen, or no longer written"):
-            tiler.make(next(tiler.plan.tiles()))
+            tiler.make(next(tiler.tiling.tiles()))
         assert list(tmp_path.iterdir()) == []
 
 
@@ -305,18 +305,18 @@ def test_jobs_are_taken_when_there_is_room(tmp_path: Path) -> None:
     most = 0
     terrain, grid = terrain_of(SITE), grid_at(0.005)
     files = files_of(layers_named(["height"]), terrain, np.dtype("float32"))
-    plan = MosaicPlan(grid, files, Compression(), 512, False, tmp_path)
+    tiling = Tiling(grid, files, Compression(), 512, False, tmp_path)
     lock = threading.Lock()
 
     def jobs() -> Iterator[Any]:
-        for number, tile in enumerate(plan.tiles()):
+        for number, tile in enumerate(tiling.tiles()):
             with lock:
                 taken.append(number)
             yield number, tile, None
 
     done = 0
     with ours.connected("local", 1) as client, contextlib.closing(
-        ours.made_by_dask(client, TileMaker(terrain, plan, tmp_path), jobs(), "local")
+        ours.made_by_dask(client, TileMaker(terrain, tiling, tmp_path), jobs(), "local")
     ) as made:  # fmt: skip
         for _ in made:
             most = max(most, len(taken) - done)

@@ -26,30 +26,7 @@ from terratool.raster import export, geotiff
 from terratool.raster.grid import Grid, Window, default_resolution, grid_over
 from tests.commands import call
 from tests.conftest import terrain_of
-from tests.mosaics import export_dem
-
-# asymmetric and oblong: a flip, a transposition or a shift by half a pixel shows
-SITE: dict[str, Any] = {
-    "size": [12, 8],
-    "origin": [500000, 4649776],
-    "crs": "EPSG:32633",
-    "surfTypes": {"rock": {}, "hole": {"void": True}},
-    "elemTypes": {
-        "slope": {"x": [0, 1, 1.5], "y": [1, 3]},
-        "box": {"x": [1]},
-        "cone": {"combine": "radial", "x": "tent"},
-    },
-    "elemTree": {
-        "type": "slope",
-        "surface": "rock",
-        "cells": [6, 4],
-        "children": [
-            {"type": "box", "cellX": 4, "cellY": 2, "vScale": 5, "turnDeg": 30},
-            {"type": "box", "cellX": 0, "cellY": 3, "surface": "hole"},
-            {"type": "cone", "cellX": 1, "cellY": 0, "span": [2, 1], "vScale": 2},
-        ],
-    },
-}
+from tests.mosaics import SITE, export_dem
 
 
 def read(path: Path) -> tuple[np.ndarray, Any]:

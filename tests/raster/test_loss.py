@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import reduce
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -21,12 +21,15 @@ from terratool.raster import loss
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.loss import (
     InterpolationError,
+    LargestJump,
     LossCounts,
     LossFinder,
     RasterLoss,
+    SteepestRamp,
     SubpixelFeature,
     SubpixelFeatures,
-    Wall,
+    WallLoss,
+    subpixel_features,
 )
 from terratool.raster.painter import Painter
 from tests.brute import walls
@@ -66,7 +69,7 @@ def part_of(
     """What is lost in all windows of a size."""
     found = LossFinder(terrain, grid, dtype)
     painter = Painter(terrain, grid, dtype, surfaces=False, labels=True)
-    parts = [found.of(w, painter.paint(found.margins(w))) for w in grid.windows(*size)]
+    parts = [found.of(w, painter.paint(found.with_neighbours(w))) for w in grid.windows(*size)]
     return sum(parts, LossCounts())
 
 
@@ -74,6 +77,10 @@ def statement_of(terrain: Terrain, resolution: float, dtype: Any = np.float32) -
     grid = grid_over(terrain, resolution)
     found = LossFinder(terrain, grid, dtype)
     return found.statement(part_of(terrain, grid, dtype=dtype), 0)
+
+
+def walls_of(terrain: Terrain, resolution: float) -> WallLoss:
+    return statement_of(terrain, resolution).walls
 
 
 class TestWalls:
@@ -84,14 +91,14 @@ class TestWalls:
         """All four sides, each as long as it is; the ramp climbs the box within a pixel."""
         terrain = terrain_with(at(2, 3, 5, 4, type="box", vScale=2.1), size=size)
         width, height = terrain.size
-        stated = statement_of(terrain, 0.1)
-        assert stated.wall_length == pytest.approx(2 * (0.5 * width + 0.4 * height), rel=1e-6)
-        assert stated.wall_pairs == round(stated.wall_length / 0.1)
-        assert not stated.estimated
-        assert stated.steepest and stated.highest
-        assert stated.highest.size == pytest.approx(2.1, abs=1e-9)
-        assert stated.steepest.size == np.float32(2.1)
-        assert stated.steepest_degrees == pytest.approx(math.degrees(math.atan(21)), abs=1e-4)
+        found = walls_of(terrain, 0.1)
+        assert found.length == pytest.approx(2 * (0.5 * width + 0.4 * height), rel=1e-6)
+        assert found.pairs == round(found.length / 0.1)
+        assert not found.estimated
+        assert found.steepest_ramp and found.largest_jump
+        assert found.largest_jump.height == pytest.approx(2.1, abs=1e-9)
+        assert found.steepest_ramp.rise == np.float32(2.1)
+        assert found.steepest_ramp.degrees == pytest.approx(math.degrees(math.atan(21)), abs=1e-4)
 
     @pytest.mark.parametrize("resolution", [0.1, 0.037, 0.2])
     @pytest.mark.parametrize("turn", [10, 33, 45, 60, 90, 135])
@@ -103,15 +110,15 @@ class TestWalls:
             out = 2 * (math.cos(a) + math.sin(a) - 1)
             length += 4 * (out * (1 / math.tan(a) + math.tan(a)))
             length -= 4 * (out / math.cos(a) + out / math.sin(a))
-        stated = statement_of(terrain_with(at(3, 3, 4, 4, type="box", turnDeg=turn)), resolution)
+        found = walls_of(terrain_with(at(3, 3, 4, 4, type="box", turnDeg=turn)), resolution)
         # the ends of eight sides are known to a pixel
-        assert stated.wall_length == pytest.approx(length, abs=4 * resolution)
+        assert found.length == pytest.approx(length, abs=4 * resolution)
 
     @pytest.mark.parametrize("resolution", [0.1, 0.037])
     def test_of_a_column_have_its_circumference(self, resolution: float) -> None:
         """Neither 4/π too long, as its steps are, nor the diagonals of them."""
-        stated = statement_of(terrain_with(at(3, 3, 5, 5, type="column")), resolution)
-        assert stated.wall_length == pytest.approx(5 * math.pi, rel=3e-3)
+        found = walls_of(terrain_with(at(3, 3, 5, 5, type="column")), resolution)
+        assert found.length == pytest.approx(5 * math.pi, rel=3e-3)
 
     def test_between_equal_neighbours_are_none(self) -> None:
         """Two boxes side by side are one; a candidate is no wall."""
@@ -121,13 +128,13 @@ class TestWalls:
 
     def test_of_stairs_and_of_what_they_end_at(self) -> None:
         """Two risers of 1 and the far end of 2, with the sides where it is above the ground."""
-        stated = statement_of(terrain_with(at(2, 2, 5, 5, type="stairs")), 0.1)
-        assert stated.wall_length == pytest.approx(5 + 5 + 5 + 2 * 0.8 * 5, rel=1e-6)
-        assert stated.highest
-        assert stated.highest.size == pytest.approx(2)
-        assert 5 <= stated.highest.x <= 7.001
-        assert stated.steepest
-        assert 5 <= stated.steepest.x <= 7.001
+        found = walls_of(terrain_with(at(2, 2, 5, 5, type="stairs")), 0.1)
+        assert found.length == pytest.approx(5 + 5 + 5 + 2 * 0.8 * 5, rel=1e-6)
+        assert found.largest_jump
+        assert found.largest_jump.height == pytest.approx(2)
+        assert 5 <= found.largest_jump.x <= 7.001
+        assert found.steepest_ramp
+        assert 5 <= found.steepest_ramp.x <= 7.001
 
     def test_on_a_slope_are_no_ramp_of_their_own(self) -> None:
         """Across a low wall the slope is what climbs; along the slope its ramp is its own."""
@@ -135,40 +142,39 @@ class TestWalls:
             terrain_with(at(2, 3, 5, 4, type="box", vScale=height), type="slope", vScale=100)
             for height in (0.02, 20.0)
         )
-        stated = statement_of(low, 0.1)
-        assert stated.wall_length == pytest.approx(18, rel=1e-6)
-        assert stated.highest and stated.highest.size == pytest.approx(0.02, rel=1e-6)
-        assert stated.steepest and stated.steepest.size == pytest.approx(0.02, rel=1e-4)
-        stated = statement_of(high, 0.1)
-        assert stated.steepest and stated.steepest.size == pytest.approx(20 + 1, rel=1e-5)
+        found = walls_of(low, 0.1)
+        assert found.length == pytest.approx(18, rel=1e-6)
+        assert found.largest_jump and found.largest_jump.height == pytest.approx(0.02, rel=1e-6)
+        assert found.steepest_ramp and found.steepest_ramp.rise == pytest.approx(0.02, rel=1e-4)
+        found = walls_of(high, 0.1)
+        assert found.steepest_ramp and found.steepest_ramp.rise == pytest.approx(20 + 1, rel=1e-5)
 
     def test_lower_than_a_thousandth_of_a_pixel_do_not_count(self) -> None:
         for height, length in ((0.9e-4, 0), (1.1e-4, 18)):
             terrain = terrain_with(at(2, 3, 5, 4, type="box", vScale=height))
-            assert statement_of(terrain, 0.1).wall_length == pytest.approx(length, rel=1e-6)
+            assert walls_of(terrain, 0.1).length == pytest.approx(length, rel=1e-6)
 
     @pytest.mark.parametrize("name", ["hill", "dome", "pyramid"])
     def test_of_what_ends_at_the_ground_are_none(self, name: str) -> None:
         """Not even at the rim of a dome, which is upright."""
         terrain = terrain_with(at(2, 2, 5, 5, type=name), at(7, 8, type=name, turnDeg=180))
-        stated = statement_of(terrain, 0.1)
-        assert (stated.wall_length, stated.wall_pairs) == (0, 0)
-        assert stated.steepest is None
-        assert stated.highest is None
-        assert stated.steepest_degrees == 0
+        found = walls_of(terrain, 0.1)
+        assert (found.length, found.pairs) == (0, 0)
+        assert found.steepest_ramp is None
+        assert found.largest_jump is None
 
     def test_of_a_dome_on_a_step(self) -> None:
         """A wall as high as the step all around it, however steep the dome goes on."""
-        stated = statement_of(terrain_with(at(2, 2, 6, 6, type="dome", vOffset=0.01)), 0.05)
-        assert stated.wall_length == pytest.approx(6 * math.pi, rel=5e-3)
+        found = walls_of(terrain_with(at(2, 2, 6, 6, type="dome", vOffset=0.01)), 0.05)
+        assert found.length == pytest.approx(6 * math.pi, rel=5e-3)
 
     def test_against_the_slope(self) -> None:
         """A low kerb down on a steep slope up is found: slopes are taken off what is compared."""
         terrain = terrain_with(at(4, 0, 6, 10, type="box", vScale=-0.05), type="slope", vScale=20)
-        stated = statement_of(terrain, 0.1)
-        assert stated.wall_length == pytest.approx(10)
-        assert stated.highest
-        assert stated.highest.size == pytest.approx(0.05)
+        found = walls_of(terrain, 0.1)
+        assert found.length == pytest.approx(10)
+        assert found.largest_jump
+        assert found.largest_jump.height == pytest.approx(0.05)
 
     def test_to_the_outside_and_the_void_do_not_count(self) -> None:
         """The terrain's own edges are none, nor those of a hole, wherever the pixels end."""
@@ -259,7 +265,9 @@ class TestWindows:
         """To the same, bit for bit; so threads change nothing."""
         found = LossFinder(self.terrain, self.grid)
         painter = Painter(self.terrain, self.grid, labels=True)
-        parts = [found.of(w, painter.paint(found.margins(w))) for w in self.grid.windows(50, 30)]
+        parts = [
+            found.of(w, painter.paint(found.with_neighbours(w))) for w in self.grid.windows(50, 30)
+        ]
         rng = np.random.default_rng(0)
         sums = {
             sum((parts[k] for k in rng.permutation(len(parts))), LossCounts()) for _ in range(20)
@@ -267,7 +275,7 @@ class TestWindows:
         assert len(sums) == 1
 
         def part(window: Window) -> LossCounts:
-            return found.of(window, painter.paint(found.margins(window)))
+            return found.of(window, painter.paint(found.with_neighbours(window)))
 
         with ThreadPoolExecutor(4) as pool:
             assert list(pool.map(part, self.grid.windows(50, 30))) == parts
@@ -277,11 +285,11 @@ class TestWindows:
         """Of the window without its margins, or without labels."""
         found = LossFinder(self.terrain, self.grid)
         window = Window(0, 0, 10, 10)
-        assert found.margins(window) == Window(0, 0, 11, 11)
-        assert found.margins(Window(190, 190, 10, 10)) == Window(190, 190, 10, 10)
+        assert found.with_neighbours(window) == Window(0, 0, 11, 11)
+        assert found.with_neighbours(Window(190, 190, 10, 10)) == Window(190, 190, 10, 10)
         for painter, which in (
             (Painter(self.terrain, self.grid, labels=True), window),
-            (Painter(self.terrain, self.grid), found.margins(window)),
+            (Painter(self.terrain, self.grid), found.with_neighbours(window)),
         ):
             with pytest.raises(ValueError, match="are wanted"):
                 found.of(window, painter.paint(which))
@@ -304,7 +312,7 @@ class TestWindows:
         assert part.pairs == pytest.approx(exact.pairs, rel=0.05)
         assert part.steepest == exact.steepest
         assert part.highest <= exact.highest
-        assert LossFinder(terrain, grid).statement(part, 0).estimated
+        assert LossFinder(terrain, grid).statement(part, 0).walls.estimated
 
     def test_spread_is_even_and_in_step_with_nothing(self) -> None:
         """Ascending, none twice, about as many of each residue."""
@@ -315,6 +323,14 @@ class TestWindows:
             assert 0 <= chosen[0] <= chosen[-1] < count
         residues = np.bincount(loss._spread(100_000, 1000) % 100, minlength=100)
         assert residues.max() < 40
+
+
+def narrow(terrain: Terrain, resolution: float, bounds: Any = None) -> SubpixelFeatures:
+    return subpixel_features(terrain, grid_over(terrain, resolution, bounds))[0]
+
+
+def narrow_details(terrain: Terrain, resolution: float) -> SubpixelFeatures:
+    return subpixel_features(terrain, grid_over(terrain, resolution))[1]
 
 
 class TestNarrow:
@@ -331,19 +347,17 @@ class TestNarrow:
                 {"type": "box", "cellX": k, "cellY": k} for k in range(30)]),
         ]  # fmt: skip
         terrain = terrain_with(*children)
-        stated = statement_of(terrain, 0.5)
-        assert stated.narrow.count == 30
-        assert stated.narrow.first == tuple(
+        found = narrow(terrain, 0.5)
+        assert found.count == 30
+        assert found.first == tuple(
             SubpixelFeature(f"/elemTree/children/3/children/{k}", pytest.approx(0.01))
             for k in range(20)
         )
-        assert statement_of(terrain, 0.01).narrow.count == 0  # just as wide as a pixel
-        assert statement_of(terrain, 0.5001).narrow.count == 33
-        assert statement_of(terrain, 1.0).narrow.count == 33
-        assert statement_of(terrain, 1.25).narrow.count == 36
-        grid = grid_over(terrain, 1.25, (0, 0, 5, 5))
-        found = LossFinder(terrain, grid).statement(LossCounts(), 0)
-        assert [one.element for one in found.narrow.first] == [
+        assert narrow(terrain, 0.01).count == 0  # just as wide as a pixel
+        assert narrow(terrain, 0.5001).count == 33
+        assert narrow(terrain, 1.0).count == 33
+        assert narrow(terrain, 1.25).count == 36
+        assert [one.element for one in narrow(terrain, 1.25, (0, 0, 5, 5)).first] == [
             "/elemTree/children/0", "/elemTree/children/1",
             *(f"/elemTree/children/2/children/{k}" for k in range(3)),
         ]  # fmt: skip
@@ -356,8 +370,7 @@ class TestNarrow:
         }  # fmt: skip
         terrain = terrain_of(definition)
         for resolution, count in ((1.0, 0), (1.0000001, 1), (1.5, 1), (0.9, 0)):
-            stated = LossFinder(terrain, grid_over(terrain, resolution)).statement(LossCounts(), 0)
-            assert stated.narrow.count == count
+            assert narrow(terrain, resolution).count == count
 
     @pytest.mark.parametrize(
         ("primitive", "width"),
@@ -386,7 +399,7 @@ class TestNarrow:
             {"size": [10, 20], "elemTypes": {**TYPES, "p": primitive},
              "elemTree": {"type": "nothing", "children": [child, {**child, "vScale": 0}]}}
         )  # fmt: skip
-        details = LossFinder(terrain, grid_over(terrain, 0.999)).statement(LossCounts(), 0).details
+        details = narrow_details(terrain, 0.999)
         if width is None or width >= 0.999:
             assert details == SubpixelFeatures(0, ())
         else:
@@ -395,16 +408,12 @@ class TestNarrow:
             assert one.element == "/elemTree/children/0"
             assert one.width == pytest.approx(width)
             for resolution, count in ((width * 1.001, 1), (width * 0.999, 0)):
-                grid = grid_over(terrain, resolution)
-                assert LossFinder(terrain, grid).statement(LossCounts(), 0).details.count == count
+                assert narrow_details(terrain, resolution).count == count
         # an element that is narrow itself is not counted twice
-        assert (
-            LossFinder(terrain, grid_over(terrain, 1.01)).statement(LossCounts(), 0).details.count
-            == 0
-        )
+        assert narrow_details(terrain, 1.01).count == 0
 
 
-class TestMisfit:
+class TestInterpolationError:
     """What bilinear interpolation makes of the pixels."""
 
     @pytest.mark.parametrize("resolution", [0.1, 0.5, 1.0])
@@ -462,37 +471,40 @@ class TestStatement:
     """As text and as JSON."""
 
     nothing = RasterLoss(
-        0.1, 0.0, 0, False, None, None, SubpixelFeatures(0, ()), SubpixelFeatures(0, ()), 0, None
+        WallLoss(0.0, 0, False, None, None), SubpixelFeatures(0, ()), SubpixelFeatures(0, ()), 0,
+        None,
     )  # fmt: skip
+    walls = WallLoss(
+        12.345, 70, False, SteepestRamp(84.56, 2.1, 1.0, 2.0), LargestJump(2.12, 3.0, 4.0)
+    )
     everything = RasterLoss(
-        0.2, 12.345, 70, False, Wall(2.1, 1.0, 2.0), Wall(2.12, 3.0, 4.0),
-        SubpixelFeatures(1, (SubpixelFeature("/elemTree", 0.1),)), SubpixelFeatures(1234, ()), 5,
-        InterpolationError(10, 0.5, 0.1, 1.0, 2.0, None),
+        walls, SubpixelFeatures(1, (SubpixelFeature("/elemTree", 0.1),)),
+        SubpixelFeatures(1234, ()), 5, InterpolationError(10, 0.5, 0.1, 1.0, 2.0, None),
     )  # fmt: skip
 
     def test_in_a_sentence(self) -> None:
         """Only what there is; estimates say so."""
-        assert self.nothing.sentence() == "Lost: nothing; no walls, nothing narrower than a pixel."
-        assert self.everything.sentence() == (
+        nothing = "Lost: nothing; no walls, nothing narrower than a pixel."
+        assert self.nothing.sentence(0.1) == nothing
+        assert self.everything.sentence(0.2) == (
             "Lost: 12.3 m of wall became ramps of up to 84.6° (2.12 m in one pixel); 1 element is "
             "narrower than a pixel; 1,234 elements have details narrower than a pixel; pixels "
             "differ from the model by up to 0.5 m."
         )
-        about = replace(self.everything, estimated=True, wall_length=1234567.8)
-        assert about.sentence().startswith("Lost: about 1,234,568 m of wall became")
-        slight = replace(self.everything, steepest=None)
-        assert slight.sentence().startswith("Lost: 12.3 m of wall became ramps (2.12 m in one ")
+        about = replace(self.walls, estimated=True, length=1234567.8)
+        said = replace(self.everything, walls=about).sentence(0.2)
+        assert said.startswith("Lost: about 1,234,568 m of wall became")
+        slight = replace(self.everything, walls=replace(self.walls, steepest_ramp=None))
+        assert slight.sentence(0.2).startswith("Lost: 12.3 m of wall became ramps (2.12 m in one ")
         only = replace(self.nothing, interpolation=self.everything.interpolation)
-        assert only.sentence() == "Lost: pixels differ from the model by up to 0.5 m."
+        assert only.sentence(0.1) == "Lost: pixels differ from the model by up to 0.5 m."
 
     def test_as_json(self) -> None:
-        """Plain values that JSON can hold, None for what there is not."""
-        assert json.loads(json.dumps(self.everything.as_json(), allow_nan=False)) == {
+        """Its fields are the keys; no NumPy number is left in it."""
+        assert msgspec.json.decode(msgspec.json.encode(self.everything)) == {
             "walls": {
                 "length": 12.345, "pairs": 70, "estimated": False,
-                "steepest_ramp": {
-                    "degrees": pytest.approx(84.5597, abs=1e-4), "rise": 2.1, "x": 1.0, "y": 2.0
-                },
+                "steepest_ramp": {"degrees": 84.56, "rise": 2.1, "x": 1.0, "y": 2.0},
                 "largest_jump": {"height": 2.12, "x": 3.0, "y": 4.0},
             },
             "narrow_elements": {"count": 1, "first": [{"element": "/elemTree", "width": 0.1}]},
@@ -502,17 +514,11 @@ class TestStatement:
                 "points": 10, "largest": 0.5, "rms": 0.1, "x": 1.0, "y": 2.0, "element": None
             },
         }  # fmt: skip
-        empty = json.loads(json.dumps(self.nothing.as_json(), allow_nan=False))
-        assert empty["walls"]["steepest_ramp"] is empty["walls"]["largest_jump"] is None
-        assert empty["interpolation"] is None
-
-    def test_of_real_terrains_is_plain(self) -> None:
-        """No NumPy number is left in it."""
         for stated in (
             statement_of(terrain_with(at(2, 2, type="box")), 0.1),
             statement_of(terrain_with(), 3.0),
         ):
-            json.dumps(stated.as_json(), allow_nan=False)
+            msgspec.json.encode(stated)
 
 
 def test_of_many_elements_some_are_named() -> None:
@@ -522,7 +528,6 @@ def test_of_many_elements_some_are_named() -> None:
         {"size": 600, "elemTypes": TYPES,
          "elemTree": {"type": "nothing", "cells": 600, "children": children}}
     )  # fmt: skip
-    found = LossFinder(terrain, grid_over(terrain, 2.0))
-    stated = found.statement(LossCounts(), 0)
-    assert stated.narrow.count == 300_000
-    assert len(stated.narrow.first) == 20
+    found = narrow(terrain, 2.0)
+    assert found.count == 300_000
+    assert len(found.first) == 20

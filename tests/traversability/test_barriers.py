@@ -11,7 +11,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.route.routes import Pose, bars, check, plan, reach
+from terratool.traversability.route.routes import Pose, bars, check_route, plan_route, reach
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level, stood
 
@@ -55,7 +55,7 @@ def surveyed(terrain: Terrain, step: float = 0.1) -> Survey:
 def test_wall_is_named_with_its_place_and_width() -> None:
     terrain = yard(block(1, 1, 0.5, 0.5), block(5, 0, 0.5, 6), block(8, 3, 0.5, 0.5))
     survey = surveyed(terrain)
-    route = plan(terrain, ROVER, survey, (2.0, 3.0), (9.0, 2.0))
+    route = plan_route(terrain, ROVER, survey, (2.0, 3.0), (9.0, 2.0))
     assert not route.found and route.verdict == Verdict.NO_GO and route.note == ""
     (barrier,) = route.barriers
     assert barrier.bars == '/elemTree/children/1 (surface "brick"), 0.4 m high'
@@ -90,7 +90,7 @@ def test_thin_wall_ahead_is_named_though_no_cell_lies_on_it() -> None:
     survey = surveyed(terrain)
     x = survey.grid.columns(survey.grid.whole)
     assert not np.any((x > 3.12) & (x < 3.18))
-    route = plan(terrain, ROVER, survey, (1.5, 2.0), (4.5, 2.0))
+    route = plan_route(terrain, ROVER, survey, (1.5, 2.0), (4.5, 2.0))
     assert [barrier.bars for barrier in route.barriers] == [
         '/elemTree/children/0 (surface "brick"), 0.41 m high'
     ]
@@ -102,7 +102,7 @@ def test_least_resistance_goes_through_the_thin_wall_and_names_both_in_order() -
         block(3, 3.5, 0.5, 2.5),
         block(7, 0, 0.5, 6),
     )
-    route = plan(terrain, ROVER, surveyed(terrain), (1.5, 1.5), (10, 1.5))
+    route = plan_route(terrain, ROVER, surveyed(terrain), (1.5, 1.5), (10, 1.5))
     assert [barrier.bars for barrier in route.barriers] == [
         '/elemTree/children/1 (surface "brick"), 0.4 m high',
         '/elemTree/children/2 (surface "brick"), 0.4 m high',
@@ -121,7 +121,7 @@ def test_fewest_metres_that_cannot_be_driven_win_over_a_short_way() -> None:
 ##########
 .........."""
     )
-    route = plan(level(10, 7), ROVER, survey, (4.5, 6.5), (4.5, 0.5))
+    route = plan_route(level(10, 7), ROVER, survey, (4.5, 6.5), (4.5, 0.5))
     (barrier,) = route.barriers
     assert (barrier.place.x, barrier.place.y) in {(0.5, 1.5), (9.5, 1.5)}
     assert barrier.width == pytest.approx(1.0)
@@ -129,25 +129,25 @@ def test_fewest_metres_that_cannot_be_driven_win_over_a_short_way() -> None:
 
 def test_ditch_is_named_by_itself_and_not_by_its_banks() -> None:
     terrain = yard(block(5, 0, 1.5, 6, vOffset=-0.5, surface='so "soft"'))
-    route = plan(terrain, ROVER, surveyed(terrain), (2, 3), (9, 3))
+    route = plan_route(terrain, ROVER, surveyed(terrain), (2, 3), (9, 3))
     ditch = '/elemTree/children/0 (surface "so "soft""), 0.5 m deep'
     assert [barrier.bars for barrier in route.barriers] == [ditch, ditch]  # in, and out again
 
 
 def test_passage_too_narrow_is_named_by_its_walls() -> None:
     gate = [block(5, 0, 0.5, 2.5), block(5, 3, 0.5, 3)]
-    route = plan(yard(*gate), ROVER, surveyed(yard(*gate)), (2, 3), (9, 3))
+    route = plan_route(yard(*gate), ROVER, surveyed(yard(*gate)), (2, 3), (9, 3))
     assert not route.found
     assert {barrier.bars[:20] for barrier in route.barriers} <= {
         "/elemTree/children/0", "/elemTree/children/1",
     }  # fmt: skip
     wide = [block(5, 0, 0.5, 2.5), block(5, 3.5, 0.5, 2.5)]
-    assert plan(yard(*wide), ROVER, surveyed(yard(*wide)), (2, 3), (9, 3)).found
+    assert plan_route(yard(*wide), ROVER, surveyed(yard(*wide)), (2, 3), (9, 3)).found
 
 
 def test_wall_that_ends_near_the_edge_is_passed_by_neither_side() -> None:
     terrain = yard(block(5, 0.5, 2.5, 5.0))
-    route = plan(terrain, ROVER, surveyed(terrain), (2, 3), (10, 3))
+    route = plan_route(terrain, ROVER, surveyed(terrain), (2, 3), (10, 3))
     assert route.barriers
     assert {barrier.reason for barrier in route.barriers} <= {Reason.EDGE, Reason.STEP}
     named = {barrier.bars for barrier in route.barriers if barrier.reason == Reason.EDGE}
@@ -156,7 +156,7 @@ def test_wall_that_ends_near_the_edge_is_passed_by_neither_side() -> None:
 
 def test_void_is_named_by_its_element() -> None:
     terrain = yard(block(1, 1, 0.5, 0.5), block(5, 0, 1, 6, surface="hole"))
-    route = plan(terrain, ROVER, surveyed(terrain), (2, 3), (9, 3))
+    route = plan_route(terrain, ROVER, surveyed(terrain), (2, 3), (9, 3))
     (barrier,) = route.barriers
     assert barrier.reason == Reason.NO_GROUND
     assert barrier.bars == '/elemTree/children/1 (surface "hole")'
@@ -167,7 +167,7 @@ def test_soil_is_named_by_the_wheel_that_stands_on_the_weakest() -> None:
     terrain = yard(block(5, 0, 2, 6, vOffset=0, surface='so "soft"'))
     survey = surveyed(terrain)
     barred(survey, [*range(8)], np.s_[:, 24:36], Reason.TRACTION)  # from 4.8: the wheels ahead
-    route = plan(terrain, ROVER, survey, (2, 3), (10, 3))
+    route = plan_route(terrain, ROVER, survey, (2, 3), (10, 3))
     (barrier,) = route.barriers
     assert barrier.reason == Reason.TRACTION and barrier.place.element == "/elemTree"
     assert barrier.bars == '/elemTree/children/0 (surface "so "soft"")'
@@ -178,7 +178,7 @@ def test_unknown_soil_makes_the_verdict_unknown() -> None:
     survey = surveyed(terrain)
     survey.verdict[:, :, 25:35] = Verdict.UNKNOWN
     survey.reason[:, :, 25:35] = Reason.SOIL_UNKNOWN
-    route = plan(terrain, ROVER, survey, (2, 3), (10, 3))
+    route = plan_route(terrain, ROVER, survey, (2, 3), (10, 3))
     assert not route.found and route.verdict == Verdict.UNKNOWN
     assert route.barriers[0].bars == '/elemTree/children/0 (surface "untold")'
     assert route.barriers[0].width == pytest.approx(2.0)
@@ -190,12 +190,12 @@ def test_start_on_unknown_soil_says_what_is_lacking() -> None:
     survey.verdict[:] = Verdict.UNKNOWN
     survey.reason[:] = Reason.SOIL_UNKNOWN
     with pytest.raises(RequestError, match=r"soil unknown.* cohesion, fricAngle and sinkage"):
-        plan(terrain, ROVER, survey, (2, 3), (10, 3))
+        plan_route(terrain, ROVER, survey, (2, 3), (10, 3))
 
 
 def test_goal_that_cannot_be_driven_is_said_to_be_so() -> None:
     terrain = yard(block(8, 2, 1.5, 1.5), block(1, 1, 0.5, 0.5))
-    route = plan(terrain, ROVER, surveyed(terrain), (2, 4), (8.1, 2.1))
+    route = plan_route(terrain, ROVER, surveyed(terrain), (2, 4), (8.1, 2.1))
     assert not route.found
     assert route.note == (
         "The vehicle cannot stand at the goal, whatever its heading: step, by "
@@ -223,11 +223,11 @@ def test_start_where_nothing_can_stand_is_refused(x: float, y: float, message: s
     terrain = yard(block(5, 2, 0.5, 2), block(9, 2, 1, 2, surface="hole"))
     survey = surveyed(terrain)
     with pytest.raises(RequestError, match=message):
-        plan(terrain, ROVER, survey, (x, y), (2, 3))
+        plan_route(terrain, ROVER, survey, (x, y), (2, 3))
     with pytest.raises(RequestError, match=message):
         reach(terrain, ROVER, survey, (x, y))
     with pytest.raises(RequestError, match=message):
-        check(terrain, ROVER, survey, [(x, y), (2, 3)])
+        check_route(terrain, ROVER, survey, [(x, y), (2, 3)])
 
 
 @pytest.mark.parametrize(
@@ -237,13 +237,13 @@ def test_start_where_nothing_can_stand_is_refused(x: float, y: float, message: s
 def test_goal_without_ground_is_refused(goal: tuple[float, float], message: str) -> None:
     terrain = yard(block(9, 2, 1, 2, surface="hole"))
     with pytest.raises(RequestError, match=message):
-        plan(terrain, ROVER, surveyed(terrain), (2, 3), goal)
+        plan_route(terrain, ROVER, surveyed(terrain), (2, 3), goal)
 
 
 def test_waypoints_through_a_wall_are_barred_there() -> None:
     terrain = yard(block(5, 0, 0.5, 4))
     survey = surveyed(terrain)
-    route = check(terrain, ROVER, survey, [(2, 1), (9, 1), (9, 5), (2, 5)])
+    route = check_route(terrain, ROVER, survey, [(2, 1), (9, 1), (9, 5), (2, 5)])
     assert not route.found and not route.planned and route.verdict == Verdict.NO_GO
     assert route.length is route.energy is route.time is route.steepest is None
     (barrier,) = route.barriers
@@ -259,10 +259,10 @@ def test_waypoints_through_a_wall_are_barred_there() -> None:
     assert np.all(np.hypot(np.diff(profile.x), np.diff(profile.y)) <= 0.1 + 1e-9)
     assert profile.distance[-1] == pytest.approx(7 + 4 + 7)
     assert set(profile.heading.tolist()) == {90.0, 45.0, 0.0, 315.0, 270.0}
-    around = check(terrain, ROVER, survey, [(2, 1), (2, 5), (2, 5), (9, 5)])
+    around = check_route(terrain, ROVER, survey, [(2, 1), (2, 5), (2, 5), (9, 5)])
     assert around.found and around.verdict == Verdict.GO
     assert around.length == pytest.approx(11)
-    arc = np.pi / 2 * np.hypot(ROVER.track, ROVER.wheelbase) / 2
+    arc = np.pi / 2 * np.hypot(ROVER.track_width, ROVER.wheelbase) / 2
     assert around.time == pytest.approx((11 + arc) / ROVER.speed)
     assert around.energy == pytest.approx(10 * (11 + arc) + ROVER.power * around.time)
     assert around.start.x == 2 and around.goal.x == 9
@@ -272,17 +272,17 @@ def test_waypoints_need_two_places_on_the_terrain() -> None:
     terrain = yard()
     survey = surveyed(terrain)
     with pytest.raises(RequestError, match="no two different waypoints"):
-        check(terrain, ROVER, survey, [(2, 1), (2, 1)])
+        check_route(terrain, ROVER, survey, [(2, 1), (2, 1)])
     with pytest.raises(RequestError, match="no two different waypoints"):
-        check(terrain, ROVER, survey, [])
+        check_route(terrain, ROVER, survey, [])
     with pytest.raises(RequestError, match="Waypoint 3, 2 7, lies outside the terrain"):
-        check(terrain, ROVER, survey, [(2, 1), (2, 3), (2, 7)])
+        check_route(terrain, ROVER, survey, [(2, 1), (2, 3), (2, 7)])
 
 
 def test_a_void_that_no_cell_has_seen_bars_waypoints() -> None:
     terrain = yard(block(5, 3, 0.5, 0.5, surface="hole"))
     survey = drawn(("." * 12 + "\n") * 6)
-    route = check(terrain, ROVER, survey, [(2, 3.2), (9, 3.2)])
+    route = check_route(terrain, ROVER, survey, [(2, 3.2), (9, 3.2)])
     assert [barrier.reason for barrier in route.barriers] == [Reason.NO_GROUND]
     assert route.barriers[0].bars == '/elemTree/children/0 (surface "hole")'
 

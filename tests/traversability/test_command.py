@@ -19,16 +19,15 @@ from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
 from terratool.traversability import assess as assessing
-from terratool.traversability.assess import Request, assess, plan_assessment
+from terratool.traversability.assess import Request, assess, prepare_assessment
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
 from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import TraversabilityReport, Verdict
 from terratool.traversability.route import graph
 from terratool.traversability.vehicle import Vehicle, load_vehicle
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, run
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, call, run
 from tests.conftest import terrain_of
-from tests.traversability.conftest import Within
 
 # Hard ground, 12 × 8 around (100, 50): a wall 1 high from south to north at x = 106 leaves a gate
 # at the north; a hole in the south-east.
@@ -66,9 +65,7 @@ SCHEMA = jsonschema.Draft202012Validator(terratool.schema("report"))
 Saved = Callable[..., Path]
 
 
-@pytest.fixture
-def drive(within: Within) -> Within:
-    return partial(within, "traversability")
+drive = partial(call, "traversability")
 
 
 @pytest.fixture
@@ -78,7 +75,7 @@ def site(saved: Saved) -> tuple[str, ...]:
     return str(saved(WALLED)), "--vehicle", str(vehicle), "--resolution", "0.1"
 
 
-def test_says_and_writes_all(drive: Within, site: tuple[str, ...], tmp_path: Path) -> None:
+def test_says_and_writes_all(site: tuple[str, ...], tmp_path: Path) -> None:
     """The table, three reports and a map from one run; the same bytes from the next."""
     names = [tmp_path / name for name in ("a.json", "a.md", "a.html", "a.tif")]
     outputs = [*(part for name in names[:3] for part in ("--report", name)), "--map", names[3]]
@@ -115,7 +112,7 @@ def test_says_and_writes_all(drive: Within, site: tuple[str, ...], tmp_path: Pat
         assert name.read_bytes() == there[name.name]
 
 
-def test_a_wall_in_the_way_fails(drive: Within, saved: Saved, tmp_path: Path) -> None:
+def test_a_wall_in_the_way_fails(saved: Saved, tmp_path: Path) -> None:
     """Exit 1: says which condition held and by which figure; the report is there and names it."""
     out = tmp_path / "why.json"
     ran = drive(
@@ -134,7 +131,7 @@ def test_a_wall_in_the_way_fails(drive: Within, saved: Saved, tmp_path: Path) ->
     assert ran.out.startswith("no-go: There is no way from (102, 51) to (110, 52): step at (10")
 
 
-def test_who_reads_no_further_is_told(drive: Within, saved: Saved) -> None:
+def test_who_reads_no_further_is_told(saved: Saved) -> None:
     """A pipe that is closed early, as by `| head`, takes nothing from the exit code."""
     arguments = (
         saved(CLOSED), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.1, "--route", *WAY,
@@ -152,7 +149,7 @@ def test_who_reads_no_further_is_told(drive: Within, saved: Saved) -> None:
     assert said == "terratool: --fail-on no-route: 1 of 1 routes cannot be driven.\n"
 
 
-def test_a_wheel_by_itself(drive: Within, saved: Saved) -> None:
+def test_a_wheel_by_itself(saved: Saved) -> None:
     """JSON on standard output, nothing else; a wheel knows no body."""
     ran = drive(
         saved(WALLED), "--wheel-radius", 0.2, "--wheel-width", 0.1, "--load",
@@ -166,7 +163,7 @@ def test_a_wheel_by_itself(drive: Within, saved: Saved) -> None:
     assert document["surfaces"][0]["climb_deg"] == pytest.approx(35.0)  # rigid ground: φ
 
 
-def test_waypoints(drive: Within, site: tuple[str, ...], tmp_path: Path) -> None:
+def test_waypoints(site: tuple[str, ...], tmp_path: Path) -> None:
     """A way through the wall is barred by it; one through the gate is not."""
     path = tmp_path / "way.csv"
     path.write_text("x,y\n102,51\n110,51\n")
@@ -206,7 +203,6 @@ def test_waypoints(drive: Within, site: tuple[str, ...], tmp_path: Path) -> None
     ],
 )
 def test_refuses(
-    drive: Within,
     site: tuple[str, ...],
     tmp_path: Path,
     arguments: tuple[object, ...],
@@ -227,7 +223,7 @@ def test_refuses(
 
 
 @pytest.mark.parametrize("what", [0, 2])
-def test_keeps_what_it_reads(drive: Within, site: tuple[str, ...], what: int) -> None:
+def test_keeps_what_it_reads(site: tuple[str, ...], what: int) -> None:
     """The definition and the vehicle are no outputs, --overwrite or not."""
     before = Path(site[what]).read_bytes()
     ran = drive(*site, "--report", site[what], "--overwrite")
@@ -237,7 +233,7 @@ def test_keeps_what_it_reads(drive: Within, site: tuple[str, ...], what: int) ->
 
 
 def test_a_failure_at_the_end_leaves_nothing(
-    drive: Within, site: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    site: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The map is complete when the last report fails; nothing appears."""
 
@@ -253,8 +249,8 @@ def test_a_failure_at_the_end_leaves_nothing(
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
-def test_help_has_an_example_and_names_everything(within: Within) -> None:
-    ran = within("traversability", "--help")
+def test_help_has_an_example_and_names_everything() -> None:
+    ran = call("traversability", "--help")
     assert "Example: terratool traversability samples/" in " ".join(ran.out.split())
     assert PREFERENCES == graph.PREFERENCES
     told = " ".join(ran.out.split()).replace("- ", "-")  # lines break after hyphens
@@ -262,10 +258,10 @@ def test_help_has_an_example_and_names_everything(within: Within) -> None:
         assert name in told
     for name in FIGURES:
         assert name.removesuffix("fraction") in told, name
-    assert "traversability" in within("--help").out
+    assert "traversability" in call("--help").out
 
 
-def test_the_example_of_the_help_runs(drive: Within) -> None:
+def test_the_example_of_the_help_runs() -> None:
     example = " ".join(drive("--help").out.split()).partition("Example: ")[2]
     words = example.split()
     assert (ROOT / words[2]).is_file()
@@ -274,7 +270,7 @@ def test_the_example_of_the_help_runs(drive: Within) -> None:
     terrain = load(ROOT / words[2])
     vehicle = load_vehicle(ROOT / words[words.index("--vehicle") + 1])
     x0, y0, x1, y1 = map(float, words[at + 1 : at + 5])
-    plan_assessment(
+    prepare_assessment(
         terrain, vehicle, Request(routes=((x0, y0, x1, y1),)), mapped=False, pictured=True
     )  # its places lie on the terrain
 
@@ -285,7 +281,7 @@ def vehicle(saved: Saved) -> Vehicle:
 
 
 def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
-    return assess(plan_assessment(terrain, vehicle, request))
+    return assess(prepare_assessment(terrain, vehicle, request))
 
 
 class TestAssess:
@@ -294,10 +290,10 @@ class TestAssess:
     ) -> None:
         monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
         terrain = terrain_of(WALLED)
-        grids = plan_assessment(terrain, vehicle, Request(), pictured=True)
+        grids = prepare_assessment(terrain, vehicle, Request(), pictured=True)
         assert (grids.grid.width, grids.grid.height) == (60, 40)
         assert "60 on the longer side" in grids.notes[0]
-        full = plan_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
+        full = prepare_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
         assert full.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in full.notes[0]
 
@@ -307,14 +303,14 @@ class TestAssess:
         length = sum(vehicle.rectangle[:2])
         for factor, gaps in ((0.9, False), (1.1, True)):
             request = Request(resolution=factor * length)
-            notes = plan_assessment(terrain, vehicle, request).notes
+            notes = prepare_assessment(terrain, vehicle, request).notes
             assert any("is not looked at" in note for note in notes) == gaps
 
     def test_bounds_decide_the_resolution(self, vehicle: Vehicle) -> None:
         terrain = terrain_of(WALLED | {"size": [240000, 160000]})
         west, south, _, _ = terrain.bounds
         request = Request(bounds=(west, south, west + 10, south + 5))
-        grids = plan_assessment(terrain, vehicle, request)
+        grids = prepare_assessment(terrain, vehicle, request)
         assert grids.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in grids.notes[0]
 
@@ -323,7 +319,7 @@ class TestAssess:
         terrain = terrain_of(WALLED)
         told: list[int] = []
         request = Request(routes=(tuple(map(float, WAY)),), resolution=0.2)  # type: ignore[arg-type]
-        planned = plan_assessment(terrain, vehicle, request, pictured=True)
+        planned = prepare_assessment(terrain, vehicle, request, pictured=True)
         report = assess(planned, progress=told.append)
         assert report.preview is not None
         assert report.preview.grid.resolution == 0.2

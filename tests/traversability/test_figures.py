@@ -21,7 +21,6 @@ from terratool.raster.layers import LAYERS, SurfaceValues
 from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.soil import (
     ASSUMPTIONS,
-    all_figures,
     bekker_sinkage,
     governing_load,
     missing_of,
@@ -149,9 +148,9 @@ def test_soils_by_the_id_of_their_surface() -> None:
 
 def test_a_preset_is_resolved_for_the_driven_wheel_that_bears_most() -> None:
     """Not for a mean, nor for one that is towed."""
-    vehicle = Vehicle(WHEEL, (Axle(0.2), Axle(-0.6)), 40.0, track=0.8)
+    vehicle = Vehicle(WHEEL, (Axle(0.2), Axle(-0.6)), 40.0, track_width=0.8)
     assert governing_load(vehicle) == pytest.approx(vehicle.weight * 0.75 / 2)
-    towed = Vehicle(WHEEL, (Axle(0.2, driven=False), Axle(-0.6)), 40.0, track=0.8)
+    towed = Vehicle(WHEEL, (Axle(0.2, driven=False), Axle(-0.6)), 40.0, track_width=0.8)
     assert governing_load(towed) == pytest.approx(vehicle.weight * 0.25 / 2)
 
 
@@ -212,7 +211,7 @@ def test_margins_are_taken_off() -> None:
     """Of the climb, the cross-slope, the tip-over angle and the step."""
     rock = Surface(cohesion=0, fric_angle=40, sinkage=0)
     careful = Vehicle(
-        ROVER.wheel, ROVER.axles, ROVER.mass, track=0.8, cog_height=0.4, clearance=0.15,
+        ROVER.wheel, ROVER.axles, ROVER.mass, track_width=0.8, cog_height=0.4, clearance=0.15,
         margins=Margins(clearance=0.05, step=0.02, tip=math.radians(10), slope=math.radians(3)),
     )  # fmt: skip
     found = surface_figures("rock", rock, careful)
@@ -241,7 +240,7 @@ def test_verdicts_on_the_level(
 ) -> None:
     """The deeper it sinks in, the worse; the belly or the axle may be first."""
     vehicle = Vehicle(
-        WHEEL, ROVER.axles, ROVER.mass, track=0.8, cog_height=0.4, clearance=clearance
+        WHEEL, ROVER.axles, ROVER.mass, track_width=0.8, cog_height=0.4, clearance=clearance
     )
     cohesion = 40 if reason == Reason.SINKAGE else 0
     found = surface_figures("s", Surface(cohesion=cohesion, fric_angle=30, sinkage=rate), vehicle)
@@ -293,7 +292,7 @@ def test_the_climb_is_that_at_the_slip_allowed() -> None:
 def test_it_tips_over_backwards_not_sideways_when_it_climbs() -> None:
     """Narrow and long, and kept 5° from tipping: the climb ends at the rear axle's angle."""
     vehicle = Vehicle(
-        WHEEL, (Axle(0.6), Axle(-0.5)), 40.0, track=0.3, cog_height=0.6,
+        WHEEL, (Axle(0.6), Axle(-0.5)), 40.0, track_width=0.3, cog_height=0.6,
         margins=Margins(tip=math.radians(5)),
     )  # fmt: skip
     found = surface_figures("rock", Surface(cohesion=0, fric_angle=60, sinkage=0), vehicle)
@@ -304,7 +303,9 @@ def test_it_tips_over_backwards_not_sideways_when_it_climbs() -> None:
 
 def test_towed_wheels_that_bear_more_are_told_of() -> None:
     """The figures are those of a driven wheel; the verdict knows the others, too."""
-    vehicle = Vehicle(WHEEL, (Axle(0.2, driven=False), Axle(-0.6)), 40.0, track=0.8, clearance=0.2)
+    vehicle = Vehicle(
+        WHEEL, (Axle(0.2, driven=False), Axle(-0.6)), 40.0, track_width=0.8, clearance=0.2
+    )
     found = surface_figures("s", Surface(cohesion=1, fric_angle=30, sinkage=0.1), vehicle)
     assert found.load == pytest.approx(vehicle.weight * 0.125)
     assert any("not driven bear more, 147.1 N" in sentence for sentence in found.warnings)
@@ -313,7 +314,8 @@ def test_towed_wheels_that_bear_more_are_told_of() -> None:
 @pytest.mark.parametrize("path", sorted((ROOT / "samples").glob("*.json")), ids=lambda p: p.stem)
 def test_all_samples_have_figures(path: Path) -> None:
     """Every surface has them, all finite, and they can be written as JSON."""
-    for found in all_figures(terratool.load(path), ROVER):
+    for surface in terratool.load(path).surface_types.items():
+        found = surface_figures(*surface, ROVER)
         for name in found.__slots__:
             value = getattr(found, name)
             if isinstance(value, float):

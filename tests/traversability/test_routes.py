@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from terratool.errors import RequestError
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Route, Survey, Verdict
+from terratool.traversability.route import routes
 from terratool.traversability.route.graph import PREFERENCES
-from terratool.traversability.route.routes import check, plan, reach, route_grid
+from terratool.traversability.route.routes import check_route, plan_route, reach, route_grid
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level
@@ -42,7 +43,7 @@ def steps(route: Route) -> list[tuple[float, float]]:
 
 def test_maze_is_driven_its_shortest_way() -> None:
     terrain, survey = level(9, 5), drawn(MAZE)
-    route = plan(terrain, ROVER, survey, (0.5, 4.5), (8.5, 0.5), "length")
+    route = plan_route(terrain, ROVER, survey, (0.5, 4.5), (8.5, 0.5), "length")
     # seven cells east, round two corners to the lower row, back west, and the same again: the
     # corners are cut, as the survey says nothing against it
     assert route.found and route.planned and route.verdict == Verdict.GO
@@ -54,7 +55,9 @@ def test_maze_is_driven_its_shortest_way() -> None:
 
 
 def test_maze_with_four_headings_is_driven_along_its_walls() -> None:
-    route = plan(level(9, 5), ROVER, drawn(MAZE, headings=4), (0.5, 4.5), (8.5, 0.5), "length")
+    route = plan_route(
+        level(9, 5), ROVER, drawn(MAZE, headings=4), (0.5, 4.5), (8.5, 0.5), "length"
+    )
     assert route.length == pytest.approx(8 + 2 + 8 + 2 + 8)
 
 
@@ -71,7 +74,7 @@ def test_rows_run_from_the_north_and_columns_from_the_west() -> None:
         origin=(100.0, -7.0),
     )
     terrain = level(3, 2, (100.0, -7.0))
-    route = plan(terrain, ROVER, survey, (102.9, -5.1), (102.8, -6.9), "length")
+    route = plan_route(terrain, ROVER, survey, (102.9, -5.1), (102.8, -6.9), "length")
     way = steps(route)
     assert way[0] == (102.75, -5.25) and way[-1] == (102.75, -6.75)
     assert (100.25, -5.75) in way
@@ -85,7 +88,7 @@ def test_what_the_survey_does_not_cover_is_refused() -> None:
     """The terrain is larger: the survey begins 1 m from its edges."""
     part = drawn(MAZE, origin=(1, 1))
     with pytest.raises(RequestError, match=r"start, 0.5 2.5, lies outside the part .* looked at"):
-        plan(level(11, 7), ROVER, part, (0.5, 2.5), (8.5, 2.5))
+        plan_route(level(11, 7), ROVER, part, (0.5, 2.5), (8.5, 2.5))
 
 
 @settings(max_examples=30, deadline=None)
@@ -103,14 +106,15 @@ def test_no_route_costs_less_and_the_way_back_is_as_long(seed: int, shape: tuple
     a, b = free[rng.choice(len(free), 2, replace=False)].tolist()
     start, goal = ((cell[1] + 0.5, rows - cell[0] - 0.5) for cell in (a, b))
     there, back = (
-        plan(terrain, ROVER, survey, *ends, "length") for ends in ((start, goal), (goal, start))
+        plan_route(terrain, ROVER, survey, *ends, "length")
+        for ends in ((start, goal), (goal, start))
     )
     assert there.found == back.found
     if not there.found:
         assert there.barriers and back.barriers
         return
     assert there.length == pytest.approx(back.length)
-    least = plan(terrain, ROVER, survey, start, goal, "energy")
+    least = plan_route(terrain, ROVER, survey, start, goal, "energy")
     rate = energy + ROVER.power / (ROVER.speed * (1.0 - survey.slip[0]))
     can = survey.verdict < Verdict.NO_GO
     graph = slow(np.broadcast_to(rate, can.shape), can, survey.heights)
@@ -128,7 +132,7 @@ def test_no_route_costs_less_and_the_way_back_is_as_long(seed: int, shape: tuple
 
 
 def test_start_is_the_goal() -> None:
-    route = plan(level(9, 5), ROVER, drawn(MAZE), (0.1, 4.9), (0.9, 4.1))
+    route = plan_route(level(9, 5), ROVER, drawn(MAZE), (0.1, 4.9), (0.9, 4.1))
     assert route.found and route.length == route.time == route.energy == 0.0
     assert len(route.profile.x) == 1  # type: ignore[union-attr]
 
@@ -140,7 +144,7 @@ def test_caution_and_small_margins_are_avoided_where_that_is_preferred() -> None
 .......
 """
     ways = {
-        prefer: plan(level(7, 3), ROVER, drawn(picture), (0.5, 1.5), (6.5, 1.5), prefer)
+        prefer: plan_route(level(7, 3), ROVER, drawn(picture), (0.5, 1.5), (6.5, 1.5), prefer)
         for prefer in PREFERENCES
     }
     assert ways["length"].length == pytest.approx(6) and ways["length"].verdict == Verdict.CAUTION
@@ -152,9 +156,9 @@ def test_caution_and_small_margins_are_avoided_where_that_is_preferred() -> None
     assert tightest.value == pytest.approx(0.1) and tightest.reason == Reason.SLIP
     assert ways["time"].time == pytest.approx(ways["margin"].time)
     even = drawn(picture, utilisation=0.5)
-    assert plan(level(7, 3), ROVER, even, (0.5, 1.5), (6.5, 1.5)).verdict == Verdict.GO
+    assert plan_route(level(7, 3), ROVER, even, (0.5, 1.5), (6.5, 1.5)).verdict == Verdict.GO
     with pytest.raises(RequestError, match='no route by "speed"'):
-        plan(level(7, 3), ROVER, drawn(picture), (0.5, 1.5), (6.5, 1.5), "speed")  # type: ignore[arg-type]
+        plan_route(level(7, 3), ROVER, drawn(picture), (0.5, 1.5), (6.5, 1.5), "speed")  # type: ignore[arg-type]
 
 
 def ramp() -> Survey:
@@ -165,9 +169,9 @@ def ramp() -> Survey:
 
 def test_one_way_slope_is_gone_down_and_not_up_again() -> None:
     terrain, survey = level(3, 5), ramp()
-    down = plan(terrain, ROVER, survey, (1.5, 4.5), (1.5, 0.5), "length")
+    down = plan_route(terrain, ROVER, survey, (1.5, 4.5), (1.5, 0.5), "length")
     assert down.found and down.length == pytest.approx(4)
-    up = plan(terrain, ROVER, survey, (1.5, 0.5), (1.5, 4.5), "length")
+    up = plan_route(terrain, ROVER, survey, (1.5, 0.5), (1.5, 4.5), "length")
     assert not up.found and up.length is up.time is up.energy is up.profile is None
     assert [barrier.reason for barrier in up.barriers] == [Reason.TRACTION]
     assert up.barriers[0].width == pytest.approx(1.0)
@@ -191,16 +195,16 @@ def test_narrow_gap_lets_it_through_in_one_heading_only(headings: list[int], fit
     )
     barred(survey, [h for h in range(8) if h not in headings], np.s_[1, 2], Reason.STEP)
     terrain = level(5, 3)
-    route = plan(terrain, ROVER, survey, (0.5, 0.5), (4.5, 2.5), "length")
+    route = plan_route(terrain, ROVER, survey, (0.5, 0.5), (4.5, 2.5), "length")
     assert route.found == fits
     if fits:
         assert route.profile is not None
         there = (route.profile.x == 2.5) & (route.profile.y == 1.5)
         assert set(route.profile.heading[there].tolist()) == {0.0}
         assert route.length == pytest.approx(2 + 1 + DIAGONAL * 0 + 1 + 2)
-    straight = check(terrain, ROVER, survey, [(2.5, 0.5), (2.5, 2.5)])
+    straight = check_route(terrain, ROVER, survey, [(2.5, 0.5), (2.5, 2.5)])
     assert straight.found == fits and not straight.planned
-    slanting = check(terrain, ROVER, survey, [(1.5, 0.5), (3.5, 2.5)])
+    slanting = check_route(terrain, ROVER, survey, [(1.5, 0.5), (3.5, 2.5)])
     assert not slanting.found
 
 
@@ -213,19 +217,19 @@ def test_backs_up_where_it_can_turn_one_way_only() -> None:
     barred(survey, [0, 1, 3, 4, 5, 7], np.s_[0, 2:], Reason.STEP)
     barred(survey, [1, 3, 4, 5], np.s_[0, 1], Reason.STEP)
     terrain = level(5, 3)
-    route = plan(terrain, ROVER, survey, (1.5, 0.5), (4.5, 2.5), "length")
+    route = plan_route(terrain, ROVER, survey, (1.5, 0.5), (4.5, 2.5), "length")
     assert route.found and route.length == pytest.approx(2 + 3)
     assert route.profile is not None
     assert route.profile.heading.tolist() == [0.0, 0.0, 0.0, 315.0, 270.0, 270.0, 270.0, 270.0]
     assert np.diff(route.profile.x).tolist() == [0, 0, 0, 0, 1, 1, 1]
-    arc = math.pi / 2 * math.hypot(ROVER.track, ROVER.wheelbase) / 2
+    arc = math.pi / 2 * math.hypot(ROVER.track_width, ROVER.wheelbase) / 2
     time = (2 + arc) / ROVER.speed + 3 / (0.5 * ROVER.speed)
     assert route.time == pytest.approx(time, rel=1e-6)
     work = 10 * (2 + arc) + 40 * 3
     assert route.energy == pytest.approx(work + ROVER.power * time, rel=1e-6)
     # what cannot be climbed with the nose ahead is not climbed in reverse
     barred(survey, [2], np.s_[0, 3])
-    assert not plan(terrain, ROVER, survey, (1.5, 0.5), (4.5, 2.5), "length").found
+    assert not plan_route(terrain, ROVER, survey, (1.5, 0.5), (4.5, 2.5), "length").found
 
 
 def test_energy_and_time_on_a_plane_are_those_of_mechanics() -> None:
@@ -247,7 +251,7 @@ def test_energy_and_time_on_a_plane_are_those_of_mechanics() -> None:
         ("." * 40 + "\n") * 20, resolution=0.5, heights=0.1 * x, pitch=pitch, energy=energy,
         slip=slip,
     )  # fmt: skip
-    route = plan(terrain, ROVER, survey, (0.25, 5.25), (19.25, 5.25))
+    route = plan_route(terrain, ROVER, survey, (0.25, 5.25), (19.25, 5.25))
     run, rise = 19.0, 1.9
     length = math.hypot(run, rise)
     time = length / (ROVER.speed * (1 - slip))
@@ -257,18 +261,18 @@ def test_energy_and_time_on_a_plane_are_those_of_mechanics() -> None:
     assert route.energy == pytest.approx(work + ROVER.power * time, rel=1e-5)
     assert route.steepest is not None and route.steepest.value == pytest.approx(angle)
     # down again nothing is gained: as much less as the slope pulls, but never below nothing
-    down = plan(terrain, ROVER, survey, (19.25, 5.25), (0.25, 5.25))
+    down = plan_route(terrain, ROVER, survey, (19.25, 5.25), (0.25, 5.25))
     assert ROVER.weight * math.sin(angle) > resistance
     assert down.energy == pytest.approx(ROVER.power * time, rel=1e-5)
-    driven = check(terrain, ROVER, survey, [(0.25, 5.25), (19.25, 5.25)])
+    driven = check_route(terrain, ROVER, survey, [(0.25, 5.25), (19.25, 5.25)])
     assert driven.length == pytest.approx(length, rel=1e-5)
     assert driven.energy == pytest.approx(route.energy, rel=1e-5)
 
 
 def test_turning_takes_the_time_of_its_arc() -> None:
     survey = drawn("..\n#.", headings=4)
-    route = plan(level(2, 2), ROVER, survey, (0.5, 1.5), (1.5, 0.5))
-    arc = math.pi / 2 * math.hypot(ROVER.track, ROVER.wheelbase) / 2
+    route = plan_route(level(2, 2), ROVER, survey, (0.5, 1.5), (1.5, 0.5))
+    arc = math.pi / 2 * math.hypot(ROVER.track_width, ROVER.wheelbase) / 2
     assert route.length == pytest.approx(2)
     assert route.time == pytest.approx((2 + arc) / ROVER.speed, rel=1e-6)
     assert route.energy == pytest.approx(10.0 * (2 + arc) + ROVER.power * route.time, rel=1e-6)
@@ -281,7 +285,7 @@ def test_softest_and_steepest_places_are_where_the_survey_has_them() -> None:
     sinkage, pitch = np.zeros((1, 6)), np.zeros((1, 6))
     sinkage[0, 4], pitch[0, 2] = 0.05, -0.3
     survey = drawn("......", sinkage=sinkage, pitch=pitch)
-    route = plan(level(6, 1), ROVER, survey, (0.5, 0.5), (5.5, 0.5))
+    route = plan_route(level(6, 1), ROVER, survey, (0.5, 0.5), (5.5, 0.5))
     assert route.softest is not None and route.steepest is not None
     assert (route.softest.value, route.softest.place.x) == (pytest.approx(0.05), 4.5)
     assert (route.steepest.value, route.steepest.place.x) == (pytest.approx(-0.3), 2.5)
@@ -290,7 +294,7 @@ def test_softest_and_steepest_places_are_where_the_survey_has_them() -> None:
 
 def test_way_is_slower_where_wheels_slip() -> None:
     slip = np.array([[0.0, 0.5, np.nan, 0.0]])
-    route = plan(level(4, 1), ROVER, drawn("....", slip=slip), (0.5, 0.5), (3.5, 0.5))
+    route = plan_route(level(4, 1), ROVER, drawn("....", slip=slip), (0.5, 0.5), (3.5, 0.5))
     seconds = 0.5 * 2 + (0.5 + 0.5) * 4 + (0.5 + 0.5) * 2 + 0.5 * 2
     assert route.time == pytest.approx(seconds)
 
@@ -299,7 +303,7 @@ def test_missing_scipy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("scipy", "scipy.sparse", "scipy.sparse.csgraph"):
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(RequestError, match=r"SciPy, which is not installed.*terratool\[route\]"):
-        plan(level(9, 5), ROVER, drawn(MAZE), (0.5, 4.5), (8.5, 0.5))
+        plan_route(level(9, 5), ROVER, drawn(MAZE), (0.5, 4.5), (8.5, 0.5))
 
 
 def test_reach_counts_ground_alone() -> None:
@@ -326,10 +330,12 @@ def test_reach_counts_ground_alone() -> None:
     ],
 )
 def test_grid_is_as_fine_as_the_bound_allows(
-    size: tuple[float, float], width: float, resolution: float | None, coarse: bool
-) -> None:
-    vehicle = Vehicle(Wheel(0.1, 0.1), (Axle(0.2), Axle(-0.2)), 10.0, track=width - 0.1)
-    grid, said = route_grid(level(*size), vehicle, most=1_000_000)
+    monkeypatch: pytest.MonkeyPatch, size: tuple[float, float], width: float,
+    resolution: float | None, coarse: bool,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(routes, "MOST_STATES", 1_000_000)
+    vehicle = Vehicle(Wheel(0.1, 0.1), (Axle(0.2), Axle(-0.2)), 10.0, track_width=width - 0.1)
+    grid, said = route_grid(level(*size), vehicle)
     assert 8 * grid.height * grid.width <= 1_000_000
     assert bool(said) == coarse
     if resolution:
@@ -341,9 +347,10 @@ def test_grid_is_as_fine_as_the_bound_allows(
         assert f"{grid.resolution:.3g} m" in said and "0.6 m wide" in said
 
 
-def test_grid_of_a_part_is_finer() -> None:
+def test_grid_of_a_part_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes, "MOST_STATES", 1_000_000)
     terrain = level(900, 300)
-    grid, said = route_grid(terrain, ROVER, bounds=(10, 20, 40, 30), most=1_000_000)
+    grid, said = route_grid(terrain, ROVER, bounds=(10, 20, 40, 30))
     assert (grid.west, grid.south) == (10, 20) and not said
     assert grid.resolution == pytest.approx(0.56 / 6)
     with pytest.raises(RequestError, match="miss the terrain"):

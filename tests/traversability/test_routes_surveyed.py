@@ -11,7 +11,7 @@ import pytest
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.route.routes import check, plan, reach, route_grid
+from terratool.traversability.route.routes import check_route, plan_route, reach, route_grid
 from terratool.traversability.survey import survey
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.conftest import terrain_of
@@ -21,7 +21,7 @@ ROVER = Vehicle(
     (Axle(0.3), Axle(-0.3)),
     mass=40.0,
     gravity=9.81,
-    track=0.6,
+    track_width=0.6,
     cog_height=0.2,
     clearance=0.2,
     body_width=0.5,
@@ -75,8 +75,8 @@ def seen(terrain: Terrain, vehicle: Vehicle = ROVER) -> Survey:
 def test_work_on_a_rigid_slope_is_weight_times_height() -> None:
     terrain = plane(0.2)
     surveyed = seen(terrain)
-    up = plan(terrain, ROVER, surveyed, (1.5, 2.5), (10.5, 2.5))
-    down = plan(terrain, ROVER, surveyed, (10.5, 2.5), (1.5, 2.5))
+    up = plan_route(terrain, ROVER, surveyed, (1.5, 2.5), (10.5, 2.5))
+    down = plan_route(terrain, ROVER, surveyed, (10.5, 2.5), (1.5, 2.5))
     length = 9 * math.hypot(1, 0.2)
     assert up.length == pytest.approx(length, rel=1e-5) == down.length
     assert up.time == pytest.approx(length / ROVER.speed, rel=1e-5)
@@ -90,7 +90,7 @@ def test_work_on_a_rigid_slope_is_weight_times_height() -> None:
 
 def test_work_on_soft_ground_is_the_torque_that_the_wheels_need() -> None:
     terrain = plane(0.0, sinkage=0.05)
-    route = plan(terrain, ROVER, seen(terrain), (1.5, 2.5), (10.5, 2.5))
+    route = plan_route(terrain, ROVER, seen(terrain), (1.5, 2.5), (10.5, 2.5))
     load, radius = ROVER.weight / 4, ROVER.wheel.radius
     half = math.asin(math.sqrt(0.05e-3 * load / (2 * radius)))
     torque = radius * load * math.sin(half) * (half / 2) ** 2 / math.sin(half / 2) ** 2
@@ -106,8 +106,8 @@ def test_wall_bars_and_is_named_and_a_kerb_does_not() -> None:
         terrain = walled(height)
         surveyed = seen(terrain)
         for route in (
-            plan(terrain, ROVER, surveyed, (1.1, 2.1), (6.9, 2.1)),
-            check(terrain, ROVER, surveyed, [(1.1, 2.1), (6.9, 2.1)]),
+            plan_route(terrain, ROVER, surveyed, (1.1, 2.1), (6.9, 2.1)),
+            check_route(terrain, ROVER, surveyed, [(1.1, 2.1), (6.9, 2.1)]),
         ):
             assert route.found != bars
             if bars:
@@ -129,8 +129,8 @@ def test_slope_beyond_the_motors_is_one_way(share: float, climbs: bool) -> None:
     terrain = plane(0.2)
     surveyed = seen(terrain, vehicle)
     low, high = (1.5, 2.5), (10.5, 2.5)
-    assert plan(terrain, vehicle, surveyed, high, low).found
-    straight = check(terrain, vehicle, surveyed, [low, high])
+    assert plan_route(terrain, vehicle, surveyed, high, low).found
+    straight = check_route(terrain, vehicle, surveyed, [low, high])
     assert straight.found == climbs
     if not climbs:
         (barrier,) = straight.barriers
@@ -138,7 +138,7 @@ def test_slope_beyond_the_motors_is_one_way(share: float, climbs: bool) -> None:
         assert barrier.width == pytest.approx(9.0)
         assert barrier.bars == '/elemTree (surface "slab"), on a slope of 11°'
     # slanting it gets up either way, as only a part of the slope lies along its heading
-    assert plan(terrain, vehicle, surveyed, low, high).found
+    assert plan_route(terrain, vehicle, surveyed, low, high).found
     assert reach(terrain, vehicle, surveyed, low).returnable > 0.5
 
 
@@ -146,7 +146,7 @@ def test_grid_for_a_route_suits_the_survey() -> None:
     terrain = walled(0.4)
     grid, said = route_grid(terrain, ROVER)
     assert not said and grid.resolution == pytest.approx(0.7 / 6)
-    route = plan(terrain, ROVER, survey(terrain, ROVER, grid), (1.1, 2.1), (4.1, 1.1))
+    route = plan_route(terrain, ROVER, survey(terrain, ROVER, grid), (1.1, 2.1), (4.1, 1.1))
     assert route.found and route.length is not None
     straight = math.hypot(3, 1)
     assert 0.95 * straight < route.length < straight / math.cos(math.pi / 8) + 2 * grid.resolution

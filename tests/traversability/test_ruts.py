@@ -17,15 +17,14 @@ from terratool.errors import MissedError, RequestError
 from terratool.field.terrain import Terrain, load
 from terratool.traversability.ruts import Deformed, deform, simplified, wheel_paths, write_deformed
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
-from tests.commands import ROOT
-from tests.traversability.conftest import Within
+from tests.commands import ROOT, call
 
 WHEEL = Wheel(radius=0.2, width=0.1)
 
 
 def vehicle(*axles: Axle, mass: float = 40.0, track: float = 0.8) -> Vehicle:
     axles = axles or (Axle(0.5), Axle(-0.5))
-    return Vehicle(WHEEL, axles, mass, 10.0, track=track, cog_height=0.3, clearance=0.2)
+    return Vehicle(WHEEL, axles, mass, 10.0, track_width=track, cog_height=0.3, clearance=0.2)
 
 
 def flat(tmp_path: Path, **more: Any) -> Path:
@@ -254,38 +253,36 @@ class TestText:
         assert done.length > 3800
         assert grown / done.length < 6.0
 
-    def test_command(self, within: Within, tmp_path: Path) -> None:
+    def test_command(self, tmp_path: Path) -> None:
         """The command writes what Python does, and says how deep."""
         out = tmp_path / "out.json"
         deform = command(tmp_path, out)
-        result = within(*deform, "--json")
+        result = call(*deform, "--json")
         assert result.code == 0
         assert json.loads(result.out)["surfaces"] == [
             {"surface": "sand", "length": pytest.approx(8.0), "depth": pytest.approx(0.01)}
         ]
         assert load(out).height(8.0, 10.0) == pytest.approx(-0.01)
-        again = within(*deform)
+        again = call(*deform)
         assert again.code == 3 and "--overwrite" in again.err
-        own = within("deform", out, *deform[2:], "--overwrite")
+        own = call("deform", out, *deform[2:], "--overwrite")
         assert own.code == 0
         assert load(out).height(8.0, 10.0) == pytest.approx(-0.01 * 2 ** (1 / 3))
 
-    def test_nothing_is_written(self, within: Within, tmp_path: Path) -> None:
+    def test_nothing_is_written(self, tmp_path: Path) -> None:
         out = tmp_path / "out.json"
-        result = within(*command(tmp_path, out, "4,10\n12,80\n"))
+        result = call(*command(tmp_path, out, "4,10\n12,80\n"))
         assert result.code == 2 and "outside of the terrain" in result.err
         assert not out.exists()
 
     @pytest.mark.parametrize("which", ["path.csv", "rover.json"])
-    def test_what_is_read_is_not_overwritten(
-        self, within: Within, tmp_path: Path, which: str
-    ) -> None:
+    def test_what_is_read_is_not_overwritten(self, tmp_path: Path, which: str) -> None:
         rover, out = tmp_path / "rover.json", tmp_path / which
         rover.write_bytes((ROOT / "samples" / "vehicles" / "husky-a200.json").read_bytes())
         deform, file, *_, path, option, _ = command(tmp_path, out)
         before = out.read_bytes()
         arguments = ("--vehicle", rover, "--path", path, option, out, "--overwrite")
-        result = within(deform, file, *arguments)
+        result = call(deform, file, *arguments)
         assert result.code == 3 and "is read, too" in result.err
         assert out.read_bytes() == before
 
@@ -294,11 +291,9 @@ class TestText:
         [("--tolerance", "nan"), ("--tolerance", "inf"), ("--multipass", "nan"),
          ("--multipass", "inf"), ("--passes", "99999999999")],
     )  # fmt: skip
-    def test_numbers_that_are_none(
-        self, within: Within, tmp_path: Path, option: str, value: str
-    ) -> None:
+    def test_numbers_that_are_none(self, tmp_path: Path, option: str, value: str) -> None:
         out = tmp_path / "out.json"
-        result = within(*command(tmp_path, out), option, value)
+        result = call(*command(tmp_path, out), option, value)
         assert result.code == 2 and option in result.err
         assert not out.exists()
 

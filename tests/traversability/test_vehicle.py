@@ -51,7 +51,7 @@ def test_every_key_arrives_in_its_place_and_unit() -> None:
         (4, True), (1, False), (2, True),
     ]  # fmt: skip
     assert vehicle.wheel == Wheel(0.2, 0.1, 30.0, 0.8)
-    assert (vehicle.mass, vehicle.gravity, vehicle.track) == (120, 3.71, 0.9)
+    assert (vehicle.mass, vehicle.gravity, vehicle.track_width) == (120, 3.71, 0.9)
     assert (vehicle.cog_height, vehicle.clearance, vehicle.body_width) == (0.35, 0.17, 0.7)
     assert vehicle.front == Overhang(0.5, 0.25)
     assert vehicle.rear == Overhang(0.3, 0.17)  # as high as the rest of the body
@@ -72,7 +72,7 @@ def test_what_is_left_out_has_its_default() -> None:
         Wheel(0.16, 0.11),
         (Axle(0.25), Axle(-0.25)),
         50,
-        track=0.55,
+        track_width=0.55,
         cog_height=0.2,
         clearance=0.13,
     )

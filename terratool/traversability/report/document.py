@@ -72,6 +72,7 @@ _OTHER_NAMES = {
     "binding": "reason",
     "classes": "thresholds",
     "single_wheel": "is_single",
+    "track": "track_width",
     "z": "height",
 }
 """Members that have another name than their key."""

@@ -15,7 +15,7 @@ from terratool.traversability.report import wording
 from terratool.traversability.results import COLORS, RANKS, RouteProfile, Survey, Verdict
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
-"""Margins for the numbers of the axes, and for what the upper axis is of."""
+"""Room for the numbers of the axes, and for what the upper axis is of."""
 _HILL, _STRIP, _GAP, _SUNK, _BELOW = 130, 10, 30, 56, 40
 """Heights: of the ground's panel, the strip, the room between, the sinkage's panel, the x axis."""
 
@@ -50,12 +50,7 @@ class _Bins:
 
 
 def chart(profile: RouteProfile, width: int) -> str:
-    """A profile as an SVG element of this width in pixels; empty where it has no length.
-
-    Args:
-        profile: along a route.
-        width: of the picture, 240 or more.
-    """
+    """A profile as an SVG element, `width` pixels wide, 240 or more; empty if it has no length."""
     total = float(profile.distance[-1] - profile.distance[0]) if len(profile.distance) else 0.0
     if not total > 0.0:
         return ""
@@ -228,10 +223,7 @@ def map_picture(survey: Survey, reached: NDArray[np.bool_] | None = None) -> NDA
     """The picture, (height, width, 4) uint8 RGBA, transparent where there is no ground.
 
     A pixel of the survey is a square of as many pixels as it takes for the longer side to have 720.
-
-    Args:
-        survey: of a vehicle.
-        reached: (height, width) what can be reached; gets an outline.
+    What can be reached, (height, width), gets an outline.
     """
     shade = hillshade(survey.heights, survey.grid.resolution, exaggeration(survey))
     verdict = best_verdicts(survey)
@@ -270,11 +262,7 @@ def _outline(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def png(pixels: NDArray[np.uint8]) -> bytes:
-    """A picture as the bytes of a PNG file.
-
-    Args:
-        pixels: (height, width, bands) uint8.
-    """
+    """A picture, (height, width, bands) uint8, as the bytes of a PNG file."""
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning
     from rasterio.io import MemoryFile

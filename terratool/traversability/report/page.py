@@ -87,9 +87,9 @@ def _suffix(report: TraversabilityReport, number: int) -> str:
 
 
 class _Pin(NamedTuple):
-    """A mark on the picture: its class, its text, and where it is, %."""
+    """A mark on the picture: its CSS class, its text, and where it is, %."""
 
-    kind: str
+    style: str
     text: str
     left: float
     top: float
@@ -154,10 +154,10 @@ def _pins(report: TraversabilityReport, source: str, preview: Survey) -> list[_P
         suffix = _suffix(report, number)
         pins += [("pin", f"A{suffix}", route.start), ("pin", f"B{suffix}", route.goal)]
     found = []
-    for kind, text, place in pins:
+    for style, text, place in pins:
         right, down = _position(place.x, place.y, preview)
         if 0.0 <= right <= 1.0 and 0.0 <= down <= 1.0:
-            found.append(_Pin(kind, text, 100.0 * right, 100.0 * down))
+            found.append(_Pin(style, text, 100.0 * right, 100.0 * down))
     return found
 
 

@@ -6,9 +6,15 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from terratool.text.display import columns_of, printable
+from terratool.text.display import columns_of, counted, printable
 from terratool.traversability.report import wording
-from terratool.traversability.results import Figures, Route, TraversabilityReport, Verdict
+from terratool.traversability.results import (
+    Figures,
+    Route,
+    TraversabilityReport,
+    Verdict,
+    fraction_of,
+)
 from terratool.traversability.vehicle import Axle, Vehicle
 
 WIDTH = 80
@@ -100,7 +106,7 @@ def shares(report: TraversabilityReport) -> Table:
         (
             verdict,
             wording.share(summary.fraction(verdict)),
-            wording.share(_fraction(summary.worst_counts, verdict)),
+            wording.share(fraction_of(summary.worst_counts, verdict)),
         )
         for verdict in wording.VERDICTS
     )
@@ -130,7 +136,7 @@ def grounds(report: TraversabilityReport) -> Table:
         (
             printable(name) or "(no surface)",
             wording.share(sum(counts.values()) / pixels),
-            *(wording.share(_fraction(counts, verdict)) for verdict in wording.VERDICTS),
+            *(wording.share(fraction_of(counts, verdict)) for verdict in wording.VERDICTS),
         )
         for name, counts in report.summary.by_surface.items()
         if sum(counts.values())
@@ -189,7 +195,7 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
         yield "weight", f"{wording.quantity(vehicle.weight, 'N')} at {gravity}"
         yield "axles", "; ".join(map(_axle, vehicle.axles))
         yield "wheelbase", wording.length(vehicle.wheelbase)
-        yield "track", wording.length(vehicle.track)
+        yield "track", wording.length(vehicle.track_width)
         yield "height of the centre of gravity", wording.length(vehicle.cog_height)
         yield "clearance", wording.length(vehicle.clearance)
         yield "width of the body", wording.length(vehicle.body_width) if vehicle.body_width else ""
@@ -224,8 +230,8 @@ def what_binds(figures: Figures) -> str:
 
 
 def _axle(axle: Axle) -> str:
-    kind = "driven" if axle.driven else "towed"
-    return f"{axle.wheels} {kind} wheel{'s' * (axle.wheels > 1)} {_ahead(axle.x)}"
+    wheels = counted(axle.wheels, "driven wheel" if axle.driven else "towed wheel")
+    return f"{wheels} {_ahead(axle.x)}"
 
 
 def _ahead(x: float) -> str:
@@ -240,11 +246,6 @@ def _scaled(value: float | None, factor: float) -> str:
 
 def _used(value: float | None) -> str:
     return "all" if value is not None and value >= 1.0 else wording.share(value)
-
-
-def _fraction(counts: dict[Verdict, int], verdict: Verdict) -> float:
-    total = sum(counts.values())
-    return counts.get(verdict, 0) / total if total else 0.0
 
 
 def warnings(report: TraversabilityReport) -> tuple[tuple[str, str], ...]:
@@ -304,7 +305,7 @@ def _map(report: TraversabilityReport) -> Iterator[Sequence[str]]:
         ("best heading", summary.counts, binding),
         ("worst heading", summary.worst_counts, ""),
     ):
-        parts = (_fraction(counts, verdict) for verdict in wording.VERDICTS)
+        parts = (fraction_of(counts, verdict) for verdict in wording.VERDICTS)
         yield heading, *map(wording.share, parts), why
 
 
@@ -330,7 +331,7 @@ def _aligned(rows: Iterator[Sequence[str]]) -> Iterator[str]:
     widths = [max(_width(row[i]) for row in cells) for i in range(len(cells[0]))]
     widths[-1] = WIDTH - sum(widths[:-1]) - 2 * (len(widths) - 1)
     labels = {verdict.label for verdict in Verdict}
-    margin = " " * (WIDTH - widths[-1])
+    indent = " " * (WIDTH - widths[-1])
     for row in cells:
         row[-1], *below = _wrapped(row[-1], "", widths[-1]) if row[-1] else [""]
         parts = []
@@ -341,7 +342,7 @@ def _aligned(rows: Iterator[Sequence[str]]) -> Iterator[str]:
             parts.append(text + room if left else room + text)
         yield "  ".join(parts).rstrip()
         for text in below:
-            yield f"{margin}{cut(text, widths[-1])}"
+            yield f"{indent}{cut(text, widths[-1])}"
 
 
 def _width(text: str) -> int:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from terratool.text.display import printable
+from terratool.text.display import counted, printable
 from terratool.traversability.results import (
     RANKS,
     Barrier,
@@ -171,7 +171,7 @@ def route_line(route: Route) -> str:
         if not route.barriers:
             return f"{what}."
         more = len(route.barriers) - 1
-        rest = f" (and {more} more place{'s' * (more > 1)})" if more else ""
+        rest = f" (and {counted(more, 'more place')})" if more else ""
         return f"{what}: {barrier(route.barriers[0])}{rest}."
     what = "There is a way" if route.planned else "The way through the waypoints can be driven"
     line = f"{what} from {ends(route)}: {length(route.length)}, {duration(route.time)}"

@@ -24,7 +24,7 @@ TURN_LENGTH = 0.01
 _LEAST = 1e-6
 """Rates are at least so much, so that every move costs something."""
 
-_PRICES = {"length": (0.0, 0.0), "time": (1.0, 1.0), "energy": (0.0, 0.0), "margin": (50.0, 20.0)}
+_PRICES = {"time": (1.0, 1.0), "margin": (50.0, 20.0)}
 """For a state that is caution, and for one at its limit."""
 
 Offset = tuple[int, int]
@@ -38,6 +38,18 @@ _STAND = 1e-3
 
 BACKWARD = 1.05
 """A metre backwards weighs so many ahead."""
+
+
+def check_preference(prefer: str) -> None:
+    """Refuse what no route can be the least of.
+
+    Raises:
+        RequestError: there is no such preference.
+    """
+    if prefer not in PREFERENCES:
+        raise RequestError(
+            f'There is no route by "{prefer}".', f"Prefer one of: {', '.join(PREFERENCES)}."
+        )
 
 
 def drivable(survey: Survey) -> NDArray[np.bool_]:
@@ -66,7 +78,7 @@ def turning_arc(survey: Survey, vehicle: Vehicle) -> float:
 
     They stand on a circle about the vehicle's middle, half the diagonal of track and wheelbase.
     """
-    return math.pi / survey.headings * math.hypot(vehicle.track, vehicle.wheelbase)
+    return math.pi / survey.headings * math.hypot(vehicle.track_width, vehicle.wheelbase)
 
 
 def rates(survey: Survey, vehicle: Vehicle, prefer: str) -> NDArray[np.float32]:
@@ -79,10 +91,7 @@ def rates(survey: Survey, vehicle: Vehicle, prefer: str) -> NDArray[np.float32]:
     Raises:
         RequestError: there is no such preference.
     """
-    if prefer not in _PRICES:
-        raise RequestError(
-            f'There is no route by "{prefer}".', f"Prefer one of: {', '.join(PREFERENCES)}."
-        )
+    check_preference(prefer)
     if prefer == "length":
         return np.ones(survey.verdict.shape, np.float32)
     if prefer == "energy":
@@ -205,8 +214,8 @@ def build_graph(
     turn = max(arc, _STAND * resolution)
     for heading, (row, column) in enumerate(heading_offsets(headings)):
         here = allowed[heading]
-        own, paid = targets[ends[heading] : ends[heading + 1]], costs[ends[heading] :]
-        paid = paid[: len(own)]
+        part = slice(ends[heading], ends[heading + 1])
+        own, paid = targets[part], costs[part]
         opposite = (heading + headings // 2) % headings
         both = backward[heading] & backward[opposite]
         for slot, (move, judged, free, weight) in enumerate(

@@ -129,12 +129,7 @@ def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: f
     radius (a cell, if that is more) ahead; unless the lower side's element is one of the higher
     one's children, and so a hole in it. For soil it is the weakest that a wheel stands on.
 
-    Args:
-        terrain: the ground.
-        vehicle: a vehicle, or a wheel by itself.
-        reason: what binds.
-        pose: of the vehicle.
-        cell: side of the survey's cells, m.
+    `cell` is the side of the survey's cells, m.
     """
     if reason == Reason.EDGE:
         return "the edge of the terrain"
@@ -154,7 +149,7 @@ def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: f
 
 
 def _slope(survey: Survey, path: Path, sample: int) -> float:
-    """How far the vehicle is tilted, degrees, whichever way; 0 where it has no pose."""
+    """How far the vehicle is tilted, degrees, whichever way; 0 where it cannot stand."""
     at = path.judged[sample], path.row[sample], path.column[sample]
     tilt = math.hypot(math.tan(float(survey.pitch[at])), math.tan(float(survey.roll[at])))
     return 0.0 if math.isnan(tilt) else math.degrees(math.atan(tilt))
@@ -230,7 +225,7 @@ def _missing(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> int
 
 def _weakest(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> int:
     """Index of the element under the wheel on the soil that bears least; -1 for none."""
-    offset, side = vehicle.middle, 0.5 * vehicle.track
+    offset, side = vehicle.middle, 0.5 * vehicle.track_width
     along = np.array([axle.x - offset for axle in vehicle.axles for _ in (0, 1)])
     across = np.array([side * sign for _ in vehicle.axles for sign in (-1.0, 1.0)])
     found = terrain.sample(*_turned(pose, along, across))
@@ -255,9 +250,8 @@ def route_grid(
     *,
     headings: int = HEADINGS,
     bounds: Bounds | None = None,
-    most: int = MOST_STATES,
 ) -> tuple[Grid, str]:
-    """The grid for a route: a sixth of the vehicle's width, or as fine as `most` states allow.
+    """The grid for a route: a sixth of the vehicle's width, or as fine as MOST_STATES allow.
 
     Returns:
         The grid, and a sentence where its pixels are wider than a third of the vehicle; else empty.
@@ -270,10 +264,10 @@ def route_grid(
         check_bounds(bounds, terrain)
     west, south, east, north = clip_bounds(terrain, bounds)
     shorter = min(east - west, north - south)
-    least = math.sqrt((east - west) * (north - south) * headings / most)
+    least = math.sqrt((east - west) * (north - south) * headings / MOST_STATES)
     resolution = min(max(width / _FINE, least), shorter)
     grid = grid_over(terrain, resolution, bounds)
-    while headings * grid.height * grid.width > most and resolution < shorter:
+    while headings * grid.height * grid.width > MOST_STATES and resolution < shorter:
         resolution = min(_COARSER * resolution, shorter)
         grid = grid_over(terrain, resolution, bounds)
     note = ""
@@ -285,7 +279,7 @@ def route_grid(
     return grid, note
 
 
-def plan(
+def plan_route(
     terrain: Terrain,
     vehicle: Vehicle,
     survey: Survey,
@@ -298,25 +292,17 @@ def plan(
     The vehicle may begin and end with any heading, moves to the cell that it faces, backs up,
     and turns on the spot; it is where the survey says go or caution. Its energy is the sum over
     legs of energy per metre × length over ground, plus the vehicle's power × time; the time that of
-    length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run.
-
-    Args:
-        terrain: the terrain.
-        vehicle: that of the survey.
-        survey: of the vehicle on the terrain.
-        start: x and y.
-        goal: x and y.
-        prefer: what the way is the least of, see `graph.rates`.
+    length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run. `prefer` says
+    what the way is the least of, see `graph.rates`.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey, or on no ground; the
             vehicle cannot stand at the start; there is no such preference; SciPy is missing.
     """
     needs_scipy()
-    begin = _cell(terrain, survey, start, "The route's start")
-    end = _cell(terrain, survey, goal, "The route's goal")
     can = drivable(survey)
-    _refuse_standing(terrain, vehicle, survey, can, start, begin, "The route's start")
+    begin = _start_cell(terrain, vehicle, survey, can, start, "The route's start")
+    end = _cell(terrain, survey, goal, "The route's goal")
     rate, arc = rates(survey, vehicle, prefer), turning_arc(survey, vehicle)
     scale = TURN_LENGTH if prefer == "length" else 1.0
     graph = build_graph(rate, can, can, survey.heights, survey.grid.resolution, scale * arc)
@@ -341,7 +327,7 @@ def plan(
     return _barred(route, found, nearest, note)
 
 
-def check(terrain: Terrain, vehicle: Vehicle, survey: Survey, waypoints: ArrayLike) -> Route:
+def check_route(terrain: Terrain, vehicle: Vehicle, survey: Survey, waypoints: ArrayLike) -> Route:
     """Drive the straight legs between waypoints, (n, 2), and say what they cost or what bars them.
 
     Samples are at most half a cell apart; each is judged by the heading of the survey that is
@@ -356,10 +342,9 @@ def check(terrain: Terrain, vehicle: Vehicle, survey: Survey, waypoints: ArrayLi
     if len(points) < 2:
         raise RequestError("The route has no two different waypoints.", "Give two at least.")
     places = [(float(x), float(y)) for x, y in points]
-    begin = _cell(terrain, survey, places[0], "Waypoint 1")
+    _start_cell(terrain, vehicle, survey, drivable(survey), places[0], "Waypoint 1")
     for number, place in enumerate(places[1:], 2):
         _inside(terrain, survey, place, f"Waypoint {number}")
-    _refuse_standing(terrain, vehicle, survey, drivable(survey), places[0], begin, "Waypoint 1")
     path = straight_path(terrain, survey, points)
     start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
     route = Route(start, goal, False, False, Verdict.NO_GO)
@@ -375,17 +360,15 @@ def check(terrain: Terrain, vehicle: Vehicle, survey: Survey, waypoints: ArrayLi
 
 
 def reach(terrain: Terrain, vehicle: Vehicle, survey: Survey, start: tuple[float, float]) -> Reach:
-    """What can be reached from a start by the moves of `plan`, and what can be returned from.
+    """What can be reached from a start by the moves of `plan_route`, and what can be returned from.
 
     Raises:
         RequestError: the start is outside the terrain or the survey, or the vehicle cannot stand
             there; SciPy is missing.
     """
     needs_scipy()
-    what = "The place to start from"
-    begin = _cell(terrain, survey, start, what)
     can = drivable(survey)
-    _refuse_standing(terrain, vehicle, survey, can, start, begin, what)
+    begin = _start_cell(terrain, vehicle, survey, can, start, "The place to start from")
     even = np.ones(can.shape, np.float32)
     graph = build_graph(even, can, can, survey.heights, survey.grid.resolution, 0.0)
     starts = graph.at(*begin)
@@ -473,16 +456,16 @@ def _cell(terrain: Terrain, survey: Survey, place: tuple[float, float], what: st
     return cell
 
 
-def _refuse_standing(
+def _start_cell(
     terrain: Terrain,
     vehicle: Vehicle,
     survey: Survey,
     can: NDArray[np.bool_],
     place: tuple[float, float],
-    cell: Cell,
     what: str,
-) -> None:
-    """Refuse a start where the vehicle cannot be, whatever its heading."""
+) -> Cell:
+    """The cell of a start; refuses one where the vehicle cannot be, whatever its heading."""
+    cell = _cell(terrain, survey, place, what)
     if not can[:, *cell].any():
         why = _why(terrain, vehicle, survey, place, cell)
         hint = "Start where the map says go or caution."
@@ -493,6 +476,7 @@ def _refuse_standing(
             f"{place[1]:.12g}, whatever its heading: {why}.",
             hint,
         )
+    return cell
 
 
 def _why(

@@ -1,0 +1,119 @@
+"""Where elements and tracks lie, as GeoJSON for geographic information systems."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.crs import authority_code
+from terratool.field.records import COMBINE
+from terratool.field.terrain import Terrain
+
+Points = NDArray[np.float64]
+
+_CORNERS = 64
+"""Of the polygon in place of a disc; it lies inside by up to 0.12 % of the radius."""
+
+
+def geojson_head(terrain: Terrain) -> dict[str, Any]:
+    """A feature collection without its features.
+
+    Coordinates are those of the terrain's reference system. It stands in the member `crs`, as in
+    GeoJSON before RFC 7946, which GDAL and QGIS heed; what is no code of an authority stands as it
+    is in the definition.
+    """
+    head: dict[str, Any] = {"type": "FeatureCollection"}
+    entry = None if terrain.crs is None else authority_code(terrain.crs)
+    if entry is not None:
+        name = f"urn:ogc:def:crs:{entry.authority}::{entry.code}"
+        head["crs"] = {"type": "name", "properties": {"name": name}}
+    elif terrain.crs is not None:
+        head["terrain_crs"] = terrain.crs
+    return head
+
+
+def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
+    """A feature for each element, in the order of the tree, and then for each track.
+
+    An element is the polygon of its footprint, with its pointer, primitive and surface;
+    a track the line of its wheel's middle, with its pointer, surface, width and passes.
+    """
+    elements = terrain.arrays.elements
+    surfaces = [*terrain.surfaces, None]
+    kinds = terrain.arrays.kinds[elements["kind"]]
+    radial = kinds["combine"] == COMBINE["radial"]
+    poses = terrain.arrays.poses
+    primitives = terrain.primitive_of()
+    for index, (west, south, east, north) in enumerate(terrain.cells().T.tolist()):
+        pose = poses[elements["pose"][index]]
+        rectangle = np.array([[west, south], [east, south], [east, north], [west, north]])
+        outline = rectangle
+        if radial[index] or pose["turned"]:
+            outline = _outline(rectangle, pose, bool(radial[index]))
+        yield {
+            "type": "Feature",
+            "geometry": {"type": "Polygon", "coordinates": [_ring(outline)]},
+            "properties": {
+                "pointer": terrain.pointer(index),
+                "type": terrain.primitives[primitives[index]],
+                "surface": surfaces[int(kinds["surface"][index])],
+            },
+        }
+    tracks = terrain.arrays.tracks
+    segments = tracks.segments
+    for index in range(terrain.tracks):
+        own = segments[tracks.first[index] : tracks.first[index + 1]]
+        line = np.column_stack([own["x"], own["y"]]).tolist()
+        line.append([float(own["end_x"][-1]), float(own["end_y"][-1])])
+        yield {
+            "type": "Feature",
+            "geometry": {"type": "LineString", "coordinates": line},
+            "properties": {
+                "pointer": terrain.pointer(len(elements) + index),
+                "surface": surfaces[int(tracks.surface[index])],
+                "width": 2 * float(own["reach"][0]),
+                "passes": int(tracks.passes[index]),
+            },
+        }
+
+
+def _ring(corners: Points) -> list[list[float]]:
+    ring: list[list[float]] = corners.tolist()
+    return [*ring, ring[0]]
+
+
+def _outline(rectangle: Points, pose: Any, disc: bool) -> Points:
+    """The footprint of a turned element or a disc: its corners, anticlockwise; (n, 2)."""
+    middle = (rectangle[0] + rectangle[2]) / 2
+    half = (rectangle[2] - rectangle[0]) / 2
+    shape = rectangle - middle
+    if disc:
+        angles = np.arange(_CORNERS) * (2 * np.pi / _CORNERS)
+        shape = np.column_stack([np.cos(angles), np.sin(angles)]) * half
+    if pose["turned"]:
+        # clockwise, seen from above
+        cos, sin = float(pose["cos"]), float(pose["sin_v"]) * half[0] / half[1]
+        shape = np.column_stack(
+            [shape[:, 0] * cos + shape[:, 1] * sin, shape[:, 1] * cos - shape[:, 0] * sin]
+        )
+        for axis in (0, 1):
+            for side in (-1.0, 1.0):
+                shape = _cut(shape, axis, side, half[axis])
+    return np.asarray(middle + shape)
+
+
+def _cut(shape: Points, axis: int, side: float, limit: float) -> Points:
+    """The part of a convex polygon on this side of a limit, after Sutherland and Hodgman (1974)."""
+    beyond = shape[:, axis] * side - limit
+    kept: list[Points] = []
+    for here, there, a, b in zip(
+        shape, np.roll(shape, -1, 0), beyond, np.roll(beyond, -1), strict=True
+    ):
+        if a <= 0:
+            kept.append(here)
+        if (a < 0 < b) or (b < 0 < a):
+            kept.append(here + (there - here) * (a / (a - b)))
+    return np.array(kept)
