@@ -1,8 +1,7 @@
-"""Heights at pixels: of meshes seen from above, which may have walls for steps, and of fields."""
+"""Heights at the centres of pixels: of meshes seen from above, and of fields; steps of meshes."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import Bounds, check_overlap
 from terratool.importing.sources import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
-from terratool.raster.grid import pixels_along
+from terratool.raster.grid import count_pixels, refuse_resolution, resolution_within
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -31,9 +30,6 @@ MAX_PIXELS = 2**30
 
 WALL_SLACK = 1e-6
 """Positions that differ by no more than this part of a side of the patch are one."""
-
-_WHOLE = 1e-6
-"""A quotient this near to a whole number of pixels is one."""
 
 _NEAR = 1e-9
 """A centre that is no farther than this from a triangle, in pixels, belongs to it."""
@@ -176,32 +172,23 @@ def _grid(bounds: Bounds, resolution: float | None) -> tuple[PixelGrid, tuple[st
     sides = east - west, north - south
     why: tuple[str, ...] = ()
     if resolution is None:
-        resolution = _default_resolution(*sides)
+        longer, shorter = max(sides), min(sides)
+        if shorter < NARROWEST * longer:
+            shorter = longer
+        resolution, _ = resolution_within(longer, shorter, DEFAULT_PIXELS)
         why = (
             f"No resolution was given: a pixel is {resolution:.6g} m, a "
-            f"{max(sides) / resolution:.4g}th of the longer side.",
+            f"{longer / resolution:.4g}th of the longer side.",
         )
-    elif not (math.isfinite(resolution) and resolution > 0):
-        raise RequestError(
-            f"The resolution is {resolution:g}.", "Give the side of a pixel, a number above 0."
-        )
-    quotients = [min(side / resolution, 1e18) for side in sides]
-    columns, rows = (max(1.0, math.ceil(quotient - _WHOLE)) for quotient in quotients)
+    refuse_resolution(resolution)
+    columns, rows = (count_pixels(side, resolution) for side in sides)
     if columns * rows > MAX_PIXELS:
         raise RequestError(
             f"A resolution of {resolution:g} makes {columns:.4g} × {rows:.4g} pixels, more than "
             f"{MAX_PIXELS:,}.",
             "Give a coarser resolution or smaller bounds.",
         )
-    return PixelGrid(west, south, resolution, resolution, int(columns), int(rows)), why
-
-
-def _default_resolution(width: float, depth: float) -> float:
-    """At most 512 pixels on the longer side, if possible so that the shorter has whole ones."""
-    longest, shortest = max(width, depth), min(width, depth)
-    if longest * NARROWEST <= shortest < longest / DEFAULT_PIXELS:
-        return shortest
-    return longest / pixels_along(longest, shortest, DEFAULT_PIXELS)
+    return PixelGrid(west, south, resolution, resolution, columns, rows), why
 
 
 # --- walls ---------------------------------------------------------------------------------------

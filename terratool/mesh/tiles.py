@@ -165,15 +165,8 @@ def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> B
     """
     limits, seams = layout.limits(row, column)
     whole, frames = layout.plan, layout.plan.frames
-    west, south, east, north = limits
-    near = (
-        (frames["drawn"] != 0)
-        & (frames["west"] <= east)
-        & (frames["east"] >= west)
-        & (frames["south"] <= north)
-        & (frames["north"] >= south)
-    )
-    segments = kernels.segments_of(whole.kept, np.flatnonzero(near))
+    near = ((frames["low"] <= limits[2:]) & (frames["high"] >= limits[:2])).all(axis=1)
+    segments = kernels.segments_of(whole.kept, np.flatnonzero(near & (frames["drawn"] != 0)))
     boundary = boundary_of(limits, seams)
     coarse = coarse_mesh(whole, cut_segments(segments, limits, seams), boundary, np.array(limits))
     return finish(terrain, whole, layout.loss, coarse, boundary)
@@ -271,21 +264,11 @@ def export_tiles(
             a seam.
         WriteError: something is there already, or cannot be written.
     """
-    options.check()
-    if options.max_faces is not None or options.solid:
-        raise RequestError(
-            "A limit of faces, or a solid, is about one mesh, but tiles are asked for.",
-            "Leave out the limit, the solid or the tiles.",
-        )
+    options.check(tiles=True)
     folder = Path(folder).absolute()
     if options.bounds is not None:
         check_bounds(options.bounds, terrain)
-    form = mesh_format(Path(f"mesh{suffix}"))
-    if options.world and form.write_world is None:
-        raise RequestError(
-            f"{suffix}: numbers of this format are too short for coordinates of the world.",
-            "Ask for .obj or .ply, or for a mesh near 0.",
-        )
+    mesh_format(Path(f"mesh{suffix}"), options.world)
     _refuse(folder, overwrite)
     wanted, chosen = options.error_for(terrain)
     layout = lay_out(terrain, wanted, count, options.bounds)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from terratool.field.bounds import finest_details, largest_heights, nonzero_edges
+from terratool.field.summary import Peak, spread_points
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
@@ -28,9 +29,6 @@ POINTS = 100_000
 _NOISE = 1e-6
 """Smaller interpolation errors, in parts of a pixel, are not named in the sentence."""
 
-_PLASTIC = 1.32471795724474602596
-"""The plastic number spreads points over a square as the golden section does over a line."""
-
 _LEVEL = 1e-7
 """A jump counts from here on, in parts of the largest height that an element adds …"""
 _LOW = 1e-3
@@ -47,15 +45,6 @@ them by its pixels, but no fewer than the last."""
 
 _UNIT = 1 << 20
 """Lengths are added as whole numbers of such parts of a pixel: in any order they are the same."""
-
-
-@dataclass(frozen=True, slots=True)
-class Wall:
-    """A wall between two neighbouring pixels: its size, and the middle between the two."""
-
-    size: float
-    x: float
-    y: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +107,8 @@ class RasterLoss:
     wall_length: float
     wall_pairs: int
     estimated: bool
-    steepest: Wall | None
-    highest: Wall | None
+    steepest: Peak | None
+    highest: Peak | None
     narrow: SubpixelFeatures
     details: SubpixelFeatures
     nodata: int
@@ -281,9 +270,7 @@ def _points(terrain: Terrain, columns: Floats, rows: Floats) -> tuple[Floats, Fl
     low_x, high_x = max(west, columns[0]), min(east, columns[-1])
     low_y, high_y = max(south, rows[0]), min(north, rows[-1])
     half = min(POINTS, 4 * len(columns) * len(rows)) // 2
-    steps = np.arange(1, half + 1)
-    x = low_x + np.mod(steps / _PLASTIC, 1.0) * (high_x - low_x)
-    y = low_y + np.mod(steps / _PLASTIC**2, 1.0) * (high_y - low_y)
+    x, y = spread_points((low_x, low_y, high_x, high_y), half)
     left, bottom, right, top = terrain.cells()
     middle_x, middle_y = left + (right - left) / 2, bottom + (top - bottom) / 2
     inside = np.flatnonzero(
@@ -450,7 +437,7 @@ class LossFinder:
         pixel = (window.row + row) * self._grid.width + window.column + column
         return 2 * pixel + (pair & 1) + 1
 
-    def _wall(self, found: tuple[float, int]) -> Wall | None:
+    def _wall(self, found: tuple[float, int]) -> Peak | None:
         size, name = found
         if not name:
             return None
@@ -458,7 +445,7 @@ class LossFinder:
         row, column = divmod(pair >> 1, self._grid.width)
         two = Window(row, column, 1 + (pair & 1), 2 - (pair & 1))
         x, y = float(self._grid.columns(two).mean()), float(self._grid.rows(two).mean())
-        return Wall(size, x, y)
+        return Peak(size, x, y)
 
 
 def _spread(count: int, limit: int) -> NDArray[np.int64]:

@@ -266,7 +266,7 @@ def test_tiles(
         ("mesh {good} a.glb --tile-faces 0", 2, "Tiles of 0 faces", "1 or more"),
         ("mesh {good} a.3ds --tile-faces 9", 2, "no mesh format has the suffix '.3ds'", "Try"),
         ("mesh {good} a.glb --tile-faces 9 --bounds 0 0 1 1", 2, "miss the terrain", "It lies in"),
-        ("mesh {good} a.glb --tile-faces 9 --origin world", 2, "too short for", ".obj or .ply"),
+        ("mesh {good} a.glb --tile-faces 9 --origin world", 2, "too short for", ".obj, .ply"),
         ("mesh {good} no/a.glb --tile-faces 9", 3, "no does not exist", "Create it first"),
         ("mesh {good} good.glb --tile-faces 9 --max-error 0", 2, "largest error is 0", "above 0"),
         ("mesh {good} other.mtl.obj --tile-faces 9", 3, "other.mtl: is no folder", "of one"),

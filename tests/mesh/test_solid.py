@@ -11,10 +11,9 @@ import pytest
 
 from terratool.errors import RequestError
 from terratool.kernels import mesh as kernels
-from terratool.mesh.build import build, coarse_mesh
+from terratool.mesh.build import assemble, base_below, build, coarse_mesh
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import BuiltMesh, RegionMesh
-from terratool.mesh.walls import assemble, base_below
 from tests.conftest import terrain_of
 from tests.meshes import (
     CURVED,
