@@ -58,6 +58,10 @@ class PixelGrid:
         width, depth = self.size
         return self.west, self.south, self.west + width, self.south + depth
 
+    def centre(self, row: int, column: int) -> tuple[float, float]:
+        """The x and the y of a pixel's centre; rows count from the south."""
+        return self.west + (column + 0.5) * self.dx, self.south + (row + 0.5) * self.dy
+
 
 class HeightSource(Protocol):
     """A source of heights that is read by rows, so that it need not fit into memory.

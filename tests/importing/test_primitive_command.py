@@ -288,9 +288,9 @@ def test_the_cell_is_that_of_the_field(site: Path, span: list[int]) -> None:
     site.write_text(json.dumps(definition), encoding="utf-8")
     added(site, CellPath((3, 4), "/elemTree/children/0"))
     target = target_of(str(site), (), CellPath((3, 4), "/elemTree/children/0"), None, False)
-    west, south, width, height = target.cell() or (0, 0, 0, 0)
-    cells = load(site).cells()[:, -1]
-    np.testing.assert_allclose([west, south, west + width, south + height], cells)
+    cell = target.cell()
+    assert cell is not None
+    np.testing.assert_allclose(cell, load(site).cells()[:, -1])
 
 
 def test_what_stands_in_the_cell_already_is_told(dem: Path, site: Path) -> None:

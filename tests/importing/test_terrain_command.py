@@ -14,7 +14,7 @@ from rasterio.transform import Affine
 from terratool.field.terrain import load
 from terratool.importing import rasters
 from terratool.importing.sources import open_source
-from terratool.importing.terrain import survey
+from terratool.importing.terrain import build
 from terratool.importing.terrain.build import ImportOptions, import_terrain
 from tests.commands import ROOT, SAMPLE
 from tests.commands import call as run
@@ -129,13 +129,13 @@ def test_classes_in_another_reference_system_and_size(tmp_path):
     ran = run("import-terrain", dem, text, "--max-error", 0.1, "--surfaces", classes)
     assert ran.code == 0, ran.err
     assert "no class for" in ran.err
-    build = load(text)
-    assert build.surface(500050, 4999900) == "class-1"
-    assert build.surface(500150, 4999900) == "class-2"
-    assert build.surface(500250, 4999900) == "class-3"
-    assert build.surface(500050, 4999700) == "class-4"
-    assert build.surface(500150, 4999700) is None
-    assert build.surface(500550, 4999700) is None
+    terrain = load(text)
+    assert terrain.surface(500050, 4999900) == "class-1"
+    assert terrain.surface(500150, 4999900) == "class-2"
+    assert terrain.surface(500250, 4999900) == "class-3"
+    assert terrain.surface(500050, 4999700) == "class-4"
+    assert terrain.surface(500150, 4999700) is None
+    assert terrain.surface(500550, 4999700) is None
 
 
 def refusals(tmp_path: Path, dem: Path):
@@ -206,7 +206,7 @@ def test_infinite_pixels_are_counted_once(tmp_path, monkeypatch):
         transform=Affine(2, 0, 0, 0, -2, 9),
     ) as file:  # fmt: skip
         file.write(heights, 1)
-    monkeypatch.setattr(survey, "MOST_IN_MEMORY", 10)
+    monkeypatch.setattr(build, "MOST_IN_MEMORY", 10)
     with open_source(str(path)) as source:
         notes = import_terrain(source, tmp_path / "a.json", ImportOptions(0.1)).notes
     assert notes == ("2 pixels are infinite: taken as nodata.",)
@@ -235,10 +235,10 @@ def test_classes_much_finer_than_the_dem_are_read_in_parts(dem, tmp_path, monkey
             import_terrain(source, out, ImportOptions(0.1, surfaces=str(path)))
         texts.append(out.read_text())
     assert texts[0] == texts[1]
-    build = load(out)
+    terrain = load(out)
     for column, row in ((0, 0), (8, 0), (3, 4), (8, 5)):
         x, y = 400000 + 2 * column + 1, 5000000 - 2 * row - 1
-        assert build.surface(x, y) == f"class-{fine[10 * row + 5, 10 * column + 5]}"
+        assert terrain.surface(x, y) == f"class-{fine[10 * row + 5, 10 * column + 5]}"
 
 
 def test_large_class_numbers_are_classes(dem, tmp_path):

@@ -238,15 +238,8 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
             largest = float(off.flat[worst])
             at = first + worst // grid.columns, worst % grid.columns
     relief = float(np.nanmax(patch.values) - np.nanmin(patch.values))
-    return FitError(
-        largest,
-        math.sqrt(squares / max(pixels, 1)),
-        grid.west + (at[1] + 0.5) * grid.dx,
-        grid.south + (at[0] + 0.5) * grid.dy,
-        pixels,
-        bare,
-        relief,
-    )
+    rms = math.sqrt(squares / max(pixels, 1))
+    return FitError(largest, rms, *grid.centre(*at), pixels, bare, relief)
 
 
 def _definition(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> dict[str, Any]:
