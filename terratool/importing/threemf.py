@@ -17,13 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.sources import Triangles, join_triangles
+from terratool.importing.sources import Triangles, join_triangles, refuse_many_faces
 
 MAX_UNPACKED = 2**32
 """An archive that unpacks to more bytes than these is refused."""
-
-MAX_FACES = 2**26
-"""Objects within objects that come to more faces than these are refused."""
 
 _PART = 100
 _METRES = {
@@ -96,10 +93,7 @@ def read_3mf(path: Path) -> Triangles:
         raise ReadError(f"{path}: {model.unit!r} is no unit of 3MF.", "Export it again.")
     unit, factor = _METRES[model.unit]
     sizes: dict[Key, int] = {}
-    if sum(_size(item.key, model, sizes, path) for item in model.items) > MAX_FACES:
-        raise ReadError(
-            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
-        )
+    refuse_many_faces(path, sum(_size(item.key, model, sizes, path) for item in model.items))
     meshes = {
         key: (np.array(item.points).reshape(-1, 3), np.array(item.corners, np.int32).reshape(-1, 3))
         for key, item in model.objects.items()
