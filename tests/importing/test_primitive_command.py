@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
-from rasterio.transform import Affine
 
 from terratool.definition.layout import canonical
 from terratool.errors import RequestError, TerratoolError
@@ -24,6 +22,7 @@ from terratool.importing.primitive.insert import (
     write,
 )
 from tests.commands import call as run
+from tests.rasters import geotiff
 
 COLUMNS, ROWS, SIDE = 40, 26, 0.5
 WEST, NORTH = 431200.0, 5768413.0
@@ -55,11 +54,7 @@ def dem(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("dem") / "dem.tif"
     z = np.full((ROWS + 6, COLUMNS + 14), 99.0)
     z[3:-3, 7:-7] = patch_heights()[::-1]
-    with rasterio.open(
-        path, "w", driver="GTiff", width=z.shape[1], height=z.shape[0], count=1, dtype="float64",
-        crs="EPSG:32633", transform=Affine(SIDE, 0, WEST - 7 * SIDE, 0, -SIDE, NORTH + 3 * SIDE),
-    ) as file:  # fmt: skip
-        file.write(z, 1)
+    geotiff(path, z, SIDE, (WEST - 7 * SIDE, NORTH + 3 * SIDE), crs="EPSG:32633")
     return path
 
 
@@ -188,13 +183,8 @@ def test_wrong_usage(dem: Path, site: Path, options: list[str], code: int, words
 
 @pytest.mark.parametrize("into", [True, False])
 def test_the_source_is_not_written_over(into: bool, tmp_path: Path, site: Path) -> None:
-    z = np.arange(6.0).reshape(2, 3)
     path = tmp_path / "z.tif"
-    with rasterio.open(
-        path, "w", driver="GTiff", width=3, height=2, count=1, dtype="float64",
-        transform=Affine(1, 0, 0, 0, -1, 2),
-    ) as file:  # fmt: skip
-        file.write(z, 1)
+    geotiff(path, np.arange(6.0).reshape(2, 3), 1, (0, 2))
     before = path.read_bytes()
     link = tmp_path / "link.json"
     link.symlink_to(path)
