@@ -14,10 +14,6 @@ constexpr i32 NONE = -1;  // in the place of an index
 INLINE i64 next_corner(i64 c) { return c == 2 ? 0 : c + 1; }
 INLINE i64 last_corner(i64 c) { return c == 0 ? 2 : c - 1; }
 
-// The least and the greatest of three.
-template <class T> INLINE T min3(T a, T b, T c) { return min(min(a, b), c); }
-template <class T> INLINE T max3(T a, T b, T c) { return max(max(a, b), c); }
-
 struct Frame {
     double low[2], high[2], per[2], weight[2];
     u32 corners;
