@@ -7,7 +7,7 @@ from typing import Any
 
 import rasterio
 from numpy.typing import NDArray
-from rasterio.transform import from_origin
+from rasterio.transform import Affine
 
 
 def geotiff(
@@ -30,14 +30,14 @@ def geotiff(
     tags, band = options.pop("tags", {}), options.pop("band", {})
     if "colorinterp" in options:
         band = {**band, "colorinterp": options.pop("colorinterp")}
-    sides = side if isinstance(side, tuple) else (side, side)
+    dx, dy = side if isinstance(side, tuple) else (side, side)
     profile = {
         "driver": "GTiff",
         "count": len(bands),
         "height": bands.shape[1],
         "width": bands.shape[2],
         "dtype": heights.dtype.name,
-        "transform": from_origin(*corner, *sides),
+        "transform": Affine(dx, 0, corner[0], 0, -dy, corner[1]),
         **options,
     }
     with rasterio.open(path, "w", **profile) as file:

@@ -94,8 +94,7 @@ struct Triangle {
 
 struct Interval {
     double low, high;
-    INLINE Interval(double a, double b, double c)
-        : low(min3(a, b, c)), high(max3(a, b, c)) {}
+    INLINE Interval(double a, double b, double c) : low(min3(a, b, c)), high(max3(a, b, c)) {}
 };
 
 struct Range {

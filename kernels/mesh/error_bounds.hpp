@@ -125,7 +125,8 @@ inline double radial_error(const Plan& plan, const CoveringElement& covering, co
     double t0 = max(0.5 + 0.5 * least - outward, 0.5), t1 = 0.5 + 0.5 * most;
     CurveAt curve = curve_of(e.kind, X);
     auto [bottom, top, slope, chord] = curve_bounds(
-        plan, curve, e.x, covering.group[X], min(t0, straight_from), min(t1, straight_from), near_end
+        plan, curve, e.x, covering.group[X], min(t0, straight_from), min(t1, straight_from),
+        near_end
     );
     if (t1 > straight_from) {  // straight from there on
         double before = curve_at(plan, curve, covering.group[X], straight_from, near_end);

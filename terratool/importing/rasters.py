@@ -18,7 +18,7 @@ from rasterio._err import CPLE_BaseError
 from rasterio.crs import CRS
 from rasterio.enums import ColorInterp, Resampling
 from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError, WarpOperationError
-from rasterio.transform import Affine, from_origin
+from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
@@ -450,7 +450,7 @@ def open_classes(name: str, grid: PixelGrid) -> Iterator[ClassRaster]:
                 warped = WarpedVRT(
                     file,
                     crs=grid.crs,
-                    transform=from_origin(west, north, grid.dx, grid.dy),
+                    transform=Affine(grid.dx, 0, west, 0, -grid.dy, north),
                     width=grid.columns,
                     height=grid.rows,
                     resampling=Resampling.nearest,

@@ -364,7 +364,7 @@ def rounding_of(mesh: Mesh) -> float:
     return float(np.abs(points_of(mesh) - mesh.vertices).max())
 
 
-# --- the smallest error for so many faces ----------------------------------------------------------
+# --- the smallest error for so many faces --------------------------------------------------------
 
 
 class BudgetedMesh(NamedTuple):

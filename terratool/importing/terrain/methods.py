@@ -249,7 +249,9 @@ def write_rows(
             check(chunk)
         writer.beyond |= bool(block.counts.min() < 0 or block.counts.max() > 1)
         shared = b'"%d"' % last  # the row that the block to the north has written
-        writer.write(*(t for t in chunk.texts if above is None or not t.primitive.startswith(shared)))
+        writer.write(
+            *(t for t in chunk.texts if above is None or not t.primitive.startswith(shared))
+        )
         ends[:, first : last + 1] = block.levels[:, [0, -1]].T
         counts[:, first : last + 1] = block.counts[:, [0, -1]].T
         above = block.counts[0]

@@ -222,7 +222,7 @@ class _GzipSink:
         self._text = bytearray()
 
 
-# --- what was written against the DEM --------------------------------------------------------------
+# --- what was written against the DEM ------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
