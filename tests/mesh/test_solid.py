@@ -117,7 +117,7 @@ def trimesh_bodies(built: BuiltMesh) -> list[Any]:
     return sorted(set(labels))
 
 
-class TestPinches:
+class TestWedges:
     def test_boxes_that_touch_have_vertices_of_their_own(self) -> None:
         built = solid_of(site([at(2, 3), at(3, 4, vScale=2)]))
         assert volume(built) == pytest.approx(108, rel=1e-8)
