@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from msgspec import Struct
 from numpy.typing import NDArray
 
 from terratool.field.compile import track_lengths
@@ -16,14 +15,6 @@ _ALONG = 512
 
 _PLASTIC = 1.32471795724474602596
 """The plastic number spreads points over a square as the golden section does over a line."""
-
-
-class Peak(Struct, frozen=True):
-    """The largest of something, and where in the world it is."""
-
-    size: float
-    x: float
-    y: float
 
 
 def summarise(terrain: Terrain) -> dict[str, Any]:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.summary import Peak, spread_points
+from terratool.field.summary import spread_points
 from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
 from terratool.mesh.export import ExportReport, check_request
 from terratool.mesh.formats.vrml import write_elevation_grid
-from terratool.mesh.loss import POINTS, GridLoss, WallSummary, wall_summary
+from terratool.mesh.loss import POINTS, GridLoss, Peak, WallSummary, wall_summary
 from terratool.mesh.types import HeightGrid
 from terratool.output import whole_file
 

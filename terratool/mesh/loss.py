@@ -9,7 +9,7 @@ from msgspec import UNSET, Struct, UnsetType, field
 from numpy.typing import NDArray
 
 from terratool.field.bounds import largest_heights
-from terratool.field.summary import Peak, spread_points
+from terratool.field.summary import spread_points
 from terratool.field.terrain import Bounds, Terrain, batch_heights, clip_bounds
 from terratool.kernels import field as fields
 from terratool.mesh.constraints import undrawn_tracks, without_tracks
@@ -25,6 +25,14 @@ _NOISE = 1e-6
 """Differences are said from here on, in parts of the distance between two nodes."""
 
 Floats = NDArray[np.float64]
+
+
+class Peak(Struct, frozen=True):
+    """The largest of something, and where in the world it is."""
+
+    size: float
+    x: float
+    y: float
 
 
 class HighestWall(Peak, frozen=True):

@@ -32,7 +32,13 @@ from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, joined_w
 from terratool.mesh.plan import plan_of
 from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
 from terratool.mesh.types import BuiltMesh, MeshPlan, PlanLoss
-from terratool.output import refuse_existing, stop_on_signals, whole_file
+from terratool.output import (
+    os_errors,
+    refuse_existing,
+    refuse_missing_folder,
+    stop_on_signals,
+    whole_file,
+)
 
 TILE_FACES = 1_000_000
 """Faces of a tile, about, if not said."""
@@ -328,10 +334,7 @@ def _refuse(folder: Path, overwrite: bool) -> None:
     """Refuse a folder that cannot be, or that holds tiles already."""
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
-    if not folder.parent.is_dir():
-        raise WriteError(
-            f"{folder}: the folder {folder.parent} does not exist.", "Create it first."
-        )
+    refuse_missing_folder(folder)
     refuse_existing(folder / INDEX, overwrite)
     if not overwrite:
         for path in _owned(folder):
@@ -340,16 +343,11 @@ def _refuse(folder: Path, overwrite: bool) -> None:
 
 def _prepare(folder: Path) -> None:
     """Make a folder, without an index and tiles of an earlier run."""
-    try:
+    with os_errors(folder):
         folder.mkdir(exist_ok=True)
         (folder / INDEX).unlink(missing_ok=True)  # first: without it, tiles are not whole
         for path in _owned(folder):
             path.unlink()
-    except OSError as error:
-        raise WriteError(
-            f"{folder}: cannot be written ({(error.strerror or str(error)).lower()}).",
-            "Check the folder, its permissions and the space on the disk.",
-        ) from error
 
 
 def _owned(folder: Path) -> list[Path]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from terratool.field.bounds import finest_details, largest_heights, nonzero_edges
-from terratool.field.summary import Peak, spread_points
+from terratool.field.summary import spread_points
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
@@ -45,6 +45,15 @@ them by its pixels, but no fewer than the last."""
 
 _UNIT = 1 << 20
 """Lengths are added as whole numbers of such parts of a pixel: in any order they are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A wall between two neighbouring pixels: its size, and the middle between the two."""
+
+    size: float
+    x: float
+    y: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +116,8 @@ class RasterLoss:
     wall_length: float
     wall_pairs: int
     estimated: bool
-    steepest: Peak | None
-    highest: Peak | None
+    steepest: Wall | None
+    highest: Wall | None
     narrow: SubpixelFeatures
     details: SubpixelFeatures
     nodata: int
@@ -437,7 +446,7 @@ class LossFinder:
         pixel = (window.row + row) * self._grid.width + window.column + column
         return 2 * pixel + (pair & 1) + 1
 
-    def _wall(self, found: tuple[float, int]) -> Peak | None:
+    def _wall(self, found: tuple[float, int]) -> Wall | None:
         size, name = found
         if not name:
             return None
@@ -445,7 +454,7 @@ class LossFinder:
         row, column = divmod(pair >> 1, self._grid.width)
         two = Window(row, column, 1 + (pair & 1), 2 - (pair & 1))
         x, y = float(self._grid.columns(two).mean()), float(self._grid.rows(two).mean())
-        return Peak(size, x, y)
+        return Wall(size, x, y)
 
 
 def _spread(count: int, limit: int) -> NDArray[np.int64]:

@@ -15,7 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.field.bounds import largest_heights, nonzero_edges
-from terratool.field.summary import Peak
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster import loss
@@ -27,6 +26,7 @@ from terratool.raster.loss import (
     RasterLoss,
     SubpixelFeature,
     SubpixelFeatures,
+    Wall,
 )
 from terratool.raster.painter import Painter
 from tests.brute import walls
@@ -465,7 +465,7 @@ class TestStatement:
         0.1, 0.0, 0, False, None, None, SubpixelFeatures(0, ()), SubpixelFeatures(0, ()), 0, None
     )  # fmt: skip
     everything = RasterLoss(
-        0.2, 12.345, 70, False, Peak(2.1, 1.0, 2.0), Peak(2.12, 3.0, 4.0),
+        0.2, 12.345, 70, False, Wall(2.1, 1.0, 2.0), Wall(2.12, 3.0, 4.0),
         SubpixelFeatures(1, (SubpixelFeature("/elemTree", 0.1),)), SubpixelFeatures(1234, ()), 5,
         InterpolationError(10, 0.5, 0.1, 1.0, 2.0, None),
     )  # fmt: skip
