@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,21 +109,22 @@ def sample(
             f"It lies in {' '.join(f'{side:.12g}' for side in extent)}; give a finer resolution or "
             "other bounds.",
         )
-    losses = _SamplingLosses(vertical_area, flat, outside, len(faces), hidden, holes, beyond)
-    return SampledHeights(grid, heights, (*triangles.notes, *why, *_sentences(losses, grid)))
+    losses = _SamplingLosses(grid, vertical_area, flat, outside, len(faces), hidden, holes, beyond)
+    return SampledHeights(grid, heights, (*triangles.notes, *why, *losses.sentences()))
 
 
-@dataclass(frozen=True, slots=True)
-class _SamplingLosses:
+class _SamplingLosses(NamedTuple):
     """What pixels cannot show of a mesh.
 
     Attributes:
+        grid: the pixels.
         vertical_area: of vertical faces, but for those on the border.
         flat, outside, faces: faces without area, those outside of the bounds, all of them.
         hidden: pixels with a surface below the highest one that is open to the air.
         holes, beyond: pixels without a height within the outline of the mesh, and beyond it.
     """
 
+    grid: PixelGrid
     vertical_area: float
     flat: int
     outside: int
@@ -133,33 +133,34 @@ class _SamplingLosses:
     holes: int
     beyond: int
 
+    def _part(self, count: int) -> str:
+        """So many pixels in words."""
+        grid = self.grid
+        pixels = grid.rows * grid.columns
+        share, area = 100 * count / pixels, count * grid.dx * grid.dy
+        return f"{count:,} of {pixels:,} pixels ({share:.2g} %, {area:.4g} m²)"
 
-def _sentences(losses: _SamplingLosses, grid: PixelGrid) -> Iterator[str]:
-    """What is lost, in numbers."""
-    pixels = grid.rows * grid.columns
-
-    def part(count: int) -> str:
-        words = f"{count:,} of {pixels:,} pixels"
-        return f"{words} ({100 * count / pixels:.2g} %, {count * grid.dx * grid.dy:.4g} m²)"
-
-    if losses.vertical_area:
-        yield (
-            f"{losses.vertical_area:,.4g} m² of vertical faces are not seen from above; each "
-            "becomes a step within one pixel."
-        )
-    if losses.hidden:
-        yield (
-            f"In {part(losses.hidden)} a surface lies below the highest one, under an overhang; "
-            "only the highest is kept."
-        )
-    if losses.holes:
-        yield f"The mesh has holes: {part(losses.holes)} within its outline have no height."
-    if losses.beyond:
-        yield f"{part(losses.beyond)} lie beyond the outline of the mesh and have no height."
-    if losses.outside:
-        yield f"{losses.outside:,} of {losses.faces:,} faces lie outside of the bounds."
-    if losses.flat:
-        yield f"{losses.flat:,} of {losses.faces:,} faces have no area and count for nothing."
+    def sentences(self) -> Iterator[str]:
+        """What is lost, in numbers."""
+        if self.vertical_area:
+            yield (
+                f"{self.vertical_area:,.4g} m² of vertical faces are not seen from above; each "
+                "becomes a step within one pixel."
+            )
+        if self.hidden:
+            yield (
+                f"In {self._part(self.hidden)} a surface lies below the highest one, under an "
+                "overhang; only the highest is kept."
+            )
+        if self.holes:
+            yield f"The mesh has holes: {self._part(self.holes)} within its outline have no height."
+        if self.beyond:
+            beyond = self._part(self.beyond)
+            yield f"{beyond} lie beyond the outline of the mesh and have no height."
+        if self.outside:
+            yield f"{self.outside:,} of {self.faces:,} faces lie outside of the bounds."
+        if self.flat:
+            yield f"{self.flat:,} of {self.faces:,} faces have no area and count for nothing."
 
 
 def _grid(bounds: Bounds, resolution: float | None) -> tuple[PixelGrid, tuple[str, ...]]:

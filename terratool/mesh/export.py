@@ -46,7 +46,7 @@ _POOR = 0.05
 """An error of more than this part of the relief is compared with leaving elements out."""
 _FAINT = 0.5, 5.0
 """Elements that change heights by no more than so many errors may be left out: the first of these
-is better for smooth ground, the second for blocks, whose number of faces no error changes."""
+is better for smooth ground, the second for boxes, whose number of faces no error changes."""
 
 Progress = Callable[[str], object]
 

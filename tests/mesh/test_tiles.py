@@ -16,10 +16,17 @@ from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh import seams
-from terratool.mesh import tiles as tiling
 from terratool.mesh.build import build
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.tiles import INDEX, TileCount, TileLayout, build_tile, build_tiles, lay_out
+from terratool.mesh.tiles import (
+    INDEX,
+    TileCount,
+    TileLayout,
+    build_tile,
+    build_tiles,
+    faces_of,
+    lay_out,
+)
 from terratool.mesh.types import Mesh, TileBoundary, Triangulation
 from tests.conftest import terrain_of
 from tests.meshes import (
@@ -377,7 +384,7 @@ class TestLayout:
         terrain = terrain_of({"size": 10, "elemTypes": types, "elemTree": root})
         plan = lay_out(terrain, error, TileCount(rows=1, columns=1)).plan
         count = len(build(terrain, error).mesh.faces)
-        assert count / 3 < tiling.faces_of(plan) < 3 * count
+        assert count / 3 < faces_of(plan) < 3 * count
 
     def test_tiles_are_about_square(self) -> None:
         definition = random_definition(0, 60, STRAIGHT)
