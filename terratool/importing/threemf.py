@@ -75,8 +75,13 @@ def read_3mf(path: Path) -> Triangles:
             too many faces.
         Exception: whatever zipfile and expat raise where the file is no 3MF.
     """
-    _refuse_large(path)
     with zipfile.ZipFile(path) as archive:
+        size = sum(info.file_size for info in archive.infolist())
+        if size > MAX_UNPACKED:  # it would fill the memory
+            raise ReadError(
+                f"{path}: would unpack to {size:,} bytes.",
+                f"At most {MAX_UNPACKED:,} are read; export a smaller part.",
+            )
         names = [name for name in archive.namelist() if name.lower().endswith(".model")]
         first = min(names, key=lambda name: not name.lower().endswith("3d/3dmodel.model"))
         model = _Model({}, [])
@@ -108,22 +113,6 @@ def read_3mf(path: Path) -> Triangles:
         return joined
     notes = (f"The file is in {unit}; metres were made of them.",)
     return Triangles(joined.vertices * factor, joined.faces, notes)
-
-
-def _refuse_large(path: Path) -> None:
-    """Refuse an archive that would fill the memory.
-
-    Raises:
-        ReadError: it would unpack to more than 4 GiB.
-        zipfile.BadZipFile: it is no archive.
-    """
-    with zipfile.ZipFile(path) as archive:
-        size = sum(info.file_size for info in archive.infolist())
-    if size > MAX_UNPACKED:
-        raise ReadError(
-            f"{path}: would unpack to {size:,} bytes.",
-            f"At most {MAX_UNPACKED:,} are read; export a smaller part.",
-        )
 
 
 def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:

@@ -352,14 +352,9 @@ def _prepare(folder: Path) -> None:
 
 def _owned(folder: Path) -> list[Path]:
     """Files in a folder that have the names of tiles."""
-    if not folder.is_dir():
-        return []
-    return sorted(path for path in folder.iterdir() if _is_tile(path))
-
-
-def _is_tile(path: Path) -> bool:
-    named = _TILE.fullmatch(path.stem) is not None and path.suffix in _SUFFIXES
-    return named and path.is_file() and not path.is_symlink()
+    files = folder.iterdir() if folder.is_dir() else ()
+    named = (path for path in files if _TILE.fullmatch(path.stem) and path.suffix in _SUFFIXES)
+    return sorted(path for path in named if path.is_file() and not path.is_symlink())
 
 
 def _index_of(report: MeshTilesReport) -> str:

@@ -328,8 +328,7 @@ def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
     v = (np.arange(island.around.shape[0]) + 0.5 - island.south - height / 2) / (
         height / 2 + grow_y
     )
-    rho: Floats = np.sqrt(u**2 + (v**2)[:, None])
-    return rho
+    return np.asarray(np.sqrt(u**2 + (v**2)[:, None]))
 
 
 def _turned(code: int, rho: Floats) -> Floats:
