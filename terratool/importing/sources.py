@@ -25,6 +25,10 @@ _OTHER_MESHES = (
 )  # fmt: skip
 
 
+MAX_FACES = 2**26
+"""Instances of instances that come to more faces than these are refused."""
+
+
 @dataclass(frozen=True, slots=True)
 class PixelGrid:
     """Pixels of equal size, which may be oblong, counted from the south-west.
@@ -57,6 +61,10 @@ class PixelGrid:
         """West, south, east, north of the outermost pixels' edges."""
         width, depth = self.size
         return self.west, self.south, self.west + width, self.south + depth
+
+    def centre(self, row: int, column: int) -> tuple[float, float]:
+        """The x and the y of a pixel's centre; rows count from the south."""
+        return self.west + (column + 0.5) * self.dx, self.south + (row + 0.5) * self.dy
 
 
 class HeightSource(Protocol):
@@ -161,6 +169,18 @@ def refuse_missing_vertices(path: Path, faces: NDArray[Any], count: int) -> None
     """
     if len(faces) and (faces.min() < 0 or faces.max() >= count):
         raise ReadError(f"{path}: a face refers to a vertex that is not there.", "Export it again.")
+
+
+def refuse_many_faces(path: Path, count: int) -> None:
+    """Refuse a mesh whose parts come to more than `MAX_FACES`.
+
+    Raises:
+        ReadError: they do.
+    """
+    if count > MAX_FACES:
+        raise ReadError(
+            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
+        )
 
 
 @dataclass(frozen=True, slots=True)
