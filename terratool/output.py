@@ -74,10 +74,7 @@ def os_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise WriteError(
-            f"{path}: cannot be written ({(error.strerror or str(error)).lower()}).",
-            "Check the folder, its permissions and the space on the disk.",
-        ) from error
+        raise WriteError.of(path, error) from error
 
 
 def _beside(path: Path, companions: tuple[str, ...]) -> list[Path]:
@@ -123,10 +120,7 @@ def refuse_existing(path: Path, overwrite: bool, companions: tuple[str, ...] = (
     except (FileNotFoundError, NotADirectoryError):
         pass
     except OSError as error:
-        raise WriteError(
-            f"{path}: cannot be written ({(error.strerror or str(error)).lower()}).",
-            "Choose another name or folder.",
-        ) from error
+        raise WriteError.of(path, error, "Choose another name or folder.") from error
     for companion in _beside(path, companions) if path.name else []:
         refuse_existing(companion, overwrite)
     if path.is_dir():

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.field.compile import track_lengths
-from terratool.field.terrain import Bounds, Terrain, clip_bounds
+from terratool.field.terrain import Terrain, clip_bounds
 
 _ALONG = 512
 """Points of the grid along the longer side at which the heights are looked at."""

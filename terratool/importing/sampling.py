@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
-from terratool.field.terrain import Bounds, check_overlap
+from terratool.field.terrain import check_overlap
 from terratool.importing.sources import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import count_pixels, refuse_resolution, resolution_within

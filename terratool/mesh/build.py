@@ -9,8 +9,9 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
-from terratool.field.terrain import Bounds, Terrain
+from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh import seams
 from terratool.mesh.plan import plan_of

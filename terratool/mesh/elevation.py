@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.summary import spread_points
-from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
 from terratool.mesh.export import ExportReport, check_request
 from terratool.mesh.formats.vrml import write_elevation_grid

@@ -14,10 +14,11 @@ import numpy as np
 from msgspec import UNSET, Struct, json
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import largest_depths, largest_heights
 from terratool.field.summary import height_range
-from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
 from terratool.mesh.formats.common import points_of
 from terratool.mesh.formats.table import MeshFormat, mesh_format

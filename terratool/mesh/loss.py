@@ -8,9 +8,10 @@ import numpy as np
 from msgspec import UNSET, Struct, UnsetType, field
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.field.bounds import largest_heights
 from terratool.field.summary import spread_points
-from terratool.field.terrain import Bounds, Terrain, batch_heights, clip_bounds
+from terratool.field.terrain import Terrain, batch_heights, clip_bounds
 from terratool.kernels import field as fields
 from terratool.mesh.constraints import undrawn_tracks, without_tracks
 from terratool.mesh.plan import plan_of

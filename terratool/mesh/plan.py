@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.field.bounds import curve_hulls, curve_pieces, curve_weights, largest_heights
 from terratool.field.records import COMBINE, FieldArrays
-from terratool.field.terrain import Bounds, Terrain
+from terratool.field.terrain import Terrain
 from terratool.mesh.constraints import NO_OUTLINES, outlines_of
 from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, PIECE_BOUNDS, MeshPlan, PlanLoss
 

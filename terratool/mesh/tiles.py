@@ -14,10 +14,11 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError, WriteError
 from terratool.field.bounds import curve_pieces
 from terratool.field.records import COMBINE
-from terratool.field.terrain import Bounds, Terrain, check_bounds
+from terratool.field.terrain import Terrain, check_bounds
 from terratool.kernels import mesh as kernels
 from terratool.mesh.build import coarse_mesh, finish
 from terratool.mesh.export import (

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import finest_details
-from terratool.field.terrain import Bounds, Terrain, check_bounds
+from terratool.field.terrain import Terrain, check_bounds
 
 DEFAULT_PIXELS = 4096
 """The longer side of a raster has at most this many pixels, if no resolution is given."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from msgspec import UNSET
 
-from terratool.definition.findings import Rectangle
+from terratool.definition.findings import Bounds
 from terratool.definition.layout import TERRAIN
 from terratool.definition.model import Definition
 from terratool.definition.reader import CheckOptions, check, load_definition
@@ -70,7 +70,7 @@ class TargetDefinition:
         assert index is not None
         return index
 
-    def cell(self) -> Rectangle | None:
+    def cell(self) -> Bounds | None:
         """The world rectangle of the cells that elements go into."""
         rectangle = self.tree.rectangle(self.parent, self.definition) if self.place else None
         if self.place is None or rectangle is None:
