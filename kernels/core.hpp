@@ -152,6 +152,8 @@ void fill_bins(Span<Offset> offsets, Span<Entry> entries, Visit visit) {
     offsets[0] = start;
 }
 
+template <class T> INLINE T min3(T a, T b, T c) { return min(min(a, b), c); }
+template <class T> INLINE T max3(T a, T b, T c) { return max(max(a, b), c); }
 template <class T> INLINE T square(T a) { return a * a; }
 template <class T> INLINE T clamp(T a, T low, T high) { return min(max(a, low), high); }
 

@@ -8,6 +8,11 @@ if TYPE_CHECKING:
     from terratool.definition.findings import Finding
 
 
+def reason(error: OSError) -> str:
+    """What the system says of an error."""
+    return (error.strerror or str(error)).lower()
+
+
 class TerratoolError(Exception):
     """Base of all errors that a user can cause.
 
@@ -30,9 +35,26 @@ class TerratoolError(Exception):
 class ReadError(TerratoolError):
     """A file cannot be read."""
 
+    @classmethod
+    def of(cls, name: object, error: OSError) -> ReadError:
+        """The system does not read a file."""
+        return cls(
+            f"{name}: cannot be read ({reason(error)}).", "Check the path and its permissions."
+        )
+
 
 class WriteError(TerratoolError):
     """A file cannot be written, or may not be overwritten."""
+
+    @classmethod
+    def of(
+        cls,
+        name: object,
+        error: OSError,
+        hint: str = "Check the folder, its permissions and the space on the disk.",
+    ) -> WriteError:
+        """The system does not write a file."""
+        return cls(f"{name}: cannot be written ({reason(error)}).", hint)
 
 
 class RequestError(TerratoolError):

@@ -45,7 +45,7 @@ def whole_file(
     refuse_missing_folder(path)
     folder = (within or path.parent) / f"{PART}{uuid4().hex[:12]}.part"
     try:
-        with stop_on_signals():
+        with os_errors(path), stop_on_signals():
             folder.mkdir()
             yield folder / path.name
             # what else there is goes first, as its reader comes by way of `path`
@@ -60,13 +60,21 @@ def whole_file(
             for part in parts:
                 part.replace(path.with_name(part.name))
             _sync_folder(path.parent)
-    except OSError as error:
-        raise WriteError(
-            f"{path}: cannot be written ({(error.strerror or str(error)).lower()}).",
-            "Check the folder, its permissions and the space on the disk.",
-        ) from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def os_errors(path: Path) -> Iterator[None]:
+    """Errors of the system as ours.
+
+    Raises:
+        WriteError: the system raised one.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise WriteError.of(path, error) from error
 
 
 def _beside(path: Path, companions: tuple[str, ...]) -> list[Path]:
@@ -112,10 +120,7 @@ def refuse_existing(path: Path, overwrite: bool, companions: tuple[str, ...] = (
     except (FileNotFoundError, NotADirectoryError):
         pass
     except OSError as error:
-        raise WriteError(
-            f"{path}: cannot be written ({(error.strerror or str(error)).lower()}).",
-            "Choose another name or folder.",
-        ) from error
+        raise WriteError.of(path, error, "Choose another name or folder.") from error
     for companion in _beside(path, companions) if path.name else []:
         refuse_existing(companion, overwrite)
     if path.is_dir():

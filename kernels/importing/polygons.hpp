@@ -139,10 +139,10 @@ private:
     // Whether the triangle at a corner holds any dent of the polygon.
     INLINE bool holds_any(const Grid& grid, i64 a, i64 n, i64 c, bool closed) const {
         XY one = corners_[a].at, two = corners_[n].at, three = corners_[c].at;
-        i64 first_row = grid.row(min(min(one.y, two.y), three.y));
-        i64 last_row = min(grid.side - 1, grid.row(max(max(one.y, two.y), three.y)));
-        i64 first_column = grid.column(min(min(one.x, two.x), three.x));
-        i64 last_column = min(grid.side - 1, grid.column(max(max(one.x, two.x), three.x)));
+        i64 first_row = grid.row(min3(one.y, two.y, three.y));
+        i64 last_row = min(grid.side - 1, grid.row(max3(one.y, two.y, three.y)));
+        i64 first_column = grid.column(min3(one.x, two.x, three.x));
+        i64 last_column = min(grid.side - 1, grid.column(max3(one.x, two.x, three.x)));
         for (i64 row = first_row; row <= last_row; ++row)
             for (i64 column = first_column; column <= last_column; ++column)
                 for (i64 p = heads_[row * grid.side + column]; p >= 0; p = corners_[p].next)

@@ -22,6 +22,8 @@ constexpr double FLAT_FACE = 1e-12;  // … has no area if lower than this part 
 
 struct Point {
     double u, v, z;
+    INLINE Point operator-(const Point& b) const { return {u - b.u, v - b.v, z - b.z}; }
+    INLINE double square() const { return u * u + v * v + z * z; }
 };
 
 INLINE Point point_at(Points points, i64 n) { return {points(n, 0), points(n, 1), points(n, 2)}; }
@@ -92,8 +94,7 @@ struct Triangle {
 
 struct Interval {
     double low, high;
-    INLINE Interval(double a, double b, double c)
-        : low(min(min(a, b), c)), high(max(max(a, b), c)) {}
+    INLINE Interval(double a, double b, double c) : low(min3(a, b, c)), high(max3(a, b, c)) {}
 };
 
 struct Range {
@@ -242,14 +243,8 @@ inline Rows<double, 3> find_extent(Points vertices, Faces faces) {
     return {low, high};
 }
 
-struct Vector3 {
-    double x, y, z;
-    INLINE Vector3 operator-(const Vector3& b) const { return {x - b.x, y - b.y, z - b.z}; }
-    INLINE double square() const { return x * x + y * y + z * z; }
-};
-
-INLINE Vector3 cross(const Vector3& a, const Vector3& b) {
-    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+INLINE Point cross(const Point& a, const Point& b) {
+    return {a.v * b.z - a.z * b.v, a.z * b.u - a.u * b.z, a.u * b.v - a.v * b.u};
 }
 
 // What faces are like: the area of vertical ones that are not wholly on the border of a rectangle;
@@ -260,15 +255,12 @@ inline std::tuple<double, std::vector<i64>> survey_faces(
     double upright = 0.0;
     i64 seen = 0, vertical = 0, flat = 0, outside = 0;
     for (i64 n = 0; n < faces.rows(); ++n) {
-        auto corner = [&](i64 k) -> Vector3 {
-            auto [x, y, z] = point_at(vertices, faces(n, k));
-            return {x, y, z};
-        };
-        Vector3 a = corner(0), b = corner(1), c = corner(2);
-        Vector3 normal = cross(b - a, c - a);
+        auto corner = [&](i64 k) { return point_at(vertices, faces(n, k)); };
+        Point a = corner(0), b = corner(1), c = corner(2);
+        Point normal = cross(b - a, c - a);
         double area = sqrt(normal.square());
-        double longest = max(max((b - a).square(), (c - a).square()), (c - b).square());
-        Interval x(a.x, b.x, c.x), y(a.y, b.y, c.y);
+        double longest = max3((b - a).square(), (c - a).square(), (c - b).square());
+        Interval x(a.u, b.u, c.u), y(a.v, b.v, c.v);
         if (area <= FLAT_FACE * longest) {
             ++flat;
         } else if (x.high < west || x.low > east || y.high < south || y.low > north) {

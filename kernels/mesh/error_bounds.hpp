@@ -125,11 +125,12 @@ inline double radial_error(const Plan& plan, const CoveringElement& covering, co
     double t0 = max(0.5 + 0.5 * least - outward, 0.5), t1 = 0.5 + 0.5 * most;
     CurveAt curve = curve_of(e.kind, X);
     auto [bottom, top, slope, chord] = curve_bounds(
-        plan, curve, e.x, covering.group_x, min(t0, straight_from), min(t1, straight_from), near_end
+        plan, curve, e.x, covering.group[X], min(t0, straight_from), min(t1, straight_from),
+        near_end
     );
     if (t1 > straight_from) {  // straight from there on
-        double before = curve_at(plan, curve, covering.group_x, straight_from, near_end);
-        double last = curve_at(plan, curve, covering.group_x, 1.0, near_end);
+        double before = curve_at(plan, curve, covering.group[X], straight_from, near_end);
+        double last = curve_at(plan, curve, covering.group[X], 1.0, near_end);
         double steep = abs(last - before) / (1.0 - straight_from);
         if (t0 >= straight_from) return min(steep * outward, abs(last - before));
         bottom = min(bottom, last), top = max(top, last);
@@ -152,8 +153,8 @@ inline double element_error(const Plan& plan, const CoveringElement& covering, c
     double low_u = min3(at[0].u, at[1].u, at[2].u), high_u = max3(at[0].u, at[1].u, at[2].u);
     double low_v = min3(at[0].v, at[1].v, at[2].v), high_v = max3(at[0].v, at[1].v, at[2].v);
     CurveAt curve_x = curve_of(e.kind, X), curve_y = curve_of(e.kind, Y);
-    auto x = curve_bounds(plan, curve_x, e.x, covering.group_x, low_u, high_u, near_end);
-    auto y = curve_bounds(plan, curve_y, e.y, covering.group_y, low_v, high_v, near_end);
+    auto x = curve_bounds(plan, curve_x, e.x, covering.group[X], low_u, high_u, near_end);
+    auto y = curve_bounds(plan, curve_y, e.y, covering.group[Y], low_v, high_v, near_end);
     double wide = high_u - low_u, tall = high_v - low_v;
     double rise_x = x.high - x.low, rise_y = y.high - y.low;
     double along = min(x.bend, rise_x), across = min(y.bend, rise_y);
@@ -171,8 +172,8 @@ inline double element_error(const Plan& plan, const CoveringElement& covering, c
     // min(x, y) is half of x + y - |x - y|, and |d| of a linear d is missed by 2 min(d, -d) at most
     double above = 0.0, below = 0.0;
     for (auto [u, v] : at) {
-        double rise = curve_at(plan, curve_x, covering.group_x, u, near_end);
-        rise -= curve_at(plan, curve_y, covering.group_y, v, near_end);
+        double rise = curve_at(plan, curve_x, covering.group[X], u, near_end);
+        rise -= curve_at(plan, curve_y, covering.group[Y], v, near_end);
         above = max(above, rise), below = max(below, -rise);
     }
     return size * (along + across + min(above, below));

@@ -74,11 +74,11 @@ INLINE double curve_at(
 }
 
 // How far along a curve, in t, a vertex may have been rounded.
-INLINE double rounding_of(const Frame& frame) { return ROUNDED * max(frame.per_x, frame.per_y); }
+INLINE double rounding_of(const Frame& frame) { return ROUNDED * max(frame.per[X], frame.per[Y]); }
 
 // Position in an element's cell of a point on the lattice.
 INLINE UV place_in_cell(const Frame& frame, double x, double y) {
-    return {(x - frame.west) * frame.per_x, (y - frame.south) * frame.per_y};
+    return {(x - frame.low[X]) * frame.per[X], (y - frame.low[Y]) * frame.per[Y]};
 }
 
 // Position in an element's primitive of a point on the lattice.
@@ -94,21 +94,20 @@ INLINE double element_height(const Plan& plan, const CoveringElement& covering, 
     const Kind& kind = plan.field->kinds[element.kind];
     const Frame& frame = plan.frames[covering.element];
     double near_end = rounding_of(frame), value;
-    auto x = [&](double t) {
-        return curve_at(plan, curve_of(kind, X), covering.group_x, t, near_end);
+    auto curve = [&](int axis, double t) {
+        return curve_at(plan, curve_of(kind, axis), covering.group[axis], t, near_end);
     };
     if (kind.combine == RADIAL) {
         double t = 0.5 + 0.5 * gauge(at, frame.corners);
         if (t <= frame.straight_from) {
-            value = x(t);
+            value = curve(X, t);
         } else {
-            value = x(1.0);
-            double before = x(frame.straight_from);
+            value = curve(X, 1.0);
+            double before = curve(X, frame.straight_from);
             value -= (value - before) * (1.0 - min(t, 1.0)) / (1.0 - frame.straight_from);
         }
     } else {
-        double fx = x(at.u);
-        double fy = curve_at(plan, curve_of(kind, Y), covering.group_y, at.v, near_end);
+        double fx = curve(X, at.u), fy = curve(Y, at.v);
         if (kind.combine == PRODUCT) value = fx * fy;
         else if (kind.combine == SUM) value = fx + fy;
         else value = kind.combine == MIN ? min(fx, fy) : max(fx, fy);

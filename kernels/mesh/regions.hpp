@@ -107,14 +107,14 @@ struct Coverage {
 };
 
 INLINE bool is_in_cell(const Frame& f, double x, double y) {
-    return f.west <= x && x < f.east && f.south <= y && y < f.north;
+    return f.low[X] <= x && x < f.high[X] && f.low[Y] <= y && y < f.high[Y];
 }
 
 // Whether an element covers a place, and how.
 inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
     const ElementView e(plan, index);
     const Frame& f = e.frame;
-    constexpr Coverage none{false, 0, {0, 0, 0}, false};
+    constexpr Coverage none{false, 0, {0, {0, 0}}, false};
     if (!is_in_cell(f, x, y)) return none;
     UV own = place_in_cell(f, x, y);
     if (e.pose.turned) own = turned(e.pose, own.u, own.v);
@@ -127,7 +127,7 @@ inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
     } else if (is_beyond(own)) {
         return none;
     }
-    double along = f.weight_x, across = f.weight_y;
+    double along = f.weight[X], across = f.weight[Y];
     BetweenLines x_lines = between_lines(plan, e.x, along, at.u);
     x_lines.passed += chords_before(plan.chords.of(index, false), at.u);
     BetweenLines y_lines = x_lines;
@@ -152,7 +152,7 @@ inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
     double faint =
         min(along * e.x.smallest_crease, across > 0.0 ? across * e.y.smallest_crease : INF);
     affine = e.element.scale == 0.0 || (affine && faint > DRAWN * plan.error);
-    return {true, key, {u32(index), u32(x_lines.group), u32(y_lines.group)}, affine};
+    return {true, key, {u32(index), {u32(x_lines.group), u32(y_lines.group)}}, affine};
 }
 
 // What elements do at a place all together.
@@ -258,7 +258,7 @@ inline FoundRegions describe_regions(
         double before = polygon_error;
         auto all = covering_elements(plan, x, y, pending, [&](CoveringElement covering) {
             found.covering.push_back(covering);
-            polygon_error += plan.frames[covering.element].polygon_error;
+            polygon_error += plan.polygon_errors[covering.element];
         });
         found.offsets[r + 1] = count_of(found.covering);
         i64 ground = surface_of(field, all.top);

@@ -76,9 +76,9 @@ inline Chords find_chords(const Plan& plan) {
         };
         mark();
         if (radial ? exists && e.x.ringed : wants(e.x, e.y))
-            append(e, curve_of(e.kind, X), e.x, e.frame.weight_x);
+            append(e, curve_of(e.kind, X), e.x, e.frame.weight[X]);
         mark();
-        if (!radial && wants(e.y, e.x)) append(e, curve_of(e.kind, Y), e.y, e.frame.weight_y);
+        if (!radial && wants(e.y, e.x)) append(e, curve_of(e.kind, Y), e.y, e.frame.weight[Y]);
     }
     mark();
     return chords;
@@ -89,7 +89,17 @@ constexpr double SLACK = 1e-3;
 
 struct Position {  // on the lattice, not rounded
     double x, y;
+
+    INLINE Position towards(Position end, double share) const {
+        return {x + share * (end.x - x), y + share * (end.y - y)};
+    }
 };
+
+INLINE Position on_lattice(const Frame& f, UV in_cell) {
+    return {
+        f.low[X] + in_cell.u * (f.high[X] - f.low[X]), f.low[Y] + in_cell.v * (f.high[Y] - f.low[Y])
+    };
+}
 
 // A stretch of a segment, in parts of it; none where it ends before it begins.
 struct Interval {
@@ -174,7 +184,7 @@ public:
     // All segments of an element.
     void draw(i64 index) {
         const ElementView e(plan_, index);
-        double along = e.frame.weight_x, across = e.frame.weight_y;
+        double along = e.frame.weight[X], across = e.frame.weight[Y];
         if (e.pose.turned) draw_trims(e);
         if (e.kind.combine == RADIAL) {
             draw_ring(e, 1.0, 1);
@@ -208,10 +218,10 @@ private:
         In bounds = plan_.bounds;
         const Frame& f = e.frame;
         kept.cut(bounds[0], bounds[1], bounds[2], bounds[3], a, b);
-        if (trimmed) kept.cut(f.west, f.south, f.east, f.north, a, b);
+        if (trimmed) kept.cut(f.low[X], f.low[Y], f.high[X], f.high[Y], a, b);
         if (kept.low >= kept.high) return;
         auto rounded = [&](double share) {
-            double x = a.x + share * (b.x - a.x), y = a.y + share * (b.y - a.y);
+            auto [x, y] = a.towards(b, share);
             return Position{std::nearbyint(x), std::nearbyint(y)};
         };
         Position begin = rounded(kept.low), end = rounded(kept.high);
@@ -223,18 +233,16 @@ private:
 
     // A segment given in (u, v) of the element's primitive.
     void draw_in_shape(const ElementView& e, UV a, UV b) {
-        const Frame& f = e.frame;
         const Pose& pose = e.pose;
-        double wide = f.east - f.west, tall = f.north - f.south;
-        auto on_lattice = [&](UV at) {
+        auto place = [&](UV at) {
             if (pose.turned) {  // back to the cell
                 double p = at.u - 0.5, q = at.v - 0.5;
                 at.u = 0.5 + p * pose.cos + q * pose.sin_v;
                 at.v = 0.5 + q * pose.cos - p * pose.sin_u;
             }
-            return Position{f.west + at.u * wide, f.south + at.v * tall};
+            return on_lattice(e.frame, at);
         };
-        draw_on_lattice(e, pose.turned != 0, on_lattice(a), on_lattice(b));
+        draw_on_lattice(e, pose.turned != 0, place(a), place(b));
     }
 
     // The polygon that stands for a circle of so many radii of the disc.
@@ -297,7 +305,7 @@ private:
     void draw_trims(const ElementView& e) {
         const Frame& f = e.frame;
         const Pose& pose = e.pose;
-        double slack = SLACK * max(f.per_x, f.per_y);
+        double slack = SLACK * max(f.per[X], f.per[Y]);
         constexpr std::array<UV, 4> corners = {{{0.0, 0.0}, {1.0, 0.0}, {1.0, 1.0}, {0.0, 1.0}}};
         for (int side = 0; side < 4; ++side) {
             auto [a0, b0] = corners[side];
@@ -321,12 +329,8 @@ private:
                 kept.cut(-0.5 - q0, -0.5 - q1, slack);
             }
             if (kept.low >= kept.high) continue;
-            double x0 = f.west + a0 * (f.east - f.west), y0 = f.south + b0 * (f.north - f.south);
-            double x1 = f.west + a1 * (f.east - f.west), y1 = f.south + b1 * (f.north - f.south);
-            auto at = [&](double share) {
-                return Position{x0 + share * (x1 - x0), y0 + share * (y1 - y0)};
-            };
-            draw_on_lattice(e, true, at(kept.low), at(kept.high));
+            Position a = on_lattice(f, {a0, b0}), b = on_lattice(f, {a1, b1});
+            draw_on_lattice(e, true, a.towards(b, kept.low), a.towards(b, kept.high));
         }
     }
 

@@ -14,15 +14,11 @@ constexpr i32 NONE = -1;  // in the place of an index
 INLINE i64 next_corner(i64 c) { return c == 2 ? 0 : c + 1; }
 INLINE i64 last_corner(i64 c) { return c == 0 ? 2 : c - 1; }
 
-// The least and the greatest of three.
-template <class T> INLINE T min3(T a, T b, T c) { return min(min(a, b), c); }
-template <class T> INLINE T max3(T a, T b, T c) { return max(max(a, b), c); }
-
 struct Frame {
-    double west, south, east, north, per_x, per_y, weight_x, weight_y;
+    double low[2], high[2], per[2], weight[2];
     u32 corners;
-    double polygon_error, straight_from;
     u8 drawn;
+    double straight_from;
 };
 
 struct Axis {
@@ -49,16 +45,12 @@ struct Group {
 };
 
 struct CoveringElement {
-    u32 element, group_x, group_y;
+    u32 element, group[2];
 };
 
 template <class Visit> void visit_members(Frame& f, Visit visit) {
-    visit("west", f.west), visit("south", f.south), visit("east", f.east), visit("north", f.north);
-    visit("per_x", f.per_x), visit("per_y", f.per_y);
-    visit("weight_x", f.weight_x), visit("weight_y", f.weight_y);
-    visit("corners", f.corners), visit("polygon_error", f.polygon_error),
-        visit("straight_from", f.straight_from);
-    visit("drawn", f.drawn);
+    visit("low", f.low), visit("high", f.high), visit("per", f.per), visit("weight", f.weight);
+    visit("corners", f.corners), visit("drawn", f.drawn), visit("straight_from", f.straight_from);
 }
 
 template <class Visit> void visit_members(Axis& a, Visit visit) {
@@ -82,7 +74,7 @@ template <class Visit> void visit_members(Group& g, Visit visit) {
 }
 
 template <class Visit> void visit_members(CoveringElement& c, Visit visit) {
-    visit("element", c.element), visit("group_x", c.group_x), visit("group_y", c.group_y);
+    visit("element", c.element), visit("group", c.group);
 }
 
 struct Outlines {
@@ -112,6 +104,7 @@ struct Chords {
 struct Plan {
     const Field* field;
     Span<const Frame> frames;
+    In polygon_errors;
     Matrix<const Axis> axes;
     Span<const Line> lines;
     Span<const Group> groups;
@@ -126,7 +119,8 @@ struct Plan {
 };
 
 template <class Visit> void visit_arguments(Plan& p, Visit visit) {
-    visit("field", p.field), visit("frames[E]", p.frames), visit("axes[_,2]", p.axes);
+    visit("field", p.field), visit("frames[E]", p.frames);
+    visit("polygon_errors[E]", p.polygon_errors), visit("axes[_,2]", p.axes);
     visit("lines", p.lines), visit("groups", p.groups), visit("piece_bounds", p.piece_bounds);
     visit("turns[_,2]", p.turns), visit("origin[2]", p.origin);
     visit("pitch", p.pitch), visit("bounds[4]", p.bounds), visit("error", p.error);

@@ -77,16 +77,10 @@ void bind_importing(nb::module_ m) {
         {"matrix[m,m]", "right[m]"}
     );
 
-    m.attr("FLAT") = i64(FLAT);
-    m.attr("RAMP") = i64(RAMP);
-    m.attr("FALL") = i64(FALL);
-    m.attr("TENT") = i64(TENT);
-    m.attr("COS") = i64(COS);
-    m.attr("COSBELL") = i64(COSBELL);
-    m.attr("DOME") = i64(DOME);
-    m.attr("GAUSS") = i64(GAUSS);
-    m.attr("RISE") = i64(RISE);
-    m.attr("SINK") = i64(SINK);
+    i64 code = FLAT;
+    for (const char* name :
+         {"FLAT", "RAMP", "FALL", "TENT", "COS", "COSBELL", "DOME", "GAUSS", "RISE", "SINK"})
+        m.attr(name) = code++;
     def<&sample_curve>(m, "sample_curve", "Values of a known curve.", {"code", "t[_]"});
     def<&fit_curve>(
         m, "fit_curve", "The curve and cell that fit a profile best.",

@@ -49,10 +49,8 @@ private:
         const Plan& p = plan();
         const Field& field = *p.field;
         check_index(p.axes.rows() == count_of(field.kinds), "a kind");
-        for (i64 k = 0; k < p.axes.rows(); ++k) {
-            check_axis(p.axes(k, 0), curve_of(field.kinds[k], X));
-            check_axis(p.axes(k, 1), curve_of(field.kinds[k], Y));
-        }
+        for (i64 k = 0; k < p.axes.rows(); ++k)
+            for (int axis : {X, Y}) check_axis(p.axes(k, axis), curve_of(field.kinds[k], axis));
         const Outlines& o = p.outlines;
         check_index(!o.offsets.empty(), "the rows of outlines");
         for (u32 owner : o.owners)

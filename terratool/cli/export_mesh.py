@@ -193,19 +193,11 @@ class _Request:
                     f"{name} is about a mesh, but a grid of heights is asked for.",
                     f"Leave out {name} or --elevation-grid.",
                 )
-        self.options().check()
-        if self.tile_faces is None:
-            return
-        if self.tile_faces < 1:
+        self.options().check(tiles=self.tile_faces is not None)
+        if self.tile_faces is not None and self.tile_faces < 1:
             raise RequestError(
                 f"Tiles of {self.tile_faces} faces are asked for.", "Ask for 1 or more."
             )
-        for name in ("--max-faces", "--solid"):
-            if given[name]:
-                raise RequestError(
-                    f"{name} is about one mesh, but tiles are asked for.",
-                    f"Leave out {name} or --tile-faces.",
-                )
 
 
 def _export(request: _Request) -> None:

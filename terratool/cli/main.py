@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from terratool import __version__
-from terratool.errors import TerratoolError
+from terratool.errors import TerratoolError, reason
 
 _COMMANDS = {
     "validate": ("validate", "Check terrains and vehicles and say what is wrong, and where."),
@@ -147,7 +147,7 @@ def _cannot_write(error: OSError) -> int:
     if isinstance(error, BrokenPipeError):
         return 0
     _say(
-        f"Standard output cannot be written ({(error.strerror or str(error)).lower()}).",
+        f"Standard output cannot be written ({reason(error)}).",
         "Check the space on the disk that it goes to.",
     )
     return 3

@@ -85,10 +85,7 @@ def _from_csv(name: str) -> Iterator[Point]:
         with open(name, encoding="utf-8-sig", newline="") as file:
             yield from _parse(name, file)
     except OSError as error:
-        raise ReadError(
-            f"{name}: cannot be read ({(error.strerror or str(error)).lower()}).",
-            "Check the path and its permissions.",
-        ) from error
+        raise ReadError.of(name, error) from error
 
 
 def _parse(name: str, file: TextIO) -> Iterator[Point]:

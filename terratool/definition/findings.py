@@ -12,8 +12,8 @@ from msgspec import Struct, field
 from terratool.text.display import Edit, Excerpt
 
 Severity = Literal["error", "warning"]
-Rectangle = tuple[float, float, float, float]
-"""West, south, east, north."""
+Bounds = tuple[float, float, float, float]
+"""A rectangle in the world: west, south, east, north."""
 Owner = int | str
 """An element by its index in the tree, anything else by its JSON pointer."""
 
@@ -97,6 +97,6 @@ class Finding(Struct, frozen=True):
     column: int
     message: str
     hint: str
-    bounds: Rectangle | None = None
+    bounds: Bounds | None = None
     excerpt: Excerpt | None = None
     fix: Edit | None = None

@@ -92,16 +92,6 @@ class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
     cells: int | tuple[int, int] | UnsetType = UNSET
     children: tuple[Element, ...] | UnsetType = UNSET
 
-    @property
-    def grid(self) -> tuple[int, int]:
-        """Cells of the grid for the children, along x and y."""
-        return pair_of(self.cells, DEFAULT_CELLS)
-
-    @property
-    def block(self) -> tuple[int, int]:
-        """Cells that it occupies along x and y."""
-        return pair_of(self.span, 1)
-
 
 class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
     """The rut of one wheel: a polyline with a width, and how deep the wheel sinks along it."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from msgspec import UNSET, Struct, field, structs
 
-from terratool.definition.findings import Rectangle
+from terratool.definition.findings import Bounds
 from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
 
 ROOT = "/elemTree"
@@ -209,7 +209,7 @@ class Tree(Struct, frozen=True, dict=True):
             index = parent
         return ROOT + "".join(reversed(steps))
 
-    def rectangle(self, index: int, definition: Definition) -> Rectangle | None:
+    def rectangle(self, index: int, definition: Definition) -> Bounds | None:
         """The world rectangle of an element's cell; None where that is not known."""
         from fractions import Fraction
 

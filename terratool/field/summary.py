@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.field.compile import track_lengths
-from terratool.field.terrain import Bounds, Terrain, clip_bounds
+from terratool.field.terrain import Terrain, clip_bounds
 
 _ALONG = 512
 """Points of the grid along the longer side at which the heights are looked at."""
+
+_PLASTIC = 1.32471795724474602596
+"""The plastic number spreads points over a square as the golden section does over a line."""
 
 
 def summarise(terrain: Terrain) -> dict[str, Any]:
@@ -107,3 +111,13 @@ def _track_points(
     )
     there = (west <= x) & (x <= east) & (south <= y) & (y <= north)
     return x[there], y[there]
+
+
+def spread_points(part: Bounds, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The x and the y of so many points that are evenly spread over a rectangle, (count,) each."""
+    west, south, east, north = part
+    steps = np.arange(1, count + 1)
+    return (
+        west + np.mod(steps / _PLASTIC, 1.0) * (east - west),
+        south + np.mod(steps / _PLASTIC**2, 1.0) * (north - south),
+    )

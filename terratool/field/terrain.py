@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal
 from terratool.definition.tree import flatten
@@ -19,9 +20,6 @@ from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays
 from terratool.kernels import field as kernels
-
-Bounds = tuple[float, float, float, float]
-"""West, south, east, north."""
 
 CHUNK = 1 << 21
 """So many points of a batch are sorted at a time."""

@@ -21,7 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError, TerratoolError
-from terratool.importing.sources import Triangles, join_triangles, refuse_missing_vertices
+from terratool.importing.sources import (
+    Triangles,
+    join_triangles,
+    refuse_many_faces,
+    refuse_missing_vertices,
+)
 from terratool.importing.threemf import read_3mf
 from terratool.importing.vrml.scene import UP, read_vrml, stated_up
 
@@ -31,11 +36,12 @@ MAX_VALUES = 2**28
 _HEAD = 1 << 16
 """Bytes in which a header has to say how many faces there are."""
 
+MAX_ENTITIES = 20_000_000
+"""Blocks of DXF within blocks that come to more than these are refused."""
+
 _JSON, _MAGIC = 0x4E4F534A, b"glTF"
 _MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines", 6: "triangle fans"}
 _PACKED = ("EXT_meshopt_compression", "KHR_draco_mesh_compression")
-MAX_ENTITIES = 20_000_000
-"""Blocks within blocks that come to more than these are refused."""
 
 _UNITS = {
     1: ("inch", 0.0254),
@@ -46,9 +52,6 @@ _UNITS = {
     14: ("decimetre", 0.1),
 }
 """Names of $INSUNITS, and what they are in metres (DXF reference, header variables)."""
-
-MAX_FACES = 2**26
-"""Instances of instances that come to more faces than these are refused."""
 
 LARGEST = 1e30
 """Coordinates are below this in size, as those of a definition."""
@@ -242,10 +245,7 @@ def _by_trimesh(path: Path, kind: str) -> Triangles:
         notes += (
             f"Parts of the file have no faces and were left out: {len(parts) - len(meshes):,}.",
         )
-    if sum(len(mesh.faces) for _, mesh in meshes) > MAX_FACES:
-        raise ReadError(
-            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
-        )
+    refuse_many_faces(path, sum(len(mesh.faces) for _, mesh in meshes))
     triangles = join_triangles(
         ((_moved(mesh.vertices, matrix), np.asarray(mesh.faces)) for matrix, mesh in meshes), path
     )

@@ -444,25 +444,22 @@ def open_classes(name: str, grid: PixelGrid) -> Iterator[ClassRaster]:
             )
         surfaces = _surfaces(name, file)
         if grid.crs is not None and file.crs is not None and file.crs != grid.crs:
+            west, _, _, north = grid.bounds
             with gdal_errors(name):
-                file = stack.enter_context(_on_grid(file, grid))
+                # the class that lies nearest to each pixel centre of the grid
+                warped = WarpedVRT(
+                    file,
+                    crs=grid.crs,
+                    transform=Affine(grid.dx, 0, west, 0, -grid.dy, north),
+                    width=grid.columns,
+                    height=grid.rows,
+                    resampling=Resampling.nearest,
+                    tolerance=0.01,
+                    add_alpha=file.nodata is None,
+                )
+                file = stack.enter_context(warped)
         _refuse_turned(name, file.transform, 0.0, "Resample it north up, as with gdalwarp.")
         yield ClassRaster(name, file, grid, surfaces)
-
-
-def _on_grid(file: Any, grid: PixelGrid) -> WarpedVRT:
-    """The class that lies nearest to each pixel centre of a grid."""
-    west, _, _, north = grid.bounds
-    return WarpedVRT(
-        file,
-        crs=grid.crs,
-        transform=Affine(grid.dx, 0.0, west, 0.0, -grid.dy, north),
-        width=grid.columns,
-        height=grid.rows,
-        resampling=Resampling.nearest,
-        tolerance=0.01,
-        add_alpha=file.nodata is None,
-    )
 
 
 def _surfaces(name: str, file: Any) -> dict[int, SurfaceEntry]:

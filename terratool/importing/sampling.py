@@ -1,20 +1,19 @@
-"""Heights at pixels: of meshes seen from above, which may have walls for steps, and of fields."""
+"""Heights at the centres of pixels: of meshes seen from above, and of fields; steps of meshes."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
-from terratool.field.terrain import Bounds, check_overlap
+from terratool.field.terrain import check_overlap
 from terratool.importing.sources import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
-from terratool.raster.grid import pixels_along
+from terratool.raster.grid import count_pixels, refuse_resolution, resolution_within
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -31,9 +30,6 @@ MAX_PIXELS = 2**30
 
 WALL_SLACK = 1e-6
 """Positions that differ by no more than this part of a side of the patch are one."""
-
-_WHOLE = 1e-6
-"""A quotient this near to a whole number of pixels is one."""
 
 _NEAR = 1e-9
 """A centre that is no farther than this from a triangle, in pixels, belongs to it."""
@@ -114,21 +110,22 @@ def sample(
             f"It lies in {' '.join(f'{side:.12g}' for side in extent)}; give a finer resolution or "
             "other bounds.",
         )
-    losses = _SamplingLosses(vertical_area, flat, outside, len(faces), hidden, holes, beyond)
-    return SampledHeights(grid, heights, (*triangles.notes, *why, *_sentences(losses, grid)))
+    losses = _SamplingLosses(grid, vertical_area, flat, outside, len(faces), hidden, holes, beyond)
+    return SampledHeights(grid, heights, (*triangles.notes, *why, *losses.sentences()))
 
 
-@dataclass(frozen=True, slots=True)
-class _SamplingLosses:
+class _SamplingLosses(NamedTuple):
     """What pixels cannot show of a mesh.
 
     Attributes:
+        grid: the pixels.
         vertical_area: of vertical faces, but for those on the border.
         flat, outside, faces: faces without area, those outside of the bounds, all of them.
         hidden: pixels with a surface below the highest one that is open to the air.
         holes, beyond: pixels without a height within the outline of the mesh, and beyond it.
     """
 
+    grid: PixelGrid
     vertical_area: float
     flat: int
     outside: int
@@ -137,33 +134,34 @@ class _SamplingLosses:
     holes: int
     beyond: int
 
+    def _part(self, count: int) -> str:
+        """So many pixels in words."""
+        grid = self.grid
+        pixels = grid.rows * grid.columns
+        share, area = 100 * count / pixels, count * grid.dx * grid.dy
+        return f"{count:,} of {pixels:,} pixels ({share:.2g} %, {area:.4g} m²)"
 
-def _sentences(losses: _SamplingLosses, grid: PixelGrid) -> Iterator[str]:
-    """What is lost, in numbers."""
-    pixels = grid.rows * grid.columns
-
-    def part(count: int) -> str:
-        words = f"{count:,} of {pixels:,} pixels"
-        return f"{words} ({100 * count / pixels:.2g} %, {count * grid.dx * grid.dy:.4g} m²)"
-
-    if losses.vertical_area:
-        yield (
-            f"{losses.vertical_area:,.4g} m² of vertical faces are not seen from above; each "
-            "becomes a step within one pixel."
-        )
-    if losses.hidden:
-        yield (
-            f"In {part(losses.hidden)} a surface lies below the highest one, under an overhang; "
-            "only the highest is kept."
-        )
-    if losses.holes:
-        yield f"The mesh has holes: {part(losses.holes)} within its outline have no height."
-    if losses.beyond:
-        yield f"{part(losses.beyond)} lie beyond the outline of the mesh and have no height."
-    if losses.outside:
-        yield f"{losses.outside:,} of {losses.faces:,} faces lie outside of the bounds."
-    if losses.flat:
-        yield f"{losses.flat:,} of {losses.faces:,} faces have no area and count for nothing."
+    def sentences(self) -> Iterator[str]:
+        """What is lost, in numbers."""
+        if self.vertical_area:
+            yield (
+                f"{self.vertical_area:,.4g} m² of vertical faces are not seen from above; each "
+                "becomes a step within one pixel."
+            )
+        if self.hidden:
+            yield (
+                f"In {self._part(self.hidden)} a surface lies below the highest one, under an "
+                "overhang; only the highest is kept."
+            )
+        if self.holes:
+            yield f"The mesh has holes: {self._part(self.holes)} within its outline have no height."
+        if self.beyond:
+            beyond = self._part(self.beyond)
+            yield f"{beyond} lie beyond the outline of the mesh and have no height."
+        if self.outside:
+            yield f"{self.outside:,} of {self.faces:,} faces lie outside of the bounds."
+        if self.flat:
+            yield f"{self.flat:,} of {self.faces:,} faces have no area and count for nothing."
 
 
 def _grid(bounds: Bounds, resolution: float | None) -> tuple[PixelGrid, tuple[str, ...]]:
@@ -176,32 +174,23 @@ def _grid(bounds: Bounds, resolution: float | None) -> tuple[PixelGrid, tuple[st
     sides = east - west, north - south
     why: tuple[str, ...] = ()
     if resolution is None:
-        resolution = _default_resolution(*sides)
+        longer, shorter = max(sides), min(sides)
+        if shorter < NARROWEST * longer:
+            shorter = longer
+        resolution, _ = resolution_within(longer, shorter, DEFAULT_PIXELS)
         why = (
             f"No resolution was given: a pixel is {resolution:.6g} m, a "
-            f"{max(sides) / resolution:.4g}th of the longer side.",
+            f"{longer / resolution:.4g}th of the longer side.",
         )
-    elif not (math.isfinite(resolution) and resolution > 0):
-        raise RequestError(
-            f"The resolution is {resolution:g}.", "Give the side of a pixel, a number above 0."
-        )
-    quotients = [min(side / resolution, 1e18) for side in sides]
-    columns, rows = (max(1.0, math.ceil(quotient - _WHOLE)) for quotient in quotients)
+    refuse_resolution(resolution)
+    columns, rows = (count_pixels(side, resolution) for side in sides)
     if columns * rows > MAX_PIXELS:
         raise RequestError(
             f"A resolution of {resolution:g} makes {columns:.4g} × {rows:.4g} pixels, more than "
             f"{MAX_PIXELS:,}.",
             "Give a coarser resolution or smaller bounds.",
         )
-    return PixelGrid(west, south, resolution, resolution, int(columns), int(rows)), why
-
-
-def _default_resolution(width: float, depth: float) -> float:
-    """At most 512 pixels on the longer side, if possible so that the shorter has whole ones."""
-    longest, shortest = max(width, depth), min(width, depth)
-    if longest * NARROWEST <= shortest < longest / DEFAULT_PIXELS:
-        return shortest
-    return longest / pixels_along(longest, shortest, DEFAULT_PIXELS)
+    return PixelGrid(west, south, resolution, resolution, columns, rows), why
 
 
 # --- walls ---------------------------------------------------------------------------------------

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import ReadError, RequestError
-from terratool.field.terrain import Bounds, refuse_empty
+from terratool.field.terrain import refuse_empty
 
 MESHES = (
     ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz",
@@ -23,6 +24,10 @@ _OTHER_MESHES = (
     ".3ds", ".blend", ".dae", ".dwg", ".fbx", ".igs", ".sdf", ".step", ".stp", ".urdf", ".usd",
     ".usda", ".usdc", ".usdz", ".x3d",
 )  # fmt: skip
+
+
+MAX_FACES = 2**26
+"""Instances of instances that come to more faces than these are refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +62,10 @@ class PixelGrid:
         """West, south, east, north of the outermost pixels' edges."""
         width, depth = self.size
         return self.west, self.south, self.west + width, self.south + depth
+
+    def centre(self, row: int, column: int) -> tuple[float, float]:
+        """The x and the y of a pixel's centre; rows count from the south."""
+        return self.west + (column + 0.5) * self.dx, self.south + (row + 0.5) * self.dy
 
 
 class HeightSource(Protocol):
@@ -161,6 +170,18 @@ def refuse_missing_vertices(path: Path, faces: NDArray[Any], count: int) -> None
     """
     if len(faces) and (faces.min() < 0 or faces.max() >= count):
         raise ReadError(f"{path}: a face refers to a vertex that is not there.", "Export it again.")
+
+
+def refuse_many_faces(path: Path, count: int) -> None:
+    """Refuse a mesh whose parts come to more than `MAX_FACES`.
+
+    Raises:
+        ReadError: they do.
+    """
+    if count > MAX_FACES:
+        raise ReadError(
+            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
+        )
 
 
 @dataclass(frozen=True, slots=True)

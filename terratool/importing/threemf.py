@@ -17,13 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.importing.sources import Triangles, join_triangles
+from terratool.importing.sources import Triangles, join_triangles, refuse_many_faces
 
 MAX_UNPACKED = 2**32
 """An archive that unpacks to more bytes than these is refused."""
-
-MAX_FACES = 2**26
-"""Objects within objects that come to more faces than these are refused."""
 
 _PART = 100
 _METRES = {
@@ -78,8 +75,13 @@ def read_3mf(path: Path) -> Triangles:
             too many faces.
         Exception: whatever zipfile and expat raise where the file is no 3MF.
     """
-    _refuse_large(path)
     with zipfile.ZipFile(path) as archive:
+        size = sum(info.file_size for info in archive.infolist())
+        if size > MAX_UNPACKED:  # it would fill the memory
+            raise ReadError(
+                f"{path}: would unpack to {size:,} bytes.",
+                f"At most {MAX_UNPACKED:,} are read; export a smaller part.",
+            )
         names = [name for name in archive.namelist() if name.lower().endswith(".model")]
         first = min(names, key=lambda name: not name.lower().endswith("3d/3dmodel.model"))
         model = _Model({}, [])
@@ -96,10 +98,7 @@ def read_3mf(path: Path) -> Triangles:
         raise ReadError(f"{path}: {model.unit!r} is no unit of 3MF.", "Export it again.")
     unit, factor = _METRES[model.unit]
     sizes: dict[Key, int] = {}
-    if sum(_size(item.key, model, sizes, path) for item in model.items) > MAX_FACES:
-        raise ReadError(
-            f"{path}: its parts come to more than {MAX_FACES:,} faces.", "Export a smaller part."
-        )
+    refuse_many_faces(path, sum(_size(item.key, model, sizes, path) for item in model.items))
     meshes = {
         key: (np.array(item.points).reshape(-1, 3), np.array(item.corners, np.int32).reshape(-1, 3))
         for key, item in model.objects.items()
@@ -114,22 +113,6 @@ def read_3mf(path: Path) -> Triangles:
         return joined
     notes = (f"The file is in {unit}; metres were made of them.",)
     return Triangles(joined.vertices * factor, joined.faces, notes)
-
-
-def _refuse_large(path: Path) -> None:
-    """Refuse an archive that would fill the memory.
-
-    Raises:
-        ReadError: it would unpack to more than 4 GiB.
-        zipfile.BadZipFile: it is no archive.
-    """
-    with zipfile.ZipFile(path) as archive:
-        size = sum(info.file_size for info in archive.infolist())
-    if size > MAX_UNPACKED:
-        raise ReadError(
-            f"{path}: would unpack to {size:,} bytes.",
-            f"At most {MAX_UNPACKED:,} are read; export a smaller part.",
-        )
 
 
 def _spread(items: list[_Placed], model: _Model) -> Iterator[_Placed]:

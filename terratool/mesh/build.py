@@ -1,4 +1,4 @@
-"""From a terrain to a mesh: the steps, in order."""
+"""From a terrain to a mesh: a coarse mesh is refined, and its walls are raised."""
 
 from __future__ import annotations
 
@@ -6,22 +6,25 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.field.terrain import Bounds, Terrain
+from terratool.definition.findings import Bounds
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh import seams
 from terratool.mesh.plan import plan_of
-from terratool.mesh.triangulate import regions_of, triangulate
+from terratool.mesh.triangulate import delaunay, regions_of, triangulate
 from terratool.mesh.types import (
     BuiltMesh,
+    Mesh,
     MeshPlan,
     PlanLoss,
     RegionMesh,
     TileBoundary,
     Triangulation,
 )
-from terratool.mesh.walls import assemble
 
 _PLANS = 3
 """Where discs overlap too much, their polygons are planned again, so often."""
@@ -31,6 +34,10 @@ _ROUNDS = 8
 """Where edges were split because the higher side changes, triangles are refined again, so often."""
 _BATCH = 200_000
 """So many triangles are examined before others get their turn, such as who interrupts."""
+_GREY = 160, 160, 160
+"""The colour of surfaces that have none."""
+
+Ints = NDArray[np.int32]
 
 
 def build(
@@ -52,7 +59,7 @@ def build(
         max_error: the largest distance, along z, of the mesh from the terrain, in its units.
         bounds: world rectangle west, south, east, north to mesh; the whole terrain if None.
         least: elements that change heights by no more are left out, unless it is 0.
-        base: height of the base, in units of the terrain; "below" for `walls.base_below`.
+        base: height of the base, in units of the terrain; "below" for `base_below`.
 
     Raises:
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
@@ -142,3 +149,108 @@ def refine(
     error = max(found["largest_error"], float(flat))
     plane = Triangulation(found["points"], found["triangles"], found["neighbours"])
     return RegionMesh(plane, regions, found["regions"], found["heights"]), error
+
+
+# --- ground and walls, one vertex for each level --------------------------------------------------
+
+
+def assemble(
+    terrain: Terrain,
+    plan: MeshPlan,
+    parts: RegionMesh,
+    base: float | Literal["below"] | None = None,
+) -> tuple[Mesh, int, float]:
+    """Make a mesh of triangles in the plane and the one-sided heights at their corners.
+
+    Args:
+        terrain: the terrain.
+        plan: its plan.
+        parts: the triangles.
+        base: see `build`.
+
+    Returns:
+        The mesh, the number of its faces that are ground or walls (skirt and base come after), and
+        how far a height was moved at most because a wall would be too low.
+
+    Raises:
+        RequestError: the base does not lie below all ground.
+    """
+    triangulation, regions, region_of, heights = parts
+    points, triangles, neighbours = triangulation
+    ground = ~regions.voids[region_of]
+    on_boundary = np.zeros(len(points), np.bool_)
+    outer = np.empty((0, 2), np.int32)
+    if not ground.any():
+        base = None
+    if base is not None:
+        lowest, highest = float(heights[ground].min()), float(heights[ground].max())
+        if base == "below":
+            base = base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
+        if not -np.inf < base < lowest - plan.rounding:
+            raise RequestError(
+                f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
+                f" {lowest:g}.",
+                "Give a base that is lower.",
+            )
+        # edges where the ground ends, at the hull or at the void: triangle, and which of its edges
+        ends = ground[:, None] & ((neighbours < 0) | ~ground[neighbours])
+        outer = np.argwhere(ends).astype(np.int32, order="C")
+        edges = triangles[outer[:, :1], np.column_stack([outer[:, 1], (outer[:, 1] + 1) % 3])]
+        on_boundary[edges] = True
+
+    found = kernels.find_levels(
+        triangles, heights, ground, on_boundary, base or 0.0, plan.tolerance
+    )
+    begins, levels, corners = found["begins"], found["levels"], found["corners"]
+    walls, above = kernels.raise_walls(neighbours, corners, levels)
+    skirt, over = kernels.raise_skirt(triangles, corners, outer, begins, levels)
+    faces = np.concatenate([corners[ground], walls, skirt])
+    owners = np.concatenate([np.flatnonzero(ground).astype(np.int32), above, over])
+    surfaces = regions.surfaces[region_of[owners]]
+    sources = np.arange(len(levels), dtype=np.int32)
+    upright = len(walls) + len(skirt)
+    floor = np.empty((0, 3), np.int32)
+    if base is not None:
+        below = base_of(points, edges)
+        floor, more = kernels.separate_wedges(triangulation, corners, begins, faces, owners, below)
+        sources = np.concatenate([sources, more])
+    place = np.repeat(np.arange(len(points)), np.diff(begins))[sources]
+    mesh = Mesh(
+        vertices=np.column_stack([points[place] * plan.pitch, levels[sources]]),
+        faces=np.concatenate([faces, floor]),
+        surfaces=np.append(surfaces, np.full(len(floor), -1, np.int32)),
+        walls=np.repeat([False, True, False], [len(faces) - upright, upright, len(floor)]),
+        origin=np.append(plan.origin, 0.0),
+        names=terrain.surfaces,
+        colors=np.array(
+            [
+                _GREY if surface.color is UNSET else surface.color
+                for surface in terrain.surface_types.values()
+            ],
+            np.uint8,
+        ).reshape(-1, 3),
+    )
+    return mesh, len(faces) - len(skirt), found["moved"]
+
+
+def base_below(lowest: float, highest: float, side: float) -> float:
+    """Where a base lies if none is given, in units of the terrain.
+
+    Below the lowest level by a tenth of the relief, and by no less than a hundredth of the longer
+    side, so that flat ground becomes a plate.
+    """
+    return lowest - max(0.1 * (highest - lowest), 0.01 * side)
+
+
+def base_of(points: NDArray[np.int64], edges: Ints) -> Ints:
+    """Triangles between loops of edges, without another vertex: (b, 3), counter-clockwise.
+
+    Args:
+        points: (n, 2) on the lattice.
+        edges: (k, 2) indices of points; what is to be covered lies on one side of each.
+    """
+    if not len(edges):
+        return np.empty((0, 3), np.int32)
+    used, index = np.unique(edges, return_inverse=True)
+    _, triangles, _ = delaunay(points[used].astype(np.float64), index.reshape(-1, 2), within=True)
+    return used[triangles].astype(np.int32)

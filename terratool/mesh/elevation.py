@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
-from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
+from terratool.field.summary import spread_points
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
 from terratool.mesh.export import ExportReport, check_request
 from terratool.mesh.formats.vrml import write_elevation_grid
-from terratool.mesh.loss import GridLoss, Peak, WallSummary, spread, wall_summary
+from terratool.mesh.loss import POINTS, GridLoss, Peak, WallSummary, wall_summary
 from terratool.mesh.types import HeightGrid
 from terratool.output import whole_file
 
@@ -98,7 +100,7 @@ def export_elevation_grid(
     x, y = _nodes(part, resolution)
     sample = terrain.sample(*np.meshgrid(x, y[::-1]))
     heights = sample.height
-    points = spread(part)
+    points = spread_points(part, POINTS)
     ground = terrain.height(*points)
     if np.isnan(heights).any() or np.isnan(ground).any():
         raise RequestError(

@@ -6,22 +6,22 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from msgspec import UNSET, Struct, json
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import largest_depths, largest_heights
 from terratool.field.summary import height_range
-from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
-from terratool.mesh.budget import BudgetedMesh, within_budget
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
 from terratool.mesh.formats.common import points_of
-from terratool.mesh.formats.table import FORMATS, MeshFormat, mesh_format
+from terratool.mesh.formats.table import MeshFormat, mesh_format
 from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
@@ -32,7 +32,27 @@ SHARE = 1e-3
 LEAST_ERROR = 1e-3
 """… and no less than this, in units of the terrain."""
 
+BUILDS = 8
+"""So many meshes are built between an error that is too large and one that is too small."""
+ENOUGH = 0.95
+"""A mesh with this part of the faces that it may have is good enough."""
+_AIM = 0.975
+_STRIDES = 0.125, 0.5
+"""By these factors, at the least and the most, an error becomes smaller that is too large."""
+_CLOSE = 1.2
+"""What is wanted is tried when an error is larger by no more than this factor."""
+_NEAR = 1.01
+"""Two errors that differ by no more than this factor are the same."""
+_POOR = 0.05
+"""An error of more than this part of the relief is compared with leaving elements out."""
+_FAINT = 0.5, 5.0
+"""Elements that change heights by no more than so many errors may be left out: the first of these
+is better for smooth ground, the second for boxes, whose number of faces no error changes."""
+
 Progress = Callable[[str], object]
+
+Attempt = Callable[[float, float], BuiltMesh]
+"""Builds a mesh with a largest error, leaving out elements that change heights by no more than …"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +77,19 @@ class MeshOptions:
     base: float | None = None
     world: bool = False
 
-    def check(self) -> None:
-        """Refuse numbers that make no sense for any terrain.
+    def check(self, tiles: bool = False) -> None:
+        """Refuse numbers that make no sense for any terrain, and for tiles what is about one mesh.
 
         Raises:
             RequestError: which one it is.
         """
         error, faces, base = self.max_error, self.max_faces, self.base
+        for name, given in (("--max-faces", faces is not None), ("--solid", self.solid)):
+            if tiles and given:
+                raise RequestError(
+                    f"{name} is about one mesh, but tiles are asked for.",
+                    f"Leave out {name} or --tile-faces.",
+                )
         if error is not None and not (math.isfinite(error) and error > 0):
             raise RequestError(
                 f"The largest error is {error:g}.", "Give a height above 0 with --max-error."
@@ -328,18 +354,7 @@ def check_request(path: str | Path, overwrite: bool = False, world: bool = False
         WriteError: `path` exists and is not to be overwritten, or its folder does not exist.
     """
     path = Path(os.path.realpath(path))
-    form = mesh_format(path)
-    if world and form.write_world is None:
-        able = ", ".join(suffix for suffix, one in FORMATS.items() if one.write_world)
-        raise RequestError(
-            f"{path.name}: numbers of this format are too short for coordinates of the world.",
-            f"Ask for one of {able}, or for a mesh near 0.",
-        )
-    if form.package and find_spec(form.module) is None:
-        raise RequestError(
-            f"{path.name}: {form.package} is not installed.",
-            f"Run pip install 'terratool[{form.extra}]'.",
-        )
+    form = mesh_format(path, world)
     refuse_existing(path, overwrite, form.companions)
     refuse_missing_folder(path)
     return form
@@ -348,3 +363,123 @@ def check_request(path: str | Path, overwrite: bool = False, world: bool = False
 def rounding_of(mesh: Mesh) -> float:
     """How far a coordinate of a file is from that of the mesh, at most."""
     return float(np.abs(points_of(mesh) - mesh.vertices).max())
+
+
+# --- the smallest error for so many faces --------------------------------------------------------
+
+
+class BudgetedMesh(NamedTuple):
+    """A mesh, the error that it was to have, and what left-out elements were to change at most."""
+
+    built: BuiltMesh
+    error: float
+    least: float
+
+    @property
+    def faces(self) -> int:
+        """Number of faces."""
+        return len(self.built.mesh.faces)
+
+    @property
+    def miss(self) -> float:
+        """How far the mesh is from the terrain, about."""
+        return self.built.error + max(self.built.loss.faintest, self.built.loss.ruts.deepest)
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is left out because it changes heights too little."""
+        return not (self.built.loss.faint or self.built.loss.ruts.shallow)
+
+
+def within_budget(
+    attempt: Attempt, wanted: float, relief: float, largest: float, most: int
+) -> BudgetedMesh:
+    """The mesh with the smallest error that has at most so many faces, as far as a few tries tell.
+
+    First all elements stay, and only the error grows, to all of the relief if need be. Walls stay
+    whatever the error, so that may not be enough, or be a poor bargain: then elements that change
+    heights little are left out, too, if this makes a better mesh. Errors are tried from large to
+    small ones, so that no mesh is built with very many more faces than there may be.
+
+    Args:
+        attempt: builds a mesh.
+        wanted: the error that would be good enough.
+        relief: difference of the highest and the lowest height, about.
+        largest: no less than what any element but the root changes a height by.
+        most: so many faces.
+
+    Raises:
+        RequestError: there are more, whatever is left out.
+    """
+    top = max(relief, wanted)
+    start = min(top, max(wanted, _POOR * relief))
+    fits = [_search(partial(_without, attempt, 0.0), wanted, start, top, most)]
+    if fits[0].faces > most or fits[0].miss > max(_POOR * relief, 2 * wanted):
+        for share in _FAINT:
+            # at this error, all elements but the root are left out
+            top = max(relief, wanted, 1.001 / share * largest)
+            fits.append(_search(partial(_without, attempt, share), wanted, top, top, most))
+    fewest = min(fit.faces for fit in fits)
+    if fewest > most:
+        raise RequestError(
+            f"The mesh has {fewest:,} faces at least, and {most:,} are allowed.",
+            "Allow more with --max-faces, or give smaller --bounds.",
+        )
+    return min((fit for fit in fits if fit.faces <= most), key=lambda fit: fit.miss)
+
+
+def _without(attempt: Attempt, share: float, error: float) -> BudgetedMesh:
+    """A mesh without the elements that change heights by no more than so many errors."""
+    return BudgetedMesh(attempt(error, share * error), error, share * error)
+
+
+def _search(
+    attempt: Callable[[float], BudgetedMesh], wanted: float, start: float, top: float, most: int
+) -> BudgetedMesh:
+    """The fit with the smallest error that was found, or the one at the top if none fits.
+
+    Args:
+        attempt: builds a mesh with a largest error.
+        wanted: the smallest error to try.
+        start: the first one.
+        top: the largest one.
+        most: so many faces.
+    """
+    aim = _AIM * most
+    below: tuple[float, int] | None = None
+    high = attempt(start)
+    if high.faces > most:
+        below = start, high.faces
+        if start < top:
+            high = attempt(top)
+        if high.faces > most:
+            return high
+    while below is None and high.error > wanted:
+        # faces are about as the inverse of the error
+        error = high.error * min(max(high.faces / aim, _STRIDES[0]), _STRIDES[1])
+        if high.error <= _CLOSE * wanted or (high.built.error <= wanted and high.whole):
+            error = wanted  # not many more faces; or, where the mesh is exact, none
+        elif high.faces >= ENOUGH * most:
+            break
+        error = max(error, wanted)
+        below, high = _narrowed(attempt(error), below, high, most)
+    moved = 0  # how often in a row the same end has come nearer
+    for _ in range(BUILDS):
+        if not below or high.faces >= ENOUGH * most or high.error <= _NEAR * below[0]:
+            break
+        share = math.log(below[1] / aim) / math.log(below[1] / max(high.faces, 1))
+        # faces that go in steps are no power of anything
+        share = 0.5 if abs(moved) > 2 else min(max(share, 0.1), 0.9)
+        before = below
+        below, high = _narrowed(
+            attempt(below[0] ** (1 - share) * high.error**share), below, high, most
+        )
+        moved = max(moved, 0) + 1 if below is before else min(moved, 0) - 1
+    return high
+
+
+def _narrowed(
+    fit: BudgetedMesh, below: tuple[float, int] | None, high: BudgetedMesh, most: int
+) -> tuple[tuple[float, int] | None, BudgetedMesh]:
+    """The error with too many faces and the best fit, after one more try."""
+    return (below, fit) if fit.faces <= most else ((fit.error, fit.faces), high)

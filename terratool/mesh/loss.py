@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET, Struct, UnsetType, field
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.field.bounds import largest_heights
-from terratool.field.terrain import Bounds, Terrain, batch_heights, clip_bounds
+from terratool.field.summary import spread_points
+from terratool.field.terrain import Terrain, batch_heights, clip_bounds
 from terratool.kernels import field as fields
 from terratool.mesh.constraints import undrawn_tracks, without_tracks
 from terratool.mesh.plan import plan_of
@@ -18,8 +20,6 @@ from terratool.text.display import counted, length
 
 POINTS = 500_000
 """What is left out is measured at up to so many points in its cells, and at as many anywhere."""
-_PLASTIC = 1.32471795724474602596
-"""The plastic number spreads points over a square as the golden section does over a line."""
 _NOTICED = 0.1
 """Rounding is said from this part of the allowed error on."""
 _NOISE = 1e-6
@@ -36,12 +36,10 @@ class Peak(Struct, frozen=True):
     y: float
 
 
-class HighestWall(Struct, frozen=True, rename={"size": "height"}):
+class HighestWall(Peak, frozen=True):
     """The highest wall, and where in the world it is."""
 
-    size: float
-    x: float
-    y: float
+    size: float = field(name="height")
 
 
 class WallSummary(Struct, frozen=True):
@@ -292,7 +290,8 @@ def omitted_elements(
     if len(tracks):
         arrays = arrays._replace(tracks=without_tracks(arrays.tracks, tracks))
     part = clip_bounds(terrain, bounds)
-    points = _in_cells(terrain, out, part), spread(part), _along(terrain, tracks, part)
+    anywhere = spread_points(part, POINTS)
+    points = _in_cells(terrain, out, part), anywhere, _along(terrain, tracks, part)
     x, y = (np.concatenate(axis) for axis in zip(*points, strict=True))
     whole = terrain.height(x, y)
     change = np.abs(whole - batch_heights(arrays, fields.Field(arrays), x, y))
@@ -342,13 +341,3 @@ def _along(terrain: Terrain, which: NDArray[np.int64], part: Bounds) -> tuple[Fl
     west, south, east, north = part
     there = (x >= west) & (x <= east) & (y >= south) & (y <= north)
     return x[there], y[there]
-
-
-def spread(part: Bounds) -> tuple[Floats, Floats]:
-    """Points evenly spread over a rectangle."""
-    west, south, east, north = part
-    steps = np.arange(1, POINTS + 1)
-    return (
-        west + np.mod(steps / _PLASTIC, 1.0) * (east - west),
-        south + np.mod(steps / _PLASTIC**2, 1.0) * (north - south),
-    )

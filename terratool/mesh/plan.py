@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.field.bounds import curve_hulls, curve_pieces, curve_weights, largest_heights
 from terratool.field.records import COMBINE, FieldArrays
-from terratool.field.terrain import Bounds, Terrain
+from terratool.field.terrain import Terrain
 from terratool.mesh.constraints import NO_OUTLINES, outlines_of
 from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, PIECE_BOUNDS, MeshPlan, PlanLoss
 
@@ -76,6 +77,7 @@ def plan_of(
         field=terrain.field,
         arrays=arrays,
         frames=_frames(terrain, origin, pitch),
+        polygon_errors=np.zeros(len(arrays.elements)),
         **_curve_tables(arrays)._asdict(),
         origin=origin,
         pitch=pitch,
@@ -93,27 +95,19 @@ def plan_of(
 def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDArray[Any]:
     cells = np.rint((terrain.cells() - np.tile(origin, 2)[:, None]) / pitch)
     frames = np.zeros(cells.shape[1], FRAME)
-    for name, edge in zip(("west", "south", "east", "north"), cells, strict=True):
-        frames[name] = edge
+    frames["low"], frames["high"] = cells[:2].T, cells[2:].T
     with np.errstate(divide="ignore"):
-        frames["per_x"] = 1.0 / (frames["east"] - frames["west"])
-        frames["per_y"] = 1.0 / (frames["north"] - frames["south"])
-    frames["weight_x"], frames["weight_y"] = curve_weights(terrain.arrays).T
+        frames["per"] = 1.0 / (frames["high"] - frames["low"])
+    frames["weight"] = curve_weights(terrain.arrays)
     return frames
 
 
 def _choose_elements(plan: MeshPlan, largest: NDArray[np.float64], least: float) -> PlanLoss:
     """Mark the elements that are drawn; says what is left out."""
     frames, kinds = plan.frames, plan.arrays.elements["kind"]
-    west, south, east, north = plan.bounds
-    near = (
-        (frames["west"] < east)
-        & (frames["east"] > west)
-        & (frames["south"] < north)
-        & (frames["north"] > south)
-    )
-    sides = frames["east"] - frames["west"], frames["north"] - frames["south"]
-    small = near & (np.minimum(*sides) < SMALLEST)
+    low, high = frames["low"], frames["high"]
+    near = ((low < plan.bounds[2:]) & (high > plan.bounds[:2])).all(axis=1)
+    small = near & ((high - low).min(axis=1) < SMALLEST)
     faint = near & ~small & (largest <= least) if least > 0.0 else np.zeros_like(near)
     # a hole is more than a change of heights, and the root is the ground
     faint &= plan.arrays.kinds["is_void"][kinds] == 0
@@ -134,28 +128,27 @@ def _choose_corners(plan: MeshPlan, finer: float) -> float:
     kinds = plan.arrays.elements["kind"]
     discs = (plan.arrays.kinds["combine"][kinds] == COMBINE["radial"]) & (plan.frames["drawn"] != 0)
     frames, axes = plan.frames[discs], plan.axes[kinds[discs], 0]
-    wide, tall = frames["east"] - frames["west"], frames["north"] - frames["south"]
-    radius = 0.5 * np.maximum(wide, tall) * plan.pitch
+    low, high, weight = frames["low"], frames["high"], frames["weight"][:, 0]
+    radius = 0.5 * (high - low).max(axis=1) * plan.pitch
     # a chord lies inside of its arc by 1 - cos(π/n) radii, which may be as long as the error is
     # high, and change the height by a part of it; a radius is half of t
-    slope = 0.5 * axes["inner_slope"] * frames["weight_x"]
+    slope = 0.5 * axes["inner_slope"] * weight
     share = finer * np.where(axes["ringed"] != 0, _RINGED_SHARE, _SHARE)
     inside = share * plan.error / np.maximum(slope, share * radius)
     corners = math.pi / np.arccos(1.0 - np.minimum(inside, 1.0))
     corners = np.clip(4 * np.ceil(corners / 4), *CORNERS)
     # discs of one cell share their polygon; no sickle is left between two of them
-    cells = np.column_stack([frames[name] for name in ("west", "south", "east", "north")])
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    _, cell = np.unique(np.hstack([low, high]), axis=0, return_inverse=True)
     most = np.zeros(len(corners))
     np.maximum.at(most, cell.reshape(-1), corners)
     corners = most[cell.reshape(-1)]
     inside = 1.0 - np.cos(math.pi / corners)
-    change = 0.5 * axes["slope"] * frames["weight_x"] * inside
+    change = 0.5 * axes["slope"] * weight * inside
     # where a disc ends too steeply for that, as a dome does, it is right but for so much sideways
     steep = (change > 0.5 * plan.error) & (change > slope * inside)
     band = np.maximum(inside, np.minimum(_BAND * plan.error / radius, _WIDEST))
     plan.frames["corners"][discs] = corners
-    plan.frames["polygon_error"][discs] = np.where(steep, slope * inside, change)
+    plan.polygon_errors[discs] = np.where(steep, slope * inside, change)
     plan.frames["straight_from"][discs] = np.where(steep, 1.0 - 0.5 * band, 2.0)
     return float((np.where(steep, band, inside) * radius).max(initial=0.0))
 

@@ -88,13 +88,10 @@ def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_
     side = (high - low) / count
     wanted = low + number * side
     reach = 0.5 * _SPREAD * side
-    names = ("south", "north") if axis else ("west", "east")
-    frames = plan.frames
-    near = (frames[names[0]] <= wanted + reach + CLEARANCE) & (
-        frames[names[1]] >= wanted - reach - CLEARANCE
-    )
-    chosen = np.flatnonzero(near & (frames["drawn"] != 0))
-    begins, ends = frames[names[0]][chosen], frames[names[1]][chosen]
+    begins, ends = plan.frames["low"][:, axis], plan.frames["high"][:, axis]
+    near = (begins <= wanted + reach + CLEARANCE) & (ends >= wanted - reach - CLEARANCE)
+    chosen = np.flatnonzero(near & (plan.frames["drawn"] != 0))
+    begins, ends = begins[chosen], ends[chosen]
     for k in range(_TRIES):
         # an irrational step: cells of all sizes have their edges at fractions
         at = round(wanted + reach * (2.0 * (((k + 0.5) * _GOLDEN) % 1.0) - 1.0))

@@ -14,10 +14,11 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError, WriteError
 from terratool.field.bounds import curve_pieces
 from terratool.field.records import COMBINE
-from terratool.field.terrain import Bounds, Terrain, check_bounds
+from terratool.field.terrain import Terrain, check_bounds
 from terratool.kernels import mesh as kernels
 from terratool.mesh.build import coarse_mesh, finish
 from terratool.mesh.export import (
@@ -32,7 +33,13 @@ from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, joined_w
 from terratool.mesh.plan import plan_of
 from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
 from terratool.mesh.types import BuiltMesh, MeshPlan, PlanLoss
-from terratool.output import refuse_existing, stop_on_signals, whole_file
+from terratool.output import (
+    os_errors,
+    refuse_existing,
+    refuse_missing_folder,
+    stop_on_signals,
+    whole_file,
+)
 
 TILE_FACES = 1_000_000
 """Faces of a tile, about, if not said."""
@@ -165,15 +172,8 @@ def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> B
     """
     limits, seams = layout.limits(row, column)
     whole, frames = layout.plan, layout.plan.frames
-    west, south, east, north = limits
-    near = (
-        (frames["drawn"] != 0)
-        & (frames["west"] <= east)
-        & (frames["east"] >= west)
-        & (frames["south"] <= north)
-        & (frames["north"] >= south)
-    )
-    segments = kernels.segments_of(whole.kept, np.flatnonzero(near))
+    near = ((frames["low"] <= limits[2:]) & (frames["high"] >= limits[:2])).all(axis=1)
+    segments = kernels.segments_of(whole.kept, np.flatnonzero(near & (frames["drawn"] != 0)))
     boundary = boundary_of(limits, seams)
     coarse = coarse_mesh(whole, cut_segments(segments, limits, seams), boundary, np.array(limits))
     return finish(terrain, whole, layout.loss, coarse, boundary)
@@ -271,21 +271,11 @@ def export_tiles(
             a seam.
         WriteError: something is there already, or cannot be written.
     """
-    options.check()
-    if options.max_faces is not None or options.solid:
-        raise RequestError(
-            "A limit of faces, or a solid, is about one mesh, but tiles are asked for.",
-            "Leave out the limit, the solid or the tiles.",
-        )
+    options.check(tiles=True)
     folder = Path(folder).absolute()
     if options.bounds is not None:
         check_bounds(options.bounds, terrain)
-    form = mesh_format(Path(f"mesh{suffix}"))
-    if options.world and form.write_world is None:
-        raise RequestError(
-            f"{suffix}: numbers of this format are too short for coordinates of the world.",
-            "Ask for .obj or .ply, or for a mesh near 0.",
-        )
+    mesh_format(Path(f"mesh{suffix}"), options.world)
     _refuse(folder, overwrite)
     wanted, chosen = options.error_for(terrain)
     layout = lay_out(terrain, wanted, count, options.bounds)
@@ -345,10 +335,7 @@ def _refuse(folder: Path, overwrite: bool) -> None:
     """Refuse a folder that cannot be, or that holds tiles already."""
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is no folder.", "Give the name of one for the tiles.")
-    if not folder.parent.is_dir():
-        raise WriteError(
-            f"{folder}: the folder {folder.parent} does not exist.", "Create it first."
-        )
+    refuse_missing_folder(folder)
     refuse_existing(folder / INDEX, overwrite)
     if not overwrite:
         for path in _owned(folder):
@@ -357,28 +344,18 @@ def _refuse(folder: Path, overwrite: bool) -> None:
 
 def _prepare(folder: Path) -> None:
     """Make a folder, without an index and tiles of an earlier run."""
-    try:
+    with os_errors(folder):
         folder.mkdir(exist_ok=True)
         (folder / INDEX).unlink(missing_ok=True)  # first: without it, tiles are not whole
         for path in _owned(folder):
             path.unlink()
-    except OSError as error:
-        raise WriteError(
-            f"{folder}: cannot be written ({(error.strerror or str(error)).lower()}).",
-            "Check the folder, its permissions and the space on the disk.",
-        ) from error
 
 
 def _owned(folder: Path) -> list[Path]:
     """Files in a folder that have the names of tiles."""
-    if not folder.is_dir():
-        return []
-    return sorted(path for path in folder.iterdir() if _is_tile(path))
-
-
-def _is_tile(path: Path) -> bool:
-    named = _TILE.fullmatch(path.stem) is not None and path.suffix in _SUFFIXES
-    return named and path.is_file() and not path.is_symlink()
+    files = folder.iterdir() if folder.is_dir() else ()
+    named = (path for path in files if _TILE.fullmatch(path.stem) and path.suffix in _SUFFIXES)
+    return sorted(path for path in named if path.is_file() and not path.is_symlink())
 
 
 def _index_of(report: MeshTilesReport) -> str:

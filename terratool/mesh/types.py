@@ -117,22 +117,17 @@ class HeightGrid:
 
 FRAME = np.dtype(
     [
-        ("west", np.float64),  # of the element's cell, on the lattice
-        ("south", np.float64),
-        ("east", np.float64),
-        ("north", np.float64),
-        ("per_x", np.float64),  # 1 / (east - west)
-        ("per_y", np.float64),
-        ("weight_x", np.float64),  # how much a height changes where curve x changes by 1
-        ("weight_y", np.float64),
+        ("low", np.float64, 2),  # the element's cell begins here, on the lattice …
+        ("high", np.float64, 2),  # … and ends here
+        ("per", np.float64, 2),  # 1 / (high - low)
+        ("weight", np.float64, 2),  # how much a height changes where a curve changes by 1
         ("corners", np.uint32),  # of the polygon that stands for a disc
-        ("polygon_error", np.float64),  # the most that the polygon changes the height inside of it
-        ("straight_from", np.float64),  # from this t on a disc that ends too steeply is straight
         ("drawn", np.uint8),  # large enough for the lattice, and in the part that is meshed
+        ("straight_from", np.float64),  # from this t on a disc that ends too steeply is straight
     ],
     align=True,
 )
-"""Where an element's cell lies, in units of the lattice."""
+"""Where an element's cell lies, in units of the lattice. Members of two are along x and y."""
 
 AXIS = np.dtype(
     [
@@ -171,9 +166,7 @@ GROUP = np.dtype(
 )
 """A stretch of a curve between two vertical steps: its t and its pieces."""
 
-COVERING_ELEMENT = np.dtype(
-    [("element", np.uint32), ("group_x", np.uint32), ("group_y", np.uint32)]
-)
+COVERING_ELEMENT = np.dtype([("element", np.uint32), ("group", np.uint32, 2)])
 """An element that covers a region, and the groups of its curves that hold there."""
 
 kernels.check_records(FRAME, AXIS, LINE, PIECE_BOUNDS, GROUP, COVERING_ELEMENT)
@@ -205,6 +198,8 @@ class MeshPlan:
         field: the compiled field …
         arrays: … and its arrays.
         frames: (elements,) FRAME.
+        polygon_errors: (elements,) float64, the most that the polygon that stands for a disc
+            changes the height inside of it.
         axes: (kinds, 2) AXIS.
         lines: LINE of all curves.
         groups: GROUP of all curves.
@@ -222,6 +217,7 @@ class MeshPlan:
     field: fields.Field
     arrays: FieldArrays
     frames: NDArray[Any]
+    polygon_errors: NDArray[np.float64]
     axes: NDArray[Any]
     lines: NDArray[Any]
     groups: NDArray[Any]

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import finest_details
-from terratool.field.terrain import Bounds, Terrain, check_bounds
+from terratool.field.terrain import Terrain, check_bounds
 
 DEFAULT_PIXELS = 4096
 """The longer side of a raster has at most this many pixels, if no resolution is given."""
@@ -96,33 +97,46 @@ def default_resolution(terrain: Terrain) -> tuple[float, str]:
     """A resolution for a terrain, and in words why: a tenth of its smallest cell, within reason.
 
     A curve with details finer than that gets a pixel for each. Where the longer side would have too
-    many pixels, it gets about as many as there may be, and if possible a number that makes the
-    shorter side one of whole pixels, too.
+    many pixels, it is that of `resolution_within`.
     """
     finest, why = terrain.smallest_cell / PIXELS_PER_CELL, "a tenth of the smallest cell"
     west, south, east, north = terrain.cells()
     detail = float(finest_details(terrain.arrays, east - west, north - south).min())
     if detail < finest * (1 - _WHOLE):
         finest, why = detail, "the finest detail of a curve"
-    longest, shortest = max(terrain.size), min(terrain.size)
-    if longest / finest > DEFAULT_PIXELS * (1 + _WHOLE):
-        if longest / DEFAULT_PIXELS > shortest:
-            return shortest, "one row of pixels"
-        pixels = pixels_along(longest, shortest, DEFAULT_PIXELS)
-        return longest / pixels, f"{pixels} pixels on the longer side"
+    if max(terrain.size) / finest > DEFAULT_PIXELS * (1 + _WHOLE):
+        return resolution_within(*terrain.size, DEFAULT_PIXELS)
     return finest, why
 
 
-def pixels_along(longest: float, shortest: float, most: int) -> int:
-    """Pixels on the longer side of a rectangle: as many as there may be, or a few less.
+def resolution_within(width: float, depth: float, most: int) -> tuple[float, str]:
+    """A resolution for at most so many pixels on the longer side of a rectangle, and in words why.
 
-    They are less, down to half as many, where the shorter side has whole pixels then.
+    There is one row of pixels where they would be wider than the shorter side. There are fewer,
+    down to half as many, where the shorter side has whole pixels then.
     """
-    for pixels in range(most, most // 2, -1):
+    longest, shortest = max(width, depth), min(width, depth)
+    if longest / most > shortest:
+        return shortest, "one row of pixels"
+
+    def is_whole(pixels: int) -> bool:
         across = pixels * (shortest / longest)
-        if abs(across - round(across)) < _WHOLE:
-            return pixels
-    return most
+        return abs(across - round(across)) < _WHOLE
+
+    pixels = next(filter(is_whole, range(most, most // 2, -1)), most)
+    return longest / pixels, f"{pixels} pixels on the longer side"
+
+
+def refuse_resolution(resolution: float) -> None:
+    """Refuse what is no side of a pixel.
+
+    Raises:
+        RequestError: it is no number above 0.
+    """
+    if not (math.isfinite(resolution) and resolution > 0):
+        raise RequestError(
+            f"The resolution is {resolution:g}.", "Give the side of a pixel, a number above 0."
+        )
 
 
 def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None) -> Grid:
@@ -135,15 +149,12 @@ def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None)
         RequestError: no resolution above 0, bounds that are empty or miss the terrain, or a grid
             that no file can hold or that has no pixel centre on the terrain.
     """
-    if not (math.isfinite(resolution) and resolution > 0):
-        raise RequestError(
-            f"The resolution is {resolution:g}.", "Give the side of a pixel, a number above 0."
-        )
+    refuse_resolution(resolution)
     west, south, east, north = terrain.bounds
     if bounds is not None:
         check_bounds(bounds, terrain)
         west, south, east, north = bounds
-    width, height = _pixels(east - west, resolution), _pixels(north - south, resolution)
+    width, height = count_pixels(east - west, resolution), count_pixels(north - south, resolution)
     if max(width, height) > MAX_SIDE:
         raise RequestError(
             f"A resolution of {resolution:g} makes {width:.4g} × {height:.4g} pixels, more than a "
@@ -169,7 +180,8 @@ def _overlap(one: Bounds, other: Bounds) -> float:
     return min(width, min(one[3], other[3]) - max(one[1], other[1]))
 
 
-def _pixels(side: float, resolution: float) -> int:
+def count_pixels(side: float, resolution: float) -> int:
+    """How many pixels cover a side; it ends at a pixel's edge where rounding alone hides that."""
     quotient = side / resolution
     if quotient > 2 * MAX_SIDE:
         return 2 * MAX_SIDE

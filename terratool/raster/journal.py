@@ -253,7 +253,4 @@ def _sentences(folder: Path) -> Iterator[None]:
             "Wait until it is done, or choose another folder.",
         ) from error
     except OSError as error:
-        raise WriteError(
-            f"{folder}: cannot be written ({(error.strerror or str(error)).lower()}).",
-            "Check the folder, its permissions and the space on the disk.",
-        ) from error
+        raise WriteError.of(folder, error) from error

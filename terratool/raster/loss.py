@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from terratool.field.bounds import finest_details, largest_heights, nonzero_edges
+from terratool.field.summary import spread_points
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
@@ -27,9 +28,6 @@ POINTS = 100_000
 
 _NOISE = 1e-6
 """Smaller interpolation errors, in parts of a pixel, are not named in the sentence."""
-
-_PLASTIC = 1.32471795724474602596
-"""The plastic number spreads points over a square as the golden section does over a line."""
 
 _LEVEL = 1e-7
 """A jump counts from here on, in parts of the largest height that an element adds …"""
@@ -264,9 +262,7 @@ def _points(terrain: Terrain, columns: Floats, rows: Floats) -> tuple[Floats, Fl
     low_x, high_x = max(west, columns[0]), min(east, columns[-1])
     low_y, high_y = max(south, rows[0]), min(north, rows[-1])
     half = min(POINTS, 4 * len(columns) * len(rows)) // 2
-    steps = np.arange(1, half + 1)
-    x = low_x + np.mod(steps / _PLASTIC, 1.0) * (high_x - low_x)
-    y = low_y + np.mod(steps / _PLASTIC**2, 1.0) * (high_y - low_y)
+    x, y = spread_points((low_x, low_y, high_x, high_y), half)
     left, bottom, right, top = terrain.cells()
     middle_x, middle_y = left + (right - left) / 2, bottom + (top - bottom) / 2
     inside = np.flatnonzero(

@@ -58,7 +58,7 @@ def read_source(path: str | Path) -> Source:
             with open(path, "rb") as file:
                 data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise _unreadable(name, error) from error
+        raise ReadError.of(name, error) from error
     data = _within_limit(name, data)
     packed = data.startswith(_GZIP)
     if packed:
@@ -103,19 +103,12 @@ def sources(name: str, endings: tuple[str, ...] = ALL) -> Iterator[str]:
                 found = True
                 yield str(Path(directory, file))
     for error in errors:
-        raise _unreadable(str(Path(error.filename)), error) from error
+        raise ReadError.of(str(Path(error.filename)), error) from error
     if not found:
         raise ReadError(
             f"{name}: has no {' and no '.join('*' + ending for ending in endings)}.",
             "Name a file, or another directory.",
         )
-
-
-def _unreadable(name: str, error: OSError) -> ReadError:
-    return ReadError(
-        f"{name}: cannot be read ({(error.strerror or str(error)).lower()}).",
-        "Check the path and its permissions.",
-    )
 
 
 def _within_limit(name: str, data: bytes) -> bytes:

@@ -10,7 +10,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from terratool.field.terrain import Bounds, Terrain, clip_bounds
+from terratool.definition.findings import Bounds
+from terratool.field.terrain import Terrain, clip_bounds
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, grid_over
 from terratool.traversability.map import default_resolution, write_map
 from terratool.traversability.results import (

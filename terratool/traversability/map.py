@@ -15,8 +15,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
-from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import traversability as kernels
 from terratool.output import refuse_existing, whole_file
 from terratool.raster.export import COMPANIONS, checked_threads, refuse_full_disk

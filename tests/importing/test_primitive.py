@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.expression import NAMED
 from terratool.errors import RequestError
-from terratool.importing.primitive import fit as shaping
+from terratool.importing.primitive import fit as fitting
 from terratool.importing.primitive import products
 from terratool.importing.primitive.build import (
     ImportedPrimitive,
@@ -165,12 +165,12 @@ def test_the_error_is_that_of_the_compiled_terrain_and_where_it_is() -> None:
     imported = import_primitive(samples, "rough", PrimitiveRequest(samples=5))
     off = np.abs(heights(imported, samples) - z)
     row, column = np.unravel_index(off.argmax(), off.shape)
-    misfit = imported.error
-    assert misfit.largest == pytest.approx(off.max(), rel=1e-9)
-    assert misfit.rms == pytest.approx(math.sqrt((off**2).mean()), rel=1e-9)
-    assert (misfit.x, misfit.y) == (431200 + (column + 0.5) * 0.5, 5768400 + (row + 0.5) * 2)
-    assert misfit.relief == np.ptp(z)
-    assert misfit.to_json()["largestPercent"] == pytest.approx(100 * off.max() / np.ptp(z))
+    error = imported.error
+    assert error.largest == pytest.approx(off.max(), rel=1e-9)
+    assert error.rms == pytest.approx(math.sqrt((off**2).mean()), rel=1e-9)
+    assert (error.x, error.y) == (431200 + (column + 0.5) * 0.5, 5768400 + (row + 0.5) * 2)
+    assert error.relief == np.ptp(z)
+    assert error.to_json()["largestPercent"] == pytest.approx(100 * off.max() / np.ptp(z))
 
 
 def turned(turn: float, rows: int, columns: int, dx: float, dy: float) -> Floats:
@@ -221,7 +221,7 @@ def test_least_squares_are_the_best_of_their_rank(terms: int) -> None:
     z = roughness(24, 5)[:17, :]
     grid = products.grid_of(Patch(samples_of(z)), 64)
     for fit in products.best_sums(grid, nodes(24), nodes(17), terms):
-        problem = shaping.problem_of(
+        problem = fitting.problem_of(
             products.points_of(Patch(samples_of(z)), 64), nodes(24), nodes(17)
         )
         rest = np.linalg.svd(z - fit.offset, compute_uv=False)[terms:]
@@ -277,18 +277,18 @@ def test_the_largest_error_is_about_the_smallest_there_is(seed: int) -> None:
         [0] * 6 + [1], np.block([[matrix, -ones], [-matrix, -ones]]), np.concatenate([z[0], -z[0]]),
         bounds=bounds,
     ).fun  # fmt: skip
-    _, largest = shaping.fit_terms(Patch(samples_of(z)), shaping.CurveForm(), (6, 1))
+    _, largest = fitting.fit_terms(Patch(samples_of(z)), fitting.CurveForm(), (6, 1))
     assert best * (1 - 1e-9) <= largest <= 1.01 * best
 
 
 def test_large_patches_are_fitted_to_all_of_their_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     """As well as if all pixels had been fitted from the beginning."""
     rough = Patch(samples_of(roughness(300, 12, 1.2)[:260, :]))
-    _, largest = shaping.fit_terms(rough, shaping.CurveForm(), (5, 4))
-    monkeypatch.setattr(shaping, "_JOINS", 1)
-    _, few = shaping.fit_terms(rough, shaping.CurveForm(), (5, 4))
-    monkeypatch.setattr(shaping, "_FINE", 300)
-    _, least = shaping.fit_terms(rough, shaping.CurveForm(), (5, 4))
+    _, largest = fitting.fit_terms(rough, fitting.CurveForm(), (5, 4))
+    monkeypatch.setattr(fitting, "_JOINS", 1)
+    _, few = fitting.fit_terms(rough, fitting.CurveForm(), (5, 4))
+    monkeypatch.setattr(fitting, "_FINE", 300)
+    _, least = fitting.fit_terms(rough, fitting.CurveForm(), (5, 4))
     assert largest <= 1.03 * least
     assert few > 1.05 * least  # a case that tells the two apart
 
@@ -299,10 +299,10 @@ def test_the_worst_pixel_is_found_among_many_rows() -> None:
     )
     z[1231, 457] += 2.0
     entry = PrimitiveEntry([0, 1, 0.5], [1, 0.2, 0.6], 4.0)
-    misfit = fit_error(Patch(samples_of(z)), (entry,))
-    assert (misfit.x, misfit.y) == (431200 + 457.5 * 0.5, 5768400 + 1231.5 * 2)
-    assert misfit.largest == pytest.approx(2.0)
-    assert misfit.rms == pytest.approx(2.0 / math.sqrt(z.size))
+    error = fit_error(Patch(samples_of(z)), (entry,))
+    assert (error.x, error.y) == (431200 + 457.5 * 0.5, 5768400 + 1231.5 * 2)
+    assert error.largest == pytest.approx(2.0)
+    assert error.rms == pytest.approx(2.0 / math.sqrt(z.size))
 
 
 def test_a_turned_grid_has_the_heights_of_the_places_it_names() -> None:
@@ -317,12 +317,12 @@ def test_a_turned_grid_has_the_heights_of_the_places_it_names() -> None:
 def test_the_fewest_values_are_taken_that_serve() -> None:
     z = 4 * product([0, 0.2, 1, 0.3, 0.7], [0.5, 1, 0.1])
     patch = Patch(samples_of(z))
-    assert shaping.fewest_values(patch, shaping.CurveForm()) == (5, 3)
+    assert fitting.fewest_values(patch, fitting.CurveForm()) == (5, 3)
     rough = Patch(samples_of(roughness(64, 8)[:50, :]))
-    counts = shaping.fewest_values(rough, shaping.CurveForm())
+    counts = fitting.fewest_values(rough, fitting.CurveForm())
     assert max(counts) < 25
-    many = min(shaping.fit_terms(rough, shaping.CurveForm(), (n, n))[1] for n in (17, 33))
-    assert shaping.fit_terms(rough, shaping.CurveForm(), counts)[1] <= 1.15 * many
+    many = min(fitting.fit_terms(rough, fitting.CurveForm(), (n, n))[1] for n in (17, 33))
+    assert fitting.fit_terms(rough, fitting.CurveForm(), counts)[1] <= 1.15 * many
 
 
 def test_a_ridge_has_one_curve_from_0_to_1() -> None:
@@ -537,11 +537,11 @@ def test_many_terms_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(products, "best_sums", noted)
     z = np.random.default_rng(4).random((40, 40))
-    shaping.fewest_values(Patch(samples_of(z[:18, :18])), shaping.CurveForm(2))
+    fitting.fewest_values(Patch(samples_of(z[:18, :18])), fitting.CurveForm(2))
     assert max(tried) == 2 * 17
     tried.clear()
-    monkeypatch.setattr(shaping, "_STEPS", 0)
-    shaping.fewest_values(Patch(samples_of(z)), shaping.CurveForm(16))
+    monkeypatch.setattr(fitting, "_STEPS", 0)
+    fitting.fewest_values(Patch(samples_of(z)), fitting.CurveForm(16))
     assert max(tried) <= 16 * 20
 
 

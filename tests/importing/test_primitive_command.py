@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
-from rasterio.transform import Affine
 
 from terratool.definition.layout import canonical
 from terratool.errors import RequestError, TerratoolError
@@ -24,6 +22,7 @@ from terratool.importing.primitive.insert import (
     write,
 )
 from tests.commands import call as run
+from tests.rasters import geotiff
 
 COLUMNS, ROWS, SIDE = 40, 26, 0.5
 WEST, NORTH = 431200.0, 5768413.0
@@ -55,11 +54,7 @@ def dem(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("dem") / "dem.tif"
     z = np.full((ROWS + 6, COLUMNS + 14), 99.0)
     z[3:-3, 7:-7] = patch_heights()[::-1]
-    with rasterio.open(
-        path, "w", driver="GTiff", width=z.shape[1], height=z.shape[0], count=1, dtype="float64",
-        crs="EPSG:32633", transform=Affine(SIDE, 0, WEST - 7 * SIDE, 0, -SIDE, NORTH + 3 * SIDE),
-    ) as file:  # fmt: skip
-        file.write(z, 1)
+    geotiff(path, z, SIDE, (WEST - 7 * SIDE, NORTH + 3 * SIDE), crs="EPSG:32633")
     return path
 
 
@@ -188,13 +183,8 @@ def test_wrong_usage(dem: Path, site: Path, options: list[str], code: int, words
 
 @pytest.mark.parametrize("into", [True, False])
 def test_the_source_is_not_written_over(into: bool, tmp_path: Path, site: Path) -> None:
-    z = np.arange(6.0).reshape(2, 3)
     path = tmp_path / "z.tif"
-    with rasterio.open(
-        path, "w", driver="GTiff", width=3, height=2, count=1, dtype="float64",
-        transform=Affine(1, 0, 0, 0, -1, 2),
-    ) as file:  # fmt: skip
-        file.write(z, 1)
+    geotiff(path, np.arange(6.0).reshape(2, 3), 1, (0, 2))
     before = path.read_bytes()
     link = tmp_path / "link.json"
     link.symlink_to(path)
@@ -288,9 +278,9 @@ def test_the_cell_is_that_of_the_field(site: Path, span: list[int]) -> None:
     site.write_text(json.dumps(definition), encoding="utf-8")
     added(site, CellPath((3, 4), "/elemTree/children/0"))
     target = target_of(str(site), (), CellPath((3, 4), "/elemTree/children/0"), None, False)
-    west, south, width, height = target.cell() or (0, 0, 0, 0)
-    cells = load(site).cells()[:, -1]
-    np.testing.assert_allclose([west, south, west + width, south + height], cells)
+    cell = target.cell()
+    assert cell is not None
+    np.testing.assert_allclose(cell, load(site).cells()[:, -1])
 
 
 def test_what_stands_in_the_cell_already_is_told(dem: Path, site: Path) -> None:

@@ -16,6 +16,7 @@ from rasterio.transform import Affine
 
 from terratool.errors import ReadError, RequestError
 from terratool.importing.sources import SourceOptions, open_source
+from tests import rasters
 
 ROWS, COLUMNS = 5, 7
 HEIGHTS = np.arange(ROWS * COLUMNS, dtype=float).reshape(ROWS, COLUMNS) ** 1.5  # from the north
@@ -24,29 +25,7 @@ UTM = "EPSG:32633"
 
 def geotiff(path: Path, heights: NDArray[Any] = HEIGHTS, **options: Any) -> str:
     """Write a GeoTIFF of 2 × 3 m pixels, its north-west corner at 500000 5000000."""
-    if heights.ndim == 2:
-        heights = heights[np.newaxis]
-    tags = options.pop("tags", {})
-    band = options.pop("band", {})
-    kinds = options.pop("colorinterp", None)
-    profile = {
-        "driver": "GTiff",
-        "count": len(heights),
-        "height": heights.shape[1],
-        "width": heights.shape[2],
-        "dtype": heights.dtype.name,
-        "crs": UTM,
-        "transform": Affine(2, 0, 500000, 0, -3, 5000000),
-        **options,
-    }
-    with rasterio.open(path, "w", **profile) as file:
-        file.write(heights)
-        file.update_tags(**tags)
-        for name, value in band.items():
-            setattr(file, name, value)
-        if kinds:
-            file.colorinterp = kinds
-    return str(path)
+    return rasters.geotiff(path, heights, (2, 3), (500000, 5000000), **{"crs": UTM, **options})
 
 
 def read(name: str, **options: Any):

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from terratool.importing.structure.finding import find_structures
 from terratool.importing.structure.structures import (
-    NAMES,
-    SPELLINGS,
+    KNOWN,
     Structure,
     definition_of,
     deviation,
@@ -440,10 +439,10 @@ def test_names_belong_to_one_pair_of_curves() -> None:
 
 @pytest.mark.parametrize("code", range(kernels.SINK + 1))
 def test_known_curves_are_those_of_the_format(code: int) -> None:
-    """Kernels, names and spellings have the same curves in the same order."""
-    assert getattr(kernels, NAMES[code].upper()) == code
+    """Kernels and the table have the same curves in the same order."""
+    assert getattr(kernels, KNOWN[code].name.upper()) == code
     terrain = terrain_of(
-        {"size": 1, "elemTypes": {"it": {"x": SPELLINGS[code]}}, "elemTree": {"type": "it"}}
+        {"size": 1, "elemTypes": {"it": {"x": KNOWN[code].spelling}}, "elemTree": {"type": "it"}}
     )
     t = np.arange(100) / 100
     assert np.abs(terrain.height(t, 0.5) - kernels.sample_curve(code, t)).max() < 1e-6

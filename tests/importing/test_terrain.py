@@ -18,11 +18,10 @@ from terratool.definition.reader import check
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.field.terrain import Terrain, load
 from terratool.importing.sources import PixelGrid, SampledHeights
-from terratool.importing.terrain import survey, writing
-from terratool.importing.terrain.build import ImportOptions, import_terrain
-from terratool.importing.terrain.check import BoundError, Checker
+from terratool.importing.terrain import build, writing
+from terratool.importing.terrain.build import ImportOptions, filled, import_terrain
 from terratool.importing.terrain.methods import METHODS, methods_named, step_for
-from terratool.importing.terrain.survey import filled
+from terratool.importing.terrain.writing import BoundError, Checker
 from terratool.text.source import read_source
 from tests.conftest import terrain_of
 
@@ -135,7 +134,7 @@ def test_reading_by_rows_makes_the_same_heights(tmp_path, monkeypatch):
     heights[256] = np.nan
     source = samples(heights)
     whole = imported(source, tmp_path / "a.json", methods=METHODS[:1])
-    monkeypatch.setattr(survey, "MOST_IN_MEMORY", 10)
+    monkeypatch.setattr(build, "MOST_IN_MEMORY", 10)
     blocks = imported(source, tmp_path / "b.json", methods=METHODS[:1])
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
     assert whole.bounds == blocks.bounds

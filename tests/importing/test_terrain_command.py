@@ -9,28 +9,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
-from rasterio.transform import Affine
 
 from terratool.field.terrain import load
 from terratool.importing import rasters
 from terratool.importing.sources import open_source
-from terratool.importing.terrain import survey
+from terratool.importing.terrain import build
 from terratool.importing.terrain.build import ImportOptions, import_terrain
 from tests.commands import ROOT, SAMPLE
 from tests.commands import call as run
+from tests.rasters import geotiff
 
 
 @pytest.fixture
 def dem(tmp_path):
     """9 × 6 pixels of 2 m in UTM, one of them nodata."""
-    path = tmp_path / "dem.tif"
     heights = np.arange(54, dtype=np.float32).reshape(6, 9) ** 1.3
     heights[2, 3] = -9999
-    with rasterio.open(
-        path, "w", driver="GTiff", height=6, width=9, count=1, dtype="float32", nodata=-9999,
-        crs="EPSG:32633", transform=Affine(2, 0, 400000, 0, -2, 5000000),
-    ) as file:  # fmt: skip
-        file.write(heights, 1)
+    path = tmp_path / "dem.tif"
+    geotiff(path, heights, corner=(400000, 5000000), crs="EPSG:32633", nodata=-9999)
     return path
 
 
@@ -114,40 +110,29 @@ def test_surfaces_come_back_with_their_names_colours_and_soils(tmp_path):
 def test_classes_in_another_reference_system_and_size(tmp_path):
     """Classes by degrees, coarser than the DEM and smaller: some pixels have none."""
     dem, classes, text = tmp_path / "dem.tif", tmp_path / "classes.tif", tmp_path / "t.json"
-    with rasterio.open(
-        dem, "w", driver="GTiff", height=40, width=60, count=1, dtype="float32",
-        crs="EPSG:32633", transform=Affine(10, 0, 500000, 0, -10, 5000000),
-    ) as file:  # fmt: skip
-        file.write(np.zeros((40, 60), np.float32), 1)
+    level = np.zeros((40, 60), np.float32)
+    geotiff(dem, level, 10, (500000, 5000000), crs="EPSG:32633")
     # EPSG:32633 has its middle meridian at 15 degrees east, 500000 there
     side = 100 / 78_800  # degrees of about 100 m to the east here
-    with rasterio.open(
-        classes, "w", driver="GTiff", height=2, width=3, count=1, dtype="uint8", nodata=0,
-        crs="EPSG:4326", transform=Affine(side, 0, 15, 0, -0.0018, 45.1534),
-    ) as file:  # fmt: skip
-        file.write(np.array([[1, 2, 3], [4, 0, 3]], np.uint8), 1)
+    numbers = np.array([[1, 2, 3], [4, 0, 3]], np.uint8)
+    geotiff(classes, numbers, (side, 0.0018), (15, 45.1534), crs="EPSG:4326", nodata=0)
     ran = run("import-terrain", dem, text, "--max-error", 0.1, "--surfaces", classes)
     assert ran.code == 0, ran.err
     assert "no class for" in ran.err
-    build = load(text)
-    assert build.surface(500050, 4999900) == "class-1"
-    assert build.surface(500150, 4999900) == "class-2"
-    assert build.surface(500250, 4999900) == "class-3"
-    assert build.surface(500050, 4999700) == "class-4"
-    assert build.surface(500150, 4999700) is None
-    assert build.surface(500550, 4999700) is None
+    terrain = load(text)
+    assert terrain.surface(500050, 4999900) == "class-1"
+    assert terrain.surface(500150, 4999900) == "class-2"
+    assert terrain.surface(500250, 4999900) == "class-3"
+    assert terrain.surface(500050, 4999700) == "class-4"
+    assert terrain.surface(500150, 4999700) is None
+    assert terrain.surface(500550, 4999700) is None
 
 
 def refusals(tmp_path: Path, dem: Path):
     """Arguments, exit code and a word of the message."""
     dark, pixel = tmp_path / "dark.tif", tmp_path / "pixel.tif"
     for path, heights in ((dark, np.full((3, 3), np.nan)), (pixel, np.ones((1, 1)))):
-        rows, columns = heights.shape
-        with rasterio.open(
-            path, "w", driver="GTiff", height=rows, width=columns, count=1, dtype="float64",
-            transform=Affine(2, 0, 0, 0, -2, 9),
-        ) as file:  # fmt: skip
-            file.write(heights, 1)
+        geotiff(path, heights)
     error = ["--max-error", "0.1"]
     out = tmp_path / "out.json"
     return {
@@ -200,17 +185,12 @@ def test_a_name_that_is_too_long_is_refused(dem, tmp_path):
 def test_infinite_pixels_are_counted_once(tmp_path, monkeypatch):
     heights = np.arange(300.0).reshape(150, 2)
     heights[64] = np.inf  # where two blocks meet
-    path = tmp_path / "dem.tif"
-    with rasterio.open(
-        path, "w", driver="GTiff", height=150, width=2, count=1, dtype="float64",
-        transform=Affine(2, 0, 0, 0, -2, 9),
-    ) as file:  # fmt: skip
-        file.write(heights, 1)
-    monkeypatch.setattr(survey, "MOST_IN_MEMORY", 10)
-    with open_source(str(path)) as source:
+    path = geotiff(tmp_path / "dem.tif", heights)
+    monkeypatch.setattr(build, "MOST_IN_MEMORY", 10)
+    with open_source(path) as source:
         notes = import_terrain(source, tmp_path / "a.json", ImportOptions(0.1)).notes
     assert notes == ("2 pixels are infinite: taken as nodata.",)
-    with open_source(str(path)) as source:
+    with open_source(path) as source:
         options = ImportOptions(0.1, fill=True)
         notes = import_terrain(source, tmp_path / "b.json", options).notes
     assert "from beside" in notes[1]
@@ -220,34 +200,25 @@ def test_infinite_pixels_are_counted_once(tmp_path, monkeypatch):
 
 
 def test_classes_much_finer_than_the_dem_are_read_in_parts(dem, tmp_path, monkeypatch):
-    path = tmp_path / "classes.tif"
-    fine = np.arange(60 * 90).reshape(60, 90) % 251  # 10 × 10 to a pixel
-    with rasterio.open(
-        path, "w", driver="GTiff", height=60, width=90, count=1, dtype="uint8",
-        crs="EPSG:32633", transform=Affine(0.2, 0, 400000, 0, -0.2, 5000000),
-    ) as file:  # fmt: skip
-        file.write(fine.astype(np.uint8), 1)
+    fine = (np.arange(60 * 90).reshape(60, 90) % 251).astype(np.uint8)  # 10 × 10 to a pixel
+    path = geotiff(tmp_path / "classes.tif", fine, 0.2, (400000, 5000000), crs="EPSG:32633")
     texts = []
     for most in (1 << 24, 100):
         monkeypatch.setattr(rasters, "_MOST_READ", most)
         out = tmp_path / f"{most}.json"
         with open_source(str(dem)) as source:
-            import_terrain(source, out, ImportOptions(0.1, surfaces=str(path)))
+            import_terrain(source, out, ImportOptions(0.1, surfaces=path))
         texts.append(out.read_text())
     assert texts[0] == texts[1]
-    build = load(out)
+    terrain = load(out)
     for column, row in ((0, 0), (8, 0), (3, 4), (8, 5)):
         x, y = 400000 + 2 * column + 1, 5000000 - 2 * row - 1
-        assert build.surface(x, y) == f"class-{fine[10 * row + 5, 10 * column + 5]}"
+        assert terrain.surface(x, y) == f"class-{fine[10 * row + 5, 10 * column + 5]}"
 
 
 def test_large_class_numbers_are_classes(dem, tmp_path):
-    path = tmp_path / "classes.tif"
-    with rasterio.open(
-        path, "w", driver="GTiff", height=6, width=9, count=1, dtype="int64",
-        crs="EPSG:32633", transform=Affine(2, 0, 400000, 0, -2, 5000000),
-    ) as file:  # fmt: skip
-        file.write(np.full((6, 9), 1 << 40), 1)
+    large = np.full((6, 9), 1 << 40)
+    path = geotiff(tmp_path / "classes.tif", large, 2, (400000, 5000000), crs="EPSG:32633")
     ran = run("import-terrain", dem, tmp_path / "a.json", "--max-error", 0.1, "--surfaces", path)
     assert ran.out.splitlines()[-2:] == [f"class-{1 << 40}: 53 pixels", "void: 1 pixel"]
 
@@ -255,12 +226,7 @@ def test_large_class_numbers_are_classes(dem, tmp_path):
 def test_with_walls_no_bound_is_claimed_between_the_pixels(tmp_path):
     heights = np.zeros((30, 40))
     heights[5:15, 8:25] = 3.0
-    path = tmp_path / "dem.tif"
-    with rasterio.open(
-        path, "w", driver="GTiff", height=30, width=40, count=1, dtype="float64",
-        transform=Affine(2, 0, 0, 0, -2, 9),
-    ) as file:  # fmt: skip
-        file.write(heights, 1)
+    path = geotiff(tmp_path / "dem.tif", heights)
     for walls in ([], ["--walls"]):
         ran = run(
             "import-terrain", path, tmp_path / "a.json", "--max-error", 0.1, "--json",

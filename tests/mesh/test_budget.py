@@ -11,7 +11,7 @@ import pytest
 from msgspec import structs
 
 from terratool.errors import RequestError
-from terratool.mesh import budget, export
+from terratool.mesh import export
 from terratool.mesh.build import build
 from terratool.mesh.types import BuiltMesh, PlanLoss
 from tests.conftest import terrain_of
@@ -108,10 +108,10 @@ def test_the_best_of_several_bargains(wanted: float) -> None:
         loss = PlanLoss() if pebbles else PlanLoss(faint=40, faintest=0.05)
         return BuiltMesh(mesh, 0, error, loss)
 
-    def fitted(most: int) -> budget.BudgetedMesh:
+    def fitted(most: int) -> export.BudgetedMesh:
         tries.clear()
-        fit = budget.within_budget(attempt, wanted, 5.0, 5.0, most)
-        assert fit.faces <= most and len(tries) <= 3 * budget.BUILDS
+        fit = export.within_budget(attempt, wanted, 5.0, 5.0, most)
+        assert fit.faces <= most and len(tries) <= 3 * export.BUILDS
         assert max(10 / error for error in tries) <= max(10 * most, 10 / wanted)
         return fit
 
@@ -152,7 +152,7 @@ def test_a_limit_that_cannot_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyP
         tries.clear()
         with pytest.raises(RequestError, match=rf"has {least} faces at least, and 1 are allowed"):
             exported(terrain, tmp_path / "a.ply", 0.001, 1)
-        assert len(tries) <= 3 * budget.BUILDS
+        assert len(tries) <= 3 * export.BUILDS
     assert exported(crowd(), tmp_path / "a.ply", 1e9, 2).faces == 2
     (path,) = tmp_path.iterdir()
     assert path.name == "a.ply"

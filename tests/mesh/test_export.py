@@ -14,33 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from terratool.cli.main import main
 from terratool.errors import RequestError
 from terratool.mesh import export
 from terratool.mesh.elevation import export_elevation_grid
 from terratool.mesh.formats.table import FORMATS
 from terratool.mesh.tiles import export_tiles
-from tests.commands import ROOT
+from tests.commands import ROOT, call
 from tests.conftest import terrain_of
 from tests.meshes import HILL, SITE, box, crowd, errors, exported, flat, read
-
-Told = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Told:
-    """Runs a command: exit code, standard output and standard error."""
-
-    def tell(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["terratool", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            main()
-        out, err = capsys.readouterr()
-        assert isinstance(ended.value.code, int)
-        return ended.value.code, out, err
-
-    return tell
 
 
 @pytest.mark.parametrize("max_error", [0.3, 0.02])
@@ -192,16 +173,14 @@ def test_a_solid_with_few_faces(tmp_path: Path) -> None:
     assert trimesh.load_mesh(tmp_path / "a.ply", process=False).is_watertight
 
 
-def test_tiles(
-    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, told: Told,
-) -> None:  # fmt: skip
+def test_tiles(tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """All tiles together are the mesh: its area, its walls, where it is."""
     trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
     monkeypatch.chdir(tmp_path)
     arguments = "export-mesh", saved(SITE), "site.ply", "--tile-faces", "300"
-    code, out, err = told(*arguments, "--json")
-    assert (code, err) == (0, "")
-    said = json.loads(out)
+    ran = call(*arguments, "--json")
+    assert (ran.code, ran.err) == (0, "")
+    said = json.loads(ran.out)
     whole = exported(terrain_of(SITE), tmp_path / "whole.ply").to_json()
     assert said["rows"] * said["columns"] > 3
     assert said["bounds"] == whole["bounds"] and said["origin"] == whole["origin"]
@@ -220,11 +199,11 @@ def test_tiles(
     low = np.min([tile.bounds[0] for tile in tiles], axis=0)
     high = np.max([tile.bounds[1] for tile in tiles], axis=0)
     assert np.allclose([low, high], one.bounds, atol=0.01)
-    code, _, err = told(*arguments)
-    assert code == 3 and "tiles.json: exists already" in err
-    code, out, _ = told(*arguments, "--overwrite")
-    assert code == 0
-    assert f"{said['faces']:,} faces" in out and f"in {said['rows']} × {said['columns']}" in out
+    ran = call(*arguments)
+    assert ran.code == 3 and "tiles.json: exists already" in ran.err
+    ran = call(*arguments, "--overwrite")
+    assert ran.code == 0 and f"{said['faces']:,} faces" in ran.out
+    assert f"in {said['rows']} × {said['columns']}" in ran.out
 
 
 @pytest.mark.parametrize(
@@ -266,7 +245,7 @@ def test_tiles(
         ("mesh {good} a.glb --tile-faces 0", 2, "Tiles of 0 faces", "1 or more"),
         ("mesh {good} a.3ds --tile-faces 9", 2, "no mesh format has the suffix '.3ds'", "Try"),
         ("mesh {good} a.glb --tile-faces 9 --bounds 0 0 1 1", 2, "miss the terrain", "It lies in"),
-        ("mesh {good} a.glb --tile-faces 9 --origin world", 2, "too short for", ".obj or .ply"),
+        ("mesh {good} a.glb --tile-faces 9 --origin world", 2, "too short for", ".obj, .ply"),
         ("mesh {good} no/a.glb --tile-faces 9", 3, "no does not exist", "Create it first"),
         ("mesh {good} good.glb --tile-faces 9 --max-error 0", 2, "largest error is 0", "above 0"),
         ("mesh {good} other.mtl.obj --tile-faces 9", 3, "other.mtl: is no folder", "of one"),
@@ -284,7 +263,7 @@ def test_tiles(
     ],
 )  # fmt: skip
 def test_wrong(
-    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, told: Told,
+    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch,
     arguments: str, code: int, words: str, hint: str,
 ) -> None:  # fmt: skip
     """What is wrong, and what to do, on standard error; the right exit code; and no file."""
@@ -304,23 +283,23 @@ def test_wrong(
     monkeypatch.chdir(tmp_path)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     command, *rest = arguments.split()
-    said = told(f"export-{command}", *(part.format(**names) for part in rest))
-    assert said[:2] == (code, ""), said
-    assert words in said[2] and hint in said[2], said[2]
-    assert code == 1 or hint == "" or len(said[2].strip().splitlines()) >= 2
+    ran = call(f"export-{command}", *(part.format(**names) for part in rest))
+    assert (ran.code, ran.out) == (code, ""), ran
+    assert words in ran.err and hint in ran.err, ran.err
+    assert code == 1 or hint == "" or len(ran.err.strip().splitlines()) >= 2
     after = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     assert after == before
 
 
 def test_without_usd_core(
-    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, told: Told,
-) -> None:  # fmt: skip
+    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One is told what to install before anything is computed."""
     monkeypatch.setitem(sys.modules, "pxr", None)
     monkeypatch.setattr(export, "build", None)
-    said = told("export-mesh", saved(SITE), tmp_path / "a.usdc")
-    assert said[:2] == (2, "")
-    assert "usd-core is not installed" in said[2] and "terratool[usd]" in said[2]
+    ran = call("export-mesh", saved(SITE), tmp_path / "a.usdc")
+    assert (ran.code, ran.out) == (2, "")
+    assert "usd-core is not installed" in ran.err and "terratool[usd]" in ran.err
 
 
 def test_nothing_half_written(
@@ -363,52 +342,47 @@ def test_nothing_half_written(
 
 
 def test_the_commands_say_what_they_did(
-    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, told: Told,
-) -> None:  # fmt: skip
+    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     saved(SITE, "site.json")
-    code, out, err = told("export-obj", "site.json", "a.obj")
+    ran = call("export-obj", "site.json", "a.obj")
     report = exported(terrain_of(SITE), tmp_path / "b.obj")
-    assert (code, err) == (0, "")
-    lines = out.splitlines()
+    assert (ran.code, ran.err) == (0, "")
+    lines = ran.out.splitlines()
     assert lines[0].startswith(f"{report.faces:,} faces, {report.walls} of them upright; an error")
     assert lines[0].endswith("an error of 0.00819 m was wanted (1/1000 of the relief, 8.19 m)")
     assert lines[1] == "a.obj, a.mtl: zero is at 500000 4649776 0"
     assert lines[2].startswith("Walls: 13 m seen") and "5 m high" in lines[2]
     assert lines[3].startswith("Lost: the ground is up to 0.00")
     assert "inside of their arcs" in lines[3]
-    code, out, err = told("export-mesh", "site.json", "c.obj", "--json", "--max-faces", "60")
-    said = json.loads(out)
+    ran = call("export-mesh", "site.json", "c.obj", "--json", "--max-faces", "60")
+    said = json.loads(ran.out)
     wanted = exported(terrain_of(SITE), tmp_path / "d.obj", max_faces=60).to_json()
     assert said == {**wanted, "files": ["c.obj", "c.mtl"]}
     assert said["faces"] <= 60 and (tmp_path / "c.obj").exists()
     saved(HILL, "hill.json")
-    code, out, err = told(
-        "export-vrml", "hill.json", "h.wrl", "--elevation-grid",
-        "--resolution", "0.1",
-    )  # fmt: skip
-    assert code == 0
-    assert out.splitlines()[:2] == [
+    ran = call("export-vrml", "hill.json", "h.wrl", "--elevation-grid", "--resolution", "0.1")
+    assert ran.code == 0
+    assert ran.out.splitlines()[:2] == [
         "121 × 81 nodes of 0.1 × 0.1 (as asked)",
         "h.wrl: zero is at 500000 4649776 0",
     ]
 
 
 def test_the_three_commands_write_the_same(
-    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, told: Told,
-) -> None:  # fmt: skip
+    tmp_path: Path, saved: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     site = saved(SITE)
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
     for suffix, command in ((".obj", "export-obj"), (".wrl", "export-vrml")):
         for folder, name in (("one", "export-mesh"), ("two", command)):
-            done = told(name, site, tmp_path / folder / f"a{suffix}")
-            assert done[0] == 0
+            assert call(name, site, tmp_path / folder / f"a{suffix}").code == 0
         one, two = (tmp_path / folder / f"a{suffix}" for folder in ("one", "two"))
         assert one.read_bytes() == two.read_bytes()
-    assert told("export-obj", site, one.with_suffix(".obj"))[0] == 3
-    again = told("export-vrml", site, one, "--overwrite")
-    assert again[0] == 0
+    assert call("export-obj", site, one.with_suffix(".obj")).code == 3
+    assert call("export-vrml", site, one, "--overwrite").code == 0
 
 
 def test_a_link_keeps_being_one(tmp_path: Path) -> None:
@@ -421,11 +395,11 @@ def test_a_link_keeps_being_one(tmp_path: Path) -> None:
     assert all(path.is_file() for path in report.files)
 
 
-def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: Told) -> None:  # fmt: skip
+def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its options, formats and keys are those that there are, and its example says the like."""
     page = (ROOT / "docs" / "mesh.md").read_text(encoding="utf-8")
-    _, told_help, _ = told("export-mesh", "--help")
-    options = set(re.findall(r"^  (--[\w-]+)", told_help, re.MULTILINE)) - {"--overwrite"}
+    help_ = call("export-mesh", "--help").out
+    options = set(re.findall(r"^  (--[\w-]+)", help_, re.MULTILINE)) - {"--overwrite"}
     assert set(re.findall(r"`(--[\w-]+)", page.split("## Looking")[0])) == options
     table = page.split("## Formats")[1].split("**Origin.**")[0]
     assert all(f"`{suffix}`" in table for suffix in FORMATS)
@@ -438,9 +412,10 @@ def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: Told) -
     command, *lines = page.split("$ terratool ")[1].split("```")[0].strip().splitlines()
     monkeypatch.chdir(tmp_path)
     words = [str(ROOT / word) if word.startswith("samples") else word for word in command.split()]
-    _, out, _ = told(*words)
     numbers = re.compile(r"[\d,.]*\d")
-    assert numbers.sub("#", out).splitlines() == [numbers.sub("#", line) for line in lines]
+    assert numbers.sub("#", call(*words).out).splitlines() == [
+        numbers.sub("#", line) for line in lines
+    ]
     code = page.split("```python")[1].split("```")[0].replace("samples/", f"{ROOT}/samples/")
     exec(code, {})
     assert (tmp_path / "site.glb").exists()

@@ -11,10 +11,9 @@ import pytest
 
 from terratool.errors import RequestError
 from terratool.kernels import mesh as kernels
-from terratool.mesh.build import build, coarse_mesh
+from terratool.mesh.build import assemble, base_below, build, coarse_mesh
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import BuiltMesh, RegionMesh
-from terratool.mesh.walls import assemble, base_below
 from tests.conftest import terrain_of
 from tests.meshes import (
     CURVED,
@@ -118,7 +117,7 @@ def trimesh_bodies(built: BuiltMesh) -> list[Any]:
     return sorted(set(labels))
 
 
-class TestPinches:
+class TestWedges:
     def test_boxes_that_touch_have_vertices_of_their_own(self) -> None:
         built = solid_of(site([at(2, 3), at(3, 4, vScale=2)]))
         assert volume(built) == pytest.approx(108, rel=1e-8)

@@ -16,10 +16,17 @@ from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh import seams
-from terratool.mesh import tiles as tiling
 from terratool.mesh.build import build
 from terratool.mesh.formats.table import FORMATS
-from terratool.mesh.tiles import INDEX, TileCount, TileLayout, build_tile, build_tiles, lay_out
+from terratool.mesh.tiles import (
+    INDEX,
+    TileCount,
+    TileLayout,
+    build_tile,
+    build_tiles,
+    faces_of,
+    lay_out,
+)
 from terratool.mesh.types import Mesh, TileBoundary, Triangulation
 from tests.conftest import terrain_of
 from tests.meshes import (
@@ -34,6 +41,7 @@ from tests.meshes import (
     flat_areas,
     open_edges,
     random_definition,
+    read,
 )
 
 
@@ -232,24 +240,6 @@ def test_walls_that_cross_a_seam_have_the_same_levels() -> None:
         assert (walls[:, :, 0].min(axis=1) < at).any() or (walls[:, :, 0].max(axis=1) > at).any()
 
 
-def test_a_pit_in_the_void_may_leave_a_tile_without_ground() -> None:
-    definition: dict[str, Any] = {
-        "size": 4,
-        "surfTypes": {"rock": {}, "hole": {"void": True}},
-        "elemTypes": {"f": {"x": [0]}},
-        "elemTree": {
-            "type": "f",
-            "surface": "rock",
-            "cells": [4, 1],
-            "children": [{"type": "f", "cellX": 0, "cellY": 0, "surface": "hole", "span": [3, 1]}],
-        },
-    }
-    terrain = terrain_of(definition)
-    tiles = tiles_of(terrain, lay_out(terrain, 0.1, TileCount(rows=1, columns=2)))
-    assert [len(mesh.faces) for mesh in tiles.values()] == [0, 2]
-    assert covered(tiles[0, 1]) == pytest.approx(4)
-
-
 def test_heights_that_are_one_but_for_rounding_have_the_same_bits() -> None:
     """0.1 + 0.2 beside 0.3: which of them it is must not depend on the tile."""
     children = []
@@ -394,7 +384,7 @@ class TestLayout:
         terrain = terrain_of({"size": 10, "elemTypes": types, "elemTree": root})
         plan = lay_out(terrain, error, TileCount(rows=1, columns=1)).plan
         count = len(build(terrain, error).mesh.faces)
-        assert count / 3 < tiling.faces_of(plan) < 3 * count
+        assert count / 3 < faces_of(plan) < 3 * count
 
     def test_tiles_are_about_square(self) -> None:
         definition = random_definition(0, 60, STRAIGHT)
@@ -538,12 +528,14 @@ def test_a_tile_without_ground_has_no_file(tmp_path: Path) -> None:
         "elemTypes": {"f": {"x": [0]}},
         "elemTree": {"type": "f", "cells": [4, 1], "children": [hole]},
     }
-    report = exported_tiles(terrain_of(definition), tmp_path, ".stl", 0.1, rows=1, columns=2)
-    assert [tile.files for tile in report.tiles] == [(), ("mesh_00_01.stl",)]
+    report = exported_tiles(terrain_of(definition), tmp_path, ".ply", 0.1, rows=1, columns=2)
+    assert [tile.files for tile in report.tiles] == [(), ("mesh_00_01.ply",)]
+    assert [tile.faces for tile in report.tiles] == [0, 2]
+    assert covered(read(tmp_path / "mesh_00_01.ply")) == pytest.approx(4)
     hole["span"] = [4, 1]
     with pytest.raises(RequestError, match="no ground"):
         exported_tiles(
-            terrain_of(definition), tmp_path, ".stl", 0.1, rows=1, columns=2, overwrite=True
+            terrain_of(definition), tmp_path, ".ply", 0.1, rows=1, columns=2, overwrite=True
         )
     assert INDEX not in names_in(tmp_path)
 

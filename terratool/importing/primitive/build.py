@@ -153,7 +153,7 @@ def import_primitive(
             sense.
     """
     wanted = wanted or PrimitiveRequest()
-    _refuse_odd(name, wanted)
+    names = names_of(name, wanted)
     _refuse_empty(samples)
     patch = Patch(samples)
     notes = list(samples.notes)
@@ -183,9 +183,9 @@ def import_primitive(
         more = _one_more(patch, wanted, terms)
         more = more if more is not None and more < error.largest else None
     missing = int(np.isnan(samples.values).sum())
-    names, grid = names_of(name, wanted)[: len(entries)], samples.grid
+    names, size, unit = names[: len(entries)], samples.grid.size, samples.grid.unit
     return ImportedPrimitive(
-        names, entries, error, missing, grid.size, grid.unit, unturned, more, tuple(notes)
+        names, entries, error, missing, size, unit, unturned, more, tuple(notes)
     )
 
 
@@ -195,7 +195,7 @@ def names_of(name: str, wanted: PrimitiveRequest) -> tuple[str, ...]:
     Raises:
         RequestError: what is wanted makes no sense.
     """
-    _refuse_odd(name, wanted)
+    _refuse_request(name, wanted)
     if wanted.terms == 1:
         return (name,)
     return tuple(f"{name}-{k + 1}" for k in range(wanted.terms))
@@ -265,7 +265,7 @@ def _one_more(patch: Patch, wanted: PrimitiveRequest, terms: ProductSum) -> floa
     return fit.fit_terms(patch, curves, counts)[1]
 
 
-def _refuse_odd(name: str, wanted: PrimitiveRequest) -> None:
+def _refuse_request(name: str, wanted: PrimitiveRequest) -> None:
     """Refuse numbers and combinations that make no sense."""
     if not name:
         raise RequestError("The primitive has no name.", "Give it one with --name.")

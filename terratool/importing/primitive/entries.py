@@ -47,32 +47,36 @@ class PrimitiveEntry:
 
     def primitive(self) -> dict[str, Any]:
         """The value of its entry in `elemTypes`."""
-        found: dict[str, Any] = {}
-        if self.x is not None:
-            found["x"] = self.x
-        if self.y is not None:
-            found["y"] = self.y
-        if self.summed:
-            found["combine"] = "sum"
-        if any(value < 0.0 for value in (*_heights(self.x), *_heights(self.y))):
-            found["x-ignore"] = ["TT306"]
-        return found
+        low = any(value < 0.0 for value in (*_heights(self.x), *_heights(self.y)))
+        return _given(
+            {
+                "x": self.x,
+                "y": self.y,
+                "combine": "sum" if self.summed else None,
+                "x-ignore": ["TT306"] if low else None,
+            }
+        )
 
     def element(
         self, name: str, cell: tuple[int, int] | None = None, span: tuple[int, int] = (1, 1)
     ) -> dict[str, Any]:
-        """An element of this type, in a block of cells if its first cell is given."""
-        found: dict[str, Any] = {"type": name}
-        if cell is not None:
-            found |= {"cellX": cell[0], "cellY": cell[1]}
-            if span != (1, 1):
-                found["span"] = list(span)
-        found["vScale"] = _plain(self.scale)
-        if self.offset != 0.0:
-            found["vOffset"] = _plain(self.offset)
-        if self.turn != 0.0:
-            found["turnDeg"] = _plain(self.turn)
-        return found
+        """An element of this type, in cells from the given one on."""
+        return _given(
+            {
+                "type": name,
+                "cellX": cell and cell[0],
+                "cellY": cell and cell[1],
+                "span": list(span) if cell and span != (1, 1) else None,
+                "vScale": _plain(self.scale),
+                "vOffset": _plain(self.offset) or None,
+                "turnDeg": _plain(self.turn) or None,
+            }
+        )
+
+
+def _given(members: dict[str, Any]) -> dict[str, Any]:
+    """Members but for those that are None."""
+    return {key: value for key, value in members.items() if value is not None}
 
 
 def entries_of(
@@ -237,16 +241,8 @@ def fit_error(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> FitError:
         if off.flat[worst] > largest:
             largest = float(off.flat[worst])
             at = first + worst // grid.columns, worst % grid.columns
-    relief = float(np.nanmax(patch.values) - np.nanmin(patch.values))
-    return FitError(
-        largest,
-        math.sqrt(squares / max(pixels, 1)),
-        grid.west + (at[1] + 0.5) * grid.dx,
-        grid.south + (at[0] + 0.5) * grid.dy,
-        pixels,
-        bare,
-        relief,
-    )
+    rms = math.sqrt(squares / max(pixels, 1))
+    return FitError(largest, rms, *grid.centre(*at), pixels, bare, patch.relief)
 
 
 def _definition(patch: Patch, entries: tuple[PrimitiveEntry, ...]) -> dict[str, Any]:

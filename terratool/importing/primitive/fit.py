@@ -293,7 +293,7 @@ def fit_terms(patch: Patch, curves: CurveForm, counts: tuple[int, int]) -> tuple
         others, largest = _worst(patch, terms)
         if largest < least:
             best, least = terms, largest
-        if largest <= max(_NEAR * worst, EXACT * relief_of(patch)):
+        if largest <= max(_NEAR * worst, EXACT * patch.relief):
             break
         points = points.joined(others)
         problem = problem_of(points, terms.x_nodes, terms.y_nodes)
@@ -315,11 +315,11 @@ def fewest_values(patch: Patch, curves: CurveForm) -> tuple[int, int]:
     errors: list[float] = []
     for counts in both:
         errors.append(error(counts))
-        if errors[-1] <= EXACT * relief_of(patch):
+        if errors[-1] <= EXACT * patch.relief:
             break
         if max(counts) > _SHORT and min(errors[-_VAIN:]) > _GAIN * min(errors[:-_VAIN]):
             break
-    limit = max(SLACK * min(errors), EXACT * relief_of(patch))
+    limit = max(SLACK * min(errors), EXACT * patch.relief)
     counts = next(n for n, off in zip(both, errors, strict=False) if off <= limit)
     # one after the other: a curve of five values is one of nine, but none of seven
     across, along = counts
@@ -363,11 +363,6 @@ def _worst(patch: Patch, terms: ProductSum) -> tuple[Points, float]:
     block = math.ceil(max(rows, columns) / _BLOCKS)
     pixels, largest = kernels.worst_pixels(patch.values, patch.affine, terms, block)
     return products.points_at(patch, *np.divmod(pixels, columns)), largest
-
-
-def relief_of(patch: Patch) -> float:
-    """Highest minus lowest height."""
-    return float(np.nanmax(patch.values) - np.nanmin(patch.values))
 
 
 def center_error(patch: Patch, terms: ProductSum) -> tuple[float, ProductSum]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec import UNSET
 
+from terratool.definition.findings import Bounds
 from terratool.definition.layout import TERRAIN
-from terratool.definition.model import Definition, Element
+from terratool.definition.model import Definition
 from terratool.definition.reader import CheckOptions, check, load_definition
+from terratool.definition.tree import ROOT, Tree, flatten
 from terratool.errors import DefinitionError, RequestError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 from terratool.text.display import shown
@@ -24,7 +25,6 @@ from terratool.text.source import Source, read_source, write_source
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive
 
-ROOT = "/elemTree"
 _ALIKE = 1e-3
 _ASKED = 32
 _step = re.compile(r"/children/(0|[1-9][0-9]*)")
@@ -45,15 +45,6 @@ class CellPath:
     span: tuple[int, int] = (1, 1)
 
 
-class CellRectangle(NamedTuple):
-    """A rectangle in the world, in units of the terrain."""
-
-    west: float
-    south: float
-    width: float
-    height: float
-
-
 @dataclass(frozen=True, slots=True)
 class TargetDefinition:
     """A definition that primitives are added to, and what becomes of it.
@@ -62,30 +53,34 @@ class TargetDefinition:
         source: its file and text; `packed` says whether the result is gzipped.
         output: where the result goes; the file itself, or another one.
         definition: what the text says.
+        tree: its elements.
         place: where elements go, if anywhere.
     """
 
     source: Source
     output: Path
     definition: Definition
+    tree: Tree
     place: CellPath | None
 
-    def cell(self) -> CellRectangle | None:
-        """The block of cells that is placed in."""
-        if self.place is None:
+    @property
+    def parent(self) -> int:
+        """Index of the element that elements go into."""
+        index = _index(self.tree, self.place.parent) if self.place else None
+        assert index is not None
+        return index
+
+    def cell(self) -> Bounds | None:
+        """The world rectangle of the cells that elements go into."""
+        rectangle = self.tree.rectangle(self.parent, self.definition) if self.place else None
+        if self.place is None or rectangle is None:
             return None
-        (west, south), (width, height) = self.definition.corner, self.definition.extent
-        elements = _path(self.definition, self.place.parent)
-        for parent, element in pairwise(elements):
-            columns, rows = parent.grid
-            assert element.cell_x is not UNSET and element.cell_y is not UNSET
-            width, height = width / columns, height / rows
-            west, south = west + element.cell_x * width, south + element.cell_y * height
-            width, height = width * element.block[0], height * element.block[1]
-        columns, rows = elements[-1].grid
-        width, height = width / columns, height / rows
+        west, south, east, north = rectangle
+        columns, rows = self.tree.grid(self.parent)
+        width, height = (east - west) / columns, (north - south) / rows
         (x, y), (across, along) = self.place.cell, self.place.span
-        return CellRectangle(west + x * width, south + y * height, across * width, along * height)
+        west, south = west + x * width, south + y * height
+        return west, south, west + across * width, south + along * height
 
 
 def target_of(
@@ -119,15 +114,16 @@ def target_of(
             f"{path}: already has a primitive called {shown(taken[0])}.",
             "Choose another --name, or add --overwrite to replace it.",
         )
+    tree = flatten(definition)
     if place is not None:
-        _refuse_place(path, definition, place)
+        _refuse_place(path, tree, place)
     result = Path(path if output is None else output)
     if output is not None and not is_same_file(result, path):
         refuse_existing(result, overwrite)
         refuse_missing_folder(result)
     packed = source.packed if output is None else result.name.lower().endswith(".gz")
     source = Source(path, source.data, packed, source.marked)
-    return TargetDefinition(source, result, definition, place)
+    return TargetDefinition(source, result, definition, tree, place)
 
 
 def text_with(
@@ -142,7 +138,7 @@ def text_with(
     for name, primitive in primitives.items():
         data = set_member(data, "/elemTypes", name, primitive, TERRAIN).applied(data)
     if target.place is not None:
-        has_children = _path(target.definition, target.place.parent)[-1].children is not UNSET
+        has_children = target.tree.elements[target.parent].children is not UNSET
         for element in elements:
             edit = append_child(data, target.place.parent, element, has_children, TERRAIN)
             data = edit.applied(data)
@@ -165,7 +161,8 @@ def remarks(target: TargetDefinition, imported: ImportedPrimitive) -> list[str]:
     if cell is None:
         return []
     found = []
-    west, south, width, height = cell
+    west, south, east, north = cell
+    width, height = east - west, north - south
     patch = imported.size
     if not math.isclose(width / height, patch[0] / patch[1], rel_tol=_ALIKE):
         found.append(
@@ -222,15 +219,15 @@ def parse_cell_path(text: str, span: str | None = None) -> CellPath:
     )
 
 
-def _refuse_place(path: str, definition: Definition, place: CellPath) -> None:
+def _refuse_place(path: str, tree: Tree, place: CellPath) -> None:
     """Refuse a parent that is not there, and a cell outside of its grid."""
-    elements = _path(definition, place.parent)
-    if not elements:
+    parent = _index(tree, place.parent)
+    if parent is None:
         raise RequestError(
             f"{path}: has no element {shown(place.parent)}.",
             "Give a JSON pointer as terratool query shows them, such as /elemTree/children/0.",
         )
-    columns, rows = elements[-1].grid
+    columns, rows = tree.grid(parent)
     if place.cell[0] + place.span[0] > columns or place.cell[1] + place.span[1] > rows:
         wide = "" if place.span == (1, 1) else f" with {place.span[0]} × {place.span[1]} cells"
         raise RequestError(
@@ -240,15 +237,14 @@ def _refuse_place(path: str, definition: Definition, place: CellPath) -> None:
         )
 
 
-def _path(definition: Definition, pointer: str) -> list[Element]:
-    """The elements from the root to that of a JSON pointer; none if there is no such one."""
-    element = definition.elem_tree
-    if element is UNSET or not re.fullmatch(rf"{ROOT}(?:{_step.pattern})*", pointer):
-        return []
-    elements = [element]
+def _index(tree: Tree, pointer: str) -> int | None:
+    """Index of the element of a JSON pointer; None if there is none."""
+    if not len(tree) or not re.fullmatch(rf"{ROOT}(?:{_step.pattern})*", pointer):
+        return None
+    index = 0
     for step in map(int, _step.findall(pointer)):
-        children = elements[-1].children
-        if children is UNSET or step >= len(children):
-            return []
-        elements.append(children[step])
-    return elements
+        child = tree.first_child[index] + step
+        if child >= len(tree) or tree.parents[child] != index:
+            return None
+        index = child
+    return index

@@ -66,6 +66,11 @@ class Patch:
         return np.ascontiguousarray(self.samples.values)
 
     @property
+    def relief(self) -> float:
+        """Highest minus lowest height."""
+        return float(np.nanmax(self.values) - np.nanmin(self.values))
+
+    @property
     def affine(self) -> Floats:
         """(4,) how u and v change by column and by row: docs/format.md, footprints and turning."""
         grid = self.samples.grid

@@ -18,7 +18,6 @@ from terratool.definition.expression import NAMED, evaluate, parse
 from terratool.field.pieces import FUNCTIONS
 from terratool.importing.primitive import fit, products
 from terratool.importing.primitive.entries import PrimitiveEntry, fit_error, spelled
-from terratool.importing.primitive.fit import relief_of
 from terratool.importing.primitive.products import Floats, Patch, Points, ProductSum, basis, nodes
 
 _CURVES = {name: parse(text) for name, text in NAMED.items()}
@@ -113,7 +112,7 @@ def recognise(
     Returns:
         The plainest pair that fits, or None.
     """
-    relief = relief_of(patch)
+    relief = patch.relief
     limit = max(_LOOSE * error, _SHARE * relief) if tolerance is None else tolerance
     points = products.points_of(patch, _PIXELS)
     x_forms, y_forms = _suggested(patch, points)

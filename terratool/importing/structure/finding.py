@@ -15,6 +15,7 @@ from terratool.importing.structure.residual import (
     residual_of,
 )
 from terratool.importing.structure.structures import (
+    MOST_PIXELS,
     Axis,
     CurveText,
     PixelPart,
@@ -36,9 +37,6 @@ SHARE_ALONE = 0.98
 
 ROUNDS = 6
 _SAMPLED = 1 << 16
-MOST_PIXELS = 32_768
-"""A grid has at most 65,536 cells along each axis, two for each pixel."""
-
 SPARE = 0.25
 """Smooth curves may use up this share of the error between the centres of pixels."""
 

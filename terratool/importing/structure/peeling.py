@@ -172,8 +172,7 @@ def partners(
     undone = np.abs(mixed[:, across][:, tells] + own[tells]) <= 2.0 * noise
     share = (undone & known[:, across][:, tells]).mean(axis=1)
     found = np.flatnonzero(share > MOST)
-    order: NDArray[np.int64] = found[np.argsort(np.abs(found - pivot[0]), kind="stable")]
-    return order
+    return np.asarray(found[np.argsort(np.abs(found - pivot[0]), kind="stable")])
 
 
 def peel(residual: Residual, limits: Limits, hidden: bool) -> list[PixelPart]:
@@ -364,8 +363,7 @@ def _by_height(
 
 def _roughness(heights: Floats) -> Floats:
     """The sum of the sizes of second differences of each row."""
-    sums: Floats = np.nansum(np.abs(np.diff(heights, 2, axis=1)), axis=1)
-    return sums
+    return np.asarray(np.nansum(np.abs(np.diff(heights, 2, axis=1)), axis=1))
 
 
 def _run(flags: NDArray[np.bool_]) -> int:

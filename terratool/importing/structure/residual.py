@@ -175,5 +175,4 @@ def noise_level(residual: Residual) -> float:
 
 def _some_sizes(mixed: Floats, known: NDArray[np.bool_]) -> Floats:
     every = max(1, mixed.size // _SAMPLED) | 1
-    sizes: Floats = np.abs(mixed.ravel()[::every][known.ravel()[::every]])
-    return sizes
+    return np.asarray(np.abs(mixed.ravel()[::every][known.ravel()[::every]]))

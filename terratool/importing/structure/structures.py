@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.curves import FormulaCurve, KnotCurve, SampledCurve, read_curve
-from terratool.definition.model import Definition, Element, Primitive
+from terratool.definition.expression import NAMED
+from terratool.definition.model import MAX_CELLS, Definition, Element, Primitive
 from terratool.importing.sampling import paint_pixels
 from terratool.kernels import importing as kernels
 
@@ -23,16 +25,38 @@ CurveText = str | tuple[float, ...] | tuple[tuple[float, float], ...]
 VECTOR = -1
 """The code of a curve that has no name."""
 
-NAMES = (
-    "flat", "ramp", "fall", "tent", "cos", "cosbell", "dome", "gauss", "rise", "sink",
-)  # fmt: skip
-"""What the known curves are called in names of primitives."""
+MOST_PIXELS = MAX_CELLS // 2
+"""A grid has two cells for each pixel."""
 
-SPELLINGS: tuple[CurveText, ...] = (
-    "flat", "ramp", (1.0, 0.0), "tent", "cos", "cosbell", "dome", "gauss", "smoothstep",
-    "1 - t**2*(3 - 2*t)",
-)  # fmt: skip
-"""The known curves as a definition spells them."""
+
+class KnownCurve(NamedTuple):
+    """A curve that structures may have; its code in the kernels is its place in `KNOWN`.
+
+    Attributes:
+        name: what it is called in names of primitives.
+        spelling: as a definition has it.
+        bend: its largest second derivative; None where it is not smooth.
+    """
+
+    name: str
+    spelling: CurveText
+    bend: float | None = None
+
+
+KNOWN = (
+    KnownCurve("flat", "flat"),
+    KnownCurve("ramp", "ramp"),
+    KnownCurve("fall", (1.0, 0.0)),
+    KnownCurve("tent", "tent"),
+    KnownCurve("cos", "cos", math.pi**2),
+    KnownCurve("cosbell", "cosbell", 2 * math.pi**2),
+    KnownCurve("dome", "dome"),
+    KnownCurve("gauss", "gauss", 36.0),
+    KnownCurve("rise", "smoothstep", 6.0),
+    KnownCurve("sink", f"1 - {NAMED['smoothstep']}", 6.0),
+)
+
+_CODES = {known.spelling: code for code, known in enumerate(KNOWN)}
 
 _KINDS = {
     "flat-flat": "box",
@@ -42,22 +66,13 @@ _KINDS = {
     "dome-dome": "dome", "gauss-gauss": "gauss-hill",
 }  # fmt: skip
 
-_CURVATURE = {
-    kernels.COS: math.pi**2,
-    kernels.COSBELL: 2 * math.pi**2,
-    kernels.GAUSS: 36.0,
-    kernels.RISE: 6.0,
-    kernels.SINK: 6.0,
-}
-"""The largest second derivative of each of the smooth curves."""
-
 _STRAIGHT = 1e-9
 """A knot is left out where a curve bends by less than this."""
 
 _MOST_KNOTS = 8
 
-_ROUND = {"cosbell": (math.pi**2 / 2, 0.0), "gauss": (9.0, math.exp(-4.5))}
-"""Of named curves that are smooth when turned: largest curvature, in radii; value at the edge."""
+_ROUND_EDGES = {"cosbell": 0.0, "gauss": math.exp(-4.5)}
+"""Named curves that are smooth when turned, and their values at the edge."""
 
 
 def curve_at(code: int, t: Floats) -> Floats:
@@ -110,6 +125,11 @@ class Axis:
     begin: int
     end: int
     values: tuple[float, ...] = ()
+
+    @property
+    def bend(self) -> float | None:
+        """The largest second derivative of its curve; None where it is not smooth."""
+        return None if self.code == VECTOR else KNOWN[self.code].bend
 
     @property
     def first(self) -> int:
@@ -190,13 +210,13 @@ def with_flanks(
     smooth = [False, False]
     for i in np.argsort(bends).tolist():
         # a product of curves, each at most 1, is off by at most the sum
-        if axes[i].code in _CURVATURE and bends[i] <= spare:
+        if axes[i].bend is not None and bends[i] <= spare:
             smooth[i] = True
             spare -= bends[i]
     curves: list[CurveText] = []
     cells: list[tuple[int, int]] = []
     for axis, whole, is_smooth in zip(axes, shape[::-1], smooth, strict=True):
-        curve, cell = SPELLINGS[axis.code], (axis.begin, axis.end)
+        curve, cell = KNOWN[axis.code].spelling, (axis.begin, axis.end)
         # a ramp would go on in the outer half pixels
         if not is_smooth and (axis.code != kernels.FLAT or cell != (0, 2 * whole)):
             curve, cell = _flanked(axis, whole, fineness)
@@ -211,7 +231,7 @@ def _placed(
     """A product of curves along x and y, each from one half pixel to another."""
     (west, east), (south, north) = cells
     span, scale = (east - west, north - south), shortest(part.scale, precision)
-    x, y = ("curve" if axis.code == VECTOR else NAMES[axis.code] for axis in (part.x, part.y))
+    x, y = ("curve" if axis.code == VECTOR else KNOWN[axis.code].name for axis in (part.x, part.y))
     kind = _KINDS.get(f"{x}-{y}", f"{x}-{y}")
     return Structure(kind, kind, curves[0], curves[1], "product", west, south, span, scale)
 
@@ -242,10 +262,10 @@ def departure(axis: Axis) -> float:
     """
     length = (axis.end - axis.begin) / 2.0  # in pixels
     values = np.abs(axis.samples())
-    if axis.code not in _CURVATURE or not len(values):
+    if axis.bend is None or not len(values):
         return 1.0
     ends = float(max(values[0], values[-1]))
-    return max(ends, _CURVATURE[axis.code] / (8.0 * length * length))
+    return max(ends, axis.bend / (8.0 * length * length))
 
 
 def shortest(value: float, precision: float) -> float:
@@ -262,7 +282,7 @@ def shortest(value: float, precision: float) -> float:
 def _walled(axis: Axis, precision: float) -> CurveText:
     """A curve over its own cell, level for half a pixel at each end if it has no name."""
     if axis.code != VECTOR:
-        return SPELLINGS[axis.code]
+        return KNOWN[axis.code].spelling
     values = axis.samples()
     count = len(values)
     times = (np.arange(count) + 0.5) / count
@@ -411,7 +431,7 @@ def _bound(text: CurveText, begin: int, length: int, count: int) -> tuple[float,
     if isinstance(text, str):
         if text == "flat" and begin <= 1 and begin + length >= 2 * count - 1:
             return 0.0, 1.0
-        return departure(Axis(SPELLINGS.index(text), begin, begin + length)), 1.0
+        return departure(Axis(_CODES[text], begin, begin + length)), 1.0
     curve = read_curve(text, "x")
     assert not isinstance(curve, FormulaCurve)
     points = (
@@ -448,10 +468,11 @@ def _bound_of_disc(structure: Structure) -> float:
     radii = (structure.span[0] / 4.0, structure.span[1] / 4.0)  # in pixels
     scale = abs(structure.v_scale)
     if isinstance(structure.x, str):
-        if structure.x not in _ROUND:
+        if structure.x not in _ROUND_EDGES:
             return scale
-        bend, edge = _ROUND[structure.x]
-        return scale * (edge + bend * (radii[0] ** -2 + radii[1] ** -2) / 8.0)
+        bend = (KNOWN[_CODES[structure.x]].bend or 0.0) / 4.0  # a radius is half of t
+        curved = bend * (radii[0] ** -2 + radii[1] ** -2) / 8.0
+        return scale * (_ROUND_EDGES[structure.x] + curved)
     curve = read_curve(structure.x, "x")
     assert isinstance(curve, SampledCurve)
     half = np.array(curve.values[len(curve.values) // 2 :])

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from terratool.importing.structure.residual import Floats, Limits, Residual
 from terratool.importing.structure.structures import (
-    NAMES,
-    SPELLINGS,
+    KNOWN,
     VECTOR,
     CurveText,
     Structure,
@@ -293,8 +292,9 @@ def disc_of(island: Island, limits: Limits, loose: bool) -> tuple[Structure, Flo
         return None
     rho = _radii(island, best.grow_x, best.grow_y)
     assert rho is not None
-    kind = _KINDS.get(NAMES[best.code], f"round-{NAMES[best.code]}-hill")
-    structure = _structure(kind, SPELLINGS[best.code], island, best, limits.precision)
+    curve = KNOWN[best.code]
+    kind = _KINDS.get(curve.name, f"round-{curve.name}-hill")
+    structure = _structure(kind, curve.spelling, island, best, limits.precision)
     return structure, best.scale * _turned(best.code, rho)
 
 
@@ -328,8 +328,7 @@ def _radii(island: Island, grow_x: int, grow_y: int) -> Floats | None:
     v = (np.arange(island.around.shape[0]) + 0.5 - island.south - height / 2) / (
         height / 2 + grow_y
     )
-    rho: Floats = np.sqrt(u**2 + (v**2)[:, None])
-    return rho
+    return np.asarray(np.sqrt(u**2 + (v**2)[:, None]))
 
 
 def _turned(code: int, rho: Floats) -> Floats:

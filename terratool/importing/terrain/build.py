@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import zlib
 from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,19 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.sources import HeightSource, PixelGrid
+from terratool.importing.rasters import ClassRaster, open_classes
+from terratool.importing.sources import HeightSource, PixelGrid, sample_range
 from terratool.importing.structure.finding import find_structures
 from terratool.importing.structure.structures import (
+    MOST_PIXELS,
     Structure,
     deviation,
     element_of,
     evaluate,
     primitive_of,
 )
-from terratool.importing.terrain.check import FLAT, BoundError, Checker, MeasuredError, root_of
 from terratool.importing.terrain.methods import (
     METHODS,
-    Chunk,
     Method,
     Read,
     Rounding,
@@ -38,12 +40,21 @@ from terratool.importing.terrain.methods import (
     step_for,
     write_rows,
 )
-from terratool.importing.terrain.survey import MOST_IN_MEMORY, Progress, Survey, survey_of
-from terratool.importing.terrain.writing import ElementText, Writer, sink_for
+from terratool.importing.terrain.writing import (
+    FLAT,
+    BoundError,
+    Checker,
+    Chunk,
+    ElementText,
+    MeasuredError,
+    Spool,
+    Writer,
+    element,
+    root_of,
+    sink_for,
+)
+from terratool.kernels import importing as kernels
 from terratool.output import refuse_existing, whole_file
-
-MOST_PIXELS = 32768
-"""A grid has up to 65,536 cells along each axis, two to a pixel."""
 
 _NARROWEST = 2.0**-40
 """Pixels below this part of the largest coordinate drown in the rounding of doubles."""
@@ -55,7 +66,18 @@ _SAMPLED = 1 << 18
 _SEARCHED = 1 << 22
 """DEMs of more pixels than this are searched for structures only if a sample has some."""
 
+MOST_IN_MEMORY = 1 << 24
+"""DEMs of up to this many pixels are held in memory; larger ones are read by rows, twice."""
+
+REACH = 512
+"""Pixels that GDAL looks around itself to fill a gap."""
+
+_ROWS = 256
+_VOID = int(np.iinfo(np.int64).max)
+"""A class of its own, for pixels without a height."""
+
 Floats = NDArray[np.float64]
+Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,15 +204,15 @@ def import_terrain(
     step_for(options.max_error, 0.0)  # refuses what is no error before anything is read
     output = Path(output)
     refuse_existing(output, overwrite)
-    survey = survey_of(source, options.surfaces, options.fill, work)
-    plan = _planned(source, survey, options)
+    summary = summarise_source(source, options.surfaces, options.fill, work)
+    plan = _planned(source, summary, options)
     try:
-        return _written(source, output, survey, plan, options, overwrite, work)
+        return _written(source, output, summary, plan, options, overwrite, work)
     except BoundError:
         if not plan.found.texts:
             raise
-    plan = _planned(source, survey, replace(options, structures=False))
-    return _written(source, output, survey, plan, options, overwrite, work)
+    plan = _planned(source, summary, replace(options, structures=False))
+    return _written(source, output, summary, plan, options, overwrite, work)
 
 
 def _refuse_size(grid: PixelGrid) -> None:
@@ -210,35 +232,150 @@ def _refuse_size(grid: PixelGrid) -> None:
         )
 
 
+# --- the first reading ----------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class SourceSummary:
+    """What one reading of all rows of a source shows.
+
+    Attributes:
+        low, high: of the heights.
+        unknown: pixels without one.
+        heights: (rows, columns) float64, row 0 the southernmost, if they fit into memory.
+        cover: elements in a grid of pixels that carry surfaces, and the void.
+        surface_types: the surfaces by name, as the definition has them.
+        surfaces: pixels of each.
+        notes: sentences about the source and what was found.
+    """
+
+    low: float = math.inf
+    high: float = -math.inf
+    unknown: int = 0
+    heights: Floats | None = None
+    cover: Spool = field(default_factory=Spool)
+    surface_types: dict[str, Any] = field(default_factory=dict)
+    surfaces: dict[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def summarise_source(
+    source: HeightSource, classes: str | None, fill: bool, progress: Progress
+) -> SourceSummary:
+    """Read all rows once.
+
+    Args:
+        source: the DEM.
+        classes: name of a raster of classes, or None.
+        fill: whether unknown heights are filled, as far as they are held in memory; if not, the
+            void covers them.
+        progress: gets numbers of pixels.
+
+    Raises:
+        ReadError: a file is broken, or there is no height at all.
+    """
+    grid = source.grid
+    summary = SourceSummary()
+    counts: dict[int, int] = {}
+    with ExitStack() as stack:
+        raster = None if classes is None else stack.enter_context(open_classes(classes, grid))
+        if grid.rows * grid.columns <= MOST_IN_MEMORY:
+            summary.heights = np.empty((grid.rows, grid.columns))
+        # from the north, as files are read the quickest
+        for first in reversed(range(0, grid.rows, _ROWS)):
+            heights = source.read(first, min(_ROWS, grid.rows - first))
+            if summary.heights is not None:
+                summary.heights[first : first + len(heights)] = heights
+            low, high, unknown, _ = sample_range(heights)
+            summary.low, summary.high = min(summary.low, low), max(summary.high, high)
+            summary.unknown += unknown
+            void = not fill and unknown > 0
+            if raster is not None or void:
+                numbers = np.full(heights.shape, -1, np.int64)
+                if raster is not None:
+                    numbers = raster.read(first, len(heights))
+                if void:
+                    numbers[np.isnan(heights)] = _VOID
+                for column, row, width, height, number in kernels.cut_rectangles(numbers).tolist():
+                    counts[number] = counts.get(number, 0) + width * height
+                    cell, span = (column, first + row), (width, height)
+                    name, _ = _surface(raster, number)
+                    summary.cover.add(element("flat", cell, span, vScale=0, surface=name))
+            progress(heights.size)
+        for number in sorted(counts):
+            name, members = _surface(raster, number)
+            summary.surface_types[name], summary.surfaces[name] = members, counts[number]
+    if summary.unknown == grid.rows * grid.columns:
+        raise ReadError(
+            "Every pixel is nodata: there is no height.", "Take another part, band or file."
+        )
+    summary.notes = source.notes  # now, as what is read once more would be counted twice
+    if raster is not None and raster.lacking:
+        summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: no surface.",)
+    if fill and summary.heights is not None:
+        summary.heights = filled(summary.heights)
+    elif fill and summary.unknown:
+        summary.notes += (
+            f"The DEM has more than {MOST_IN_MEMORY:,} pixels: unknown heights are taken from "
+            "beside, not from all around.",
+        )
+    return summary
+
+
+def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, Any]]:
+    """Name and members of the surface of a class, or of the void."""
+    if number == _VOID or raster is None:
+        return "void", {"void": True}
+    return raster.surface(number)
+
+
+def filled(heights: Floats) -> Floats:
+    """Heights with fewer NaN: what was unknown is weighted by inverse distances, as GDAL does it.
+
+    Args:
+        heights: (rows, columns) float64, NaN where unknown.
+
+    Returns:
+        (rows, columns) float64, NaN where no height is known within `REACH` pixels.
+    """
+    from rasterio.fill import fillnodata
+
+    known = ~np.isnan(heights)
+    if known.all():
+        return heights
+    smooth = fillnodata(
+        heights.copy(),
+        mask=known.astype(np.uint8),
+        max_search_distance=min(REACH, max(heights.shape)),
+    )
+    return np.where(known, heights, smooth)
+
+
 # --- planning ------------------------------------------------------------------------------------
 
 
-def _planned(source: HeightSource, survey: Survey, options: ImportOptions) -> _Plan:
+def _planned(source: HeightSource, summary: SourceSummary, options: ImportOptions) -> _Plan:
     """Whether structures are taken off, and the method that makes the smallest file."""
-    highest = max(abs(survey.low), abs(survey.high))
-    heights = survey.heights
+    highest = max(abs(summary.low), abs(summary.high))
+    heights = summary.heights
     methods = _methods(heights, options)
-    rounding = _rounding(options.max_error, highest, survey.low)
-    found = _FoundStructures()
-    if heights is not None and options.structures and _is_promising(source, heights, options):
-        found = _find(heights, options)
-    method = smallest(_samples(source, heights), rounding, methods)
-    whole = _Plan(_FoundStructures(), heights, method, rounding)
-    if heights is None or found.heights is None:
+
+    def without(found: _FoundStructures, rest: Floats | None, low: float) -> _Plan:
+        step = step_for(options.max_error - found.deviation, highest)
+        # from the lowest height on, to a digit that is small against a step; never -0
+        rounding = Rounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)
+        return _Plan(found, rest, smallest(_samples(source, rest), rounding, methods), rounding)
+
+    whole = without(_FoundStructures(), heights, summary.low)
+    if heights is None or not (options.structures and _is_promising(source, heights, options)):
+        return whole
+    found = _find(heights, options)
+    if found.heights is None:
         return whole
     rest = heights - found.heights
-    rounding = _rounding(options.max_error - found.deviation, highest, float(np.nanmin(rest)))
-    method = smallest(_samples(source, rest), rounding, methods)
-    size = size_of(rest, method, rounding) + found.size
-    if size < size_of(heights, whole.method, whole.rounding):
-        return _Plan(found, rest, method, rounding)
-    return whole
-
-
-def _rounding(max_error: float, highest: float, low: float) -> Rounding:
-    """Steps from the lowest height on, to a digit that is small against a step."""
-    step = step_for(max_error, highest)
-    return Rounding(step, round(low, 2 - math.floor(math.log10(step))) + 0.0)  # which is never -0
+    plan = without(found, rest, float(np.nanmin(rest)))
+    size = size_of(rest, plan.method, plan.rounding) + found.size
+    return plan if size < size_of(heights, whole.method, whole.rounding) else whole
 
 
 def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ...]:
@@ -286,7 +423,11 @@ def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
     off = np.zeros(shape)
     if not options.walls:
         for one in structures:
-            rows, columns = _pixels(one.row, one.span[1]), _pixels(one.column, one.span[0])
+            # pixels that it touches, and one more to each side
+            rows, columns = (
+                slice(max(0, cell // 2 - 1), (cell + span + 1) // 2 + 1)
+                for cell, span in ((one.row, one.span[1]), (one.column, one.span[0]))
+            )
             off[rows, columns] += deviation(one, shape)
     return _FoundStructures(
         evaluate(structures, shape),
@@ -298,20 +439,13 @@ def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
 
 def _texts(structures: tuple[Structure, ...]) -> list[ElementText]:
     """Each element, and its primitive where that did not come before."""
-    texts: list[ElementText] = []
-    names: set[str] = set()
-    for one in structures:
-        text = b""
-        if one.name not in names:
-            names.add(one.name)
-            text = msgspec.json.encode(one.name) + b":" + msgspec.json.encode(primitive_of(one))
-        texts.append(ElementText(text, msgspec.json.encode(element_of(one))))
-    return texts
-
-
-def _pixels(cell: int, span: int) -> slice:
-    """Pixels that some half pixels touch, and one more to each side."""
-    return slice(max(0, cell // 2 - 1), (cell + span + 1) // 2 + 1)
+    encode = msgspec.json.encode
+    primitives = {
+        one.name: b"%s:%s" % (encode(one.name), encode(primitive_of(one))) for one in structures
+    }
+    return [
+        ElementText(primitives.pop(one.name, b""), encode(element_of(one))) for one in structures
+    ]
 
 
 # --- writing -------------------------------------------------------------------------------------
@@ -320,7 +454,7 @@ def _pixels(cell: int, span: int) -> slice:
 def _written(
     source: HeightSource,
     output: Path,
-    survey: Survey,
+    summary: SourceSummary,
     plan: _Plan,
     options: ImportOptions,
     overwrite: bool,
@@ -336,19 +470,17 @@ def _written(
     with whole_file(output, overwrite) as path:
         with sink_for(path, output.name, grid.rows * grid.columns) as sink:
             writer = Writer(sink, _head(grid, options))
-            writer.write(ElementText(FLAT, b""))
-            for text in found.texts:
-                writer.write(text)
+            writer.write(ElementText(FLAT, b""), *found.texts)
             deviation = None if options.walls and found.kinds else found.deviation
             transposed = plan.method.kind == "columns"
             added = found.heights.T if found.heights is not None and transposed else found.heights
             checker = Checker(
                 grid, plan.rounding.base, found.texts, added, transposed, deviation, error
             )
-            _write_heights(writer, source, survey, plan, checker, work)
+            _write_heights(writer, source, summary, plan, checker, work)
             rows = writer.count - len(found.texts)
             root = root_of(grid, plan.rounding.base)
-            writer.finish(survey.surface_types, root, survey.cover)
+            writer.finish(summary.surface_types, root, summary.cover)
         bound = error.largest + found.deviation
         if not bound <= options.max_error:
             raise BoundError(f"an error of {bound:g} came about")
@@ -358,14 +490,14 @@ def _written(
         options=options,
         method=plan.method if rows else None,
         step=plan.rounding.step,
-        relief=survey.high - survey.low,
+        relief=summary.high - summary.low,
         error=error,
         bound=bound,
-        unknown=survey.unknown,
+        unknown=summary.unknown,
         structures=found.kinds,
-        surfaces=survey.surfaces,
+        surfaces=summary.surfaces,
         size=size,
-        notes=survey.notes,
+        notes=summary.notes,
     )
 
 
@@ -388,7 +520,7 @@ def _head(grid: PixelGrid, options: ImportOptions) -> dict[str, Any]:
 def _write_heights(
     writer: Writer,
     source: HeightSource,
-    survey: Survey,
+    summary: SourceSummary,
     plan: _Plan,
     checker: Checker,
     work: Progress,
@@ -397,12 +529,11 @@ def _write_heights(
     rows, columns = source.grid.rows, source.grid.columns
     if plan.method.kind == "hats":
         assert plan.rest is not None
-        assert survey.heights is not None
+        assert summary.heights is not None
         levels = hats_of(plan.rest, plan.rounding)
         hats = list(hat_texts(levels, (rows, columns), plan.rounding.step))
-        checker.check_whole(hats, survey.heights)
-        for text in hats:
-            writer.write(text)
+        checker.check_whole(hats, summary.heights)
+        writer.write(*hats)
         work(rows * columns)
         return
     read: Read = source.read

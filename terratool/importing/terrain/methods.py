@@ -28,10 +28,12 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.importing.terrain.writing import (
+    Chunk,
     ElementText,
     SizeCounter,
     Spool,
     Writer,
+    WrittenRows,
     curve,
     element,
 )
@@ -212,34 +214,6 @@ class RowBlock:
     levels: Floats
 
 
-@dataclass(frozen=True, slots=True)
-class Chunk:
-    """A block of rows as text, and what it was made of.
-
-    Attributes:
-        first: the southernmost row.
-        heights: (rows, columns) float64, what was asked for.
-        texts: of each row.
-    """
-
-    first: int
-    heights: Floats
-    texts: list[ElementText]
-
-
-@dataclass(frozen=True, slots=True)
-class WrittenRows:
-    """What was written by rows, as far as the outer half pixels need it.
-
-    Attributes:
-        ends: (2, rows) float64, the heights of the first and of the last column.
-        outer: what carries them on over the outer half pixels, written already.
-    """
-
-    ends: Floats
-    outer: list[ElementText]
-
-
 def write_rows(
     writer: Writer,
     read: Read,
@@ -274,9 +248,10 @@ def write_rows(
         if check:
             check(chunk)
         writer.beyond |= bool(block.counts.min() < 0 or block.counts.max() > 1)
-        for text in chunk.texts:
-            if above is None or not text.primitive.startswith(b'"%d"' % last):
-                writer.write(text)
+        shared = b'"%d"' % last  # the row that the block to the north has written
+        writer.write(
+            *(t for t in chunk.texts if above is None or not t.primitive.startswith(shared))
+        )
         ends[:, first : last + 1] = block.levels[:, [0, -1]].T
         counts[:, first : last + 1] = block.counts[:, [0, -1]].T
         above = block.counts[0]
@@ -284,8 +259,7 @@ def write_rows(
         entry.text(transposed, rounding.step)
         for entry in _outer_elements(counts, nodal, method.spacing, columns)
     ]
-    for text in outer:
-        writer.write(text)
+    writer.write(*outer)
     return WrittenRows(ends, outer)
 
 
@@ -508,8 +482,7 @@ def size_of(heights: Floats, method: Method, rounding: Rounding, most: int = -1)
         least = _HAT_BYTES * sum(int(np.count_nonzero(level.counts)) for level in levels)
         if 0 <= most < least:
             return least
-        for text in hat_texts(levels, (rows, columns), rounding.step):
-            writer.write(text)
+        writer.write(*hat_texts(levels, (rows, columns), rounding.step))
     else:
         part = np.ascontiguousarray(heights.T) if method.kind == "columns" else heights
         write_rows(writer, rows_of(part), (part.shape[0], part.shape[1]), method, rounding)

@@ -1,11 +1,13 @@
-"""The text of an imported definition, written piece by piece."""
+"""The text of an imported definition: written piece by piece, and measured before it appears."""
 
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
@@ -13,8 +15,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.model import Definition
 from terratool.errors import WriteError
+from terratool.field.terrain import Terrain
+from terratool.importing.sampling import paint_pixels
+from terratool.importing.sources import PixelGrid
 from terratool.kernels import importing as kernels
+from terratool.raster.grid import Window
 
 _PIECE = 1 << 22
 """Bytes of text that are compressed at a time."""
@@ -26,6 +33,14 @@ _PROMPT = 1 << 16
 """Text of up to this many bytes is compressed as well as possible to see how small it gets."""
 
 _BEST, _QUICK = 11, 7
+
+FLAT = b'"flat":{"x":"flat","y":"flat"}'
+"""The primitive of the root and of what covers it."""
+
+_CRACK = 1e-6
+"""Heights on the two sides of an edge agree to this part of a step, which is rounding."""
+
+Floats = NDArray[np.float64]
 
 
 class ElementText(NamedTuple):
@@ -109,13 +124,14 @@ class Writer:
         """How often elements were written so far."""
         return self._elements.count
 
-    def write(self, text: ElementText) -> None:
-        """Write a primitive, and have elements written after all primitives."""
-        if text.primitive:
-            self._sink.write((b"\n" if self._first else b",\n") + text.primitive)
-            self._first = False
-        if text.element:
-            self._elements.add(text.element)
+    def write(self, *texts: ElementText) -> None:
+        """Write primitives, and have elements written after all primitives."""
+        for text in texts:
+            if text.primitive:
+                self._sink.write((b"\n" if self._first else b",\n") + text.primitive)
+                self._first = False
+            if text.element:
+                self._elements.add(text.element)
 
     def finish(self, surfaces: dict[str, Any], root: dict[str, Any], cover: Spool) -> None:
         """Write surfaces and the tree: the root, its elements, and what covers them.
@@ -204,3 +220,193 @@ class _GzipSink:
         if self._text:
             self._file.write(deflate.gzip_compress(bytes(self._text), self._level))
         self._text = bytearray()
+
+
+# --- what was written against the DEM ------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """A block of rows as text, and what it was made of.
+
+    Attributes:
+        first: the southernmost row.
+        heights: (rows, columns) float64, what was asked for.
+        texts: of each row.
+    """
+
+    first: int
+    heights: Floats
+    texts: list[ElementText]
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenRows:
+    """What was written by rows, as far as the outer half pixels need it.
+
+    Attributes:
+        ends: (2, rows) float64, the heights of the first and of the last column.
+        outer: what carries them on over the outer half pixels, written already.
+    """
+
+    ends: Floats
+    outer: list[ElementText]
+
+
+class BoundError(WriteError):
+    """What was written is not what was meant; no file appears."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(
+            f"The definition is not as near to the source as it must be ({what}).",
+            "Nothing was written. Please report it together with the source.",
+        )
+
+
+@dataclass(slots=True)
+class MeasuredError:
+    """What was measured so far.
+
+    Attributes:
+        where: place of the largest difference in the world.
+        count: pixels with a height.
+    """
+
+    grid: PixelGrid
+    where: tuple[float, float] | None = None
+    count: int = 0
+    _sums: Floats = field(default_factory=lambda: np.array([0.0, -1.0]))
+
+    def add(self, heights: Floats, ours: Floats, row: int, column: int = 0) -> None:
+        """Compare rows from `row` on, columns from `column` on; NaN heights do not count.
+
+        Raises:
+            BoundError: a height is missing in the field.
+        """
+        at, count = kernels.compare(np.ravel(heights), np.ravel(ours), self._sums)
+        if np.isnan(self._sums[1]):
+            raise BoundError("a height is missing in the compiled field")
+        self.count += count
+        if at >= 0:
+            i, j = divmod(at, heights.shape[1])
+            self.where = self.grid.centre(row + i, column + j)
+
+    @property
+    def largest(self) -> float:
+        """The largest difference."""
+        return max(0.0, float(self._sums[1]))
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean square of the differences."""
+        return math.sqrt(float(self._sums[0]) / self.count) if self.count else 0.0
+
+
+@dataclass(slots=True)
+class Checker:
+    """Compiles parts of a definition and measures how far they are from the DEM.
+
+    That is done with pixels of 1 × 1 and the origin at 0, where all centres and edges are doubles:
+    at large coordinates they are rounded, and beside a wall that would count as an error.
+
+    Attributes:
+        grid: the pixels.
+        base: the height without any element.
+        always: texts of elements that stand everywhere, besides the rows.
+        added: (rows, columns) float64, or (columns, rows) where columns are written: what these
+            elements add at the pixel centres; None if there are none.
+        transposed: whether columns are written.
+        deviation: how far structures may be from the DEM in the outer half pixels; None where they
+            have upright walls, so that nothing is known of that.
+        error: what was measured.
+        last: rows from a first one on, and the last pixel of each, which the outer elements carry.
+    """
+
+    grid: PixelGrid
+    base: float
+    always: list[ElementText]
+    added: Floats | None
+    transposed: bool
+    deviation: float | None
+    error: MeasuredError
+    last: list[tuple[int, Floats]] = field(default_factory=list)
+
+    def check_chunk(self, chunk: Chunk) -> None:
+        """Measure a block of rows, or of columns; but the last pixel of each."""
+        first, count = chunk.first, len(chunk.heights)
+        wanted = chunk.heights
+        if self.added is not None:
+            wanted = wanted + self.added[first : first + count]
+        # the next block to the south has the first row of this one, too
+        skip = int(first > 0)
+        wanted, first, count = wanted[skip:], first + skip, count - skip
+        self.last.append((first, wanted[:, -1].copy()))
+        across = wanted.shape[1] - 1
+        if not across:
+            return
+        if self.transposed:
+            ours = self._painted(chunk.texts, 0, first, across, count).T
+        else:
+            ours = self._painted(chunk.texts, first, 0, count, across)
+        self._add(wanted[:, :-1], ours, first, 0)
+
+    def check_borders(self, written: WrittenRows, step: float) -> None:
+        """Measure the outer half pixels.
+
+        Args:
+            written: what they have to meet, and what carries on the heights there.
+            step: what heights were rounded to.
+
+        Raises:
+            BoundError: they do not meet the rows.
+        """
+        along_x = self.grid.rows if self.transposed else self.grid.columns
+        alone = self.deviation is None or self.added is None
+        terrain = self._compiled(written.outer if alone else [*self.always, *written.outer])
+        ends = written.ends
+        whole = ends if self.added is None else ends + self.added[:, [0, -1]].T
+        along = np.arange(ends.shape[1]) + 0.5
+        for across, wanted in zip((0.25, along_x - 0.25), ends if alone else whole, strict=True):
+            x, y = (along, across) if self.transposed else (across, along)
+            slack = _CRACK * step + 1e-12 * float(np.abs(wanted).max(initial=0.0))
+            slack += 0.0 if alone else self.deviation or 0.0
+            if not float(np.abs(terrain.height(x, y) - wanted).max()) <= slack:
+                raise BoundError("the outer half pixels do not meet the rows")
+        for first, column in self.last:
+            ours = whole[1, first : first + len(column)]
+            self._add(column[:, np.newaxis], ours[:, np.newaxis], first, along_x - 1)
+
+    def check_whole(self, texts: list[ElementText], wanted: Floats) -> None:
+        """Measure a definition that was written all at once against (rows, columns) heights."""
+        self.error.add(wanted, self._painted(texts, 0, 0, *wanted.shape), 0)
+
+    def _add(self, wanted: Floats, ours: Floats, first: int, across: int) -> None:
+        if self.transposed:
+            self.error.add(wanted.T, ours.T, across, first)
+        else:
+            self.error.add(wanted, ours, first, across)
+
+    def _painted(
+        self, texts: list[ElementText], row: int, column: int, height: int, width: int
+    ) -> Floats:
+        shape = self.grid.rows, self.grid.columns
+        window = Window(shape[0] - row - height, column, height, width)
+        return paint_pixels(self._compiled([*self.always, *texts]), shape, window)
+
+    def _compiled(self, texts: list[ElementText]) -> Terrain:
+        head = msgspec.json.encode({"size": [self.grid.columns, self.grid.rows]})
+        root = msgspec.json.encode(root_of(self.grid, self.base))
+        types = dict.fromkeys(text.primitive for text in texts if text.primitive)
+        text = b'%s,"elemTypes":{%s},"elemTree":%s,"children":[%s]}}' % (
+            head.removesuffix(b"}"),
+            b",".join([FLAT, *types]),
+            root.removesuffix(b"}"),
+            b",".join(text.element for text in texts if text.element),
+        )
+        return Terrain(msgspec.json.decode(text, type=Definition))
+
+
+def root_of(grid: PixelGrid, base: float) -> dict[str, Any]:
+    """The root: level ground, and a grid of half pixels."""
+    cells = [2 * grid.columns, 2 * grid.rows]
+    return {"type": "flat", "vScale": base, "cells": cells}

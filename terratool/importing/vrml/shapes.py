@@ -31,8 +31,7 @@ def rotation(axis: NDArray[np.float64], angle: float) -> Matrix:
     axis = axis / largest
     x, y, z = (axis / math.sqrt(float(axis @ axis))).tolist()
     cross = np.array([(0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)])
-    turn: Matrix = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
-    return turn
+    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross))
 
 
 def pose(
@@ -273,14 +272,11 @@ def planes_along(spine: NDArray[np.float64]) -> NDArray[np.float64]:
         planes[n] = axes.T
     if closed:
         planes[-1] = planes[0]
-    each: NDArray[np.float64] = planes[own]
-    return each
+    return np.asarray(planes[own])
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    lengths: NDArray[np.float64] = np.sqrt((vectors**2).sum(axis=1, keepdims=True))
-    unit: NDArray[np.float64] = vectors / lengths
-    return unit
+    return np.asarray(vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True)))
 
 
 def _turn_from_y(direction: NDArray[np.float64]) -> NDArray[np.float64]:

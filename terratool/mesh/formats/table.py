@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 from terratool.errors import RequestError
@@ -54,11 +55,16 @@ FORMATS = {
 }
 
 
-def mesh_format(path: Path) -> MeshFormat:
+def mesh_format(path: Path, world: bool = False) -> MeshFormat:
     """The format that a file's name asks for.
 
+    Args:
+        path: the file.
+        world: whether coordinates are those of the world.
+
     Raises:
-        RequestError: it names none that can be written.
+        RequestError: it names none that can be written, the format cannot hold coordinates of the
+            world, or what it needs is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
@@ -68,4 +74,16 @@ def mesh_format(path: Path) -> MeshFormat:
             else f"{path.name}: has no suffix, so its format is unknown.",
             f"Try {', '.join(FORMATS)}.",
         )
-    return FORMATS[suffix]
+    form = FORMATS[suffix]
+    if world and form.write_world is None:
+        able = ", ".join(suffix for suffix, one in FORMATS.items() if one.write_world)
+        raise RequestError(
+            f"{path.name}: numbers of this format are too short for coordinates of the world.",
+            f"Ask for one of {able}, or for a mesh near 0.",
+        )
+    if form.package and find_spec(form.module) is None:
+        raise RequestError(
+            f"{path.name}: {form.package} is not installed.",
+            f"Run pip install 'terratool[{form.extra}]'.",
+        )
+    return form

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
-from terratool.field.terrain import Bounds, Terrain
+from terratool.field.terrain import Terrain
 from terratool.traversability.results import (
     Extreme,
     Location,

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
-from terratool.field.terrain import Bounds, Terrain, check_bounds, clip_bounds
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.raster.grid import Grid, grid_over
 from terratool.text.display import shown
 from terratool.traversability.limits import level_demand

@@ -33,10 +33,7 @@ def read_waypoints(path: str | Path) -> NDArray[np.float64]:
     try:
         text = Path(path).read_text("utf-8-sig")
     except OSError as error:
-        raise ReadError(
-            f"{name}: cannot be read ({(error.strerror or str(error)).lower()}).",
-            "Check the path and its permissions.",
-        ) from error
+        raise ReadError.of(name, error) from error
     except UnicodeDecodeError as error:
         raise ReadError(f"{name}: is no UTF-8 text.", "Save it as UTF-8 CSV or GeoJSON.") from error
     points = _geojson(name, text) if text.lstrip().startswith("{") else _csv(name, text)
