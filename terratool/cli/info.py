@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.option(
     "--geojson",
     is_flag=True,
-    help="Write the footprints of elements and the lines of tracks as GeoJSON, in the terrain's crs.",
+    help="Write the footprints of elements and the lines of tracks as GeoJSON, in its crs.",
 )
 def command(file: str, as_json: bool, geojson: bool) -> None:
     """Say what a terrain consists of: size, elements, heights, memory."""

@@ -246,7 +246,8 @@ class Terrain:
 
     def primitive_of(self) -> NDArray[np.int64]:
         """Index into `primitives` of each element, (n,) int64."""
-        return self._compiled.primitives[self.arrays.elements["kind"]]
+        primitives: NDArray[np.int64] = self._compiled.primitives[self.arrays.elements["kind"]]
+        return primitives
 
     def count_by_primitive(self) -> dict[str, int]:
         """Elements of each primitive, the unused ones included."""

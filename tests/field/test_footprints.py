@@ -1,0 +1,95 @@
+"""The footprints of elements as GeoJSON, against points that the field answers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from terratool.field.footprints import features, geojson_head
+from tests.commands import ROOT, call
+from tests.conftest import terrain_of
+
+OBLONG = {
+    "size": [40, 24], "origin": [-3, 7], "crs": "EPSG:32633",
+    "elemTypes": {"box": {"x": [1, 1]}, "disc": {"x": [1, 1], "combine": "radial"}},
+    "surfTypes": {"sand": {}},
+    "elemTree": {
+        "type": "box", "surface": "sand", "cells": [4, 3],
+        "children": [
+            {"type": "box", "cellX": 0, "cellY": 0, "turnDeg": 30, "vScale": 8},
+            {"type": "disc", "cellX": 2, "cellY": 1, "span": [2, 1], "turnDeg": 70, "vScale": 4},
+            {"type": "disc", "cellX": 1, "cellY": 2, "vScale": 2},
+            {"type": "box", "cellX": 3, "cellY": 2, "turnDeg": -90, "vScale": 16},
+        ],
+    },
+    "tracks": [
+        {"path": [[0, 10], [5, 10], [9, 12]], "width": 0.5, "depth": 0.1, "surface": "sand"},
+    ],
+}  # fmt: skip
+
+
+def inside(polygon: list[list[float]], x: float, y: float) -> float:
+    """How far within a convex polygon, anticlockwise, a point lies; negative outside."""
+    corners = np.array(polygon)
+    sides = np.diff(corners, axis=0)
+    lengths = np.hypot(*sides.T)
+    kept = lengths > 0
+    ahead = sides[kept] / lengths[kept, None]
+    away = np.array([x, y]) - corners[:-1][kept]
+    return float((ahead[:, 0] * away[:, 1] - ahead[:, 1] * away[:, 0]).min())
+
+
+def test_polygons_hold_what_elements_raise() -> None:
+    """Heights are sums of powers of two, which tell the elements over a point apart."""
+    terrain = terrain_of(OBLONG)
+    found = list(features(terrain))
+    polygons = [
+        f["geometry"]["coordinates"][0] for f in found if f["geometry"]["type"] == "Polygon"
+    ]
+    scales = [0, 8, 4, 2, 16]
+    rng = np.random.default_rng(3)
+    points = rng.uniform((-3, 7), (37, 31), (3000, 2))
+    heights = terrain.height(*points.T)
+    base = terrain.height(-2.9, 30.9)
+    counted = 0
+    for (x, y), height in zip(points, heights, strict=True):
+        within = [inside(polygon, x, y) for polygon in polygons]
+        if min(map(abs, within)) < 0.03:  # near an edge
+            continue
+        total = sum(scale for scale, depth in zip(scales, within, strict=True) if depth > 0)
+        assert height - base == pytest.approx(total, abs=0.2)  # or in the rut
+        counted += 1
+    assert counted > 2500
+
+
+def test_what_is_said_of_them() -> None:
+    terrain = terrain_of(OBLONG)
+    head = geojson_head(terrain)
+    assert head["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::32633"
+    *_, last, track = features(terrain)
+    assert last["properties"] == {
+        "pointer": "/elemTree/children/3", "type": "box", "surface": "sand",
+    }  # fmt: skip
+    assert track["geometry"] == {"type": "LineString", "coordinates": [[0, 10], [5, 10], [9, 12]]}
+    assert track["properties"] == {
+        "pointer": "/tracks/0", "surface": "sand", "width": 0.5, "passes": 1,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("sample", sorted((ROOT / "samples").glob("*.json")), ids=lambda p: p.stem)
+def test_samples(sample: Path) -> None:
+    """The command writes one feature for each element and track."""
+    ran = call("info", sample, "--geojson")
+    assert ran.code == 0
+    found = json.loads(ran.out)
+    summary = json.loads(call("info", sample, "--json").out)
+    assert len(found["features"]) == summary["elements"] + summary["tracks"]["count"]
+    for feature in found["features"]:
+        if feature["geometry"]["type"] == "Polygon":
+            (ring,) = feature["geometry"]["coordinates"]
+            assert ring[0] == ring[-1] and len(ring) >= 4
+            x, y = np.array(ring).T
+            assert (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0  # anticlockwise
