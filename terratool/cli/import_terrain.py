@@ -88,7 +88,9 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
                 f"{output}: is the same file as {name}.", "Give the definition another name."
             )
     methods = tuple(method for name in values.pop("methods") for method in methods_named(name))
-    options = ImportOptions(methods=methods, title=Path(source).name, **values)
+    options = ImportOptions(
+        methods=methods, title=Path(source).name, allow_remote=chosen.allow_remote, **values
+    )
     with contextlib.ExitStack() as stack:
         with Status(f"reading {called(source)}"):
             heights = stack.enter_context(open_source(source, chosen))

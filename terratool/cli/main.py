@@ -96,6 +96,7 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             encoding = None if stream is sys.stderr or stream.isatty() else "utf-8"
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
+    os.environ["PROJ_NETWORK"] = "OFF"  # no grids are fetched, whatever proj.ini says
     code = _run()
     if sys.stdout is not None:  # as it is where it was closed
         try:

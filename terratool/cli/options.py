@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
-_NAMES = ("bounds", "window", "band", "crs", "nodata", "resolution", "up", "scale")
+_NAMES = (
+    "bounds", "window", "band", "crs", "nodata", "resolution", "up", "scale", "allow_remote",
+)  # fmt: skip
 
 
 class Names(click.Choice[str]):
@@ -71,6 +73,11 @@ def source_options(command: _Command) -> _Command:
                 default=1.0,
                 metavar="F",
                 help="Factor on the coordinates of a mesh, as 0.001 for millimetres.",
+            ),
+            click.option(
+                "--allow-remote",
+                is_flag=True,
+                help="Let a raster lie on the net, or lead out of its folder.",
             ),
         )
     ):

@@ -372,14 +372,27 @@ def _gltf_header(path: Path) -> dict[str, Any]:
         if path.suffix.lower() == ".gltf":
             text = file.read()
         else:
-            magic, _, _, length, kind = struct.unpack("<4s4I", _exactly(file.read(20), 20))
+            magic, version, _, length, kind = struct.unpack("<4s4I", _exactly(file.read(20), 20))
+            if magic == _MAGIC and version == 1:
+                raise _old_gltf(path)
             if magic != _MAGIC or kind != _JSON:
                 raise ValueError("it does not begin like a GLB")
             text = _exactly(file.read(length), length)
     header = json.loads(text)
     if not isinstance(header, dict):
         raise ValueError("its header is no object")
+    asset = header.get("asset")
+    version = asset.get("version") if isinstance(asset, dict) else None
+    # in version 1 what later became lists are dictionaries
+    if str(version).startswith("1") or isinstance(header.get("meshes"), dict):
+        raise _old_gltf(path)
     return header
+
+
+def _old_gltf(path: Path) -> ReadError:
+    return ReadError(
+        f"{path}: is glTF 1.0, and version 2.0 is read.", "Export it anew, or convert it."
+    )
 
 
 def _exactly(data: bytes, length: int) -> bytes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,18 +11,17 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
-from rasterio._err import CPLE_BaseError
 from rasterio.crs import CRS
 from rasterio.enums import ColorInterp, Resampling
-from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError, WarpOperationError
 from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
 from terratool.errors import ReadError, RequestError
+from terratool.importing.opening import gdal_errors, open_local
 from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
+from terratool.raster.geotiff import read_crs
 from terratool.raster.layers import LAYERS
 
 HIGHEST = 1e9
@@ -50,38 +48,6 @@ _SOILS = {
 
 SurfaceEntry = tuple[str, dict[str, Any]]
 """Name and members of a surface."""
-
-
-@contextlib.contextmanager
-def _opened(name: str, **environment: Any) -> Iterator[Any]:
-    """A raster as rasterio opens it.
-
-    Raises:
-        ReadError: it cannot be opened.
-    """
-    with warnings.catch_warnings(), rasterio.Env(**environment), contextlib.ExitStack() as stack:
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with gdal_errors(name):
-            file = stack.enter_context(rasterio.open(name))
-        yield file
-
-
-@contextlib.contextmanager
-def gdal_errors(name: str) -> Iterator[None]:
-    """GDAL's errors as ours.
-
-    Raises:
-        ReadError: GDAL, or rasterio, raised what it raises for files that it cannot read.
-    """
-    try:
-        yield
-    except (RasterioError, CPLE_BaseError, WarpOperationError, OSError, ValueError) as error:
-        reason = str(error.__cause__ or error).strip().rstrip(".")
-        reason = reason.removeprefix(f"{name}: ").removeprefix(f"'{name}' ")
-        raise ReadError(
-            f"{name}: cannot be read as a raster ({reason or type(error).__name__}).",
-            "Check the path, and the file with gdalinfo -checksum.",
-        ) from error
 
 
 def _refuse_turned(name: str, transform: Affine, tolerance: float, hint: str) -> None:
@@ -157,7 +123,8 @@ class RasterHeights:
         window = Window(self.window.col_off, self.window.row_off + row, self.window.width, count)
         with gdal_errors(self.name):
             pixels = self.file.read(self.band, window=window, masked=True)
-        heights = np.ma.filled(pixels.astype(np.float64), math.nan)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is one all the same
+            heights = np.ma.filled(pixels.astype(np.float64), math.nan)
         if self.nodata is not None:
             heights[heights == self.nodata] = math.nan
         raw = heights
@@ -195,14 +162,16 @@ def open_raster(name: str, options: SourceOptions) -> Iterator[RasterHeights]:
     """
     cache = {"GDAL_CACHEMAX": _CACHE_BYTES, "AAIGRID_DATATYPE": "Float64"}
     with contextlib.ExitStack() as stack:
-        file = stack.enter_context(_opened(name, **cache))
-        band = _band(name, file, options.band)
+        file = stack.enter_context(open_local(name, allow_remote=options.allow_remote, **cache))
         about: list[str] = []
-        scale = file.scales[band - 1], file.offsets[band - 1]
-        if options.crs is not None:
-            file = stack.enter_context(_reprojected(name, file, options.crs, options.nodata))
-            about.append(f"Reprojected to {options.crs}, bilinearly.")
-        yield _heights(name, file, band, scale, options, about)
+        with gdal_errors(name):
+            band = _band(name, file, options.band)
+            scale = file.scales[band - 1], file.offsets[band - 1]
+            if options.crs is not None:
+                file = stack.enter_context(_reprojected(name, file, options.crs, options.nodata))
+                about.append(f"Reprojected to {options.crs}, bilinearly.")
+            heights = _heights(name, file, band, scale, options, about)
+        yield heights
 
 
 def _band(name: str, file: Any, band: int | None) -> int:
@@ -239,12 +208,7 @@ def _band(name: str, file: Any, band: int | None) -> int:
 
 
 def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
-    try:
-        target = CRS.from_user_input(crs)
-    except CRSError as error:
-        raise RequestError(
-            f"{crs!r} names no reference system.", 'Write one as in "EPSG:32633".'
-        ) from error
+    target = read_crs(crs)
     if file.crs is None:
         raise RequestError(
             f"{name}: does not say its reference system, so that it cannot be reprojected.",
@@ -429,14 +393,14 @@ class ClassRaster:
 
 
 @contextlib.contextmanager
-def open_classes(name: str, grid: PixelGrid) -> Iterator[ClassRaster]:
+def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iterator[ClassRaster]:
     """Open a raster of classes for the pixels of a grid, reprojected if need be.
 
     Raises:
         ReadError: it cannot be read, or holds no whole numbers.
     """
     with contextlib.ExitStack() as stack:
-        file = stack.enter_context(_opened(name))
+        file = stack.enter_context(open_local(name, allow_remote=allow_remote))
         if file.count != 1 or np.dtype(file.dtypes[0]).kind not in "iu":
             raise ReadError(
                 f"{name}: is no raster of classes, which has one band of whole numbers.",

@@ -197,6 +197,7 @@ class SourceOptions:
         resolution: side of a pixel, for a mesh.
         up: the axis of a mesh that points up, "y" or "z"; as its format has it, if None.
         scale: factor on the coordinates of a mesh.
+        allow_remote: whether a raster may lie on the net, or lead out of its folder.
     """
 
     bounds: Bounds | None = None
@@ -207,6 +208,7 @@ class SourceOptions:
     resolution: float | None = None
     up: str | None = None
     scale: float = 1.0
+    allow_remote: bool = False
 
 
 def is_mesh(name: str) -> bool:

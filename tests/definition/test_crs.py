@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import http.server
 import json
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -113,31 +110,11 @@ def test_a_file_of_that_name_is_not_read(tmp_path: Path, monkeypatch: pytest.Mon
             read_crs(name)
 
 
-@pytest.fixture
-def server() -> Iterator[tuple[str, list[str]]]:
-    """An address on this machine, and what was asked of it."""
-    asked: list[str] = []
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            asked.append(self.path)
-            self.send_error(404)
-
-        def log_message(self, *args: object) -> None:
-            pass
-
-    listening = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=listening.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{listening.server_port}/crs", asked
-    listening.shutdown()
-    listening.server_close()
-
-
 def test_nobody_is_asked(server: tuple[str, list[str]], tmp_path: Path) -> None:
     """The definition of a stranger has no command talk to an address."""
-    address, asked = server
+    url, asked = server
     path = tmp_path / "site.json"
-    path.write_text(json.dumps({**BOX, "crs": address}), encoding="utf-8")
+    path.write_text(json.dumps({**BOX, "crs": url}), encoding="utf-8")
     assert call("validate", path).code == 1
     assert call("export-dem", path, tmp_path / "out.tif").code == 1
     assert asked == []

@@ -92,6 +92,7 @@ class ImportOptions:
         walls: whether these get upright walls, where the DEM has a gap of a pixel.
         surfaces: name of a raster of classes, or None.
         title: the source, for the description.
+        allow_remote: whether the raster of classes may lie on the net, or lead out of its folder.
     """
 
     max_error: float
@@ -101,6 +102,7 @@ class ImportOptions:
     walls: bool = False
     surfaces: str | None = None
     title: str = ""
+    allow_remote: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +206,7 @@ def import_terrain(
     step_for(options.max_error, 0.0)  # refuses what is no error before anything is read
     output = Path(output)
     refuse_existing(output, overwrite)
-    summary = summarise_source(source, options.surfaces, options.fill, work)
+    summary = summarise_source(source, options, work)
     plan = _planned(source, summary, options)
     try:
         return _written(source, output, summary, plan, options, overwrite, work)
@@ -260,15 +262,14 @@ class SourceSummary:
 
 
 def summarise_source(
-    source: HeightSource, classes: str | None, fill: bool, progress: Progress
+    source: HeightSource, options: ImportOptions, progress: Progress
 ) -> SourceSummary:
     """Read all rows once.
 
     Args:
         source: the DEM.
-        classes: name of a raster of classes, or None.
-        fill: whether unknown heights are filled, as far as they are held in memory; if not, the
-            void covers them.
+        options: unknown heights are filled as far as they are held in memory; if they are not to
+            be, the void covers them.
         progress: gets numbers of pixels.
 
     Raises:
@@ -278,7 +279,10 @@ def summarise_source(
     summary = SourceSummary()
     counts: dict[int, int] = {}
     with ExitStack() as stack:
-        raster = None if classes is None else stack.enter_context(open_classes(classes, grid))
+        raster = None
+        if options.surfaces is not None:
+            classes = open_classes(options.surfaces, grid, options.allow_remote)
+            raster = stack.enter_context(classes)
         if grid.rows * grid.columns <= MOST_IN_MEMORY:
             summary.heights = np.empty((grid.rows, grid.columns))
         # from the north, as files are read the quickest
@@ -289,7 +293,7 @@ def summarise_source(
             low, high, unknown, _ = sample_range(heights)
             summary.low, summary.high = min(summary.low, low), max(summary.high, high)
             summary.unknown += unknown
-            void = not fill and unknown > 0
+            void = not options.fill and unknown > 0
             if raster is not None or void:
                 numbers = np.full(heights.shape, -1, np.int64)
                 if raster is not None:
@@ -312,9 +316,9 @@ def summarise_source(
     summary.notes = source.notes  # now, as what is read once more would be counted twice
     if raster is not None and raster.lacking:
         summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: no surface.",)
-    if fill and summary.heights is not None:
+    if options.fill and summary.heights is not None:
         summary.heights = filled(summary.heights)
-    elif fill and summary.unknown:
+    elif options.fill and summary.unknown:
         summary.notes += (
             f"The DEM has more than {MOST_IN_MEMORY:,} pixels: unknown heights are taken from "
             "beside, not from all around.",

@@ -1,0 +1,174 @@
+"""Which rasters are opened: those on this machine, which lead nowhere else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import from_bounds
+
+from terratool.errors import ReadError
+from terratool.importing.opening import DRIVERS, refuse_leading, refuse_remote
+from terratool.importing.sources import SourceOptions, open_source
+from tests.commands import call
+from tests.conftest import terrain_of
+from tests.mosaics import SITE
+
+VRT = """<VRTDataset rasterXSize="6" rasterYSize="4">
+  <GeoTransform>0, 1, 0, 4, 0, -1</GeoTransform>
+  <VRTRasterBand dataType="Float32" band="1"{band}>
+    <SimpleSource><SourceFilename relativeToVRT="{relative}">{source}</SourceFilename>
+      <SourceBand>1</SourceBand></SimpleSource>
+  </VRTRasterBand>{more}
+</VRTDataset>"""
+
+
+def dem(path: Path) -> Path:
+    """Six columns and four rows of heights, all of them different."""
+    path.parent.mkdir(exist_ok=True)
+    with rasterio.open(
+        path, "w", driver="GTiff", width=6, height=4, count=1, dtype="float32",
+        transform=from_bounds(0, 0, 6, 4, 6, 4),
+    ) as file:  # fmt: skip
+        file.write(np.arange(24, dtype=np.float32).reshape(1, 4, 6))
+    return path
+
+
+def vrt(path: Path, source: str, relative: int = 1, band: str = "", more: str = "") -> Path:
+    path.parent.mkdir(exist_ok=True)
+    text = VRT.format(source=source, relative=relative, band=band, more=more)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def heights(path: object, **options: bool) -> np.ndarray:
+    with open_source(str(path), SourceOptions(**options)) as source:
+        return source.read(0, source.grid.rows)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "http://127.0.0.1/dem.tif", "https://example.com/dem.tif", "/vsicurl/http://a/dem.tif",
+        "/vsicurl_streaming/http://a/b.tif", "/vsis3/bucket/dem.tif", "s3://bucket/dem.tif",
+        "gs://bucket/dem.tif", "zip+https://example.com/a.zip!dem.tif", "az://a/b", "FTP://a/b.tif",
+        "/vsizip//vsicurl/http://a/b.zip/c.tif", "/vsizip/vsis3/a/b.zip",
+        "/vsicached?file=a.tif",
+        "/vsisubfile/0_9,a.tif", "/vsimem/a.tif", "WMS:http://a/wms", "WCS:https://a/wcs",
+        "NETCDF:http://a/b.nc:z", "<GDAL_WMS></GDAL_WMS>", '{"type":"Feature"}',
+    ],
+)  # fmt: skip
+def test_names_that_lead_to_the_net(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ReadError):
+        refuse_remote(name)
+    ran = call("import-terrain", name, tmp_path / "out.json", "--max-error", 1)
+    assert ran.code == 3 and not (tmp_path / "out.json").exists()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["dem.tif", "/a/dem.tif", "C:\\data\\dem.tif", "/vsizip/a.zip/dem.tif", "zip://a.zip!dem.tif",
+     "/vsigzip/a.asc.gz", 'NETCDF:"a.nc":z', 'HDF5:"a.h5"://group/z', "file:///a/dem.tif",
+     "a b/http.tif", "GTIFF_DIR:2:a.tif"],
+)  # fmt: skip
+def test_names_of_files(name: str) -> None:
+    refuse_remote(name)
+
+
+def test_a_mosaic_in_its_folder(tmp_path: Path) -> None:
+    """Sources beside it and below it, by relative and by whole names, and a VRT of a VRT."""
+    beside, below = dem(tmp_path / "a.tif"), dem(tmp_path / "tiles" / "b.tif")
+    expected = heights(beside)
+    for source, relative in (("a.tif", 1), ("tiles/b.tif", 1), (str(beside), 0), (str(below), 0)):
+        assert np.array_equal(heights(vrt(tmp_path / "m.vrt", source, relative)), expected)
+    inner = vrt(tmp_path / "tiles" / "inner.vrt", "b.tif")
+    assert np.array_equal(heights(vrt(tmp_path / "m.vrt", "tiles/inner.vrt")), expected)
+    vrt(inner, "../a.tif")  # leads out of the folder of the inner one
+    with pytest.raises(ReadError, match="outside of the folder"):
+        heights(tmp_path / "m.vrt")
+
+
+def test_our_own_mosaics_are_read(tmp_path: Path) -> None:
+    from terratool.raster.grid import grid_over
+    from terratool.raster.mosaic import export_mosaic
+
+    terrain = terrain_of(SITE)
+    export_mosaic(terrain, grid_over(terrain, 0.5, None), tmp_path / "m", tile_size=16)
+    assert np.isfinite(heights(tmp_path / "m" / "mosaic.vrt")).any()
+
+
+@pytest.mark.parametrize(
+    ("source", "relative"),
+    [("../out.tif", 1), ("/etc/hostname", 0), ("/vsicurl/http://127.0.0.1/a.tif", 0),
+     ("http://127.0.0.1/a.tif", 0), ("wms.xml", 1), ("link.tif", 1), ("missing.tif", 1),
+     ("m.vrt", 1), ("stac.json", 1)],
+)  # fmt: skip
+def test_mosaics_that_lead_elsewhere(tmp_path: Path, source: str, relative: int) -> None:
+    outside = dem(tmp_path / "out.tif")
+    folder = tmp_path / "in"
+    path = vrt(folder / "m.vrt", source, relative)
+    (folder / "wms.xml").write_text("<GDAL_WMS><Service/></GDAL_WMS>")
+    (folder / "stac.json").write_text('{"stac_version": "1.0.0"}')
+    (folder / "link.tif").symlink_to(outside)
+    with pytest.raises(ReadError):
+        refuse_leading(str(path))
+    with pytest.raises(ReadError):
+        heights(path)
+
+
+@pytest.mark.parametrize(
+    ("band", "more"),
+    [
+        (' subClass="VRTRawRasterBand"', ""),
+        (' subClass="VRTDerivedRasterBand"', ""),
+        ("", '<Metadata domain="GEOLOCATION"><MDI key="X_DATASET">/etc/x</MDI></Metadata>'),
+        ("", '<!DOCTYPE a [<!ENTITY b "c">]>'),
+    ],
+)
+def test_mosaics_that_compute(tmp_path: Path, band: str, more: str) -> None:
+    dem(tmp_path / "a.tif")
+    with pytest.raises(ReadError):
+        heights(vrt(tmp_path / "m.vrt", "a.tif", band=band, more=more))
+
+
+def test_what_is_asked_for_is_allowed(tmp_path: Path) -> None:
+    outside = dem(tmp_path / "out.tif")
+    path = vrt(tmp_path / "in" / "m.vrt", "../out.tif")
+    assert np.array_equal(heights(path, allow_remote=True), heights(outside))
+
+
+WMS = """<GDAL_WMS><Service name="TMS">
+<ServerUrl>{url}/${{z}}/${{x}}/${{y}}.tif</ServerUrl></Service>
+<DataWindow><UpperLeftX>0</UpperLeftX><UpperLeftY>4</UpperLeftY><LowerRightX>6</LowerRightX>
+<LowerRightY>0</LowerRightY><SizeX>6</SizeX><SizeY>4</SizeY></DataWindow>
+<BandsCount>1</BandsCount><DataType>Float32</DataType></GDAL_WMS>"""
+
+
+def test_nobody_is_asked(server: tuple[str, list[str]], tmp_path: Path) -> None:
+    """Names, descriptions and sidecars: nothing of a stranger's has a command talk."""
+    url, asked = server
+    (tmp_path / "wms.tif").write_text(WMS.format(url=url))
+    dem(tmp_path / "a.tif")
+    (tmp_path / "a.tif.aux.xml").write_text(
+        "<PAMDataset><PAMRasterBand band='1'><Metadata domain='OVERVIEWS'>"
+        f"<MDI key='OVERVIEW_FILE'>/vsicurl/{url}/o.tif</MDI></Metadata></PAMRasterBand>"
+        f"<Metadata domain='OVERVIEWS'><MDI key='OVERVIEW_FILE'>/vsicurl/{url}/o.tif</MDI>"
+        "</Metadata></PAMDataset>"
+    )
+    vrt(tmp_path / "m.vrt", f"/vsicurl/{url}/a.tif", 0)
+    for name in (f"{url}/a.tif", f"/vsicurl/{url}/a.tif", *map(str, sorted(tmp_path.iterdir()))):
+        call("import-terrain", name, tmp_path / "out.json", "--max-error", 1, "--overwrite")
+        call("import-terrain", tmp_path / "a.tif", tmp_path / "out.json", "--max-error", 1,
+             "--surfaces", name, "--overwrite")  # fmt: skip
+    assert asked == []
+
+
+def test_the_list_of_drivers_is_known_to_gdal() -> None:
+    """Those that this build has; none of them fetches anything."""
+    with rasterio.Env() as env:
+        there = set(env.drivers())
+    assert {"GTiff", "AAIGrid", "netCDF", "VRT"} <= there & set(DRIVERS)
+    assert not {"WMS", "WCS", "WMTS", "HTTP", "STACIT", "STACTA", "OGCAPI", "PLMosaic", "EEDAI",
+                "DAAS", "MRF", "KMLSUPEROVERLAY", "DERIVED", "MEM"} & set(DRIVERS)  # fmt: skip
