@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import platform
+import re
 import shutil
 import signal
 import threading
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
@@ -28,7 +31,8 @@ def whole_file(
     """A temporary path, which takes the place of `path` when the block ends well.
 
     What else is written into its folder takes its place beside `path`, just before. The temporary
-    is removed on any failure, Ctrl-C, SIGTERM and SIGHUP included.
+    is removed on any failure, Ctrl-C, SIGTERM and SIGHUP included. What a killed process has left
+    is removed by the next one that writes there.
 
     Args:
         path: the file that is to be.
@@ -43,9 +47,10 @@ def whole_file(
     path = Path(os.path.realpath(path))  # behind a link stands what is meant
     refuse_existing(path, overwrite, companions)
     refuse_missing_folder(path)
-    folder = (within or path.parent) / f"{PART}{uuid4().hex[:12]}.part"
+    folder = (within or path.parent) / f"{PART}{_SELF}-{os.getpid()}-{uuid4().hex[:12]}.part"
     try:
         with os_errors(path), stop_on_signals():
+            _remove_leftovers(folder.parent)
             folder.mkdir()
             yield folder / path.name
             # what else there is goes first, as its reader comes by way of `path`
@@ -75,6 +80,40 @@ def os_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise WriteError.of(path, error) from error
+
+
+def _processes() -> str:
+    """A mark of the machine, or the container, whose processes are known here."""
+    try:
+        namespace = os.readlink("/proc/self/ns/pid")  # noqa: PTH115, it is no path
+    except OSError:
+        namespace = ""
+    return f"{zlib.crc32(f'{platform.node()} {namespace}'.encode()):08x}"
+
+
+_SELF = _processes()
+_temporary = re.compile(re.escape(f"{PART}{_SELF}-") + r"([0-9]+)-[0-9a-f]{12}\.part").fullmatch
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Remove temporaries of processes of this machine that are gone."""
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            match = _temporary(entry.name)
+            if match and not _runs(int(match[1])):
+                shutil.rmtree(entry.path, ignore_errors=True)
+
+
+def _runs(process: int) -> bool:
+    if os.name != "posix":  # a signal 0 would not be harmless
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        pass
+    return True
 
 
 def _beside(path: Path, companions: tuple[str, ...]) -> list[Path]:
