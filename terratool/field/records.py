@@ -93,7 +93,24 @@ SEGMENT = np.dtype(
 )
 """A straight piece of a track, in the order of the document."""
 
+_ALIGNMENT = 8
+
 kernels.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT)
+
+
+def aligned(value: Any) -> Any:
+    """The same with all arrays in it at addresses where kernels read them.
+
+    Arrays that come in the frames of a message may lie at odd ones.
+
+    Args:
+        value: an array, or a NamedTuple that holds some.
+    """
+    if isinstance(value, np.ndarray):
+        return value if value.ctypes.data % _ALIGNMENT == 0 else value.copy()
+    if isinstance(value, tuple) and hasattr(value, "_make"):
+        return value._make(map(aligned, value))
+    return value
 
 
 def scalar_columns(values: NDArray[Any]) -> list[NDArray[Any]]:

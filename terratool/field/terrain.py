@@ -18,7 +18,7 @@ from terratool.definition.reader import Checked, load_checked, refusal
 from terratool.definition.tree import flatten
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
-from terratool.field.records import FieldArrays
+from terratool.field.records import FieldArrays, aligned
 from terratool.kernels import field as kernels
 
 CHUNK = 1 << 21
@@ -164,6 +164,9 @@ class Terrain:
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "field"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _compiled=aligned(state["_compiled"]))
 
     @property
     def bounds(self) -> Bounds:

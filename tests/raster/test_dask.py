@@ -157,13 +157,15 @@ class TestSent:
         tiling = Tiling(grid_at(0.01), files, Compression(), 512, True, folder)
         return TileMaker(terrain, tiling, folder)
 
-    def test_arrays_that_arrive_read_only_are_as_good(self, tmp_path: Path) -> None:
-        """Dask hands over arrays as they were received."""
+    @pytest.mark.parametrize("shift", [0, 1, 4])
+    def test_arrays_that_arrive_are_as_good(self, tmp_path: Path, shift: int) -> None:
+        """Dask hands over arrays as they were received: read-only, and at any address."""
         buffers: list[Any] = []
         tiler = self.tiler(tmp_path)
         sent = pickle.dumps(tiler, 5, buffer_callback=buffers.append)
-        arrived = pickle.loads(sent, buffers=[bytes(buffer) for buffer in buffers])
-        assert not arrived.terrain.arrays.elements.flags.writeable
+        frames = [bytes(shift) + bytes(buffer) for buffer in buffers]
+        arrived = pickle.loads(sent, buffers=[memoryview(frame)[shift:] for frame in frames])
+        assert shift or not arrived.terrain.arrays.elements.flags.writeable
         window = tiler.tiling.grid.whole
         planes = [Painter(t.terrain, t.tiling.grid).paint(window) for t in (tiler, arrived)]
         assert np.array_equal(planes[0].heights, planes[1].heights, equal_nan=True)
