@@ -13,7 +13,9 @@ from xml.etree import ElementTree
 
 import rasterio
 from rasterio._err import CPLE_BaseError
+from rasterio._path import _parse_path
 from rasterio.errors import NotGeoreferencedWarning, RasterioError, WarpOperationError
+from rasterio.io import DatasetReader
 
 from terratool.errors import ReadError
 
@@ -53,11 +55,11 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
     Raises:
         ReadError: it cannot be opened, or leads where it may not.
     """
-    options: dict[str, Any] = {}
+    drivers = None
     if not allow_remote:
         refuse_remote(name)
         refuse_leading(name)
-        options["driver"] = list(DRIVERS)
+        drivers = list(DRIVERS)
         # even what a sidecar file names is not fetched
         environment |= {"CPL_VSIL_CURL_ALLOWED_FILENAME": "-", "GDAL_VRT_ENABLE_PYTHON": "NO"}
     with (
@@ -66,7 +68,8 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
     ):  # fmt: skip
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         with gdal_errors(name):
-            file = stack.enter_context(rasterio.open(name, **options))
+            # rasterio.open takes one driver, this several
+            file = stack.enter_context(DatasetReader(_parse_path(name), driver=drivers))
         yield file
 
 

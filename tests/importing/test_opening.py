@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
-from rasterio.transform import from_bounds
+from rasterio.transform import Affine
 
 from terratool.errors import ReadError
 from terratool.importing.opening import DRIVERS, refuse_leading, refuse_remote
@@ -30,7 +30,7 @@ def dem(path: Path) -> Path:
     path.parent.mkdir(exist_ok=True)
     with rasterio.open(
         path, "w", driver="GTiff", width=6, height=4, count=1, dtype="float32",
-        transform=from_bounds(0, 0, 6, 4, 6, 4),
+        transform=Affine(1, 0, 0, 0, -1, 4),
     ) as file:  # fmt: skip
         file.write(np.arange(24, dtype=np.float32).reshape(1, 4, 6))
     return path
@@ -95,7 +95,7 @@ def test_our_own_mosaics_are_read(tmp_path: Path) -> None:
     from terratool.raster.mosaic import export_mosaic
 
     terrain = terrain_of(SITE)
-    export_mosaic(terrain, grid_over(terrain, 0.5, None), tmp_path / "m", tile_size=16)
+    export_mosaic(terrain, grid_over(terrain, 0.01, None), tmp_path / "m", tile_size=512)
     assert np.isfinite(heights(tmp_path / "m" / "mosaic.vrt")).any()
 
 

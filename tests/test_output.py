@@ -1,0 +1,69 @@
+"""What a killed process leaves is removed by the next one; what a living one writes is not."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from terratool.output import PART, whole_file
+from tests.commands import ENVIRONMENT
+
+WAIT = """
+import sys, time
+from terratool.output import whole_file
+with whole_file(sys.argv[1]) as part:
+    part.write_text("half")
+    print("begun", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> subprocess.Popen[str]:
+    """A process in the middle of writing a file."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", WAIT, str(tmp_path / "a.txt")],
+        env=ENVIRONMENT, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    return process
+
+
+def leftovers(folder: Path) -> list[Path]:
+    return sorted(folder.glob(f"{PART}*"))
+
+
+def test_leftovers_of_the_killed(tmp_path: Path, begun: subprocess.Popen[str]) -> None:
+    (folder,) = leftovers(tmp_path)
+    with whole_file(tmp_path / "b.txt") as part:
+        part.write_text("b")
+        assert folder in leftovers(tmp_path)  # its process still lives
+    assert leftovers(tmp_path) == [folder]
+    begun.kill()
+    begun.communicate()
+    assert leftovers(tmp_path) == [folder]
+    with whole_file(tmp_path / "c.txt") as part:
+        part.write_text("c")
+    assert leftovers(tmp_path) == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["b.txt", "c.txt"]
+
+
+def test_a_stopped_process_leaves_nothing(tmp_path: Path, begun: subprocess.Popen[str]) -> None:
+    begun.send_signal(signal.SIGTERM)
+    begun.communicate()
+    assert begun.returncode != 0 and list(tmp_path.iterdir()) == []
+
+
+def test_what_is_of_others_stays(tmp_path: Path) -> None:
+    """Folders with other names, files, and those of another machine."""
+    own = f"{PART}{'0' * 8}-1-{'a' * 12}.part"
+    for name in (own, f"{PART}tiles-{'a' * 12}.part", f"{PART}notes"):
+        (tmp_path / name).mkdir()
+    with whole_file(tmp_path / "a.txt") as part:
+        part.write_text(str(os.getpid()))
+    assert len(leftovers(tmp_path)) == 3
