@@ -14,12 +14,12 @@ from terratool.output import PART, whole_file
 from tests.commands import ENVIRONMENT
 
 WAIT = """
-import sys, time
+import sys
 from terratool.output import whole_file
 with whole_file(sys.argv[1]) as part:
     part.write_text("half")
     print("begun", flush=True)
-    time.sleep(60)
+    sys.stdin.read()
 """
 
 
@@ -28,7 +28,7 @@ def begun(tmp_path: Path) -> subprocess.Popen[str]:
     """A process in the middle of writing a file."""
     process = subprocess.Popen(
         [sys.executable, "-c", WAIT, str(tmp_path / "a.txt")],
-        env=ENVIRONMENT, stdout=subprocess.PIPE, text=True,
+        env=ENVIRONMENT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout is not None and process.stdout.readline() == "begun\n"
     return process
