@@ -384,7 +384,8 @@ def _gltf_header(path: Path) -> dict[str, Any]:
     asset = header.get("asset")
     version = asset.get("version") if isinstance(asset, dict) else None
     # in version 1 what later became lists are dictionaries
-    if str(version).startswith("1") or isinstance(header.get("meshes"), dict):
+    old = version is None and isinstance(header.get("meshes"), dict)
+    if old or str(version).startswith("1"):
         raise _old_gltf(path)
     return header
 
