@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable
-from hashlib import sha256
 from pathlib import Path
 
 import msgspec
@@ -36,6 +35,8 @@ def fingerprint(finding: Finding) -> str:
 
 def digest(*texts: str) -> str:
     """A number for texts, 128 bits in hexadecimal digits."""
+    from hashlib import sha256
+
     return sha256("\n".join(texts).encode("utf-8", "surrogatepass")).hexdigest()[:32]
 
 

@@ -308,9 +308,7 @@ def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str
 @click.option("--update-baseline", is_flag=True, help="Write all findings into the baseline.")
 @click.option("--statistics", is_flag=True, help="Say how often each rule was broken.")
 @click.option("--fix", is_flag=True, help="Mend in place what can be mended in one way only.")
-@click.option(
-    "--config", "config_file", metavar="FILE", help="Settings, in place of those found.  "
-)
+@click.option("--config", "config_file", metavar="FILE", help="Settings, in place of those found.")
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import closing
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import msgspec
@@ -154,18 +156,19 @@ def _file_problem(text: str) -> CrsProblem | None:
 
 def is_known(entry: AuthorityCode) -> bool | None:
     """Whether the database of PROJ has an entry; None if there is no database at hand."""
+    path = _database()
+    return None if path is None else _has(path, entry)
+
+
+@lru_cache(maxsize=256)
+def _has(path: str, entry: AuthorityCode) -> bool | None:
     import sqlite3
 
-    path = _database()
-    if path is None:
-        return None
+    query = "SELECT 1 FROM crs_view WHERE auth_name = ? AND code = ?"
     try:
-        with sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True) as database:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)) as database:
             return all(
-                database.execute(
-                    "SELECT 1 FROM crs_view WHERE auth_name = ? AND code = ?",
-                    (entry.authority, code),
-                ).fetchone()
+                database.execute(query, (entry.authority, code)).fetchone()
                 for code in entry.code.split("+")
             )
     except sqlite3.Error:
