@@ -88,7 +88,10 @@ def _processes() -> str:
         namespace = os.readlink("/proc/self/ns/pid")  # noqa: PTH115, it is no path
     except OSError:
         namespace = ""
-    return f"{zlib.crc32(f'{platform.node()} {namespace}'.encode()):08x}"
+    # machines may share a folder and a name
+    boot = Path("/proc/sys/kernel/random/boot_id")
+    started = boot.read_text("ascii") if boot.is_file() else ""
+    return f"{zlib.crc32(f'{platform.node()} {namespace} {started}'.encode()):08x}"
 
 
 _SELF = _processes()

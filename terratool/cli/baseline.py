@@ -11,7 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from terratool.definition.findings import Finding
-from terratool.errors import ReadError
+from terratool.errors import ReadError, reason
 from terratool.output import whole_file
 
 FORMAT_VERSION = 1
@@ -46,10 +46,9 @@ def read_baseline(path: str) -> Baseline:
         found = msgspec.json.decode(Path(path).read_bytes(), type=Baseline)
     except OSError as error:
         raise ReadError(
-            f"{path}: cannot be read ({(error.strerror or str(error)).lower()}).",
-            "Write it first, with --update-baseline.",
+            f"{path}: cannot be read ({reason(error)}).", "Write it first, with --update-baseline."
         ) from error
-    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
+    except (msgspec.MsgspecError, RecursionError, ValueError) as error:
         raise ReadError(
             f"{path}: is no baseline ({error}).", "Write it anew, with --update-baseline."
         ) from error

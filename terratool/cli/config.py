@@ -6,10 +6,10 @@ import contextlib
 import os
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from terratool.errors import ReadError, RequestError
 
@@ -35,8 +35,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
     per_file_ignores: dict[str, tuple[str, ...]] = {}
-    max_step: float | None = None
-    max_findings: int | None = None
+    max_step: Annotated[float, Meta(ge=0)] | None = None
+    max_findings: Annotated[int, Meta(ge=0)] | None = None
     formats: tuple[str, ...] = ()
     baseline: str | None = None
 
@@ -47,6 +47,21 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab", kw
     def located(self, path: str) -> str:
         """A path of the settings as the working directory has it."""
         return os.path.relpath(Path(self.folder, path))
+
+    def written(self, path: str) -> str:
+        """The same of a file that is to be written.
+
+        Raises:
+            RequestError: it lies outside of the folder of the settings, which may be a stranger's.
+        """
+        if "\0" in path or not Path(self.folder, path).resolve().is_relative_to(
+            Path(self.folder).resolve()
+        ):
+            raise RequestError(
+                f"{self.file}: names {path!r}, which lies outside of its folder.",
+                "Name it on the command line.",
+            )
+        return self.located(path)
 
     def ignored(self, file: str) -> tuple[str, ...]:
         """The codes that are ignored in a file; a pattern without a slash is of names alone."""

@@ -30,6 +30,13 @@ _COMMANDS = {
 }
 
 
+_REMOTE = (
+    "HTTP WMS WCS WMTS EEDA EEDAI DAAS STACIT STACTA PLMOSAIC OGCAPI GTI MRF KMLSUPEROVERLAY WFS "
+    "OAPIF CSW Carto AmigoCloud Elastic NGW PLSCENES DERIVED GMLAS"
+)
+"""Drivers of GDAL that ask the net, or lead there; they are not even registered."""
+
+
 class _OutputError(Exception):
     """Standard output takes no more; not an OSError, which click would turn into exit code 1."""
 
@@ -97,6 +104,8 @@ def main() -> None:
             encoding = None if stream is sys.stderr or stream.isatty() else "utf-8"
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
     os.environ["PROJ_NETWORK"] = "OFF"  # no grids are fetched, whatever proj.ini says
+    if "--allow-remote" not in sys.argv:
+        os.environ["GDAL_SKIP"] = _REMOTE
     code = _run()
     if sys.stdout is not None:  # as it is where it was closed
         try:

@@ -302,7 +302,7 @@ def as_junit(report: ValidationReport) -> str:
         for group in groups:
             f = group.first
             case = Xml.SubElement(
-                suite, "testcase", classname=xml_text(file), name=f"{f.code} line {f.line}"
+                suite, "testcase", classname=xml_text(file), name=f"{f.code} at {f.line}:{f.column}"
             )
             failure = Xml.SubElement(case, "failure", type=f.severity, message=xml_text(f.message))
             lines = (f"{file}:{f.line}:{f.column}: {f.message}", f.hint, group.rest())
@@ -319,6 +319,11 @@ def as_junit(report: ValidationReport) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(top, "unicode")
 
 
+def _relative(file: str) -> str:
+    """A name without the dot that it may begin with."""
+    return file.removeprefix("./")
+
+
 def as_gitlab(report: ValidationReport) -> str:
     """GitLab's code quality report, which merge requests show."""
     import json
@@ -331,7 +336,7 @@ def as_gitlab(report: ValidationReport) -> str:
             "check_name": group.first.code,
             "severity": {"error": "major", "warning": "minor"}[group.first.severity],
             "fingerprint": mark,
-            "location": {"path": group.first.file, "lines": {"begin": group.first.line}},
+            "location": {"path": _relative(group.first.file), "lines": {"begin": group.first.line}},
         }
         for group, mark in zip(report.groups(), fingerprints(report), strict=True)
     ]
@@ -341,7 +346,7 @@ def as_gitlab(report: ValidationReport) -> str:
             "check_name": "unreadable",
             "severity": "blocker",
             "fingerprint": digest(file.file),
-            "location": {"path": file.file, "lines": {"begin": 1}},
+            "location": {"path": _relative(file.file), "lines": {"begin": 1}},
         }
         for file in report.unreadable
     ]

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import click
+import msgspec
 from msgspec import structs
 
-from terratool.cli.baseline import Known, write_baseline
+from terratool.cli.baseline import Known, read_baseline, write_baseline
 from terratool.cli.config import Config, find_config, read_config
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called
@@ -23,7 +24,7 @@ from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
-from terratool.text.display import counted, printable, shown
+from terratool.text.display import apply_edits, counted, printable, shown
 from terratool.text.source import Source, read_source, sources, write_source
 
 _ALL = 10**9
@@ -85,11 +86,10 @@ class _Plan:
         ignore = self.ignore + _known_codes(settings.ignored(name))
         return CheckOptions(True, self.max_step, room, self.select, ignore)
 
-    def refuse_writing(self, name: str) -> None:
-        """Raises WriteError if a file that is checked would be written over."""
-        for _, out in self.outputs:
-            if is_same_file(out, name):
-                raise WriteError(f"{out}: is to be checked.", "Write the findings elsewhere.")
+    def writes(self, name: str) -> bool:
+        """Whether a file is the baseline, or gets findings."""
+        own = [self.baseline or "", *(out for _, out in self.outputs)]
+        return any(is_same_file(out, name) for out in own if out)
 
 
 def _settings(config_file: str | None) -> Config:
@@ -129,7 +129,7 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
                 f"There is no format {shown(name)}. There is {', '.join(REPORTERS)}."
             )
         if separator:
-            out = out if formats else settings.located(out)
+            out = out if formats else settings.written(out)
             refuse_existing(Path(out), overwrite=True)
             refuse_missing_folder(Path(out))
             outputs.append((name, out))
@@ -140,9 +140,12 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
                 f"Standard output takes one format, not {form} and {name}. Give one of them a "
                 f"file: --format {name}=FILE."
             )
+    written = [os.path.realpath(out) for _, out in outputs]
+    if len(set(written)) < len(written):
+        raise click.UsageError("Two formats go to one file. Give each a file of its own.")
     limit = settings.max_findings if given["max_findings"] is None else given["max_findings"]
     limit = _MOST_FINDINGS if limit is None else limit
-    baseline = None if settings.baseline is None else settings.located(settings.baseline)
+    baseline = None if settings.baseline is None else settings.written(settings.baseline)
     plan = _Plan(
         form or "text",
         outputs,
@@ -232,15 +235,19 @@ def _mended(name: str, source: Source, options: CheckOptions, status: Status) ->
             "--fix writes files, and standard input is none.", "Give the name of a file."
         )
     data, count = source.data, 0
+    options = structs.replace(options, limit=_ALL)
+    checked = check(source, options, kind=None)
     # an error of syntax hides all others, so that there may be many rounds
     for _ in range(_ROUNDS):
-        checked = check(structs.replace(source, data=data), options, kind=None)
         edits = [finding.fix for finding in checked.findings if finding.fix is not None]
         if not edits:
             break
-        for edit in sorted(edits, reverse=True):
-            data = edit.applied(data)
-        count += len(edits)
+        mended = apply_edits(data, edits)
+        after = check(structs.replace(source, data=mended), options, kind=None)
+        # keys that would stand twice stay as they are
+        if after.counts["TT102"] > checked.counts["TT102"]:
+            break
+        data, checked, count = mended, after, count + len(edits)
     if not count:
         return source
     source = structs.replace(source, data=data)
@@ -248,6 +255,15 @@ def _mended(name: str, source: Source, options: CheckOptions, status: Status) ->
     status.clear()
     click.echo(f"terratool: {printable(name)}: mended in {counted(count, 'place')}.", err=True)
     return source
+
+
+def _is_definition(name: str) -> bool:
+    """Whether a file has keys of a terrain or a vehicle at its top."""
+    try:
+        members = msgspec.json.decode(read_source(name).data, type=dict[str, msgspec.Raw])
+    except (msgspec.MsgspecError, RecursionError, UnicodeError, ReadError):
+        return False
+    return not members.keys().isdisjoint(("size", "elemTypes", "elemTree", "mass", "wheels"))
 
 
 def _by_severity(counts: Counter[str]) -> Counter[str]:
@@ -338,14 +354,20 @@ def command(
         raise click.UsageError(
             "There is nothing to check. Name files or directories, or set paths in .terratool.toml."
         )
-    if update_baseline and plan.baseline is None:
-        raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
+    if update_baseline:
+        if plan.baseline is None:
+            raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
+        if Path(plan.baseline).exists():
+            read_baseline(plan.baseline)  # no other file is written over
     known = None if plan.baseline is None or update_baseline else Known(plan.baseline)
     found = _Found()
     with Status("checking") as status:
         for name in _names(names, found.unreadable):
             status.say(f"checking {called(name)}")
-            plan.refuse_writing(name)
+            if plan.writes(name):
+                if name in names or _is_definition(name):
+                    raise WriteError(f"{name}: is to be checked.", "Write elsewhere.")
+                continue  # met in a folder
             room = _ALL if plan.baseline is not None else max(0, plan.limit - len(found.findings))
             options = plan.options(settings, name, room)
             try:
@@ -357,15 +379,20 @@ def command(
                 source = _mended(name, source, options, status)
             checked = check(source, options, kind=None)
             found.add(name, checked, options, known, plan.strict)
+    if plan.form != "sarif" or update_baseline:
+        for file in found.unreadable:
+            click.echo(f"terratool: {printable(file.message)}\n  {file.hint}", err=True)
+    if update_baseline and found.unreadable:
+        raise ReadError(
+            f"{plan.baseline}: was not written, as not all files could be read.",
+            "Name files that can be read.",
+        )
     if update_baseline:
         assert plan.baseline is not None
         write_baseline(plan.baseline, found.lasting)
         click.echo(f"{plan.baseline}: {counted(len(found.lasting), 'finding')} known now.")
-        ctx.exit(3 if found.unreadable else 0)
+        ctx.exit(0)
     report = found.report(plan.limit, statistics)
-    if plan.form != "sarif":
-        for file in found.unreadable:
-            click.echo(f"terratool: {printable(file.message)}\n  {file.hint}", err=True)
     for form, out in plan.outputs:
         with whole_file(out, overwrite=True) as part:
             text = click.unstyle(REPORTERS[form](report))

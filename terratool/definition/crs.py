@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from contextlib import closing
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -23,22 +22,29 @@ WELL_KNOWN = {
 """Names of systems that GDAL has always had."""
 
 _authority = f"({'|'.join(_AUTHORITIES)})"
-_code = r"([0-9A-Z_.]+(?:\+[0-9]+)?)"
+_code = r"([0-9A-Z_]+(?:\+[0-9]+)?)"
 _coded = re.compile(f"{_authority}:{_code}", re.IGNORECASE).fullmatch
 _urn = re.compile(f"urn:(?:x-)?ogc:def:crs:{_authority}:[0-9.]*:{_code}", re.IGNORECASE).fullmatch
+_uri = re.compile(
+    f"https?://www.opengis.net/def/crs/{_authority}/[0-9.]+/{_code}", re.IGNORECASE
+).fullmatch
+_epsg = re.compile(r"[1-9][0-9]{0,8}(?:\+[1-9][0-9]{0,8})?").fullmatch
 _address = re.compile(r"[a-z][a-z0-9+.-]*://|/vsi", re.IGNORECASE).match
 _wkt = re.compile(
-    r"(?:BOUND|COMPOUND|DERIVEDPROJ|ENG|GEOD|GEOG|PARAMETRIC|PROJ|TIME|VERT)(?:ETIC|RAPHIC|ED)?CRS\["
-    r"|(?:GEOGCS|GEOCCS|PROJCS|VERT_CS|LOCAL_CS|COMPD_CS|ENGINEERINGCRS|VERTICALCRS)\[",
+    r"(?:(?:BOUND|COMPOUND|DERIVEDPROJ|ENG|GEOD|GEOG|PARAMETRIC|PROJ|TIME|VERT)(?:ETIC|RAPHIC|ECTED)?CRS"
+    r"|GEOGCS|GEOCCS|PROJCS|VERT_CS|LOCAL_CS|COMPD_CS|ENGINEERINGCRS|VERTICALCRS)\s*\[",
     re.IGNORECASE,
 ).match
+_extension = re.compile(r'\bEXTENSION\b(?:\s*\[\s*"PROJ4"\s*,\s*"([^"]*)"\s*\])?', re.IGNORECASE)
 _reads = re.compile(
-    r"\b(nadgrids|geoidgrids|xy_grids|z_grids|grids|catalog|init|file)\s*=|\b(PARAMETERFILE)\s*\[",
+    r"\b(nadgrids|geoidgrids|xy_grids|z_grids|grids|catalog|model|init|file)\s*="
+    r"|\b(PARAMETERFILE|PROJ-based|PROJ4_GRIDS)\b",
     re.IGNORECASE,
 ).search
 """What has PROJ read a file."""
-_NO_GRIDS = re.compile(r"\+nadgrids=@null(?![,\w])")
+_NO_GRIDS = re.compile(r"\+nadgrids=@null(?=[\s\"]|$)")
 """A datum shift of nothing, as in the Mercator projection of web maps; it reads no file."""
+_DEEPEST = 50
 _parameter = re.compile(r"\+([a-z][a-z0-9_]*)(?:=([-+.\w'\"°,]+))?", re.IGNORECASE).fullmatch
 
 _PARAMETERS = frozenset(
@@ -75,8 +81,10 @@ def authority_code(crs: CrsValue) -> AuthorityCode | None:
     if not isinstance(crs, str):
         return None
     text = WELL_KNOWN.get(crs.strip().upper(), crs.strip())
-    match = _coded(text) or _urn(text)
-    return AuthorityCode(match[1].upper(), match[2].upper()) if match else None
+    match = _coded(text) or _urn(text) or _uri(text)
+    if match is None or (match[1].upper() == "EPSG" and not _epsg(match[2])):
+        return None
+    return AuthorityCode(match[1].upper(), match[2].upper())
 
 
 def crs_problem(crs: CrsValue) -> CrsProblem | None:
@@ -101,10 +109,19 @@ def crs_problem(crs: CrsValue) -> CrsProblem | None:
         except (msgspec.MsgspecError, RecursionError):
             return CrsProblem("the crs is a text that begins as PROJJSON and is none.")
     if _wkt(text) and text.endswith("]"):
-        return _file_problem(text)
+        return _wkt_problem(text)
     if text.startswith("+"):
         return _parameters_problem(text.split())
-    return CrsProblem("the crs is none that is known here; names of files are not taken.")
+    return CrsProblem("this is no reference system that is taken; names of files are not.")
+
+
+def _wkt_problem(text: str) -> CrsProblem | None:
+    for extension in _extension.finditer(text):
+        if extension[1] is None:
+            return CrsProblem("the crs has an EXTENSION that is no text of PROJ.")
+        if problem := _parameters_problem(extension[1].split()):
+            return problem
+    return _file_problem(_extension.sub("", text))
 
 
 def _object_problem(crs: dict[str, Any]) -> CrsProblem | None:
@@ -114,22 +131,20 @@ def _object_problem(crs: dict[str, Any]) -> CrsProblem | None:
         )
     if not isinstance(crs.get("type"), str):
         return CrsProblem('the crs is an object with neither "type" nor "proj".')
-    return next(filter(None, map(_file_problem, _texts(crs))), None)
-
-
-def _texts(crs: dict[str, Any]) -> Iterator[str]:
-    """All texts in PROJJSON; of a parameter that is a file, as WKT has it."""
-    pending: list[Any] = [crs]
+    pending: list[tuple[Any, int]] = [(crs, 0)]
     while pending:
-        item = pending.pop()
-        if isinstance(item, str):
-            yield item
-        elif isinstance(item, list):
-            pending += item
+        item, depth = pending.pop()
+        if depth > _DEEPEST:
+            return CrsProblem("the crs is nested too deep.")
+        if isinstance(item, str) and (problem := _file_problem(item)):
+            return problem
+        if isinstance(item, list):
+            pending += [(part, depth + 1) for part in item]
         elif isinstance(item, dict):
-            pending += item.values()
+            pending += [(part, depth + 1) for part in item.values()]
             if "name" in item and isinstance(item.get("value"), str):
-                yield "PARAMETERFILE["
+                return CrsProblem("the crs has a parameter that is a file.")
+    return None
 
 
 def _parameters_problem(words: list[str]) -> CrsProblem | None:
@@ -164,7 +179,7 @@ def is_known(entry: AuthorityCode) -> bool | None:
 def _has(path: str, entry: AuthorityCode) -> bool | None:
     import sqlite3
 
-    query = "SELECT 1 FROM crs_view WHERE auth_name = ? AND code = ?"
+    query = "SELECT 1 FROM crs_view WHERE auth_name = ? AND CAST(code AS TEXT) = ?"
     try:
         with closing(sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)) as database:
             return all(

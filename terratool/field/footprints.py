@@ -28,7 +28,9 @@ def geojson_head(terrain: Terrain) -> dict[str, Any]:
     head: dict[str, Any] = {"type": "FeatureCollection"}
     entry = None if terrain.crs is None else authority_code(terrain.crs)
     if entry is not None:
-        name = f"urn:ogc:def:crs:{entry.authority}::{entry.code}"
+        parts = [f"crs:{entry.authority}::{code}" for code in entry.code.split("+")]
+        # what is compound has a comma before each of its parts
+        name = "urn:ogc:def:" + (parts[0] if len(parts) == 1 else f"crs,{','.join(parts)}")
         head["crs"] = {"type": "name", "properties": {"name": name}}
     elif terrain.crs is not None:
         head["terrain_crs"] = terrain.crs

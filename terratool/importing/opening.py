@@ -20,27 +20,57 @@ from rasterio.io import DatasetReader
 from terratool.errors import ReadError
 
 DRIVERS = (
-    "AAIGrid", "AIG", "BIGGIF", "BMP", "BT", "CTG", "DTED", "EHdr", "ENVI", "ERS", "GIF", "GPKG",
-    "GRIB", "GS7BG", "GSAG", "GSBG", "GTiff", "HDF5", "HDF5Image", "HF2", "HFA", "ISCE", "ISIS2",
-    "ISIS3", "JP2OpenJPEG", "JPEG", "LCP", "Leveller", "NDF", "netCDF", "NITF", "NWT_GRD", "PAux",
-    "PCIDSK", "PDS", "PDS4", "PNG", "PNM", "ROI_PAC", "RRASTER", "RST", "SAGA", "SDTS", "SGI",
-    "SIGDEM", "SNODAS", "SRTMHGT", "Terragen", "USGSDEM", "VICAR", "VRT", "WEBP", "XYZ", "Zarr",
-    "ZMap",
+    "AAIGrid", "BMP", "BT", "DTED", "EHdr", "ENVI", "GIF", "GPKG", "GRIB", "GS7BG", "GSAG", "GSBG",
+    "GTiff", "HF2", "HFA", "ISIS3", "JP2OpenJPEG", "JPEG", "LCP", "netCDF", "NWT_GRD", "PDS",
+    "PDS4", "PNG", "PNM", "ROI_PAC", "RST", "SAGA", "SDTS", "SGI", "SIGDEM", "SRTMHGT", "Terragen",
+    "USGSDEM", "VICAR", "WEBP", "XYZ", "ZMap",
 )  # fmt: skip
-"""Of GDAL: those that read a raster from its own files, without the net or code in the file."""
+"""Of GDAL: those that read a raster from its own files. A VRT is opened by itself, if it may be."""
 
 _LOCAL = frozenset(["file", "gz", "gzip", "tar", "zip"])
 _ARCHIVES = ("vsizip/", "vsitar/", "vsigzip/", "vsi7z/", "vsirar/")
+_SIDECARS = (".msk", ".MSK", ".ovr", ".OVR")
 
 _scheme = re.compile(r"([a-z0-9.+-]+)://", re.IGNORECASE).match
-_address = re.compile(r"(?:https?|ftp|s3|gs|az|adls?|oss|swift|hdfs|dap)://", re.IGNORECASE).search
-_virtual = re.compile(r"(?<=/)vsi[a-z0-9_]+[/?]").findall
+_address = re.compile(r"(?:https?|ftp|s3|gs|az|adls?|oss|swift|hdfs|dap):/", re.IGNORECASE).search
+_virtual = re.compile(r"(?<=/)vsi[a-z0-9_]+[/?]", re.IGNORECASE).findall
 
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_described = re.compile(rb"<\s*(?:VRTDataset|GDAL_|WM|WCS|Capabilities|OGR)", re.IGNORECASE).search
 _entities = re.compile(rb"<!(?:DOCTYPE|ENTITY)", re.IGNORECASE).search
 
+_HEAD = 1 << 14
+"""Bytes that GDAL's drivers look at, and more, to see what a file is."""
 _MAX_VRT = 256 << 20
-_MAX_NESTING = 8
-_HEAD = 512
+
+_PLAIN: dict[str, frozenset[str]] = {
+    "VRTDataset": frozenset(["rasterXSize", "rasterYSize"]),
+    "SRS": frozenset(["dataAxisToSRSAxisMapping", "coordinateEpoch"]),
+    "GeoTransform": frozenset(),
+    "Metadata": frozenset(["domain"]),
+    "MDI": frozenset(["key"]),
+    "OverviewList": frozenset(["resampling"]),
+    "VRTRasterBand": frozenset(["dataType", "band", "blockXSize", "blockYSize"]),
+    **dict.fromkeys(
+        ["Description", "UnitType", "Offset", "Scale", "NoDataValue", "HideNoDataValue",
+         "ColorInterp", "ColorTable", "CategoryNames", "Category", "SimpleSource", "ComplexSource",
+         "SourceBand", "NODATA", "Row", "F", "Name", "Type", "Usage", "Histograms", "HistItem",
+         "HistMin", "HistMax", "BucketCount", "IncludeOutOfRange", "Approximate", "HistCounts"],
+        frozenset(),
+    ),
+    "Entry": frozenset(["c1", "c2", "c3", "c4"]),
+    "GDALRasterAttributeTable": frozenset(["tableType", "Row0Min", "BinSize"]),
+    "FieldDefn": frozenset(["index"]),
+    "SourceFilename": frozenset(["relativeToVRT", "shared"]),
+    "SourceProperties": frozenset(
+        ["RasterXSize", "RasterYSize", "DataType", "BlockXSize", "BlockYSize"]
+    ),
+    "SrcRect": frozenset(["xOff", "yOff", "xSize", "ySize"]),
+    "DstRect": frozenset(["xOff", "yOff", "xSize", "ySize"]),
+}  # fmt: skip
+"""The elements of a plain mosaic, and their attributes. GDAL heeds no case, and many more."""
+_INDEXED = frozenset(["Row"])
+_DOMAINS = (None, "", "IMAGE_STRUCTURE")
 
 
 @contextlib.contextmanager
@@ -57,11 +87,10 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
     """
     drivers = None
     if not allow_remote:
-        refuse_remote(name)
-        refuse_leading(name)
-        drivers = list(DRIVERS)
-        # even what a sidecar file names is not fetched
+        drivers = _drivers_for(name)
         environment |= {"CPL_VSIL_CURL_ALLOWED_FILENAME": "-", "GDAL_VRT_ENABLE_PYTHON": "NO"}
+        if not Path(name).exists():  # in an archive, or not at all: its neighbours are not asked
+            environment["GDAL_DISABLE_READDIR_ON_OPEN"] = "EMPTY_DIR"
     with (
         warnings.catch_warnings(), _unreadable_complaints(), rasterio.Env(**environment),
         contextlib.ExitStack() as stack,
@@ -70,6 +99,8 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         with gdal_errors(name):
             # rasterio.open takes one driver, this several
             file = stack.enter_context(DatasetReader(_parse_path(name), driver=drivers))
+            files = [] if allow_remote else file.files
+        _refuse_files(name, files)
         yield file
 
 
@@ -117,69 +148,106 @@ def refuse_remote(name: str) -> None:
     remote = scheme is not None and not _LOCAL.issuperset(scheme[1].lower().split("+"))
     if remote or _address(name) or any(part not in _ARCHIVES for part in _virtual(name)):
         raise ReadError(
-            f"{name}: does not lie on this machine.",
-            "Fetch the file first, or add --allow-remote.",
+            f"{name}: is no file on this machine.", "Fetch it first, or add --allow-remote."
         )
     if name.lstrip().startswith(("<", "{")):
         raise ReadError(f"{name[:40]}: is no name of a file.", "Name a raster or a mesh.")
 
 
-def refuse_leading(name: str, folder: Path | None = None, nesting: int = 0) -> None:
-    """Refuse a file that leads out of its folder: a VRT by its sources, others by their nature.
-
-    Args:
-        name: a path; what is not there, or is no path, is left to GDAL.
-        folder: what it must lie in, if not any.
-        nesting: how many VRTs lead there.
+def _drivers_for(name: str) -> list[str]:
+    """The drivers that may open a file.
 
     Raises:
-        ReadError: it does.
+        ReadError: it leads to the net, or out of its folder.
     """
+    refuse_remote(name)
     path = Path(name)
     try:
         if not path.is_file():
-            if folder is None:
-                return
-            raise ReadError(f"{name}: is no file.", "Look at what the VRT names.")
-        if folder is not None and not path.resolve().is_relative_to(folder):
-            raise ReadError(
-                f"{name}: lies outside of the folder of the VRT that names it.",
-                "Copy it there, or make one file of all with gdal_translate.",
-            )
+            return list(DRIVERS)
+        _refuse_sidecars(path)
         with open(path, "rb") as file:
-            head = file.read(_HEAD).removeprefix(b"\xef\xbb\xbf").lstrip()
-            text = file.read(_MAX_VRT) if head.startswith(b"<VRTDataset") else b""
+            head = file.read(_HEAD)
+            if not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<VRTDataset"):
+                return list(DRIVERS)
+            text = head + file.read(_MAX_VRT)
     except (OSError, ValueError):
-        return  # GDAL says what is wrong
-    if head.startswith(b"<VRTDataset"):
-        _refuse_sources(path, head + text, nesting)
-    elif head.startswith((b"<", b"{")):
-        raise ReadError(
-            f"{name}: is a description of a raster that lies elsewhere, or no raster at all.",
-            "Name the raster itself, or add --allow-remote.",
-        )
+        return list(DRIVERS)  # GDAL says what is wrong
+    _refuse_sources(path, text)
+    return ["VRT"]
 
 
-def _refuse_sources(path: Path, text: bytes, nesting: int) -> None:
-    """Refuse a VRT of another kind than a plain mosaic, or with sources out of its folder."""
+def _refuse_sidecars(path: Path) -> None:
+    """Refuse masks and overviews beside a file that are no TIFF: GDAL opens them by any driver."""
+    for suffix in _SIDECARS:
+        sidecar = path.with_name(path.name + suffix)
+        if sidecar.exists() and not _is_tiff(sidecar):
+            raise ReadError(
+                f"{sidecar}: is no TIFF, though GDAL takes it for a part of {path.name}.",
+                "Remove it, or add --allow-remote.",
+            )
+
+
+def _is_tiff(path: Path) -> bool:
+    """Whether a file is a TIFF, and none that other drivers take for a description as well."""
+    with open(path, "rb") as file:
+        head = file.read(_HEAD)
+    return head.startswith(_TIFF) and not _described(head)
+
+
+def _refuse_sources(path: Path, text: bytes) -> None:
+    """Refuse a VRT that is no plain mosaic of TIFFs in its folder.
+
+    Raises:
+        ReadError: it is not.
+    """
     hint = "Make a GeoTIFF of it with gdal_translate, or add --allow-remote."
-    if nesting >= _MAX_NESTING or len(text) > _MAX_VRT or _entities(text):
-        raise ReadError(f"{path}: is a VRT that is too large or too deep, or has entities.", hint)
+    if len(text) > _MAX_VRT or _entities(text):
+        raise ReadError(f"{path}: is a VRT that is too large, or has entities.", hint)
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise ReadError(f"{path}: is no XML ({error}).", hint) from error
-    kinds = {element.get("subClass", "VRTSourcedRasterBand") for element in root.iter()}
-    domains = {element.get("domain") for element in root.iter("Metadata")}
-    if kinds != {"VRTSourcedRasterBand"} or "GEOLOCATION" in domains:
-        raise ReadError(f"{path}: is a VRT that computes, and no plain mosaic.", hint)
+    for element in root.iter():
+        known = _PLAIN.get(element.tag)
+        indexed = element.tag in _INDEXED and set(element.attrib) <= {"index"}
+        domain = element.get("domain") in _DOMAINS
+        if known is None or not domain or not (indexed or known.issuperset(element.attrib)):
+            raise ReadError(
+                f"{path}: is more than a plain mosaic: it has {element.tag[:40]!r} with "
+                f"{', '.join(element.attrib)[:60] or 'no attributes'}.",
+                hint,
+            )
     folder = path.resolve().parent
     seen = set()
     for element in root.iter("SourceFilename"):
-        source = (element.text or "").strip()
-        whole = str(folder / source) if element.get("relativeToVRT") == "1" else source
-        if whole in seen:
+        name = (element.text or "").strip()
+        source = folder / name if element.get("relativeToVRT") == "1" else Path(name)
+        if source in seen:
             continue
-        seen.add(whole)
-        refuse_remote(whole)
-        refuse_leading(whole, folder, nesting + 1)
+        seen.add(source)
+        refuse_remote(name)
+        if not source.is_absolute() or not source.resolve().is_relative_to(folder):
+            raise ReadError(f"{path}: names {name[:60]!r}, which lies out of its folder.", hint)
+        if not source.is_file() or not _is_tiff(source):
+            raise ReadError(f"{path}: names {name[:60]!r}, which is no TIFF.", hint)
+        _refuse_sidecars(source)
+
+
+def _refuse_files(name: str, files: list[str]) -> None:
+    """Refuse a raster that has files outside of its folder, as labels may name any.
+
+    Raises:
+        ReadError: it has.
+    """
+    path = Path(name)
+    if not path.is_file():
+        return
+    folders = {path.parent.resolve(), path.resolve().parent}
+    for file in files:
+        inside = any(Path(file).resolve().is_relative_to(folder) for folder in folders)
+        if Path(file).exists() and not inside:
+            raise ReadError(
+                f"{name}: has a part outside of its folder, {file}.",
+                "Copy it there, or add --allow-remote.",
+            )

@@ -18,6 +18,7 @@ from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
+from terratool.definition.crs import crs_problem
 from terratool.errors import ReadError, RequestError
 from terratool.importing.opening import gdal_errors, open_local
 from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
@@ -209,6 +210,11 @@ def _band(name: str, file: Any, band: int | None) -> int:
 
 def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> WarpedVRT:
     target = read_crs(crs)
+    if file.crs is not None and crs_problem(file.crs.to_wkt()):
+        raise RequestError(
+            f"{name}: has a reference system that reads a file, so that it is not reprojected.",
+            "Leave out --crs, or give the file another one with gdal_edit.py -a_srs.",
+        )
     if file.crs is None:
         raise RequestError(
             f"{name}: does not say its reference system, so that it cannot be reprojected.",
@@ -280,7 +286,7 @@ def _heights(
     unit = _unit(file, band, ((west + east) / 2, (south + north) / 2), about)
     grid = PixelGrid(
         west + columns[0] * dx, north - rows[1] * dy, dx, dy, count_x, count_y,
-        _spelled(file.crs), unit,
+        _spelled(file.crs, about), unit,
     )  # fmt: skip
     first_column = file.width - columns[1] if east_first else columns[0]
     first_row = file.height - rows[1] if south_up else rows[0]
@@ -297,12 +303,16 @@ def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tu
     return max(pixels[0], first), min(pixels[1], last + 1)
 
 
-def _spelled(crs: CRS | None) -> str | None:
-    """A reference system as a definition spells it."""
+def _spelled(crs: CRS | None, about: list[str]) -> str | None:
+    """A reference system as a definition spells it; what no definition takes is noted."""
     if crs is None or not crs.to_wkt():
         return None
     number = crs.to_epsg()
-    return f"EPSG:{number}" if number else str(crs.to_wkt())
+    spelled = f"EPSG:{number}" if number else str(crs.to_wkt())
+    if crs_problem(spelled) is None:
+        return spelled
+    about.append("The raster's reference system reads a file, and was left out.")
+    return None
 
 
 def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -> str:
@@ -407,7 +417,8 @@ def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iter
                 "Name one, as export-dem --layer surface writes.",
             )
         surfaces = _surfaces(name, file)
-        if grid.crs is not None and file.crs is not None and file.crs != grid.crs:
+        odd = file.crs is not None and crs_problem(file.crs.to_wkt()) is not None
+        if grid.crs is not None and file.crs is not None and not odd and file.crs != grid.crs:
             west, _, _, north = grid.bounds
             with gdal_errors(name):
                 # the class that lies nearest to each pixel centre of the grid

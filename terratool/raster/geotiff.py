@@ -369,4 +369,4 @@ def read_crs(crs: CrsValue) -> CRS:
 
 def shown_crs(crs: CrsValue) -> str:
     """A reference system as a message shows it."""
-    return shown(crs) if isinstance(crs, str | int) else "the object"
+    return shown(crs) if isinstance(crs, str | int) else "an object"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from msgspec import Struct
 
+_digits = re.compile("[0-9]+").findall
 _NEAR = 0.8
 """Names that are alike by this share, as difflib counts, are near."""
 _control = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -36,6 +37,15 @@ class Edit(NamedTuple):
     def applied(self, data: bytes) -> bytes:
         """The text with the change."""
         return data[: self.begin] + self.new + data[self.end :]
+
+
+def apply_edits(data: bytes, edits: Iterable[Edit]) -> bytes:
+    """A text with edits that do not overlap, in one pass."""
+    parts, at = [], 0
+    for edit in sorted(edits):
+        parts += [data[at : edit.begin], edit.new]
+        at = edit.end
+    return b"".join([*parts, data[at:]])
 
 
 def escape(key: str) -> str:
@@ -81,6 +91,9 @@ def only_answer(name: str, close: Sequence[str]) -> str:
 
     near = [other for other in close if other.lower() == name.lower()]
     near = near or get_close_matches(name, close, 2, _NEAR)
+    # rock10 is not meant by rock1
+    if any(_digits(other) != _digits(name) for other in near):
+        return ""
     return json.dumps(near[0], ensure_ascii=False) if len(near) == 1 else ""
 
 

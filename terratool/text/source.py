@@ -59,6 +59,8 @@ def read_source(path: str | Path) -> Source:
                 data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise ReadError.of(name, error) from error
+    except ValueError as error:
+        raise ReadError(f"{name!r}: is no name of a file.", "Check the path.") from error
     data = _within_limit(name, data)
     packed = data.startswith(_GZIP)
     if packed:

@@ -75,7 +75,10 @@ def test_settings_by_pattern(project: Path) -> None:
         ('ignore = ["TT999"]', "TT999"), ('folder = "x"', "folder"), ("strict = ", "is no TOML"),
         ('[per-file-ignores]\n"a" = ["XX"]', "XX"), ('formats = ["xml"]', "xml"),
         ('formats = ["json", "sarif"]', "Standard output"), ("a" * 3000 + " = 1", "aaa"),
-        ('baseline = "absent.json"', "--update-baseline"),
+        ('baseline = "absent.json"', "--update-baseline"), ("max-findings = -1", "max-findings"),
+        ("max-step = nan", "max-step"), ('baseline = "a\\u0000b"', "outside"),
+        ('formats = ["json=../x.json"]', "outside"),
+        ('baseline = "../../x.json"', "outside"),
     ],
 )  # fmt: skip
 def test_settings_that_are_not_taken(project: Path, text: str, says: str) -> None:
@@ -283,3 +286,59 @@ def test_fix_heeds_what_is_selected(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     call("validate", path, "--fix", "--select", "TT201")
     assert path.read_text("utf-8") == text.replace("bx", "box")
+
+
+def test_no_file_is_written_over(project: Path) -> None:
+    """A terrain is no baseline; neither is what findings go to."""
+    before = Path("sites/a.json").read_bytes()
+    for name in ("sites/a.json", "sites/b.json"):
+        ran = call("validate", "sites/a.json", "--baseline", name, "--update-baseline")
+        assert ran.code == 3 and "is no baseline" in ran.err
+    assert Path("sites/a.json").read_bytes() == before
+    assert call("validate", "sites", "--format", "json=o", "--format", "sarif=o").code == 2
+
+
+def test_a_baseline_among_terrains(project: Path) -> None:
+    """It is none of those that are checked in its folder, nor are findings that went there."""
+    options = ("sites", "--baseline", "sites/known.json")
+    assert call("validate", *options, "--update-baseline").code == 0
+    assert codes(*options) == []
+    call("validate", *options, "--format", "json=sites/found.json")
+    assert call("validate", *options, "--format", "json=sites/found.json").code == 0
+
+
+def test_a_baseline_needs_all_files(project: Path) -> None:
+    ran = call("validate", "sites", "no.json", "--baseline", "k.json", "--update-baseline")
+    assert ran.code == 3 and "no.json" in ran.err and not Path("k.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        # names with other numbers are other names; a key that is there already stays
+        ('{"size":1,"elemTypes":{"rock1":{"x":[1]}},"elemTree":{"type":"rock10"}}', None),
+        (
+            '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vscale":1,"VScale":2}}',
+            None,
+        ),
+        ('{"Size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}', "Size"),
+    ],
+)
+def test_fix_makes_nothing_worse(tmp_path: Path, before: str, after: str | None) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(before, encoding="utf-8")
+    call("validate", path, "--fix", "--max-findings", 1)
+    expected = before if after is None else before.replace(after, after.lower())
+    assert path.read_text("utf-8") == expected
+
+
+def test_a_terrain_in_a_folder_is_not_written_over(project: Path) -> None:
+    before = Path("sites/a.json").read_bytes()
+    assert call("validate", "sites", "--format", "json=sites/a.json").code == 3
+    assert Path("sites/a.json").read_bytes() == before
+
+
+def test_names_that_are_none(project: Path) -> None:
+    Path(".terratool.toml").write_text('paths = ["a\\u0000b"]', encoding="utf-8")
+    ran = call("validate")
+    assert ran.code == 3 and "is no name of a file" in ran.err

@@ -28,7 +28,8 @@ WEB_MERCATOR = (
     [
         ("EPSG:32633", 32633), ("epsg:32633", 32633), (32633, 32633), (" EPSG:32633 ", 32633),
         ("urn:ogc:def:crs:EPSG::32633", 32633), ("urn:ogc:def:crs:EPSG:9.8:32633", 32633),
-        ("WGS84", 4326), ("IAU_2015:30100", None), ("EPSG:32633+5773", None),
+        ("WGS84", 4326), ("http://www.opengis.net/def/crs/EPSG/0/32633", 32633),
+        ("IAU_2015:30100", None), ("EPSG:32633+5773", None),
         ("OGC:CRS84", None), ("ESRI:54009", None),
         ("+proj=utm +zone=33 +datum=WGS84 +units=m +no_defs", 32633), (WEB_MERCATOR, None),
         ({"proj": "utm", "zone": 33, "datum": "WGS84", "south": False}, 32633),
@@ -68,6 +69,13 @@ BAD = [
     'PROJCS["x",EXTENSION["PROJ4","+proj=utm +nadgrids=shift.gsb"]]',
     'BOUNDCRS[SOURCECRS[],ABRIDGEDTRANSFORMATION["a",PARAMETERFILE["f","shift.gsb"]]]',
     {"type": "BoundCRS", "transformation": {"parameters": [{"name": "f", "value": "shift.gsb"}]}},
+    'GEOGCS["x",DATUM["y",SPHEROID["z",6378137,298],EXTENSION["PROJ4_GRIDS","/a.gsb"]]]',
+    'BOUNDCRS[SOURCECRS[],ABRIDGEDTRANSFORMATION["a",PARAMETERFILE("f","/a.gsb")]]',
+    'PROJCS["x",EXTENSION["PROJ4","+proj=defmodel +model=/a.json"]]',
+    'PROJCS["x",EXTENSION["PROJ4","+proj=merc +nadgrids=@null.gsb"]]',
+    'BOUNDCRS[METHOD["PROJ-based operation method: +proj=defmodel +model=/a.json"]]',
+    {"type": "BoundCRS", "method": {"name": "PROJ-based operation method: +proj=x"}},
+    "EPSG:32633.0", "EPSG:3.2633E4", "EPSG:032633", "EPSG:3E4",
     "IMPORT_FROM_WKT", "AUTO:42001,12,55", '{"type": ', "[" * 200_000,
 ]  # fmt: skip
 
@@ -81,6 +89,13 @@ def test_what_is_not(crs: Any) -> None:
     data = json.dumps({**BOX, "crs": crs}).encode()
     assert {f.code for f in check(Source("a", data)).findings} <= {"TT114", "TT107"}
     assert check(Source("a", data)).terrain is None
+
+
+def test_an_object_that_is_nested_deep() -> None:
+    deep: Any = {}
+    for _ in range(3000):
+        deep = {"a": deep}
+    assert crs_problem({"type": "GeographicCRS", **deep}) is not None
 
 
 def test_codes_are_looked_up() -> None:
