@@ -42,6 +42,9 @@ _reads = re.compile(
     re.IGNORECASE,
 ).search
 """What has PROJ read a file."""
+_grids = re.compile(
+    r"\b(?:nadgrids|geoidgrids)\s*=|\b(?:PARAMETERFILE|PROJ-based|PROJ4_GRIDS)\b", re.IGNORECASE
+).search
 _NO_GRIDS = re.compile(r"\+nadgrids=@null(?=[\s\"]|$)")
 """A datum shift of nothing, as in the Mercator projection of web maps; it reads no file."""
 _DEEPEST = 50
@@ -113,6 +116,11 @@ def crs_problem(crs: CrsValue) -> CrsProblem | None:
     if text.startswith("+"):
         return _parameters_problem(text.split())
     return CrsProblem("this is no reference system that is taken; names of files are not.")
+
+
+def names_file(text: str) -> bool:
+    """Whether a text, which may hold other things, has a reference system with grids in it."""
+    return _grids(_NO_GRIDS.sub("", text)) is not None
 
 
 def _wkt_problem(text: str) -> CrsProblem | None:

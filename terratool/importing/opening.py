@@ -17,6 +17,7 @@ from rasterio._path import _parse_path
 from rasterio.errors import NotGeoreferencedWarning, RasterioError, WarpOperationError
 from rasterio.io import DatasetReader
 
+from terratool.definition.crs import names_file
 from terratool.errors import ReadError
 
 DRIVERS = (
@@ -166,6 +167,7 @@ def _drivers_for(name: str) -> list[str]:
         if not path.is_file():
             return list(DRIVERS)
         _refuse_sidecars(path)
+        _refuse_grids(path)
         with open(path, "rb") as file:
             head = file.read(_HEAD)
             if not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<VRTDataset"):
@@ -185,6 +187,19 @@ def _refuse_sidecars(path: Path) -> None:
             raise ReadError(
                 f"{sidecar}: is no TIFF, though GDAL takes it for a part of {path.name}.",
                 "Remove it, or add --allow-remote.",
+            )
+
+
+def _refuse_grids(path: Path) -> None:
+    """Refuse a reference system beside a file that names grids: PROJ looks for them on opening."""
+    for beside in (
+        path.with_name(path.name + ".aux.xml"), path.with_suffix(".aux.xml"),
+        path.with_suffix(".prj"), path.with_suffix(".PRJ"), path.with_suffix(".qpj"),
+    ):  # fmt: skip
+        if beside.is_file() and names_file(beside.read_text("utf-8", "replace")):
+            raise ReadError(
+                f"{beside}: has a reference system that names a file.",
+                "Take that out of it, or add --allow-remote.",
             )
 
 

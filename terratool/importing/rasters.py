@@ -305,14 +305,14 @@ def _within(pixels: tuple[int, int], low: float, high: float, side: float) -> tu
 
 def _spelled(crs: CRS | None, about: list[str]) -> str | None:
     """A reference system as a definition spells it; what no definition takes is noted."""
-    if crs is None or not crs.to_wkt():
+    wkt = "" if crs is None else str(crs.to_wkt())
+    if crs is None or not wkt:
+        return None
+    if crs_problem(wkt):
+        about.append("The raster's reference system reads a file, and was left out.")
         return None
     number = crs.to_epsg()
-    spelled = f"EPSG:{number}" if number else str(crs.to_wkt())
-    if crs_problem(spelled) is None:
-        return spelled
-    about.append("The raster's reference system reads a file, and was left out.")
-    return None
+    return f"EPSG:{number}" if number else wkt
 
 
 def _unit(file: Any, band: int, middle: tuple[float, float], about: list[str]) -> str:

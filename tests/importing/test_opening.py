@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gzip
+import os
 import zipfile
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
@@ -176,6 +178,23 @@ def test_labels_that_name_other_folders(tmp_path: Path) -> None:
     path.write_text(label.replace("../raw/", ""))
     (path.parent / "a.img").write_bytes((tmp_path / "raw" / "a.img").read_bytes())
     assert heights(path).max() == 23
+
+
+GRIDS = 'GEOGCS["x",DATUM["y",SPHEROID["z",6378137,298],EXTENSION["PROJ4_GRIDS","{}"]]]'
+
+
+@pytest.mark.parametrize("suffix", [".prj", ".tif.aux.xml"])
+def test_reference_systems_that_name_files(tmp_path: Path, suffix: str) -> None:
+    """A pipe in place of the grid would hang whoever opened it."""
+    grid = tmp_path / "grid.gsb"
+    os.mkfifo(grid)
+    dem(tmp_path / "a.tif")
+    text = GRIDS.format(grid)
+    if suffix != ".prj":
+        text = f"<PAMDataset><SRS>{escape(text)}</SRS></PAMDataset>"
+    (tmp_path / f"a{suffix}").write_text(text)
+    with pytest.raises(ReadError, match="names a file"):
+        heights(tmp_path / "a.tif")
 
 
 def test_what_is_asked_for_is_allowed(tmp_path: Path) -> None:
