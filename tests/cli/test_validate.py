@@ -236,7 +236,7 @@ def test_a_mixture_in_every_format(tmp_path: Path, form: str) -> None:
     assert call("validate", "--format", form, *paths).code == 1
     ran = call("validate", "--format", form, paths[0], tmp_path / "absent.json", *paths[1:])
     assert ran.code == 3
-    code = r"\bTT(?:210|101)\b(?=:| line|,|\"\,\s+\"(?:severity|ruleIndex)|::)"
+    code = r"\bTT(?:210|101)\b(?=:| at|,|\"\,\s+\"(?:severity|ruleIndex)|::)"
     assert re.findall(code, ran.out) == [
         "TT210", "TT101",
     ]  # fmt: skip
