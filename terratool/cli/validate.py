@@ -120,13 +120,17 @@ def _plan(formats: tuple[str, ...], settings: Config, given: dict[str, Any]) -> 
         click.UsageError: it makes no sense.
         WriteError: a file cannot be written.
     """
+    from difflib import get_close_matches
+
     form = None
     outputs = []
     for text in formats or settings.formats:
         name, separator, out = text.partition("=")
         if name not in REPORTERS:
+            close = get_close_matches(name.lower(), REPORTERS, 1)
+            guess = f" Did you mean {close[0]}?" if close else ""
             raise click.UsageError(
-                f"There is no format {shown(name)}. There is {', '.join(REPORTERS)}."
+                f"There is no format {shown(name)}. There is {', '.join(REPORTERS)}.{guess}"
             )
         if separator:
             out = out if formats else settings.written(out)
@@ -248,6 +252,9 @@ def _mended(name: str, source: Source, options: CheckOptions, status: Status) ->
         if after.counts["TT102"] > checked.counts["TT102"]:
             break
         data, checked, count = mended, after, count + len(edits)
+    else:
+        status.clear()
+        click.echo(f"terratool: {printable(name)}: run --fix again for more.", err=True)
     if not count:
         return source
     source = structs.replace(source, data=data)
