@@ -36,11 +36,11 @@ class ReadError(TerratoolError):
     """A file cannot be read."""
 
     @classmethod
-    def of(cls, name: object, error: OSError) -> ReadError:
+    def of(
+        cls, name: object, error: OSError, hint: str = "Check the path and its permissions."
+    ) -> ReadError:
         """The system does not read a file."""
-        return cls(
-            f"{name}: cannot be read ({reason(error)}).", "Check the path and its permissions."
-        )
+        return cls(f"{name}: cannot be read ({reason(error)}).", hint)
 
 
 class WriteError(TerratoolError):

@@ -11,7 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from terratool.definition.findings import Finding
-from terratool.errors import ReadError, reason
+from terratool.errors import ReadError
 from terratool.output import whole_file
 
 FORMAT_VERSION = 1
@@ -45,9 +45,7 @@ def read_baseline(path: str) -> Baseline:
     try:
         found = msgspec.json.decode(Path(path).read_bytes(), type=Baseline)
     except OSError as error:
-        raise ReadError(
-            f"{path}: cannot be read ({reason(error)}).", "Write it first, with --update-baseline."
-        ) from error
+        raise ReadError.of(path, error, "Write it first, with --update-baseline.") from error
     except (msgspec.MsgspecError, RecursionError, ValueError) as error:
         raise ReadError(
             f"{path}: is no baseline ({error}).", "Write it anew, with --update-baseline."

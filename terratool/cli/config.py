@@ -102,11 +102,10 @@ def read_config(path: Path) -> Config | None:
     """
     try:
         text = path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no UTF-8"
-        raise ReadError(
-            f"{path}: cannot be read ({reason.lower()}).", "Check the path and its permissions."
-        ) from error
+    except OSError as error:
+        raise ReadError.of(path, error) from error
+    except UnicodeDecodeError as error:
+        raise ReadError(f"{path}: is no UTF-8 text.", "Save it as UTF-8.") from error
     shared = path.name == SHARED
     if shared and "terratool" not in text:
         return None

@@ -105,7 +105,7 @@ def main() -> None:
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
     os.environ["PROJ_NETWORK"] = "OFF"  # no grids are fetched, whatever proj.ini says
     if "--allow-remote" not in sys.argv:
-        os.environ["GDAL_SKIP"] = _REMOTE
+        os.environ["GDAL_SKIP"] = f"{os.environ.get('GDAL_SKIP', '')} {_REMOTE}"
     code = _run()
     if sys.stdout is not None:  # as it is where it was closed
         try:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from terratool.field.terrain import PointSamples, Terrain
 
 COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "note")
-_OUTSIDE = -2
 FORMAT_VERSION = 1
 _CHUNK = 65536
 
@@ -174,7 +173,9 @@ def _notes(found: PointSamples) -> list[str | None]:
     """Why each point has no height, None where it has one."""
     import numpy as np
 
-    notes = np.where(found.element == _OUTSIDE, "outside", "void").astype(object)
+    from terratool.field.terrain import OUTSIDE
+
+    notes = np.where(found.element == OUTSIDE, "outside", "void").astype(object)
     notes[~np.isnan(found.height)] = None
     return list(notes)
 

@@ -24,7 +24,8 @@ from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
-from terratool.text.display import apply_edits, counted, printable, shown
+from terratool.text.display import counted, printable, shown
+from terratool.text.edit import apply_edits
 from terratool.text.source import Source, read_source, sources, write_source
 
 _ALL = 10**9

@@ -36,15 +36,14 @@ _wkt = re.compile(
     re.IGNORECASE,
 ).match
 _extension = re.compile(r'\bEXTENSION\b(?:\s*\[\s*"PROJ4"\s*,\s*"([^"]*)"\s*\])?', re.IGNORECASE)
+_FILES = r"\b(PARAMETERFILE|PROJ-based|PROJ4_GRIDS)\b"
 _reads = re.compile(
-    r"\b(nadgrids|geoidgrids|xy_grids|z_grids|grids|catalog|model|init|file)\s*="
-    r"|\b(PARAMETERFILE|PROJ-based|PROJ4_GRIDS)\b",
+    rf"\b(nadgrids|geoidgrids|xy_grids|z_grids|grids|catalog|model|init|file)\s*=|{_FILES}",
     re.IGNORECASE,
 ).search
 """What has PROJ read a file."""
-_grids = re.compile(
-    r"\b(?:nadgrids|geoidgrids)\s*=|\b(?:PARAMETERFILE|PROJ-based|PROJ4_GRIDS)\b", re.IGNORECASE
-).search
+_grids = re.compile(rf"\b(?:nadgrids|geoidgrids)\s*=|{_FILES}", re.IGNORECASE).search
+"""The same in a text that may hold other things."""
 _NO_GRIDS = re.compile(r"\+nadgrids=@null(?=[\s\"]|$)")
 """A datum shift of nothing, as in the Mercator projection of web maps; it reads no file."""
 _DEEPEST = 50
@@ -110,12 +109,12 @@ def crs_problem(crs: CrsValue) -> CrsProblem | None:
         try:
             return _object_problem(msgspec.json.decode(text, type=dict[str, Any]))
         except (msgspec.MsgspecError, RecursionError):
-            return CrsProblem("the crs is a text that begins as PROJJSON and is none.")
+            return CrsProblem("the crs begins like PROJJSON, but is no JSON object.")
     if _wkt(text) and text.endswith("]"):
         return _wkt_problem(text)
     if text.startswith("+"):
         return _parameters_problem(text.split())
-    return CrsProblem("this is no reference system that is taken; names of files are not.")
+    return CrsProblem("the crs is no authority code, WKT, PROJJSON or PROJ string.")
 
 
 def names_file(text: str) -> bool:

@@ -9,7 +9,8 @@ from typing import Literal
 
 from msgspec import Struct, field
 
-from terratool.text.display import Edit, Excerpt
+from terratool.text.display import Excerpt
+from terratool.text.edit import Edit
 
 Severity = Literal["error", "warning"]
 Bounds = tuple[float, float, float, float]

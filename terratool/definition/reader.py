@@ -23,7 +23,8 @@ from terratool.definition.rules.base import Subject, VehicleSubject
 from terratool.definition.tree import Tree, complete, flatten
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
-from terratool.text.display import Edit, shown, unescape
+from terratool.text.display import shown, unescape
+from terratool.text.edit import Edit
 from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source
 from terratool.text.values import Repeated, read_values, repeated_keys

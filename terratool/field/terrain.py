@@ -21,6 +21,9 @@ from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays, aligned
 from terratool.kernels import field as kernels
 
+OUTSIDE = -2
+"""In place of an element, at points outside of the terrain."""
+
 CHUNK = 1 << 21
 """So many points of a batch are sorted at a time."""
 SMALL_FIELD = 1 << 20
@@ -108,7 +111,7 @@ class PointSamples:
     Attributes:
         height: float64, NaN outside the terrain and in the void.
         element: int64, index of the element that decides the surface, or the number of elements
-            and the index of the track that does; -1 where no footprint lies, -2 outside.
+            and the index of the track that does; -1 where no footprint lies, OUTSIDE outside.
         surface: int32, index into `Terrain.surfaces`; -1 for none.
         normal: (…, 3) float64, the upward unit normal; NaN where the height is.
     """

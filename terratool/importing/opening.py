@@ -55,13 +55,14 @@ _PLAIN: dict[str, frozenset[str]] = {
     **dict.fromkeys(
         ["Description", "UnitType", "Offset", "Scale", "NoDataValue", "HideNoDataValue",
          "ColorInterp", "ColorTable", "CategoryNames", "Category", "SimpleSource", "ComplexSource",
-         "SourceBand", "NODATA", "Row", "F", "Name", "Type", "Usage", "Histograms", "HistItem",
+         "SourceBand", "NODATA", "F", "Name", "Type", "Usage", "Histograms", "HistItem",
          "HistMin", "HistMax", "BucketCount", "IncludeOutOfRange", "Approximate", "HistCounts"],
         frozenset(),
     ),
     "Entry": frozenset(["c1", "c2", "c3", "c4"]),
     "GDALRasterAttributeTable": frozenset(["tableType", "Row0Min", "BinSize"]),
     "FieldDefn": frozenset(["index"]),
+    "Row": frozenset(["index"]),
     "SourceFilename": frozenset(["relativeToVRT", "shared"]),
     "SourceProperties": frozenset(
         ["RasterXSize", "RasterYSize", "DataType", "BlockXSize", "BlockYSize"]
@@ -70,7 +71,6 @@ _PLAIN: dict[str, frozenset[str]] = {
     "DstRect": frozenset(["xOff", "yOff", "xSize", "ySize"]),
 }  # fmt: skip
 """The elements of a plain mosaic, and their attributes. GDAL heeds no case, and many more."""
-_INDEXED = frozenset(["Row"])
 _DOMAINS = (None, "", "IMAGE_STRUCTURE")
 
 
@@ -225,9 +225,8 @@ def _refuse_sources(path: Path, text: bytes) -> None:
         raise ReadError(f"{path}: is no XML ({error}).", hint) from error
     for element in root.iter():
         known = _PLAIN.get(element.tag)
-        indexed = element.tag in _INDEXED and set(element.attrib) <= {"index"}
-        domain = element.get("domain") in _DOMAINS
-        if known is None or not domain or not (indexed or known.issuperset(element.attrib)):
+        plain = known is not None and known.issuperset(element.attrib)
+        if not plain or element.get("domain") not in _DOMAINS:
             raise ReadError(
                 f"{path}: is more than a plain mosaic: it has {element.tag[:40]!r} with "
                 f"{', '.join(element.attrib)[:60] or 'no attributes'}.",

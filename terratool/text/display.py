@@ -1,11 +1,11 @@
-"""How texts, values and pointers are shown to people, and what of a text is replaced."""
+"""How texts, values and pointers are shown to people."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from msgspec import Struct
 
@@ -25,27 +25,6 @@ class Excerpt(Struct, frozen=True):
 
     text: str
     caret: int
-
-
-class Edit(NamedTuple):
-    """Bytes that take the place of others: text[:begin] + new + text[end:]."""
-
-    begin: int
-    end: int
-    new: bytes
-
-    def applied(self, data: bytes) -> bytes:
-        """The text with the change."""
-        return data[: self.begin] + self.new + data[self.end :]
-
-
-def apply_edits(data: bytes, edits: Iterable[Edit]) -> bytes:
-    """A text with edits that do not overlap, in one pass."""
-    parts, at = [], 0
-    for edit in sorted(edits):
-        parts += [data[at : edit.begin], edit.new]
-        at = edit.end
-    return b"".join([*parts, data[at:]])
 
 
 def escape(key: str) -> str:

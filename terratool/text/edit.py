@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from terratool.text.display import Edit, unescape
+from terratool.text.display import unescape
 from terratool.text.format import Layout, member_lines
 from terratool.text.locate import Address, offsets
 from terratool.text.scan import TEXT, Member, first_value, members, value_end
@@ -60,6 +61,27 @@ class Style(NamedTuple):
     colon: str
     comma: str
     pad: str
+
+
+class Edit(NamedTuple):
+    """Bytes that take the place of others: text[:begin] + new + text[end:]."""
+
+    begin: int
+    end: int
+    new: bytes
+
+    def applied(self, data: bytes) -> bytes:
+        """The text with the change."""
+        return data[: self.begin] + self.new + data[self.end :]
+
+
+def apply_edits(data: bytes, edits: Iterable[Edit]) -> bytes:
+    """A text with edits that do not overlap, in one pass."""
+    parts, at = [], 0
+    for edit in sorted(edits):
+        parts += [data[at : edit.begin], edit.new]
+        at = edit.end
+    return b"".join([*parts, data[at:]])
 
 
 def set_member(data: bytes, pointer: str, key: str, value: Any, layout: Layout) -> Edit:

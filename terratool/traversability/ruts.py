@@ -18,7 +18,7 @@ from terratool.definition.model import Definition, Track
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.errors import DefinitionError, MissedError, RequestError
-from terratool.field.terrain import Terrain
+from terratool.field.terrain import OUTSIDE, Terrain
 from terratool.text.display import shown
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
@@ -257,7 +257,7 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
     void = np.flatnonzero(np.isnan(samples.height))
     if len(void):
         at = places[void[0]]
-        outside = samples.element[void[0]] == -2
+        outside = samples.element[void[0]] == OUTSIDE
         raise RequestError(
             f"A wheel would run {'outside of the terrain' if outside else 'over no ground'} at "
             f"{at[0]:.6g} {at[1]:.6g}.",
