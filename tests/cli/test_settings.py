@@ -87,6 +87,7 @@ def test_settings_that_are_not_taken(project: Path, text: str, says: str) -> Non
     ran = call("validate", "sites")
     assert ran.code in (2, 3) and says in ran.err and not ran.out
     assert "Traceback" not in ran.err
+    assert "folder, " not in ran.err  # which is none of the settings that are listed
 
 
 def test_settings_by_name(project: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 import rasterio
 from rasterio.transform import Affine
 
-from terratool.errors import ReadError
+from terratool.errors import ReadError, RequestError
 from terratool.importing.opening import DRIVERS, refuse_remote
 from terratool.importing.sources import SourceOptions, open_source
 from tests.commands import call
@@ -195,6 +195,26 @@ def test_reference_systems_that_name_files(tmp_path: Path, suffix: str) -> None:
     (tmp_path / f"a{suffix}").write_text(text)
     with pytest.raises(ReadError, match="names a file"):
         heights(tmp_path / "a.tif")
+
+
+def test_reference_systems_within_a_raster(tmp_path: Path) -> None:
+    """One that names a grid is left out, and nothing is reprojected by it."""
+    path = tmp_path / "a.img"
+    path.write_bytes(np.arange(24, dtype="<f4").tobytes())
+    system = GRIDS.format("/a.gsb")[:-1] + ',PRIMEM["g",0],UNIT["degree",0.017453292519943295]]'
+    path.with_suffix(".hdr").write_text(
+        "ENVI\nsamples = 6\nlines = 4\nbands = 1\nheader offset = 0\ndata type = 4\n"
+        "interleave = bsq\nbyte order = 0\nmap info = {Geographic Lat/Lon, 1, 1, 10, 50, 1, 1}\n"
+        f"coordinate system string = {{{system}}}\n"
+    )
+    with open_source(str(path)) as source:
+        assert source.grid.crs is None
+        assert any("reads a file" in note for note in source.notes)
+    with (
+        pytest.raises(RequestError, match="reads a file"),
+        open_source(str(path), SourceOptions(crs="EPSG:32632")),
+    ):
+        pass
 
 
 def test_what_is_asked_for_is_allowed(tmp_path: Path) -> None:
