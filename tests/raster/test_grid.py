@@ -83,7 +83,7 @@ class TestDefault:
         with rasterio.open(out) as file:
             assert file.res == pytest.approx((0.1 / 3, 0.1 / 3), rel=1e-12)
 
-    def test_a_raster_of_a_narrow_part(self, tmp_path: Path) -> None:
+    def test_a_raster_of_a_narrow_part(self) -> None:
         terrain = slope(8, 6)
         part = 11, 21, 17, 21.1
         assert default_resolution(terrain, part) == (pytest.approx(0.1), "one row of pixels")
