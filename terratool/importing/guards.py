@@ -44,7 +44,7 @@ def refuse_claims(name: str, file: Any) -> None:
         raise ReadError(f"{name}: its pixels have no size, or lie nowhere.", _HINT)
     if not all(map(math.isfinite, (*file.scales, *file.offsets))):
         raise ReadError(f"{name}: its values have a scale or an offset that is no number.", _HINT)
-    sizes = [os.path.getsize(part) for part in file.files if Path(part).is_file()]
+    sizes = [Path(part).stat().st_size for part in file.files if Path(part).is_file()]
     if not sizes:  # in an archive
         return
     raw = file.driver in _RAW_DRIVERS and not any(
@@ -68,10 +68,10 @@ def refuse_surfer_claims(name: str, head: bytes) -> None:
     words = head[:200].split()
     if words[:1] == [b"DSAA"] and len(words) > 2:
         counts = [int(word) if word.isdigit() else 0 for word in words[1:3]]
-        if counts[0] * counts[1] > max(HARMLESS, RAW * os.path.getsize(name)):
+        size = Path(name).stat().st_size
+        if counts[0] * counts[1] > max(HARMLESS, RAW * size):
             raise ReadError(
-                f"{name}: claims {counts[0]:,} × {counts[1]:,} pixels, but has "
-                f"{os.path.getsize(name):,} bytes.",
+                f"{name}: claims {counts[0]:,} × {counts[1]:,} pixels, but has {size:,} bytes.",
                 _HINT,
             )
 
@@ -104,13 +104,14 @@ def probe(name: str) -> None:
 
 def main() -> None:
     """Open what the command line names, and read from it; on failure say why."""
+    import rasterio
     from rasterio._path import _parse_path
     from rasterio.io import DatasetReader
     from rasterio.windows import Window
 
     _limit_memory()
     try:
-        with DatasetReader(_parse_path(sys.argv[1]), driver=["netCDF"]) as file:
+        with rasterio.Env(), DatasetReader(_parse_path(sys.argv[1]), driver=["netCDF"]) as file:
             rows = min(file.height, max(1, _PROBED_PIXELS // file.width)) if file.count else 0
             if file.width * rows <= 2 * _PROBED_PIXELS:
                 step = max(1, (1 << 20) // file.width)

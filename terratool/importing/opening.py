@@ -142,18 +142,25 @@ def gdal_errors(name: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _unreadable_complaints() -> Iterator[None]:
-    """Keep quiet about messages of GDAL that are no UTF-8, of which rasterio makes a traceback."""
-    before = sys.unraisablehook
+    """Keep quiet about messages of GDAL that are no UTF-8, of which rasterio makes a traceback.
 
-    def hook(unraisable: Any) -> None:
-        if not isinstance(unraisable.exc_value, UnicodeDecodeError):
-            before(unraisable)
+    Twice: for the one hook and for the other.
+    """
+    unraisable, uncaught = sys.unraisablehook, sys.excepthook
 
-    sys.unraisablehook = hook
+    def on_unraisable(found: Any) -> None:
+        if not isinstance(found.exc_value, UnicodeDecodeError):
+            unraisable(found)
+
+    def on_uncaught(kind: Any, error: BaseException, trace: Any) -> None:
+        if not isinstance(error, UnicodeDecodeError):
+            uncaught(kind, error, trace)
+
+    sys.unraisablehook, sys.excepthook = on_unraisable, on_uncaught
     try:
         yield
     finally:
-        sys.unraisablehook = before
+        sys.unraisablehook, sys.excepthook = unraisable, uncaught
 
 
 def refuse_remote(name: str) -> None:
@@ -206,7 +213,7 @@ def _drivers_by_head(name: str, head: bytes) -> list[str]:
 
 
 def _drivers_within(name: str) -> list[str]:
-    """The drivers that may open what is no file: a part of an archive or of a netCDF, or nothing."""
+    """The drivers that may open what is no file, but a part of an archive or of a netCDF."""
     packed = "!" in name or name.startswith("/vsi")
     if not name.upper().startswith("NETCDF:") and not (packed and name.lower().endswith(_NETCDFS)):
         return list(_PLAIN_DRIVERS)

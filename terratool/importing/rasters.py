@@ -415,7 +415,7 @@ class ClassRaster:
 
 
 def _indices(
-    factor: float, offset: float, places: NDArray[np.float64], count: int
+    factor: float, offset: float, places: NDArray[np.floating[Any]], count: int
 ) -> NDArray[np.int64]:
     """Columns, or rows, of some places in a raster that has so many; -1 where it has none."""
     with np.errstate(over="ignore", invalid="ignore"):
