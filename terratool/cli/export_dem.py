@@ -57,6 +57,12 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 @click.option(
     "--max-z-error", type=float, metavar="E", help="How far --compress lerc may be off, at most."
 )
+@click.option(
+    "--nodata",
+    type=float,
+    metavar="VALUE",
+    help="The number that stands for none, in layers of numbers.  [default: NaN; -9999 in text]",
+)
 @click.option("--cog", is_flag=True, help="Write a cloud-optimised GeoTIFF.")
 @click.option(
     "--tiles",
@@ -83,6 +89,7 @@ def command(
     dtype: str,
     compress: str | None,
     max_z_error: float | None,
+    nodata: float | None,
     cog: bool,
     tiles: str | None,
     tile_size: int | None,
@@ -131,7 +138,7 @@ def command(
     if resolution is None:
         resolution, why = default_resolution(terrain, bounds)
     grid = grid_over(terrain, resolution, bounds)
-    request = RasterRequest(layers, dtype, compression, overwrite, losses, threads)
+    request = RasterRequest(layers, dtype, compression, nodata, overwrite, losses, threads)
     with Status("painting", grid.width * grid.height) as progress:
         if tiles is None:
             report = export_dem(terrain, grid, output, request, cog=cog, progress=progress)
@@ -239,9 +246,15 @@ def _file_as_dict(written: WrittenFile, pixels: int) -> dict[str, Any]:
         "dtype": written.coding.dtype.name,
         "scale": written.coding.scale,
         "offset": written.coding.offset,
+        "nodata_value": _plain_number(written.coding.nodata),
         "difference": written.difference,
         "bands": bands,
     }
+
+
+def _plain_number(number: float | None) -> float | str | None:
+    """A number as JSON has it, which knows no NaN."""
+    return "nan" if number is not None and number != number else number
 
 
 def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
@@ -254,7 +267,10 @@ def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
     yield from choice.sentences()
     for written in report.files:
         coding = written.coding
-        yield f"{written.path}: {coding.dtype.name}"
+        none = ""
+        if coding.exact and coding.nodata is not None and coding.nodata == coding.nodata:
+            none = f", {coding.nodata:.9g} for none"
+        yield f"{written.path}: {coding.dtype.name}{none}"
         for index, name in enumerate(written.bands.names):
             yield f"  band {index + 1}: {_band(written, index, name)}"
         if coding.scale != 1.0:
@@ -285,4 +301,4 @@ def _band(written: WrittenFile, index: int, name: str) -> str:
     if not part.count:
         return f"{name}, nodata everywhere"
     unit = written.bands.units[index]
-    return f"{name}, {part.low:.6g} to {part.high:.6g}{' ' + unit if unit else ''}"
+    return f"{name}, {part.low:.6g} to {part.high:.6g}{' ' + unit if unit not in ('', '1') else ''}"

@@ -496,11 +496,7 @@ def _table(path: Path) -> dict[int, SurfaceEntry]:
         column.findtext("Name") or ""
         for column in band.findall("GDALRasterAttributeTable/FieldDefn")
     ]
-    keys = {
-        f"{layer.bands[0]} ({layer.unit})" if layer.unit else layer.bands[0]: _SOILS[layer.name]
-        for layer in LAYERS.values()
-        if layer.name in _SOILS
-    }
+    keys = {layer.title: _SOILS[layer.name] for layer in LAYERS.values() if layer.name in _SOILS}
     for row in band.findall("GDALRasterAttributeTable/Row"):
         cells = dict(zip(titles, (cell.text or "" for cell in row.findall("F")), strict=False))
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -113,6 +114,8 @@ class RasterRequest:
         layers: names from `terratool.raster.layers.LAYERS`.
         dtype: "float32" or "float64", of all layers of numbers.
         compression: of GeoTIFFs; ZSTD if None.
+        nodata: the number that stands for none in layers of numbers; NaN, or what the format has,
+            if None.
         overwrite: whether files may be there already.
         losses: whether to find out what the pixels do not show.
         threads: number of threads; as many as there are processors if None.
@@ -121,6 +124,7 @@ class RasterRequest:
     layers: Sequence[str] = ("height",)
     dtype: str = "float32"
     compression: Compression | None = None
+    nodata: float | None = None
     overwrite: bool = False
     losses: bool = True
     threads: int | None = None
@@ -129,14 +133,32 @@ class RasterRequest:
         """The files that the layers take.
 
         Raises:
-            RequestError: there is no such layer or type.
+            RequestError: there is no such layer or type, or nodata is no number of the type.
         """
         layers = layers_named(self.layers)
         if self.dtype not in DTYPES:
             raise RequestError(
                 f"There is no type {self.dtype!r}.", f"The types are {', '.join(DTYPES)}."
             )
-        return files_of(layers, terrain, np.dtype(self.dtype))
+        empty = math.nan if self.nodata is None else self.nodata
+        if math.isinf(empty) or not _is_of_type(empty, self.dtype):
+            raise RequestError(
+                f"No {self.dtype} is {empty!r}, which is to stand for none.",
+                "Give one that is, such as -9999, or add --dtype float64.",
+            )
+        files = files_of(layers, terrain, np.dtype(self.dtype), empty)
+        if self.nodata is not None and all(bands.content != "number" for bands in files):
+            raise RequestError(
+                "--nodata is about layers of numbers, but there are none.",
+                "Leave it out: 0 stands for no surface, and colours have nothing for none.",
+            )
+        return files
+
+
+def _is_of_type(number: float, dtype: str) -> bool:
+    """Whether a type has exactly this number."""
+    with np.errstate(over="ignore"):
+        return math.isnan(number) or float(np.dtype(dtype).type(number)) == number
 
 
 HEIGHTS = RasterRequest()
@@ -235,18 +257,18 @@ def fill_files(
         paths: the files.
         maker: paints them.
         storage: how each file is stored.
-        codings: how the numbers of each file are coded; as they are, if not said.
+        codings: how the numbers of each file are coded; for formats that want no range of theirs
+            they need not be said.
         window: of the grid; all of it, if not said. Only GeoTIFFs hold less.
         progress: is told the number of pixels of each window that is done.
     """
     files, extent = maker.files, RasterExtent(maker.terrain, maker.grid, window)
+    codings = codings or [coding_of(storage.form, bands, None) for bands in files]
     total = StatisticsSum(files)
     with contextlib.ExitStack() as stack:
         writers = [
             stack.enter_context(open_writer(path, extent, bands, storage, coding))
-            for path, bands, coding in zip(
-                paths, files, codings or [None] * len(files), strict=True
-            )
+            for path, bands, coding in zip(paths, files, codings, strict=True)
         ]
         for made in prefetch(maker.make, windows_of(extent.pixels, files), storage.threads):
             for writer, pixels in zip(writers, made.buffer.pixels, strict=True):

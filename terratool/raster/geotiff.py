@@ -78,8 +78,7 @@ def describe_surfaces(
     for layer in LAYERS.values():
         if layer.soil and layer.content == "number":
             values = soils.values(layer, np.dtype(np.float64)).tolist()
-            title = f"{layer.bands[0]} ({layer.unit})" if layer.unit else layer.bands[0]
-            columns.append((title, _REAL, _GENERIC, values))
+            columns.append((layer.title, _REAL, _GENERIC, values))
     table = ElementTree.SubElement(band, "GDALRasterAttributeTable", tableType="thematic")
     for index, (title, type_, use, _) in enumerate(columns):
         column = ElementTree.SubElement(table, "FieldDefn", index=str(index))
@@ -285,7 +284,7 @@ def check_blocks(path: Path) -> None:
 def cog_options(bands: Bands, compression: Compression) -> dict[str, Any]:
     """What the driver of cloud-optimised GeoTIFFs is told for a file."""
     plain = compression.options(bands)
-    average = all(layer.average for layer in bands.layers)
+    average = set(bands.means) == {"number"}
     options: dict[str, Any] = {
         "compress": plain.get("compress", "none"),
         "blocksize": TILE,

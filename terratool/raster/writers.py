@@ -193,7 +193,7 @@ def open_writer(
     """
     form, compression, threads = storage.form, storage.compression, storage.threads
     if form.driver == "NPY":
-        yield _Array(path, bands, extent.grid)
+        yield _Array(path, bands, extent.grid, coding)
         return
     direct = form.driver == "GTiff"
     first = path if direct else path.with_name(f"{path.stem}.first.tif")
@@ -219,7 +219,7 @@ def open_writer(
         options["significant_digits"] = 9 if bands.dtype == np.float32 else 17
     copied(first, path, form.driver, options, threads)
     if form.driver != "COG":
-        nothing = form.nodata if bands.content == "number" else math.nan
+        nothing = math.nan if coding is None or coding.nodata is None else coding.nodata
         writer.difference += difference(first, path, coded, nothing)
     first.unlink()
     first.with_name(first.name + ".aux.xml").unlink(missing_ok=True)
@@ -230,7 +230,8 @@ class _Array:
 
     difference = 0.0
 
-    def __init__(self, path: Path, bands: Bands, grid: Grid) -> None:
+    def __init__(self, path: Path, bands: Bands, grid: Grid, coding: Coding | None) -> None:
+        self._coding = coding
         shape: tuple[int, ...] = (bands.count, grid.height, grid.width)
         shape = shape[1:] if bands.count == 1 else shape
         header = {"descr": bands.dtype.str, "fortran_order": False, "shape": shape}
@@ -246,7 +247,8 @@ class _Array:
     def write(self, window: Window, pixels: Pixels) -> None:
         rows = slice(window.row, window.row + window.height)
         columns = slice(window.column, window.column + window.width)
-        self._array.reshape((-1, *self._array.shape[-2:]))[:, rows, columns] = pixels
+        coded = pixels if self._coding is None else self._coding.encode(pixels)
+        self._array.reshape((-1, *self._array.shape[-2:]))[:, rows, columns] = coded
 
     def finish(self, _statistics: Sequence[BandStatistics], _counts: NDArray[np.int64]) -> None:
         self._array.flush()
