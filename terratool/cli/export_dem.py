@@ -65,6 +65,11 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 )
 @click.option("--cog", is_flag=True, help="Write a cloud-optimised GeoTIFF.")
 @click.option(
+    "--overviews/--no-overviews",
+    default=None,
+    help="Whether a .tif has overviews.  [default: beyond 4096 pixels on the longer side]",
+)
+@click.option(
     "--tiles",
     type=click.Path(),
     metavar="DIR",
@@ -91,6 +96,7 @@ def command(
     max_z_error: float | None,
     nodata: float | None,
     cog: bool,
+    overviews: bool | None,
     tiles: str | None,
     tile_size: int | None,
     dask: str | None,
@@ -123,7 +129,7 @@ def command(
     from terratool.raster.mosaic import TILE_SIZE, export_mosaic
     from terratool.raster.tiles import INDEX
 
-    _refuse_odd(output, tiles, tile_size, dask, cog)
+    _refuse_odd(output, tiles, tile_size, dask, cog, overviews)
     compression = None
     if compress is not None or max_z_error is not None:
         compression = Compression(compress or "zstd", max_z_error or 0.0)
@@ -138,7 +144,9 @@ def command(
     if resolution is None:
         resolution, why = default_resolution(terrain, bounds)
     grid = grid_over(terrain, resolution, bounds)
-    request = RasterRequest(layers, dtype, compression, nodata, overwrite, losses, threads)
+    request = RasterRequest(
+        layers, dtype, compression, nodata, overviews, overwrite, losses, threads
+    )
     with Status("painting", grid.width * grid.height) as progress:
         if tiles is None:
             report = export_dem(terrain, grid, output, request, cog=cog, progress=progress)
@@ -157,8 +165,9 @@ def command(
 
 
 def _refuse_odd(
-    output: str | None, tiles: str | None, tile_size: int | None, dask: str | None, cog: bool
-) -> None:
+    output: str | None, tiles: str | None, tile_size: int | None, dask: str | None, cog: bool,
+    overviews: bool | None,
+) -> None:  # fmt: skip
     """Refuse options that do not go together."""
     from terratool.errors import RequestError
 
@@ -176,6 +185,11 @@ def _refuse_odd(
         raise RequestError(
             "The tiles of a mosaic are plain GeoTIFFs, not cloud-optimised ones.",
             "Leave out --cog or --tiles.",
+        )
+    elif overviews:
+        raise RequestError(
+            "The tiles of a mosaic have no overviews.",
+            "Leave out --overviews, and add them to the index with gdaladdo -ro.",
         )
 
 
@@ -248,6 +262,7 @@ def _file_as_dict(written: WrittenFile, pixels: int) -> dict[str, Any]:
         "offset": written.coding.offset,
         "nodata_value": _plain_number(written.coding.nodata),
         "difference": written.difference,
+        "overviews": list(written.overviews),
         "bands": bands,
     }
 
@@ -259,6 +274,8 @@ def _plain_number(number: float | None) -> float | str | None:
 
 def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
     """A report in lines for people."""
+    from terratool.text.display import counted
+
     grid = report.grid
     yield (
         f"{grid.width} × {grid.height} pixels of {grid.resolution:g} ({choice.why}), "
@@ -270,7 +287,8 @@ def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
         none = ""
         if coding.exact and coding.nodata is not None and coding.nodata == coding.nodata:
             none = f", {coding.nodata:.9g} for none"
-        yield f"{written.path}: {coding.dtype.name}{none}"
+        coarser = f", {counted(len(written.overviews), 'overview')}" if written.overviews else ""
+        yield f"{written.path}: {coding.dtype.name}{none}{coarser}"
         for index, name in enumerate(written.bands.names):
             yield f"  band {index + 1}: {_band(written, index, name)}"
         if coding.scale != 1.0:
