@@ -141,7 +141,9 @@ def raster_format(path: Path, cog: bool = False) -> RasterFormat:
             if suffix == ".vrt"
             else f"Try {names}.",
         )
-    return RasterFormat(known[suffix[1:]])
+    driver = known[suffix[1:]]
+    # or it would say when and where it was written
+    return RasterFormat(driver, {"write_gdal_history": "no"} if driver == "netCDF" else {})
 
 
 def check_fit(form: RasterFormat, path: Path, bands: Bands, terrain: Terrain, grid: Grid) -> None:

@@ -309,7 +309,7 @@ def index_of(
     if crs is not None:
         SubElement(root, "SRS").text = crs.to_wkt()
     SubElement(root, "GeoTransform").text = ", ".join(map(repr, transform_of(grid).to_gdal()))
-    tags = {"AREA_OR_POINT": "Area"}
+    tags = {"AREA_OR_POINT": "Area", "TIFFTAG_SOFTWARE": f"terratool {tiling.version}"}
     if terrain.descr:
         tags["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
     _metadata(root, tags)

@@ -107,6 +107,24 @@ def test_the_command_says_it(tmp_path: Path, saved: Any) -> None:
         assert file.tags()["TIFFTAG_SOFTWARE"] == f"terratool {__version__}"
 
 
+def test_each_file_says_who_wrote_it_but_not_when_or_where(tmp_path: Path) -> None:
+    terrain = terrain_of(SITE)
+    grid = grid_over(terrain, 0.5)
+    for folder in (tmp_path / "one", tmp_path / "two"):
+        folder.mkdir()
+        for name in ("a.tif", "a.nc", "a.img", "a.png", "a.asc"):
+            export_dem(terrain, grid, folder / name)
+            with rasterio.open(folder / name) as file:
+                told = file.tags() | file.tags(ns="NC_GLOBAL")
+            assert f"terratool {__version__}" in told.values()
+            assert not any(str(tmp_path) in value for value in told.values())
+        export_mosaic(terrain, grid, folder / "m", tile_size=512)
+        with rasterio.open(folder / "m" / "mosaic.vrt") as file:
+            assert file.tags()["TIFFTAG_SOFTWARE"] == f"terratool {__version__}"
+    for path in (tmp_path / "one").glob("a.*"):
+        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes(), path.name
+
+
 directions = st.lists(st.floats(0, 359.99) | st.just(math.nan), min_size=1, max_size=60)
 
 
