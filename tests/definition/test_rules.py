@@ -42,6 +42,7 @@ NAMES = {
     "TT209": "hidden-element",
     "TT210": "zero-scale",
     "TT211": "tall-step",
+    "TT212": "default-scale",
     "TT301": "expression",
     "TT302": "expression-value",
     "TT303": "no-curve",
