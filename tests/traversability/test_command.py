@@ -6,11 +6,13 @@ import json
 import re
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 import rasterio
 
@@ -18,13 +20,16 @@ import terratool
 from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
+from terratool.raster.grid import Window
 from terratool.traversability import assess as assessing
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
 from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import TraversabilityReport, Verdict
 from terratool.traversability.route import graph
+from terratool.traversability.survey import Surveyor
+from terratool.traversability.tiles import part_of
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call, run
 from tests.conftest import terrain_of
@@ -184,13 +189,14 @@ def test_waypoints(site: tuple[str, ...], tmp_path: Path) -> None:
         (("--map", "a.tif", "--report", "none/a.md"), 3, "the folder none does not exist"),
         (("--fail-on", "no-route"), 2, "--fail-on no-route needs a route"),
         (("--fail-on", "route-time>3"), 2, "needs a route"),
-        (("--fail-on", "reachable-fraction<1"), 2, "needs --reachable"),
+        (("--fail-on", "reachable-fraction<1"), 2, "needs --from"),
+        (("--return",), 2, "--return needs a route"),
+        (("--report", "way.geojson"), 2, "way.geojson needs a route"),
         (("--fail-on", "nogo"), 2, "Did you mean no-go?"),
         (("--route", 99, 51, 110, 52), 2, "The route's start, 99 51, lies outside the terrain."),
         (("--route", 101, 51, 110, "nan"), 2, "The route's goal, 110 nan, lies outside"),
         (("--route", 101, 51, 111.5, 50.5), 2, "is on no ground"),
         (("--reachable", 111.5, 50.5), 2, "is on no ground"),
-        (("--reachable", 105.95, 51), 2, "cannot stand"),
         (("--bounds", 100, 50, 104, 54, "--route", 101, 51, 110, 52), 2, "the bounds that were"),
         (("--bounds", 1, 2, 3, 4), 2, "miss the terrain"),
         (("--bounds", 3, 4, 1, 2), 2, "are empty"),
@@ -212,7 +218,7 @@ def test_refuses(
     """One sentence what is wrong, one what to do; nothing is written, not even what could be."""
     before = sorted(path.name for path in tmp_path.iterdir())
     local = [
-        tmp_path / text if isinstance(text, str) and re.search(r"\.(md|tif|png|pdf)$", text)
+        tmp_path / text if isinstance(text, str) and re.search(r"\.(md|tif|png|pdf|geojson)$", text)
         else text
         for text in arguments
     ]  # fmt: skip
@@ -271,13 +277,26 @@ def test_the_example_of_the_help_runs() -> None:
     vehicle = load_vehicle(ROOT / words[words.index("--vehicle") + 1])
     x0, y0, x1, y1 = map(float, words[at + 1 : at + 5])
     prepare_assessment(
-        terrain, vehicle, Request(routes=((x0, y0, x1, y1),)), mapped=False, pictured=True
+        terrain, vehicle, Request(routes=((x0, y0, x1, y1),))
     )  # its places lie on the terrain
 
 
 @pytest.fixture
 def vehicle(saved: Saved) -> Vehicle:
     return load_vehicle(saved(VEHICLE, "v.json"))
+
+
+class Told:
+    """Counts what it is told of."""
+
+    def __init__(self) -> None:
+        self.pixels, self.said = 0, [""]
+
+    def __call__(self, more: int) -> None:
+        self.pixels += more
+
+    def say(self, what: str) -> None:
+        self.said.append(what)
 
 
 def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
@@ -290,10 +309,10 @@ class TestAssess:
     ) -> None:
         monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
         terrain = terrain_of(WALLED)
-        grids = prepare_assessment(terrain, vehicle, Request(), pictured=True)
+        grids = prepare_assessment(terrain, vehicle, Request())
         assert (grids.grid.width, grids.grid.height) == (60, 40)
         assert "60 on the longer side" in grids.notes[0]
-        full = prepare_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
+        full = prepare_assessment(terrain, vehicle, Request(), map_path="map.tif")
         assert full.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in full.notes[0]
 
@@ -314,18 +333,51 @@ class TestAssess:
         assert grids.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in grids.notes[0]
 
-    def test_the_picture_is_that_of_the_route_if_there_is_one(self, vehicle: Vehicle) -> None:
-        """And its survey is made only once; without a picture there is none."""
+    def test_no_pixel_is_judged_twice(
+        self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Map, two routes, one back, waypoints, reach and picture: one survey of each pixel."""
         terrain = terrain_of(WALLED)
-        told: list[int] = []
-        request = Request(routes=(tuple(map(float, WAY)),), resolution=0.2)  # type: ignore[arg-type]
-        planned = prepare_assessment(terrain, vehicle, request, pictured=True)
-        report = assess(planned, progress=told.append)
-        assert report.preview is not None
-        assert report.preview.grid.resolution == 0.2
-        assert planned.picture is None
-        assert sum(told) == planned.pixels == 2 * 60 * 40
-        assert assessed(terrain, vehicle, Request(resolution=0.2)).preview is None
+        seen = np.zeros((40, 60), np.int64)
+        measure = Surveyor.measure
+
+        def counted(self: Surveyor, window: Window) -> Any:
+            seen[part_of(window)] += 1
+            return measure(self, window)
+
+        monkeypatch.setattr(Surveyor, "measure", counted)
+        request = Request(
+            routes=(WAY, WAY[2:] + WAY[:2]), waypoints=(np.array([[102, 51], [104, 52]]),),
+            start=(102, 51), returns=True, resolution=0.2, threads=2,
+        )  # fmt: skip
+        planned = prepare_assessment(terrain, vehicle, request)
+        assert not list(first_look(planned))
+        told = Told()
+        report = assess(planned, progress=told)
+        assert (seen == 1).all()
+        assert report.preview is not None and report.preview.grid == planned.grid
+        assert told.pixels <= planned.pixels == 40 * 60
+
+    def test_routes_alone_look_at_what_matters(
+        self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Two places in the west of a long yard: its east is not judged; nor is there a map."""
+        terrain = terrain_of(WALLED | {"size": [120, 8]})
+        seen: list[Window] = []
+        measure = Surveyor.measure
+
+        def noted(self: Surveyor, window: Window) -> Any:
+            seen.append(window)
+            return measure(self, window)
+
+        monkeypatch.setattr(Surveyor, "measure", noted)
+        request = Request(routes=((102, 51, 110, 52),), resolution=0.2, mapped=False)
+        report = assess(prepare_assessment(terrain, vehicle, request))
+        assert report.routes[0].found and report.summary is report.preview is None
+        assert max(window.column + window.width for window in seen) <= 128
+        assert "10% of" in report.notes[-1]
+        full = assess(prepare_assessment(terrain, vehicle, replace(request, mapped=True)))
+        assert formats.as_dict(full)["routes"] == formats.as_dict(report)["routes"]
 
     def test_verdict_and_sentence_follow(self, vehicle: Vehicle) -> None:
         """Go in the open, no-go where the wall stands across, unknown without a soil."""

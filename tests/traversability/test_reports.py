@@ -34,6 +34,7 @@ from terratool.traversability.report.tables import as_lines
 from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import (
     COLORS,
+    Ground,
     MapSummary,
     Reason,
     RouteProfile,
@@ -274,15 +275,6 @@ def _luminance(color: str) -> float:
 
 
 class TestPicture:
-    def test_every_heading_is_looked_at(self) -> None:
-        """The best of them counts, and what is not known is better than no-go."""
-        survey = reports.survey()
-        verdict = drawing.best_verdicts(survey)
-        assert verdict[:, 0].tolist() == [1] * 30
-        assert verdict[:, 79].tolist() == [0] * 30
-        some = replace(survey, verdict=np.stack([survey.verdict[1] * 0, survey.verdict[1]]))
-        assert drawing.best_verdicts(some)[15, [5, 25, 45, 65]].tolist() == [1, 2, 0, 0]
-
     def test_light_comes_from_the_north_west(self) -> None:
         """A plane that falls to the north-west is brighter than level ground, by Horn's formula."""
         row, column = np.indices((6, 9), np.float32)
@@ -302,7 +294,7 @@ class TestPicture:
         if gdaldem is None:
             pytest.skip("gdaldem is not installed")
 
-        heights = reports.survey().heights[8:, :60]
+        heights = reports.preview().heights[8:, :60]
         path = tmp_path / "dem.tif"
         with rasterio.open(
             path, "w", driver="GTiff", height=heights.shape[0], width=heights.shape[1], count=1,
@@ -320,7 +312,7 @@ class TestPicture:
     def test_verdicts_differ_in_grey(self) -> None:
         """In any light the three stay apart as greys do, and unknown is dotted."""
         ranges = []
-        for verdict in (Verdict.NO_GO, Verdict.CAUTION, Verdict.GO):
+        for verdict in (Ground.NO_GO, Ground.CAUTION, Ground.GO):
             grey = float(np.dot(COLORS[verdict], (0.299, 0.587, 0.114)))
             ranges.append((grey * drawing.SHADING[0], grey * drawing.SHADING[1]))
         assert all(dark[1] < light[0] for dark, light in pairwise(ranges))
@@ -332,7 +324,7 @@ class TestPicture:
             assert shades[verdict.label] == "#{:02x}{:02x}{:02x}".format(*color)
 
     def test_the_png_holds_what_was_painted(self) -> None:
-        pixels = drawing.map_picture(reports.survey(), reports.best_cells())
+        pixels = drawing.map_picture(reports.preview(), reports.best_cells())
         assert pixels.shape == (270, 720, 4)
         assert pixels[5, -5, 3] == 0  # no ground in the north-east
         with warnings.catch_warnings():
@@ -408,21 +400,20 @@ class TestTable:
     def test_wide_characters_count_twice(self) -> None:
         odd = reports.report(surfaces=(replace(reports.SAND, surface="砂" * 40), reports.ROCK))
         lines = [line for line in as_lines(odd) if "sand" in line or "砂" in line]
+        assert lines
         assert any("砂砂…" in line for line in lines)
-        assert all(sum(map(columns_of, line)) <= 80 for line in as_lines(odd))
+        # but for lines of JSON, which are not broken
+        told = [line for line in as_lines(odd) if not line.startswith('  "')]
+        assert all(sum(map(columns_of, line)) <= 80 for line in told)
 
     def test_reasons_are_not_cut(self) -> None:
-        """What is too long for its column goes on in it, in the next line."""
-        reasons = {Reason.APPROACH: 700, Reason.EDGE: 600}
-        summary = replace(reports.report().summary, reasons=reasons)
-        lines = list(as_lines(reports.report(summary=summary)))
-        first = next(n for n, line in enumerate(lines) if line.startswith("best heading"))
-        at = lines[first - 1].index("what binds")
-        assert not lines[first + 1][:at].strip()
-        told = f"{lines[first][at:]} {lines[first + 1].strip()}"
-        assert told.startswith("approach or departure ")
-        assert "edge of the terrain " in told
-        assert told.endswith("%")
+        """What is too long for a line goes on in the next."""
+        reasons = {reason: 100 + reason for reason in (Reason.APPROACH, *range(4, 10))}
+        summary = replace(
+            reports.SUMMARY, reasons={Reason(reason): n for reason, n in reasons.items()}
+        )
+        text = " ".join(" ".join(as_lines(reports.report(summary=summary))).split())
+        assert re.search(r"What binds: approach or departure \d\S* %, tip-over", text)
 
     def test_columns_line_up(self) -> None:
         lines = list(as_lines(reports.KINDS["wheel"]))
@@ -495,43 +486,46 @@ class TestConclusion:
     @pytest.mark.parametrize(
         ("counts", "verdict", "part"),
         [
-            ({Verdict.GO: 5}, Verdict.GO, "All of the ground is go"),
-            ({Verdict.GO: 5, Verdict.NO_GO: 5}, Verdict.CAUTION, "50 % of the ground is go"),
-            ({Verdict.NO_GO: 5}, Verdict.NO_GO, "0 % of the ground is go and 100 % no-go"),
-            ({Verdict.NO_GO: 5, Verdict.GO: 0}, Verdict.NO_GO, "step, on 100 %"),
-            ({Verdict.UNKNOWN: 5}, Verdict.UNKNOWN, "Nothing is known"),
-            ({Verdict.UNKNOWN: 5, Verdict.NO_GO: 5}, Verdict.NO_GO, "50 % unknown"),
-            ({Verdict.UNKNOWN: 1, Verdict.GO: 3}, Verdict.CAUTION, "25 % unknown"),
+            ({Ground.GO: 5}, Verdict.GO, "All of the ground is go"),
+            ({Ground.GO: 5, Ground.NO_GO: 5}, Verdict.CAUTION, "50 % of the ground is go"),
+            ({Ground.NO_GO: 5}, Verdict.NO_GO, "100 % of the ground is no-go"),
+            ({Ground.NO_GO: 5, Ground.GO: 0}, Verdict.NO_GO, "step, on 100 %"),
+            ({Ground.UNKNOWN: 5}, Verdict.UNKNOWN, "Nothing is known"),
+            ({Ground.UNKNOWN: 5, Ground.NO_GO: 5}, Verdict.NO_GO, "50 % is unknown"),
+            ({Ground.UNKNOWN: 1, Ground.GO: 3}, Verdict.CAUTION, "25 % is unknown"),
+            ({Ground.GO: 3, Ground.CUT_OFF: 1}, Verdict.CAUTION, "and 25 % is cut off"),
+            # what carries downhill only, where the vehicle gets about nowhere
+            ({Ground.ONE_WAY: 1, Ground.NO_GO: 3}, Verdict.NO_GO, "no place that the vehicle can"),
+            ({Ground.ONE_WAY: 1, Ground.NO_GO: 3}, Verdict.NO_GO, "25 % can only be driven one"),
             ({}, Verdict.UNKNOWN, "no ground"),
         ],
     )
-    def test_of_a_map(self, counts: dict[Verdict, int], verdict: Verdict, part: str) -> None:
-        reasons = {Reason.STEP: counts.get(Verdict.NO_GO, 0)}
+    def test_of_a_map(self, counts: dict[Ground, int], verdict: Verdict, part: str) -> None:
+        reasons = {Reason.STEP: counts.get(Ground.NO_GO, 0)}
         summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
         assert verdict_of(summary, ()) == verdict
-        assert part in conclusion(reports.report(summary=summary, routes=()))
+        assert part in conclusion(reports.report(summary=summary, routes=(), reach=None))
 
     @pytest.mark.parametrize(
         ("counts", "verdict", "part"),
         [
-            ({Verdict.GO: 8, Verdict.NO_GO: 2}, Verdict.GO, "but for the edge of the terrain"),
-            ({Verdict.UNKNOWN: 8, Verdict.NO_GO: 2}, Verdict.UNKNOWN, "Nothing is known"),
-            ({Verdict.CAUTION: 8, Verdict.NO_GO: 2}, Verdict.CAUTION, "80 % caution"),
-            ({Verdict.NO_GO: 2}, Verdict.NO_GO, "edge of the terrain, on 100 %"),
+            ({Ground.GO: 8, Ground.EDGE: 2}, Verdict.GO, "but for the edge of the terrain, 20 %"),
+            ({Ground.UNKNOWN: 8, Ground.EDGE: 2}, Verdict.UNKNOWN, "Nothing is known"),
+            ({Ground.CAUTION: 8, Ground.EDGE: 2}, Verdict.CAUTION, "80 % of the ground is caution"),
+            ({Ground.EDGE: 2}, Verdict.NO_GO, "100 % of the ground lies at the edge"),
         ],
     )
     def test_the_edge_says_nothing_of_the_ground(
-        self, counts: dict[Verdict, int], verdict: Verdict, part: str
+        self, counts: dict[Ground, int], verdict: Verdict, part: str
     ) -> None:
         """Every terrain has a rim where a vehicle would stand over it: level ground is go."""
-        reasons = {Reason.EDGE: counts.get(Verdict.NO_GO, 0)}
-        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
+        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, {}, {})
         assert verdict_of(summary, ()) == verdict
-        assert part in conclusion(reports.report(summary=summary, routes=()))
+        assert part in conclusion(reports.report(summary=summary, routes=(), reach=None))
 
     def test_the_worst_route_decides(self) -> None:
         """Not the map, and not the first."""
-        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, {Verdict.GO: 5}, {}, {}, {})
+        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, {Ground.GO: 5}, {}, {}, {})
         routes = (reports.WAY, reports.NO_WAY)
         assert verdict_of(summary, routes) == Verdict.NO_GO
         assert "/elemTree/children/3 (surface 'rock')" in conclusion(

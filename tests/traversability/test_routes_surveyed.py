@@ -12,7 +12,7 @@ from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Survey, Verdict
 from terratool.traversability.route.routes import check_route, plan_route, reach, route_grid
-from terratool.traversability.survey import survey
+from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.conftest import terrain_of
 
@@ -139,7 +139,7 @@ def test_slope_beyond_the_motors_is_one_way(share: float, climbs: bool) -> None:
         assert barrier.bars == '/elemTree (surface "slab"), on a slope of 11°'
     # slanting it gets up either way, as only a part of the slope lies along its heading
     assert plan_route(terrain, vehicle, surveyed, low, high).found
-    assert reach(terrain, vehicle, surveyed, low).returnable > 0.5
+    assert reach(terrain, surveyed, low).returnable > 0.5
 
 
 def test_grid_for_a_route_suits_the_survey() -> None:

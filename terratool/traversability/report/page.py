@@ -117,7 +117,9 @@ def _picture(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
         reached = report.reach.cells
     west, south, east, north = preview.grid.bounds
     width, height = east - west, north - south
-    ways = ((_points(route, preview), route.found) for route in report.routes)
+    ways = [(_points(route, preview), route.found) for route in report.routes]
+    back = (route.back for route in report.routes)
+    ways += [(_points(route, preview), False) for route in back if route is not None]
     scale = ticks(0.0, width, 4)[1]
     return {
         "width": f"{min(60.0, 44.0 * (width / height)):.4g}",

@@ -37,7 +37,7 @@ _PHRASES = {
     Ground.CAUTION: "is caution",
     Ground.NO_GO: "is no-go",
     Ground.UNKNOWN: "is unknown",
-    Ground.ONE_WAY: "can be driven to, but not back",
+    Ground.ONE_WAY: "can only be driven one way",
     Ground.CUT_OFF: "is cut off",
     Ground.EDGE: "lies at the edge, where the vehicle would stand over it",
 }
@@ -308,15 +308,15 @@ def conclusion(report: TraversabilityReport) -> str:
         return f"All of the ground is go, with the best heading at each place{edge}."
     if inner == {Ground.UNKNOWN}:
         return f"Nothing is known of the ground{edge}. {lacking(report)}".rstrip()
-    about = Ground.GO in counts or Ground.CAUTION in counts
     parts = [
         f"{share(summary.fraction(ground))} {_PHRASES[ground]}"
         for ground in GROUNDS
         if ground in counts
     ]
     text = listed([parts[0].replace(" %", " % of the ground", 1), *parts[1:]])
-    if not about:
-        text = f"The vehicle gets nowhere and back: {text}"
+    about, lost = {Ground.GO, Ground.CAUTION}, {Ground.ONE_WAY, Ground.CUT_OFF}
+    if not counts & about and counts & lost:
+        text = f"There is no place that the vehicle can drive to and back from: {text}"
     known = {reason: count for reason, count in summary.reasons.items() if reason != Reason.NONE}
     if known:
         most = max(known, key=lambda reason: (known[reason], -reason))
