@@ -28,7 +28,7 @@ from terratool.raster.grid import Grid
 from terratool.text.display import columns_of
 from terratool.traversability.assess import verdict_of
 from terratool.traversability.report import drawing, tables, wording
-from terratool.traversability.report.document import as_dict, as_json
+from terratool.traversability.report.document import as_dict, as_geojson, as_json
 from terratool.traversability.report.page import as_markdown, as_page
 from terratool.traversability.report.tables import as_lines
 from terratool.traversability.report.wording import conclusion
@@ -36,6 +36,7 @@ from terratool.traversability.results import (
     COLORS,
     Ground,
     MapSummary,
+    Preview,
     Reason,
     RouteProfile,
     TraversabilityReport,
@@ -119,6 +120,14 @@ class TestDocument:
         assert sorted(words) == sorted(verdict.label for verdict in Verdict)
         binding = SCHEMA["$defs"]["binding"]["enum"]
         assert binding == [*(reason.label for reason in Reason if reason != Reason.NONE), None]
+
+
+def test_each_report_says_what_has_written_it() -> None:
+    report = reports.KINDS["all"]
+    assert as_dict(report)["tool"] == {"name": "terratool", "version": terratool.__version__}
+    assert as_markdown(report).endswith(f"\nterratool {terratool.__version__}\n")
+    assert f"<p>terratool {terratool.__version__}</p>" in as_page(report)
+    assert json.loads(as_geojson(report))["terratool"] == terratool.__version__
 
 
 class TestMarkdown:
@@ -234,6 +243,36 @@ class TestPage:
                 assert [cell.get("data-title") for cell in cells] == titles[1:]
                 rows += 1
         assert rows > 20
+
+    def test_coordinates_stand_along_the_sides(self) -> None:
+        """Of the picture, 100 to 140 by 200 to 215: x from the west, y from the north."""
+        root = page_of(reports.KINDS["way"])
+        side, foot = (
+            {
+                span.text: float((span.get("style") or "").partition(":")[2].rstrip("%"))
+                for span in next(d for d in root.iter(f"{XHTML}div") if d.get("class") == name)
+            }
+            for name in ("side", "foot")
+        )
+        assert foot == {"100": 0.0, "110": 25.0, "120": 50.0, "130": 75.0, "140": 100.0}
+        assert side == pytest.approx({"200": 100.0, "205": 66.67, "210": 33.33, "215": 0.0})
+        caption = text_in(next(root.iter(f"{XHTML}figcaption")))
+        assert "Along the sides stand x and y in EPSG:32633, m." in caption
+
+    def test_contours_are_those_of_the_legend(self) -> None:
+        """Of a plane from 100 to 139 m to the east: a line between pixels each 5 m."""
+        heights = np.tile(np.arange(100, 140, dtype=np.float32), (20, 1))
+        plane = Preview(Grid(0, 0, 1, 20, 40), heights, np.ones((20, 40), np.uint8))
+        page = as_page(reports.report(preview=plane, reach=None))
+        assert "heights from 100 to 139\u00a0m, lines every 5\u00a0m" in page
+        assert drawing.contour_interval(plane) == 5
+        scale = 720 // 40
+        row = drawing.map_picture(plane)[5, scale // 2 :: scale, 0].astype(int)
+        dark = np.flatnonzero(row < row.max() - 20)
+        assert dark.tolist() == [4, 9, 14, 19, 24, 29, 34]
+        level = replace(plane, heights=heights * 0 + 7)
+        assert drawing.contour_interval(level) == 0
+        assert "height 7\u00a0m" in as_page(reports.report(preview=level, reach=None))
 
     def test_the_way_lies_where_it_is(self) -> None:
         """In thousandths of the picture from its north-west: a mirrored one would be caught."""

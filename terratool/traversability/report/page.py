@@ -128,6 +128,7 @@ def _picture(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
         "pins": _pins(report, _source(report), preview),
         "x_axis": _axis(west, east),
         "y_axis": [(100.0 - at, text) for at, text in _axis(south, north)],
+        "y_width": 3 + max(len(text) for _, text in _axis(south, north)),
         "scale": scale,
         "scale_width": 100.0 * scale / width,
         "heights": _heights(preview),
@@ -166,7 +167,7 @@ def _heights(preview: Preview) -> str:
 
 def _axis(first: float, last: float) -> list[tuple[float, str]]:
     """Round coordinates along a side: where each is, % from the first, and its text in full."""
-    found = ticks(first, last, 4)
+    found = ticks(first, last, 4) or [first]
     return [
         (100.0 * (value - first) / (last - first), f"{value + 0.0:.12g}".replace("-", "−"))
         for value in found
