@@ -17,6 +17,7 @@ import pytest
 import rasterio
 import shapely.geometry
 import shapely.ops
+from rio_cogeo.cogeo import cog_validate
 
 import terratool
 from terratool.cli.traversability import PREFERENCES
@@ -390,14 +391,15 @@ def test_the_lines_that_mend_a_terrain_without_soil(
         )
         assert f'urface "{name}" lacks {lacks}' in document["sentence"]
     if not surfaces:
-        assert "It has no surface." in document["sentence"]
+        assert "The ground has no surface." in document["sentence"]
     text = drive(saved(bare), *common).out
     assert "\nsurface  sinkage" not in text
     for alternative in ("own", "preset") if surfaces else ("both",):
         mended = json.loads(json.dumps(bare))
         for mend in document["mending"]:
             assert f"  {mend['line']}\n    {mend['where']}\n" in text
-            if ("or all of it" in mend["where"]) == (alternative == "own"):
+            whole = "or all of it" in mend["where"]
+            if surfaces and whole == (alternative == "own"):
                 continue
             target = mended
             for name in re.findall(r'"(\w+)"', mend["where"]):
@@ -456,7 +458,7 @@ def test_maps_are_cloud_optimised(saved: Saved, tmp_path: Path) -> None:
     assert drive(*common, "--map", path).code == 0
     for name in ("m", "m-classes", "m-numbers"):
         with rasterio.open(tmp_path / f"{name}.tif") as file:
-            assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+            assert cog_validate(tmp_path / f"{name}.tif", strict=True) == (True, [], [])
             assert file.overviews(1) and file.shape == (400, 600)
         if name == "m":
             with rasterio.open(tmp_path / "m.tif", overview_level=0) as coarse:
@@ -521,6 +523,17 @@ def test_the_example_of_the_help_runs() -> None:
     prepare_assessment(
         terrain, vehicle, Request(routes=((x0, y0, x1, y1),))
     )  # its places lie on the terrain
+
+
+def test_the_example_of_the_page_says_what_it_says(tmp_path: Path) -> None:
+    """The first example of docs/traversability.md, up to its dots, word by word."""
+    page = (ROOT / "docs/traversability.md").read_text("utf-8")
+    command, wanted = re.search(r"```\n\$ terratool (.*?[^\\])\n(.*?)…\n```", page, re.S).groups()  # type: ignore[union-attr]
+    arguments = command.replace("\\\n", " ").split()
+    arguments = [tmp_path / word if word.startswith("yard.") else word for word in arguments]
+    ran = run(*arguments)
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.startswith(wanted)
 
 
 @pytest.fixture

@@ -252,7 +252,7 @@ def lacking(report: TraversabilityReport) -> str:
         if one.missing
     ]
     if without_surface(report):
-        lacks.append("some ground has no surface" if report.surfaces else "it has no surface")
+        lacks.append(f"{'some of ' * bool(report.surfaces)}the ground has no surface")
     text = "; ".join(lacks)
     return f"{text[:1].upper()}{text[1:]}." if text else ""
 
@@ -275,7 +275,7 @@ def mending(report: TraversabilityReport) -> Iterator[tuple[str, str]]:
             yield f"{where_to}, or all of it", f'"preset": "{PRESET}",'
     if without_surface(report):
         if not report.surfaces:
-            yield "at the top", f'"surfTypes": {{"ground": {{"preset": "{PRESET}"}}}},'
+            yield "at the top of the file", f'"surfTypes": {{"ground": {{"preset": "{PRESET}"}}}},'
         surface = known[0] if known else (report.surfaces or (Figures("ground"),))[0].surface
         yield 'in "elemTree"', f'"surface": {json.dumps(surface, ensure_ascii=False)},'
 
