@@ -13,7 +13,7 @@ from terratool.traversability.results import (
     Barrier,
     Extreme,
     Figures,
-    Ground,
+    GroundClass,
     Location,
     MapSummary,
     Preview,
@@ -126,14 +126,15 @@ WAYPOINTS = Route(
     profile(found=False), NO_WAY.barriers[:1],
 )  # fmt: skip
 
-OTHERS = {Ground.CUT_OFF: 40, Ground.EDGE: 20, Ground.ONE_WAY: 10}
+G = GroundClass
+OTHERS = {G.CUT_OFF: 40, G.EDGE: 20, G.ONE_WAY: 10}
 SUMMARY = MapSummary(
     GRID, 8,
-    {Ground.GO: 600, Ground.CAUTION: 600, Ground.NO_GO: 530, Ground.UNKNOWN: 530, **OTHERS},
-    {Ground.GO: 0, Ground.CAUTION: 1200, Ground.NO_GO: 530, Ground.UNKNOWN: 530, **OTHERS},
+    {G.GO: 600, G.CAUTION: 600, G.NO_GO: 530, G.UNKNOWN: 530, **OTHERS},
+    {G.GO: 0, G.CAUTION: 1200, G.NO_GO: 530, G.UNKNOWN: 530, **OTHERS},
     {Reason.TRACTION: 600, Reason.STEP: 529, Reason.SINKAGE: 1},
-    {"sand": {Ground.GO: 600, Ground.CAUTION: 600}, "rock": {Ground.NO_GO: 530, **OTHERS},
-     NASTY: {Ground.UNKNOWN: 500}, "": {Ground.UNKNOWN: 30}, "unused": {}},
+    {"sand": {G.GO: 600, G.CAUTION: 600}, "rock": {G.NO_GO: 530, **OTHERS},
+     NASTY: {G.UNKNOWN: 500}, "": {G.UNKNOWN: 30}, "unused": {}},
     (105.0, 202.0),
 )  # fmt: skip
 

@@ -28,7 +28,7 @@ from terratool.traversability.map import (
 from terratool.traversability.results import (
     HEADINGS,
     RANKS,
-    Ground,
+    GroundClass,
     MapSummary,
     Preview,
     Reach,
@@ -177,7 +177,9 @@ def prepare_assessment(
         refuse_map(terrain, grid, Path(map_path), overwrite)
     builder = tiles = None
     if request.maps:
-        builder = MapBuilder(terrain, grid, request.headings, keep=routes == grid)
+        builder = MapBuilder(
+            terrain, grid, request.headings, keep=routes == grid and map_path is not None
+        )
     if routes is not None:
         surveyor = Surveyor(terrain, vehicle, routes, request.headings)
         take = builder.take if builder and routes == grid else None
@@ -372,12 +374,12 @@ def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
         return max((route.verdict for route in routes), key=RANKS.__getitem__)
     assert summary is not None
     counts = {ground for ground, count in summary.counts.items() if count}
-    inner = counts - {Ground.EDGE} if counts != {Ground.EDGE} else {Ground.NO_GO}
-    if inner == {Ground.GO}:
+    inner = counts - {GroundClass.EDGE} if counts != {GroundClass.EDGE} else {GroundClass.NO_GO}
+    if inner == {GroundClass.GO}:
         return Verdict.GO
-    if inner & {Ground.GO, Ground.CAUTION}:
+    if inner & {GroundClass.GO, GroundClass.CAUTION}:
         return Verdict.CAUTION
-    return Verdict.UNKNOWN if inner <= {Ground.UNKNOWN} else Verdict.NO_GO
+    return Verdict.UNKNOWN if inner <= {GroundClass.UNKNOWN} else Verdict.NO_GO
 
 
 def _map_grid(

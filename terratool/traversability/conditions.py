@@ -11,7 +11,7 @@ from functools import partial
 
 from terratool.errors import RequestError
 from terratool.text.display import shown
-from terratool.traversability.results import Extreme, Ground, TraversabilityReport, Verdict
+from terratool.traversability.results import Extreme, GroundClass, TraversabilityReport, Verdict
 
 _Value = float | None
 
@@ -50,14 +50,14 @@ def _sinkage(report: TraversabilityReport) -> list[_Value]:
     return [one.sinkage for one in report.surfaces if one.sinkage is not None]
 
 
-def _fraction(ground: Ground, report: TraversabilityReport) -> list[_Value]:
+def _fraction(ground: GroundClass, report: TraversabilityReport) -> list[_Value]:
     return [report.summary.fraction(ground) if report.summary else None]
 
 
 FIGURES: dict[str, _Figure] = {
     **{
         f"{ground.label}-fraction": _Figure(partial(_fraction, ground), "map", is_share=True)
-        for ground in Ground
+        for ground in GroundClass
     },
     "reachable-fraction": _Figure(
         lambda r: [r.reach.share if r.reach else None], "reach", is_share=True
@@ -162,7 +162,7 @@ def _why(word: str, report: TraversabilityReport) -> str:
         count = len(report.routes)
         return f"{lost} of {count} routes cannot be driven" if lost else ""
     if word == "unknown":
-        part = report.summary.fraction(Ground.UNKNOWN) if report.summary else 0.0
+        part = report.summary.fraction(GroundClass.UNKNOWN) if report.summary else 0.0
         if part:
             return f"unknown-fraction is {part:.6g}"
         return "the verdict is unknown" if report.verdict == Verdict.UNKNOWN else ""

@@ -40,7 +40,7 @@ from terratool.raster.writers import copied
 from terratool.traversability.results import (
     COLORS,
     RANKS,
-    Ground,
+    GroundClass,
     MapSummary,
     Preview,
     Reason,
@@ -271,7 +271,7 @@ class MapBuilder:
         )
 
     def classes(self, begin: Bits | None, area: float) -> tuple[NDArray[np.uint8], Connected]:
-        """What each pixel is, (height, width) uint8 `Ground`, and what hangs together.
+        """What each pixel is, (height, width) uint8 `GroundClass`, and what hangs together.
 
         Args:
             begin: states from which the vehicle sets out; the largest part of the ground if None,
@@ -291,10 +291,10 @@ class MapBuilder:
             one_way = ~can_turn_back(self.bits, self.headings)
         else:
             one_way = found.reached & ~found.returned
-        classes[drives & ~found.reached] = Ground.CUT_OFF
-        classes[drives & one_way] = Ground.ONE_WAY
+        classes[drives & ~found.reached] = GroundClass.CUT_OFF
+        classes[drives & one_way] = GroundClass.ONE_WAY
         edge = self.ground & (self.verdict == Verdict.NO_GO) & (self.reason == Reason.EDGE)
-        classes[edge] = Ground.EDGE
+        classes[edge] = GroundClass.EDGE
         return classes, found
 
     def summary(
@@ -302,26 +302,26 @@ class MapBuilder:
     ) -> MapSummary:
         """The pixels with ground, counted."""
         ground, names = self.ground, ("", *self.terrain.surfaces)
-        here, judged = classes[ground], classes <= Ground.NO_GO
+        here, judged = classes[ground], classes <= GroundClass.NO_GO
         worst = np.where(judged, self.worst, classes)[ground]
-        shape = (len(names), len(Ground))
-        pairs = self.surfaces[ground].astype(np.int64) * len(Ground) + here
+        shape = (len(names), len(GroundClass))
+        pairs = self.surfaces[ground].astype(np.int64) * len(GroundClass) + here
         count = np.bincount(pairs, minlength=math.prod(shape)).reshape(shape)
-        bound = ground & ((classes == Ground.CAUTION) | (classes == Ground.NO_GO))
+        bound = ground & ((classes == GroundClass.CAUTION) | (classes == GroundClass.NO_GO))
         reasons = np.bincount(self.reason[bound], minlength=len(Reason)).tolist()
         return MapSummary(
             self.grid,
             self.headings,
             _by_ground(count.sum(axis=0)),
-            _by_ground(np.bincount(worst, minlength=len(Ground))),
+            _by_ground(np.bincount(worst, minlength=len(GroundClass))),
             {Reason(n): number for n, number in enumerate(reasons) if number},
             {name: _by_ground(row) for name, row in zip(names, count, strict=True) if row.any()},
             start,
         )
 
 
-def _by_ground(counts: NDArray[np.int64]) -> dict[Ground, int]:
-    return dict(zip(Ground, counts.tolist(), strict=True))
+def _by_ground(counts: NDArray[np.int64]) -> dict[GroundClass, int]:
+    return dict(zip(GroundClass, counts.tolist(), strict=True))
 
 
 def _empty_bands(flat: tuple[int, int]) -> MapBands:
@@ -489,7 +489,7 @@ def _class_names(bands: Bands) -> bytes:
     root = ElementTree.Element("PAMDataset")
     for number, name in enumerate(bands.names, 1):
         band = ElementTree.SubElement(root, "PAMRasterBand", band=str(number))
-        classes: type[Ground | Verdict | Reason] = Ground if bands is VERDICT else Verdict
+        classes: type[GroundClass | Verdict | Reason] = GroundClass if bands is VERDICT else Verdict
         if name.startswith("reason"):
             classes = Reason
         name_categories(band, [value.label for value in classes])

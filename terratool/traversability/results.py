@@ -35,7 +35,7 @@ RANKS = np.array([2, 0, 1, 3], np.uint8)
 """What is worse, by `Verdict`: what is not known is worse than caution and better than no-go."""
 
 
-class Ground(IntEnum):
+class GroundClass(IntEnum):
     """What a place is to the vehicle: the verdict of its best heading, and whether it gets there.
 
     The first four are those of `Verdict`.
@@ -55,14 +55,14 @@ class Ground(IntEnum):
         return ("unknown", "go", "caution", "no-go", "cut-off", "edge", "one-way")[self]
 
 
-COLORS: dict[Ground, tuple[int, int, int]] = {
-    Ground.UNKNOWN: (158, 158, 158),
-    Ground.GO: (190, 232, 218),
-    Ground.CAUTION: (224, 138, 30),
-    Ground.NO_GO: (140, 28, 68),
-    Ground.CUT_OFF: (120, 140, 190),
-    Ground.EDGE: (228, 228, 228),
-    Ground.ONE_WAY: (246, 214, 96),
+COLORS: dict[GroundClass, tuple[int, int, int]] = {
+    GroundClass.UNKNOWN: (158, 158, 158),
+    GroundClass.GO: (190, 232, 218),
+    GroundClass.CAUTION: (224, 138, 30),
+    GroundClass.NO_GO: (140, 28, 68),
+    GroundClass.CUT_OFF: (120, 140, 190),
+    GroundClass.EDGE: (228, 228, 228),
+    GroundClass.ONE_WAY: (246, 214, 96),
 }
 """Distinct for any kind of colour vision; the verdicts in grey, too: L* 88, 65, 31, unknown 65."""
 
@@ -375,20 +375,20 @@ class MapSummary:
     Attributes:
         grid: the pixels.
         headings: their number.
-        counts: pixels by `Ground`.
+        counts: pixels by `GroundClass`.
         worst_counts: likewise, with the verdict of their worst heading where they are go, caution,
             no-go or unknown.
         reasons: pixels that are caution or no-go at their best heading by `Reason`.
-        by_surface: for each surface's name ("" for none) its counts by `Ground`.
+        by_surface: for each surface's name ("" for none) its counts by `GroundClass`.
         start: where what can be reached begins; None for the largest part of the ground.
     """
 
     grid: Grid
     headings: int
-    counts: dict[Ground, int]
-    worst_counts: dict[Ground, int]
+    counts: dict[GroundClass, int]
+    worst_counts: dict[GroundClass, int]
     reasons: dict[Reason, int]
-    by_surface: dict[str, dict[Ground, int]]
+    by_surface: dict[str, dict[GroundClass, int]]
     start: tuple[float, float] | None = None
 
     @property
@@ -396,12 +396,12 @@ class MapSummary:
         """With ground."""
         return sum(self.counts.values())
 
-    def fraction(self, ground: Ground) -> float:
+    def fraction(self, ground: GroundClass) -> float:
         """Share of the pixels with ground that are this; 0 where there are none."""
         return fraction_of(self.counts, ground)
 
 
-def fraction_of(counts: dict[Ground, int], ground: Ground) -> float:
+def fraction_of(counts: dict[GroundClass, int], ground: GroundClass) -> float:
     """Share of counted pixels that are this; 0 where there are none."""
     total = sum(counts.values())
     return counts.get(ground, 0) / total if total else 0.0
@@ -414,7 +414,7 @@ class Preview:
     Attributes:
         grid: the pixels; of a large map one for several.
         heights: (height, width) float32, NaN where there is no ground.
-        ground: (height, width) uint8, `Ground`.
+        ground: (height, width) uint8, `GroundClass`.
         crs: name of the reference system of its coordinates; empty for none.
     """
 

@@ -29,7 +29,7 @@ from terratool.traversability.assess import Request, assess, first_look, prepare
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
 from terratool.traversability.report.wording import conclusion
-from terratool.traversability.results import Ground, TraversabilityReport, Verdict
+from terratool.traversability.results import GroundClass, TraversabilityReport, Verdict
 from terratool.traversability.route import graph
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import part_of
@@ -349,15 +349,15 @@ def test_the_top_of_a_rack_is_cut_off(saved: Saved, tmp_path: Path) -> None:
         assert document["map"]["from"] == (list(place[1:]) or None)
         with rasterio.open(path) as map_:
             top, floor, rim, foot = (
-                Ground(int(next(map_.sample([at]))[0]))
+                GroundClass(int(next(map_.sample([at]))[0]))
                 for at in ((107.05, 52.55), (102.05, 55.05), (100.05, 54.05), (105.05, 52.55))
             )
             values, found = np.unique(map_.read(1), return_counts=True)
-        told = {Ground(int(v)).label: int(n) for v, n in zip(values, found, strict=True)}
+        told = {GroundClass(int(v)).label: int(n) for v, n in zip(values, found, strict=True)}
         assert told == {name: n for name, n in counts[start].items() if n}
-        away, here = (Ground.CUT_OFF, Ground.GO)
+        away, here = (GroundClass.CUT_OFF, GroundClass.GO)
         assert (top, floor) == ((away, here) if start == "floor" else (here, away))
-        assert (rim, foot) == (Ground.EDGE, Ground.NO_GO)
+        assert (rim, foot) == (GroundClass.EDGE, GroundClass.NO_GO)
     # rims that it would have to enter sideways are cut off from either
     assert counts["floor"]["cut-off"] >= counts["rack"]["go"] > 500
     assert counts["rack"]["cut-off"] >= counts["floor"]["go"] > 6000

@@ -16,7 +16,7 @@ from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
 from terratool.traversability.map import default_resolution, map_paths, write_map
-from terratool.traversability.results import COLORS, Ground, Reason, Verdict
+from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import survey
 from tests.conftest import terrain_of
@@ -78,8 +78,8 @@ class TestFiles:
         assert [p.name for p in (classes, numbers)] == ["yard-classes.tif", "yard-numbers.tif"]
         with rasterio.open(verdict) as file:
             assert file.descriptions == ("verdict, best heading",)
-            assert file.colormap(1)[Ground.CUT_OFF][:3] == COLORS[Ground.CUT_OFF]
-            assert file.colormap(1)[Verdict.GO][:3] == COLORS[Ground.GO]
+            assert file.colormap(1)[GroundClass.CUT_OFF][:3] == COLORS[GroundClass.CUT_OFF]
+            assert file.colormap(1)[Verdict.GO][:3] == COLORS[GroundClass.GO]
             assert (file.nodata, file.dtypes, file.crs.to_epsg()) == (0, ("uint8",), 32633)
             assert file.bounds[0] == 500000 and file.shape == (grid.height, grid.width)
         with rasterio.open(classes) as file:
@@ -91,7 +91,7 @@ class TestFiles:
             assert np.isnan(file.nodata)
             tags = file.tags(file.descriptions.index("step, highest") + 1)
             assert float(tags["STATISTICS_MAXIMUM"]) == pytest.approx(1.5, abs=0.01)
-        for file_, bands in ((verdict, [Ground]), (classes, [Verdict, Reason, Reason])):
+        for file_, bands in ((verdict, [GroundClass]), (classes, [Verdict, Reason, Reason])):
             root = ElementTree.parse(f"{file_}.aux.xml").getroot()
             named = [[c.text for c in band.iter("Category")] for band in root]
             assert named == [[value.label for value in kind] for kind in bands]
@@ -105,11 +105,13 @@ class TestFiles:
         inside = np.isin(found.surfaces, [0, 4]) | ~np.isnan(found.heights)
         rank = np.array([2, 0, 1, 3])
         ranks = rank[found.verdict]
-        told = inside & (verdict <= Ground.NO_GO)
+        told = inside & (verdict <= GroundClass.NO_GO)
         assert np.array_equal(rank[verdict[told]], ranks.min(axis=0)[told])
-        assert (ranks.min(axis=0)[np.isin(verdict, [Ground.CUT_OFF, Ground.ONE_WAY])] <= 1).all()
+        assert (
+            ranks.min(axis=0)[np.isin(verdict, [GroundClass.CUT_OFF, GroundClass.ONE_WAY])] <= 1
+        ).all()
         edge = (found.reason == Reason.EDGE).any(axis=0) & (ranks.min(axis=0) == 3)
-        assert edge[verdict == Ground.EDGE].all()
+        assert edge[verdict == GroundClass.EDGE].all()
         assert np.array_equal(rank[classes[0][inside]], ranks.max(axis=0)[inside])
         drives = ((found.verdict == 1) | (found.verdict == 2)).sum(axis=0)
         assert np.array_equal(numbers[0][inside], drives[inside])

@@ -34,7 +34,7 @@ from terratool.traversability.report.tables import as_lines
 from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import (
     COLORS,
-    Ground,
+    GroundClass,
     MapSummary,
     Preview,
     Reason,
@@ -351,7 +351,7 @@ class TestPicture:
     def test_verdicts_differ_in_grey(self) -> None:
         """In any light the three stay apart as greys do, and unknown is dotted."""
         ranges = []
-        for verdict in (Ground.NO_GO, Ground.CAUTION, Ground.GO):
+        for verdict in (GroundClass.NO_GO, GroundClass.CAUTION, GroundClass.GO):
             grey = float(np.dot(COLORS[verdict], (0.299, 0.587, 0.114)))
             ranges.append((grey * drawing.SHADING[0], grey * drawing.SHADING[1]))
         assert all(dark[1] < light[0] for dark, light in pairwise(ranges))
@@ -525,22 +525,34 @@ class TestConclusion:
     @pytest.mark.parametrize(
         ("counts", "verdict", "part"),
         [
-            ({Ground.GO: 5}, Verdict.GO, "All of the ground is go"),
-            ({Ground.GO: 5, Ground.NO_GO: 5}, Verdict.CAUTION, "50 % of the ground is go"),
-            ({Ground.NO_GO: 5}, Verdict.NO_GO, "100 % of the ground is no-go"),
-            ({Ground.NO_GO: 5, Ground.GO: 0}, Verdict.NO_GO, "step, on 100 %"),
-            ({Ground.UNKNOWN: 5}, Verdict.UNKNOWN, "Nothing is known"),
-            ({Ground.UNKNOWN: 5, Ground.NO_GO: 5}, Verdict.NO_GO, "50 % is unknown"),
-            ({Ground.UNKNOWN: 1, Ground.GO: 3}, Verdict.CAUTION, "25 % is unknown"),
-            ({Ground.GO: 3, Ground.CUT_OFF: 1}, Verdict.CAUTION, "and 25 % is cut off"),
+            ({GroundClass.GO: 5}, Verdict.GO, "All of the ground is go"),
+            (
+                {GroundClass.GO: 5, GroundClass.NO_GO: 5},
+                Verdict.CAUTION,
+                "50 % of the ground is go",
+            ),
+            ({GroundClass.NO_GO: 5}, Verdict.NO_GO, "100 % of the ground is no-go"),
+            ({GroundClass.NO_GO: 5, GroundClass.GO: 0}, Verdict.NO_GO, "step, on 100 %"),
+            ({GroundClass.UNKNOWN: 5}, Verdict.UNKNOWN, "Nothing is known"),
+            ({GroundClass.UNKNOWN: 5, GroundClass.NO_GO: 5}, Verdict.NO_GO, "50 % is unknown"),
+            ({GroundClass.UNKNOWN: 1, GroundClass.GO: 3}, Verdict.CAUTION, "25 % is unknown"),
+            ({GroundClass.GO: 3, GroundClass.CUT_OFF: 1}, Verdict.CAUTION, "and 25 % is cut off"),
             # what carries downhill only, where the vehicle gets about nowhere
-            ({Ground.ONE_WAY: 1, Ground.NO_GO: 3}, Verdict.NO_GO, "no place that the vehicle can"),
-            ({Ground.ONE_WAY: 1, Ground.NO_GO: 3}, Verdict.NO_GO, "25 % can only be driven one"),
+            (
+                {GroundClass.ONE_WAY: 1, GroundClass.NO_GO: 3},
+                Verdict.NO_GO,
+                "no place that the vehicle can",
+            ),
+            (
+                {GroundClass.ONE_WAY: 1, GroundClass.NO_GO: 3},
+                Verdict.NO_GO,
+                "25 % can only be driven one",
+            ),
             ({}, Verdict.UNKNOWN, "no ground"),
         ],
     )
-    def test_of_a_map(self, counts: dict[Ground, int], verdict: Verdict, part: str) -> None:
-        reasons = {Reason.STEP: counts.get(Ground.NO_GO, 0)}
+    def test_of_a_map(self, counts: dict[GroundClass, int], verdict: Verdict, part: str) -> None:
+        reasons = {Reason.STEP: counts.get(GroundClass.NO_GO, 0)}
         summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, reasons, {})
         assert verdict_of(summary, ()) == verdict
         assert part in conclusion(reports.report(summary=summary, routes=(), reach=None))
@@ -548,14 +560,22 @@ class TestConclusion:
     @pytest.mark.parametrize(
         ("counts", "verdict", "part"),
         [
-            ({Ground.GO: 8, Ground.EDGE: 2}, Verdict.GO, "but for the edge of the terrain, 20 %"),
-            ({Ground.UNKNOWN: 8, Ground.EDGE: 2}, Verdict.UNKNOWN, "Nothing is known"),
-            ({Ground.CAUTION: 8, Ground.EDGE: 2}, Verdict.CAUTION, "80 % of the ground is caution"),
-            ({Ground.EDGE: 2}, Verdict.NO_GO, "100 % of the ground lies at the edge"),
+            (
+                {GroundClass.GO: 8, GroundClass.EDGE: 2},
+                Verdict.GO,
+                "but for the edge of the terrain, 20 %",
+            ),
+            ({GroundClass.UNKNOWN: 8, GroundClass.EDGE: 2}, Verdict.UNKNOWN, "Nothing is known"),
+            (
+                {GroundClass.CAUTION: 8, GroundClass.EDGE: 2},
+                Verdict.CAUTION,
+                "80 % of the ground is caution",
+            ),
+            ({GroundClass.EDGE: 2}, Verdict.NO_GO, "100 % of the ground lies at the edge"),
         ],
     )
     def test_the_edge_says_nothing_of_the_ground(
-        self, counts: dict[Ground, int], verdict: Verdict, part: str
+        self, counts: dict[GroundClass, int], verdict: Verdict, part: str
     ) -> None:
         """Every terrain has a rim where a vehicle would stand over it: level ground is go."""
         summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, counts, counts, {}, {})
@@ -564,7 +584,7 @@ class TestConclusion:
 
     def test_the_worst_route_decides(self) -> None:
         """Not the map, and not the first."""
-        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, {Ground.GO: 5}, {}, {}, {})
+        summary = MapSummary(Grid(0, 0, 1, 1, 10), 8, {GroundClass.GO: 5}, {}, {}, {})
         routes = (reports.WAY, reports.NO_WAY)
         assert verdict_of(summary, routes) == Verdict.NO_GO
         assert "/elemTree/children/3 (surface 'rock')" in conclusion(

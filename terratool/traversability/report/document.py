@@ -21,7 +21,7 @@ from terratool.traversability.results import (
     Barrier,
     Extreme,
     Figures,
-    Ground,
+    GroundClass,
     Location,
     MapSummary,
     Reach,
@@ -168,7 +168,7 @@ def _extreme(extreme: Extreme | None, key: str) -> dict[str, Any] | None:
     return {key: value, "binding": _plain(extreme.reason), "place": _plain(extreme.place)}
 
 
-def _counts(counts: dict[Ground, int]) -> dict[str, int]:
+def _counts(counts: dict[GroundClass, int]) -> dict[str, int]:
     return {ground.label: counts.get(ground, 0) for ground in wording.GROUNDS}
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.traversability.report import wording
-from terratool.traversability.results import COLORS, Ground, Preview, RouteProfile, Verdict
+from terratool.traversability.results import COLORS, GroundClass, Preview, RouteProfile, Verdict
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
 """Room for the numbers of the axes, and for what the upper axis is of."""
@@ -254,11 +254,11 @@ def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDAr
     what = map_.ground.repeat(scale, axis=0).repeat(scale, axis=1)
     row, column = np.indices(what.shape, np.int32)
     line = (row + column) % _HATCH < 3
-    painted[line & (what == Ground.NO_GO)] *= 0.55
+    painted[line & (what == GroundClass.NO_GO)] *= 0.55
     other = (row - column) % _HATCH < 2
-    painted[other & ((what == Ground.CUT_OFF) | (what == Ground.ONE_WAY))] *= 0.7
+    painted[other & ((what == GroundClass.CUT_OFF) | (what == GroundClass.ONE_WAY))] *= 0.7
     dot = (row % _HATCH < 4) & (column % _HATCH < 4)
-    painted[dot & (what == Ground.UNKNOWN)] *= 0.6
+    painted[dot & (what == GroundClass.UNKNOWN)] *= 0.6
     if reached is not None:
         inside = reached.repeat(scale, axis=0).repeat(scale, axis=1)
         painted[_outline(inside)] = _OUTLINE

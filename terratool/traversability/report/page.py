@@ -24,7 +24,7 @@ from terratool.traversability.report.drawing import (
 )
 from terratool.traversability.report.tables import Table
 from terratool.traversability.results import (
-    Ground,
+    GroundClass,
     Location,
     Preview,
     Route,
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 MARKS = {
-    Ground.GO: "✔", Ground.CAUTION: "!", Ground.NO_GO: "✘", Ground.UNKNOWN: "?",
-    Ground.ONE_WAY: "→", Ground.CUT_OFF: "⊘", Ground.EDGE: "▫",
+    GroundClass.GO: "✔", GroundClass.CAUTION: "!", GroundClass.NO_GO: "✘", GroundClass.UNKNOWN: "?",
+    GroundClass.ONE_WAY: "→", GroundClass.CUT_OFF: "⊘", GroundClass.EDGE: "▫",
 }  # fmt: skip
 """Of verdicts, too, as these are the first of them."""
 
@@ -113,8 +113,9 @@ class _Pin(NamedTuple):
 def _picture(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
     """What the template says of the map: its picture, what lies over it, a scale, a caption."""
     reached = None
-    if report.reach is not None and report.reach.cells.shape == preview.heights.shape:
-        reached = report.reach.cells
+    if report.reach is not None and report.summary is not None:
+        stride = round(preview.grid.resolution / report.summary.grid.resolution)
+        reached = report.reach.cells[::stride, ::stride]
     west, south, east, north = preview.grid.bounds
     width, height = east - west, north - south
     ways = [(_points(route, preview), route.found) for route in report.routes]

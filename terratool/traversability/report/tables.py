@@ -10,7 +10,7 @@ from terratool.text.display import columns_of, counted, printable
 from terratool.traversability.report import wording
 from terratool.traversability.results import (
     Figures,
-    Ground,
+    GroundClass,
     MapSummary,
     Route,
     TraversabilityReport,
@@ -23,7 +23,7 @@ WIDTH = 80
 _NAME = 16
 """Columns for names of surfaces; longer ones are cut."""
 
-Cell = str | Verdict | Ground
+Cell = str | Verdict | GroundClass
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +118,12 @@ def shares(report: TraversabilityReport) -> Table:
     return Table(columns, tuple(rows))
 
 
-def _grounds(summary: MapSummary) -> list[Ground]:
+def _grounds(summary: MapSummary) -> list[GroundClass]:
     """What ground there is to be told of: the verdicts always, the rest if there is any."""
     return [
-        ground for ground in wording.GROUNDS if ground <= Ground.NO_GO or summary.fraction(ground)
+        ground
+        for ground in wording.GROUNDS
+        if ground <= GroundClass.NO_GO or summary.fraction(ground)
     ]
 
 

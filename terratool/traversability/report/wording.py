@@ -14,7 +14,7 @@ from terratool.traversability.results import (
     Barrier,
     Extreme,
     Figures,
-    Ground,
+    GroundClass,
     Location,
     Reach,
     Reason,
@@ -27,19 +27,24 @@ NOTHING = "–"
 """Stands for what means nothing or is not known."""
 
 GROUNDS = (
-    Ground.GO, Ground.CAUTION, Ground.NO_GO, Ground.UNKNOWN, Ground.ONE_WAY, Ground.CUT_OFF,
-    Ground.EDGE,
-)  # fmt: skip
+    GroundClass.GO,
+    GroundClass.CAUTION,
+    GroundClass.NO_GO,
+    GroundClass.UNKNOWN,
+    GroundClass.ONE_WAY,
+    GroundClass.CUT_OFF,
+    GroundClass.EDGE,
+)
 """In the order of reports."""
 
 _PHRASES = {
-    Ground.GO: "is go",
-    Ground.CAUTION: "is caution",
-    Ground.NO_GO: "is no-go",
-    Ground.UNKNOWN: "is unknown",
-    Ground.ONE_WAY: "can only be driven one way",
-    Ground.CUT_OFF: "is cut off",
-    Ground.EDGE: "lies at the edge, where the vehicle would stand over it",
+    GroundClass.GO: "is go",
+    GroundClass.CAUTION: "is caution",
+    GroundClass.NO_GO: "is no-go",
+    GroundClass.UNKNOWN: "is unknown",
+    GroundClass.ONE_WAY: "can only be driven one way",
+    GroundClass.CUT_OFF: "is cut off",
+    GroundClass.EDGE: "lies at the edge, where the vehicle would stand over it",
 }
 
 EXAMPLE = {"cohesion": 1.72, "fricAngle": 29, "sinkage": 0.0397}
@@ -261,7 +266,7 @@ def without_surface(report: TraversabilityReport) -> bool:
     """Whether there is ground of no surface, of which nothing is known."""
     if report.summary is None:
         return not report.surfaces
-    return bool(report.summary.by_surface.get("", {}).get(Ground.UNKNOWN))
+    return bool(report.summary.by_surface.get("", {}).get(GroundClass.UNKNOWN))
 
 
 def mending(report: TraversabilityReport) -> Iterator[tuple[str, str]]:
@@ -300,13 +305,13 @@ def conclusion(report: TraversabilityReport) -> str:
         return reach_line(report.reach)
     counts = {ground for ground in GROUNDS if summary.fraction(ground)}
     edge = ""
-    if Ground.EDGE in counts and counts - {Ground.EDGE}:
-        edge = f", but for the edge of the terrain, {share(summary.fraction(Ground.EDGE))}, where "
-        edge += "the vehicle would stand over it"
-    inner = counts - {Ground.EDGE} or counts
-    if inner == {Ground.GO}:
+    if GroundClass.EDGE in counts and counts - {GroundClass.EDGE}:
+        part = share(summary.fraction(GroundClass.EDGE))
+        edge = f", but for the edge of the terrain, {part}, where the vehicle would stand over it"
+    inner = counts - {GroundClass.EDGE} or counts
+    if inner == {GroundClass.GO}:
         return f"All of the ground is go, with the best heading at each place{edge}."
-    if inner == {Ground.UNKNOWN}:
+    if inner == {GroundClass.UNKNOWN}:
         return f"Nothing is known of the ground{edge}. {lacking(report)}".rstrip()
     parts = [
         f"{share(summary.fraction(ground))} {_PHRASES[ground]}"
@@ -314,12 +319,12 @@ def conclusion(report: TraversabilityReport) -> str:
         if ground in counts
     ]
     text = listed([parts[0].replace(" %", " % of the ground", 1), *parts[1:]])
-    about, lost = {Ground.GO, Ground.CAUTION}, {Ground.ONE_WAY, Ground.CUT_OFF}
+    about, lost = {GroundClass.GO, GroundClass.CAUTION}, {GroundClass.ONE_WAY, GroundClass.CUT_OFF}
     if not counts & about and counts & lost:
         text = f"There is no place that the vehicle can drive to and back from: {text}"
     known = {reason: count for reason, count in summary.reasons.items() if reason != Reason.NONE}
     if known:
         most = max(known, key=lambda reason: (known[reason], -reason))
         text += f"; what binds most is {most.label}, on {share(known[most] / summary.pixels)}"
-    lacks = f" {lacking(report)}" if Ground.UNKNOWN in counts else ""
+    lacks = f" {lacking(report)}" if GroundClass.UNKNOWN in counts else ""
     return f"{text}.{lacks}".rstrip()
