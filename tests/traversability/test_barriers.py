@@ -12,7 +12,8 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.route.routes import Pose, bars, check_route, plan_route, reach
+from terratool.traversability.route.barriers import Pose, bars
+from terratool.traversability.route.routes import check_route, plan_route, reach
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level, stood
 

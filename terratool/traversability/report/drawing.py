@@ -35,7 +35,7 @@ _RELIEF = np.tan(np.radians(40.0))
 _MOST = 10.0
 _CONTOURS = 8
 """Contours of the ground, about so many."""
-_CONTOUR = 0.72
+_CONTOUR = 0.6
 """Share of a colour that is left on a contour."""
 _LEVEL = 1e-3
 """Ground that differs by less, m, has no contours."""
