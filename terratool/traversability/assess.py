@@ -122,7 +122,7 @@ class PreparedRequest:
 
     Attributes:
         terrain, vehicle, request: what is wanted.
-        grid: of the map, or of routes where there is no map.
+        surveyor: of the map, or of routes where there is no map.
         builder: of the map; None where there is none.
         tiles: the survey for routes; None where there are none.
         notes: sentences on how they were chosen.
@@ -131,10 +131,15 @@ class PreparedRequest:
     terrain: Terrain
     vehicle: Vehicle
     request: Request
-    grid: Grid
+    surveyor: Surveyor
     builder: MapBuilder | None
     tiles: SurveyTiles | None
     notes: tuple[str, ...]
+
+    @property
+    def grid(self) -> Grid:
+        """Of the map, or of routes where there is no map."""
+        return self.surveyor.grid
 
     @property
     def shared(self) -> bool:
@@ -175,16 +180,16 @@ def prepare_assessment(
     grid, routes, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
         refuse_map(terrain, grid, Path(map_path), overwrite)
+    surveyor, shared = Surveyor(terrain, vehicle, grid, request.headings), routes == grid
     builder = tiles = None
     if request.maps:
-        builder = MapBuilder(
-            terrain, grid, request.headings, keep=routes == grid and map_path is not None
-        )
+        keep = shared and map_path is not None
+        builder = MapBuilder(terrain, grid, request.headings, keep)
     if routes is not None:
-        surveyor = Surveyor(terrain, vehicle, routes, request.headings)
-        take = builder.take if builder and routes == grid else None
-        tiles = SurveyTiles(surveyor, threads=request.threads, take=take)
-    return PreparedRequest(terrain, vehicle, request, grid, builder, tiles, tuple(notes))
+        own = surveyor if shared else Surveyor(terrain, vehicle, routes, request.headings)
+        take = builder.take if builder and shared else None
+        tiles = SurveyTiles(own, threads=request.threads, take=take)
+    return PreparedRequest(terrain, vehicle, request, surveyor, builder, tiles, tuple(notes))
 
 
 def _grids(
@@ -205,11 +210,13 @@ def _grids(
         grid, why = _map_grid(terrain, vehicle, request, written)
         if routes is not None and grid.width * grid.height * request.headings <= MOST_STATES:
             routes, note = grid, ""
+        elif routes is not None and not request.maps:
+            grid = routes
     size = f"{grid.width} × {grid.height} pixels of {grid.resolution:.4g} m"
     notes = [f"The map has {size} ({why}), each looked at with {request.headings} headings."]
     if not request.maps:
         notes = [f"Routes are looked for on {size}."]
-    elif routes not in (None, grid):
+    elif routes is not None and routes != grid:
         size = f"{routes.width} × {routes.height} pixels of {routes.resolution:.4g} m"
         notes.append(f"Routes are looked for on {size}.")
     front, rear, _ = vehicle.rectangle
@@ -302,17 +309,15 @@ def _mapped(
     threads, files = checked_threads(prepared.request.threads), None
     if map_path is not None:
         files = MapFiles(stack, terrain, builder.grid, Path(map_path), overwrite, threads)
-    count = progress
     if prepared.shared:
         assert prepared.tiles is not None
-        prepared.tiles.progress = count
+        prepared.tiles.progress = progress
         prepared.tiles.complete()
-        for window in builder.grid.windows(TILE, TILE) if files else ():
-            assert files is not None
-            files.write(window, builder.bands(window))
+        if files:
+            for window in builder.grid.windows(TILE, TILE):
+                files.write(window, builder.bands(window))
     else:
-        surveyor = Surveyor(terrain, prepared.vehicle, builder.grid, builder.headings)
-        stream_map(surveyor, builder, files, threads, count)
+        stream_map(prepared.surveyor, builder, files, threads, progress)
     if progress:
         progress.say("finding out what hangs together")
     classes, found = builder.classes(begin_of(builder, start), prepared.vehicle.area)

@@ -31,6 +31,7 @@ from terratool.traversability.report import document as formats
 from terratool.traversability.report.wording import conclusion
 from terratool.traversability.results import GroundClass, TraversabilityReport, Verdict
 from terratool.traversability.route import graph
+from terratool.traversability.route import routes as routing
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import part_of
 from terratool.traversability.vehicle import Vehicle, load_vehicle
@@ -612,6 +613,23 @@ class TestAssess:
         assert (seen == 1).all()
         assert report.preview is not None and report.preview.grid == planned.grid
         assert told.pixels <= planned.pixels == 40 * 60
+
+    def test_pixels_too_fine_for_routes_are_for_the_map_alone(
+        self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """And without a map for nothing: what is said of the pixels is so."""
+        monkeypatch.setattr(assessing, "MOST_STATES", 100_000)
+        monkeypatch.setattr(routing, "MOST_STATES", 100_000)
+        terrain = terrain_of(WALLED)
+        for mapped in (True, False):
+            request = Request(routes=(WAY,), resolution=0.04, mapped=mapped)
+            report = assess(prepare_assessment(terrain, vehicle, request))
+            assert report.routes[0].found
+            told = " ".join(report.notes)
+            routes = re.search(r"Routes are looked for on (\d+) × (\d+) pixels", told)
+            assert routes is not None and 8 * int(routes[1]) * int(routes[2]) <= 100_000
+            assert ("The map has 300 × 200 pixels of 0.04 m (as asked)" in told) == mapped
+            assert (report.summary is not None) == mapped
 
     def test_routes_alone_look_at_what_matters(
         self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
