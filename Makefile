@@ -10,7 +10,8 @@ TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.to
 KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/raster/test_painter.py tests/field/test_tracks.py \
   tests/raster/test_loss.py tests/mesh/test_build.py tests/mesh/test_solid.py tests/mesh/test_tracks.py \
   tests/importing/test_zbuffer.py tests/importing/test_structure.py tests/importing/test_vrml_numbers.py \
-  tests/importing/test_vrml_polygons.py tests/traversability/test_terramechanics.py tests/traversability/test_map.py
+  tests/importing/test_vrml_polygons.py tests/traversability/test_terramechanics.py tests/traversability/test_map.py \
+  tests/traversability/test_route_graph.py
 KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/python/*.cpp)
 
 .DEFAULT_GOAL := help
@@ -33,7 +34,7 @@ $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@$(BIN)/python $(PIP) --no-build-isolation -Ceditable.rebuild=false $(CONFIG) --editable '.$(if $(filter-out none,$*),[$*])'
 	@touch $@
 
-install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool; EXTRAS=route,usd for more
+install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool; EXTRAS=import,usd for more
 	@echo "terratool is at $(BIN)/terratool"
 
 demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example, write its DEM and its mesh to out/

@@ -1,7 +1,8 @@
-"""Routes: what headings cost over a plain grid, and how much memory the largest survey takes."""
+"""Routes: what headings cost over a plain grid, memory, and a route, map and report in one run."""
 
 from __future__ import annotations
 
+import json
 import math
 import resource
 import sys
@@ -13,17 +14,27 @@ from measure import line, medians
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from terratool.raster.grid import Grid
+from terratool.definition.reader import check
+from terratool.field.terrain import Terrain
+from terratool.raster.grid import Grid, grid_over
+from terratool.text.source import Source
+from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.map import MapBuilder, default_resolution, stream_map
 from terratool.traversability.results import Reason, Survey, Verdict
 from terratool.traversability.route.graph import (
-    build_graph,
-    cheapest_paths,
+    ALLOWED,
+    BACKING,
+    Costs,
+    cheapest_way,
     drivable,
+    least_rate,
     rates,
     turning_arc,
 )
-from terratool.traversability.route.routes import MOST_STATES
-from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.route.routes import MOST_STATES, plan_route, route_grid
+from terratool.traversability.survey import Surveyor
+from terratool.traversability.tiles import survey as survey_all
+from terratool.traversability.vehicle import Axle, Margins, Thresholds, Vehicle, Wheel
 
 ROVER = Vehicle(Wheel(0.1, 0.06), (Axle(0.3), Axle(-0.3)), 20.0, track_width=0.5)
 HEADINGS = 8
@@ -59,11 +70,68 @@ def site(pixels: int) -> Survey:
 
 
 def planned(survey: Survey) -> None:
-    """Build the graph of a survey and search it from a corner."""
+    """Search a survey from one corner to the other."""
     can = drivable(survey)
-    rate, arc = rates(survey, ROVER, "time"), turning_arc(survey, ROVER)
-    graph = build_graph(rate, can, can, survey.heights, survey.grid.resolution, arc)
-    cheapest_paths(graph, graph.at(0, 0))
+    flags = np.where(can, ALLOWED | BACKING, 0).astype(np.uint8)
+    costs = Costs.of(
+        rates(survey, ROVER, "time"), flags, survey.heights, survey.grid.resolution,
+        turning_arc(survey, ROVER), least_rate(ROVER, "time"),
+    )  # fmt: skip
+    starts = np.array([(heading, 0, 0) for heading in range(HEADINGS)], np.int64)
+    far = (survey.grid.height - 1, survey.grid.width - 1)
+    assert len(cheapest_way(costs, starts, far).states)
+
+
+def mesa(side: int) -> Terrain:
+    """A plateau of 524 × 384 m over a valley, with hills of 5 m cells, for a rover on soft soil."""
+    rng = np.random.default_rng(3)
+    columns, rows = side, 77 * side // 105
+    hills = [
+        {"type": "hill", "cellX": int(rng.integers(0, columns - 3)), "span": [3, 3],
+         "cellY": int(rng.integers(0, rows - 3)), "vScale": float(rng.uniform(-1.2, 1.2))}
+        for _ in range(6 * side)
+    ]  # fmt: skip
+    crust = {"cohesion": 1.1, "fricAngle": 34.5, "sinkage": 0.03, "shearModulus": 0.02}
+    text = json.dumps(
+            {
+                "size": [5 * columns, 5 * rows],
+                "surfTypes": {"crust": crust},
+                "elemTypes": {
+                    "valley": {"y": [[0, 0], [0.4, 0], [0.55, 1], [1, 1]]},
+                    "hill": {"x": "cosbell", "y": "cosbell", "combine": "product"},
+                },
+                "elemTree": {
+                    "type": "valley", "vScale": 12.0 * side / 105, "surface": "crust",
+                    "cells": [columns, rows], "children": hills,
+                },
+            }
+    )  # fmt: skip
+    return Terrain(check(Source("mesa", text.encode())))
+
+
+MARS = Vehicle(
+    Wheel(0.25, 0.4, max_slip=0.8), (Axle(1.1), Axle(-0.1), Axle(-1.2)), 899.0, 3.71,
+    track_width=2.1, cog_height=1.0, clearance=0.6, body_width=1.2, speed=0.04, power=110.0,
+    margins=Margins(clearance=0.1, tip=0.26), thresholds=Thresholds(caution_slip=0.4),
+)  # fmt: skip
+
+
+def together(terrain: Terrain) -> None:
+    """Route, map and report as the command makes them."""
+    west, south, east, north = terrain.bounds
+    ends = (west + 30.0, north - 30.0, east - 40.0, south + 40.0)
+    assess(prepare_assessment(terrain, MARS, Request(routes=(ends,))))
+
+
+def apart(terrain: Terrain) -> None:
+    """The map on pixels of its own, and a survey of all for the route."""
+    west, south, east, north = terrain.bounds
+    grid = grid_over(terrain, default_resolution(terrain, MARS)[0])
+    surveyor = Surveyor(terrain, MARS, grid)
+    stream_map(surveyor, MapBuilder(terrain, grid, HEADINGS, keep=False), None, 2)
+    surveyed = survey_all(terrain, MARS, route_grid(terrain, MARS)[0])
+    ends = ((west + 30.0, north - 30.0), (east - 40.0, south + 40.0))
+    plan_route(terrain, MARS, surveyed, *ends)
 
 
 def plain(survey: Survey) -> csr_array:
@@ -121,4 +189,13 @@ if __name__ == "__main__":
         f"{len(survey.heights)}² cells with {HEADINGS} headings against a plain grid of them",
         seconds["headings"] / (seconds["plain"] + seconds["searched"]),
         f"<= {2 * HEADINGS}",
+    )
+    ground = mesa(30 if quick else 105)
+    seconds = medians(
+        {"together": lambda: together(ground), "apart": lambda: apart(ground)}, 1 if quick else 3
+    )
+    line(
+        "route, map and report of a rover against map and route each by itself",
+        seconds["together"] / seconds["apart"],
+        "<= 0.2",
     )

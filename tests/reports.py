@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,14 @@ from terratool.traversability.results import (
     Barrier,
     Extreme,
     Figures,
+    GroundClass,
     Location,
     MapSummary,
+    Preview,
     Reach,
     Reason,
     Route,
     RouteProfile,
-    Survey,
     TraversabilityReport,
     Verdict,
 )
@@ -69,21 +71,16 @@ BOG = Figures(
 BARE = Figures(NASTY, missing=("cohesion", "fricAngle"))
 
 
-def survey(grid: Grid = GRID, headings: int = 8) -> Survey:
-    """Go in the west, caution, no-go, unknown to the east; a hill; no ground in a corner."""
+def preview(grid: Grid = GRID) -> Preview:
+    """Go in the west, caution, no-go, unknown to the east, other ground in a row; a hill; no ground
+    in a corner."""
     shape = (grid.height, grid.width)
     row, column = np.indices(shape)
     heights = np.exp(-(((row - 8) / 6) ** 2) - ((column - 20) / 9) ** 2).astype(np.float32)
-    verdict = np.choose(4 * column // grid.width, [1, 2, 3, 0]).astype(np.uint8)
-    reason = np.choose(verdict, [3, 4, 4, 10]).astype(np.uint8)
+    ground = np.choose(4 * column // grid.width, [1, 2, 3, 0]).astype(np.uint8)
+    ground[-3:] = np.choose(3 * column[-3:] // grid.width, [4, 5, 6])
     heights[: grid.height // 4, -grid.width // 8 :] = np.nan
-    every = np.broadcast_to(np.float32(0.5), (headings, *shape)).copy()
-    stack = np.stack([verdict] * headings)
-    stack[0][stack[0] == 1] = 2
-    return Survey(
-        grid, heights, np.ones(shape, np.uint8), stack, np.stack([reason] * headings),
-        every, every * 0, every * 0, every * 0.01, every * 0.1, every * 100,
-    )  # fmt: skip
+    return Preview(grid, heights, ground, "EPSG:32633")
 
 
 def profile(n: int = 200, found: bool = True) -> RouteProfile:
@@ -97,7 +94,7 @@ def profile(n: int = 200, found: bool = True) -> RouteProfile:
     return RouteProfile(
         105.0 + 25.0 * t, 202.0 + 10.0 * t, np.full(n, 68.0), 26.9 * t, np.sin(3.0 * t),
         0.004 + 0.004 * (t > 0.5), 0.2 * np.cos(3.0 * t), 0.0 * t, slip, 0.3 + 0.4 * t, verdict,
-        np.where(verdict == 1, 0, 6).astype(np.uint8), ("sand",) * n,
+        np.where(verdict == 1, 0, 6).astype(np.uint8), ("sand",) * n, ("/elemTree",) * n,
     )  # fmt: skip
 
 
@@ -115,19 +112,30 @@ NO_WAY = Route(
     ),
     reached=place(120.5, 207.5),
 )  # fmt: skip
+BACK = Route(
+    place(130.0, 212.0), place(105.0, 202.0), True, True, Verdict.GO, 51.0, 9000.0, 1400.0,
+    Extreme(0.1, place()), Extreme(0.008, place()), Extreme(0.5, place(), Reason.SLIP), profile(),
+)  # fmt: skip
+ONE_WAY = replace(
+    WAY, one_way=True, against=NO_WAY.barriers[:1], back=BACK, verdict=Verdict.CAUTION
+)
+NO_RETURN = replace(ONE_WAY, back=NO_WAY, verdict=Verdict.NO_GO)
 WAYPOINTS = Route(
     place(105.0, 202.0), place(130.0, 212.0), False, False, Verdict.NO_GO, None, math.inf, None,
     Extreme(0.3, place()), Extreme(0.02, place()), Extreme(-math.inf, place(), Reason.STEP),
     profile(found=False), NO_WAY.barriers[:1],
 )  # fmt: skip
 
+G = GroundClass
+OTHERS = {G.CUT_OFF: 40, G.EDGE: 20, G.ONE_WAY: 10}
 SUMMARY = MapSummary(
     GRID, 8,
-    {Verdict.GO: 600, Verdict.CAUTION: 600, Verdict.NO_GO: 600, Verdict.UNKNOWN: 530},
-    {Verdict.GO: 0, Verdict.CAUTION: 1200, Verdict.NO_GO: 600, Verdict.UNKNOWN: 530},
-    {Reason.TRACTION: 600, Reason.STEP: 599, Reason.SINKAGE: 1},
-    {"sand": {Verdict.GO: 600, Verdict.CAUTION: 600}, "rock": {Verdict.NO_GO: 600},
-     NASTY: {Verdict.UNKNOWN: 500}, "": {Verdict.UNKNOWN: 30}, "unused": {}},
+    {G.GO: 600, G.CAUTION: 600, G.NO_GO: 530, G.UNKNOWN: 530, **OTHERS},
+    {G.GO: 0, G.CAUTION: 1200, G.NO_GO: 530, G.UNKNOWN: 530, **OTHERS},
+    {Reason.TRACTION: 600, Reason.STEP: 529, Reason.SINKAGE: 1},
+    {"sand": {G.GO: 600, G.CAUTION: 600}, "rock": {G.NO_GO: 530, **OTHERS},
+     NASTY: {G.UNKNOWN: 500}, "": {G.UNKNOWN: 30}, "unused": {}},
+    (105.0, 202.0),
 )  # fmt: skip
 
 ASSUMPTIONS = ("Static, a rigid smooth wheel.", "No bulldozing, no grousers.")
@@ -145,7 +153,7 @@ def report(**changes: Any) -> TraversabilityReport:
         "verdict": Verdict.NO_GO,
         "routes": (WAY, NO_WAY, WAYPOINTS),
         "reach": Reach(place(105.0, 202.0), 0.625, 0.5, best_cells()),
-        "preview": survey(),
+        "preview": preview(),
         "assumptions": ASSUMPTIONS,
         "notes": ("The map has 80 × 30 pixels of 0.5 (as asked).",),
     }
@@ -153,7 +161,7 @@ def report(**changes: Any) -> TraversabilityReport:
 
 
 def best_cells() -> np.ndarray:
-    return survey().verdict[0] < 3
+    return preview().ground < 3
 
 
 EMPTY = MapSummary(GRID, 8, {}, {}, {}, {})
@@ -162,6 +170,9 @@ KINDS: dict[str, TraversabilityReport] = {
     "all": report(),
     "way": report(routes=(WAY,), verdict=Verdict.CAUTION),
     "no-way": report(routes=(NO_WAY,)),
+    "one-way": report(routes=(ONE_WAY,), verdict=Verdict.CAUTION),
+    "no-return": report(routes=(NO_RETURN,)),
+    "lines": report(summary=None, preview=None, reach=None),
     "map": report(routes=(), reach=None, verdict=Verdict.CAUTION),
     "wheel": report(vehicle=Vehicle.single(Wheel(0.2, 0.1), 100.0), routes=(), reach=None),
     "nothing": report(

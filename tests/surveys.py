@@ -12,6 +12,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.traversability.limits import wheel_layout
 from terratool.traversability.results import Reason, Survey, Verdict
+from terratool.traversability.route.graph import ALLOWED, BACKING, Costs
 from terratool.traversability.survey import Stance, Verdicts, vehicle_params
 from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
 from tests.conftest import terrain_of
@@ -92,6 +93,15 @@ def drawn(
             for name, plane in given.items()
         },
     )
+
+
+def level_costs(height: int, width: int, headings: int = 8) -> Costs:
+    """What moves cost on level ground of cells of a metre, all of which can be driven."""
+    shape = (headings, height, width)
+    return Costs.of(
+        np.ones(shape, np.float32), np.full(shape, ALLOWED | BACKING, np.uint8),
+        np.zeros(shape[1:], np.float32), 1.0, 0.1, 1.0,
+    )  # fmt: skip
 
 
 def barred(

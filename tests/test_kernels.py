@@ -25,7 +25,7 @@ from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.survey import soil_table, vehicle_params
 from tests.conftest import terrain_of
-from tests.surveys import ROVER
+from tests.surveys import ROVER, level_costs
 
 ROOT = Path(__file__).parents[1]
 X86 = platform.machine() in ("x86_64", "AMD64")
@@ -54,6 +54,9 @@ def known(kind: str) -> Any:
     if kind == "Field":
         return TERRAIN.field
     edges = nonzero_edges(TERRAIN.arrays)
+    if kind == "Search":
+        way = level_costs(3, 4)
+        return kernels.traversability.Search(way, np.zeros(1, np.int64), 2, 3)
     if kind == "Painter":
         return kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), True, edges)
     if kind == "WallFinder":

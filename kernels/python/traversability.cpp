@@ -1,4 +1,5 @@
 // What Python sees of kernels/traversability.
+#include "../traversability/routing.hpp"
 #include "../traversability/stance.hpp"
 #include "bind.hpp"
 #include "modules.hpp"
@@ -28,6 +29,40 @@ public:
     VehicleOnSoils on;
 };
 
+// A search over costs, whose arrays are kept; between two calls more of them may become known.
+class KeptSearch {
+public:
+    KeptSearch(nb::handle costs, nb::handle starts, i64 row, i64 column)
+        : costs_(costs, where("costs")), starts_(starts, where("starts[n]")),
+          search((check(row, column), costs_.get()), starts_.get(), row, column) {}
+
+private:
+    Sizes sizes_;
+    Bundled<Costs> costs_;
+    Argument<Span<const i64>> starts_;
+
+    Where where(const char* name) { return {"Search", name, sizes_}; }
+
+    static constexpr IndexCheck check_index{"Search"};
+
+    void check(i64 row, i64 column) {
+        const Costs& costs = costs_.get();
+        const Moves& moves = costs.moves;
+        check_index(moves.headings() == costs.rate.layers(), "the number of moves");
+        for (i64 n : moves.steps) check_index(0 <= n && n <= moves.passed.rows(), "a step");
+        check_index(costs.tile > 0, "the side of tiles");
+        check_index(costs.tile * costs.known.rows() >= costs.rate.rows(), "a row of tiles");
+        check_index(costs.tile * costs.known.columns() >= costs.rate.columns(), "tiles");
+        check_index(0 <= row && row < costs.rate.rows(), "the row of the goal");
+        check_index(0 <= column && column < costs.rate.columns(), "the column of the goal");
+        for (i64 state : starts_.get())
+            check_index(0 <= state && state < costs.rate.size(), "a start");
+    }
+
+public:
+    Search search;
+};
+
 Drive drive(const Layout& layout, In load, const Soils& soil, double pull, const Wheel& wheel) {
     auto wheels = wheels_on(layout, soil[0]);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
@@ -40,6 +75,11 @@ Drive drive(const Layout& layout, In load, const Soils& soil, double pull, const
 template <> struct Argument<VehicleOnSoils> : KnownArgument<KeptVehicle> {
     using KnownArgument::KnownArgument;
     VehicleOnSoils& get() { return kept->on; }
+};
+
+template <> struct Argument<Search> : KnownArgument<KeptSearch> {
+    using KnownArgument::KnownArgument;
+    Search& get() { return kept->search; }
 };
 
 void bind_traversability(nb::module_ m) {
@@ -66,6 +106,11 @@ void bind_traversability(nb::module_ m) {
         m, "VehicleOnSoils", "A vehicle on the soils of a terrain, and its tables."
     )
         .def(nb::init<nb::handle, nb::handle, nb::handle>(), "vehicle"_a, "soils"_a, "steps"_a);
+
+    nb::class_<KeptSearch> search(m, "Search", "A search for the cheapest way to a cell.");
+    search.def(
+        nb::init<nb::handle, nb::handle, i64, i64>(), "costs"_a, "starts"_a, "row"_a, "column"_a
+    );
 
     def<&contacts>(
         m, "contacts", "Sinkage, half angle, effective area.", {"load[n]", "sinkage[n]", "wheel"}
@@ -139,6 +184,23 @@ void bind_traversability(nb::module_ m) {
     def<&raise_steps>(
         m, "raise_steps", "Mark pixels beside walls with the step that a wheel meets.",
         {"supports[h,w]", "pairs[n]", "jumps[n]", "east", "north", "strides", "out[h,w]"}
+    );
+
+    visit_enumerators(Direction{}, [&](const char* name, Direction d) { m.attr(name) = int(d); });
+    def<&Search::advance>(
+        m, "advance", "Search on; the index of a tile that must be known for that, or -1.",
+        {"search"}
+    );
+    def<&Search::cost>(m, "cost", "What the way costs; infinity where there is none.", {"search"});
+    def<&Search::way>(m, "way", "The states of the way, the goal first.", {"search"});
+    def<&Search::mark>(m, "mark", "Mark the cells that were reached.", {"search", "out[_,_]"});
+    def<&flood>(
+        m, "flood", "Spread over what can be driven.",
+        {"moves", "direction", "can[h,w,b]", "fresh[h,w,b]", "reached[h,w,b]"}
+    );
+    def<&largest_part>(
+        m, "largest_part", "Find a state of the largest part that can be driven both ways.",
+        {"moves", "can[h,w,b]", "fresh[h,w,b]", "reached[h,w,b]"}
     );
 }
 

@@ -54,7 +54,7 @@ class Status:
 
     def say(self, what: str) -> None:
         """Something else is being done now."""
-        self._what = printable(what)
+        self._what, self._total = printable(what), None
 
     def clear(self) -> None:
         """Take the line off the terminal, as something else is to be said."""

@@ -30,8 +30,8 @@ PREFERENCES = ("length", "time", "energy", "margin")
     "--report",
     "reports",
     multiple=True,
-    metavar="OUT.json|.md|.html",
-    help="Write a report, once or several times.",
+    metavar="OUT.json|.md|.html|.geojson",
+    help="Write a report, once or several times; as .geojson the routes alone.",
 )
 @click.option(
     "--map",
@@ -55,7 +55,19 @@ PREFERENCES = ("length", "time", "energy", "margin")
     help="Check the way through the points of a CSV or GeoJSON file.",
 )
 @click.option(
-    "--reachable", nargs=2, type=float, metavar="X Y", help="Say how much can be reached from here."
+    "--return",
+    "returns",
+    is_flag=True,
+    help="Look for the way back, too.",
+)
+@click.option(
+    "--from",
+    "--reachable",
+    "start",
+    nargs=2,
+    type=float,
+    metavar="X Y",
+    help="Say what can be reached from here.  [default: the largest part of the ground]",
 )
 @click.option(
     "--prefer",
@@ -98,7 +110,8 @@ def command(
     map_: str | None,
     routes: tuple[tuple[float, float, float, float], ...],
     waypoints: tuple[str, ...],
-    reachable: tuple[float, float] | None,
+    returns: bool,
+    start: tuple[float, float] | None,
     prefer: Any,
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
@@ -113,49 +126,54 @@ def command(
 
     For each surface: how deep the wheels sink, what they pull, what they climb. For each place and
     heading: go, caution or no-go, and what binds; --map writes that. --route looks for a way, and
-    says what bars it where there is none.
+    says what bars it where there is none; the command ends with 1 then. With a route and without
+    --map, --report or --from only the ground that matters to it is looked at.
 
-    --fail-on compares a figure by >, >=, < or <=: go-, caution-, no-go-, unknown- or
-    reachable-fraction, route-length (m), route-time (s), route-energy (J), least-margin,
-    steepest (degrees), sinkage (m).
+    --fail-on compares a figure by >, >=, < or <=: go-, caution-, no-go-, unknown-, one-way-,
+    cut-off-, edge- or reachable-fraction, route-length (m), route-time (s), route-energy (J),
+    least-margin, steepest (degrees), sinkage (m).
     """
     from pathlib import Path
 
     from terratool.output import whole_file
     from terratool.text.display import printable
-    from terratool.traversability.assess import Request, assess, prepare_assessment
+    from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
     from terratool.traversability.conditions import parse
     from terratool.traversability.report import document, tables
     from terratool.traversability.route.waypoints import read_waypoints
 
     checks = [parse(text) for text in conditions]
-    _refuse_unasked(checks, bool(routes or waypoints), reachable is not None)
+    travels = bool(routes or waypoints)
+    lines_only = [path for path in reports if Path(path).suffix.lower() == ".geojson"]
+    _refuse_unasked(checks, travels, start is not None, [*lines_only, *["--return"] * returns])
     renderers = [document.renderer_of(path) for path in reports]
     _refuse_outputs(file, values["vehicle"], waypoints, reports, map_, overwrite)
     vehicle = vehicle_from(values)
+    wants_map = map_ is not None or len(lines_only) < len(reports)
     request = Request(
         routes=routes,
         waypoints=tuple(map(read_waypoints, waypoints)),
-        reachable=reachable,
+        returns=returns,
+        start=start,
         prefer=prefer,
         resolution=resolution,
         bounds=bounds,
         headings=headings,
+        mapped=wants_map or any(check.needs == "map" for check in checks),
+        threads=threads,
     )
-    terrain = load(file)
-    pictured = any(Path(path).suffix.lower() == ".html" for path in reports)
-    planned = prepare_assessment(
-        terrain, vehicle, request, mapped=map_ is not None, pictured=pictured
-    )
+    planned = prepare_assessment(load(file), vehicle, request, map_path=map_, overwrite=overwrite)
 
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place
         parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
-        routed = bool(routes or waypoints or reachable)
-        then = "looking for ways" if routed else "finishing"
-        with Status("judging", planned.pixels, then=then) as progress:
+        for line in first_look(planned):
+            click.echo(f"terratool: {printable(line)}", err=True)
+        with Status(
+            "judging" if planned.pixels else "looking for ways", planned.pixels
+        ) as progress:
             report = assess(
-                planned, name=Path(file).name, map_path=map_, overwrite=overwrite, threads=threads,
+                planned, name=Path(file).name, map_path=map_, overwrite=overwrite,
                 progress=progress, stack=stack,
             )  # fmt: skip
         for part, render in zip(parts, renderers, strict=True):
@@ -172,11 +190,18 @@ def command(
             raise
     for text, why in held:
         click.echo(f"terratool: --fail-on {printable(text.strip())}: {why}.", err=True)
-    return 1 if held else 0
+    lost = not all(route.holds for route in report.routes)
+    return 1 if held or lost or (report.reach is not None and report.reach.note) else 0
 
 
-def _refuse_unasked(checks: list[Condition], routed: bool, reaching: bool) -> None:
-    """Refuse conditions on what is not asked for."""
+def _refuse_unasked(
+    checks: list[Condition], routed: bool, reaching: bool, others: list[str]
+) -> None:
+    """Refuse conditions on what is not asked for, and what else makes no sense without a route."""
+    if others and not routed:
+        raise click.UsageError(
+            f"{others[0]} needs a route. Add --route X0 Y0 X1 Y1 or --waypoints FILE."
+        )
     for check in checks:
         if check.needs == "route" and not routed:
             raise click.UsageError(
@@ -184,7 +209,7 @@ def _refuse_unasked(checks: list[Condition], routed: bool, reaching: bool) -> No
                 "FILE."
             )
         if check.needs == "reach" and not reaching:
-            raise click.UsageError(f"--fail-on {check.text} needs --reachable X Y.")
+            raise click.UsageError(f"--fail-on {check.text} needs --from X Y.")
 
 
 def _refuse_outputs(

@@ -34,6 +34,11 @@ class VehicleOnSoils:
 
     def __init__(self, vehicle: object, soils: object, steps: object) -> None: ...
 
+class Search:
+    """A search for the cheapest way to a cell."""
+
+    def __init__(self, costs: object, starts: object, row: int, column: int) -> None: ...
+
 SPECS: dict[str, list[dict[str, Any]]]
 
 def contacts(
@@ -222,4 +227,48 @@ def raise_steps(
     Mark pixels beside walls with the step that a wheel meets.
 
     Shapes: supports[h,w], pairs[n], jumps[n], out[h,w].
+    """
+
+ALONG: int = 0
+
+AGAINST: int = 1
+
+BOTH: int = 2
+
+def advance(search: Search) -> int:
+    """Search on; the index of a tile that must be known for that, or -1."""
+
+def cost(search: Search) -> float:
+    """What the way costs; infinity where there is none."""
+
+def way(search: Search) -> NDArray[np.int64]:
+    """The states of the way, the goal first."""
+
+def mark(search: Search, out: NDArray[np.bool_]) -> None:
+    """
+    Mark the cells that were reached.
+
+    Shapes: out[_,_].
+    """
+
+def flood(
+    moves: Any,
+    direction: int,
+    can: NDArray[np.uint8],
+    fresh: NDArray[np.uint8],
+    reached: NDArray[np.uint8],
+) -> None:
+    """
+    Spread over what can be driven.
+
+    Shapes: can[h,w,b], fresh[h,w,b], reached[h,w,b].
+    """
+
+def largest_part(
+    moves: Any, can: NDArray[np.uint8], fresh: NDArray[np.uint8], reached: NDArray[np.uint8]
+) -> int:
+    """
+    Find a state of the largest part that can be driven both ways.
+
+    Shapes: can[h,w,b], fresh[h,w,b], reached[h,w,b].
     """

@@ -3,48 +3,56 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
+from terratool.field.footprints import geojson_head
 from terratool.field.terrain import Terrain, clip_bounds
+from terratool.raster.export import checked_threads
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, grid_over
-from terratool.traversability.map import default_resolution, write_map
+from terratool.raster.prefetch import TILE
+from terratool.traversability.map import (
+    MapBuilder,
+    MapFiles,
+    begin_of,
+    default_resolution,
+    refuse_map,
+    stream_map,
+)
 from terratool.traversability.results import (
     HEADINGS,
     RANKS,
+    GroundClass,
     MapSummary,
+    Preview,
     Reach,
-    Reason,
     Route,
-    Survey,
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.route.graph import Preference, check_preference
-from terratool.traversability.route.paths import check_ground, check_inside
+from terratool.traversability.route.graph import Preference, check_preference, drivable
+from terratool.traversability.route.paths import cell_of, check_ground, check_inside
 from terratool.traversability.route.routes import (
     MOST_STATES,
     check_route,
     plan_route,
-    reach,
+    reach_of,
     route_grid,
+    with_way_back,
 )
 from terratool.traversability.soil import ASSUMPTIONS, surface_figures
-from terratool.traversability.survey import Surveyor, survey
+from terratool.traversability.survey import Surveyor
+from terratool.traversability.tiles import SurveyTiles
 from terratool.traversability.vehicle import Vehicle
 
 MOST_PIXELS = 1024
 """The longer side of a map that goes into no file has at most so many pixels by default."""
-
-_PICTURE = 720
-"""The longer side of the survey for a picture, where no route has one."""
-_MOST_PICTURE = 1600
-"""A route's survey is good for the picture up to this."""
 
 _MAP = (
     "The map judges the vehicle at rest with its middle at each pixel's centre and each of the "
@@ -58,6 +66,16 @@ _ROUTE = (
 Point = tuple[float, float]
 
 
+class Progress(Protocol):
+    """Who is told how far it is."""
+
+    def __call__(self, more: int, /) -> object:
+        """So many more pixels were judged."""
+
+    def say(self, what: str, /) -> object:
+        """Something else is being done now."""
+
+
 @dataclass(frozen=True, slots=True)
 class Request:
     """What is wanted.
@@ -65,54 +83,73 @@ class Request:
     Attributes:
         routes: x and y of the start and of the goal of each.
         waypoints: (n, 2) float64 of each way that is to be checked.
-        reachable: the place from which reach is wanted.
+        returns: whether the ways back are wanted, too.
+        start: the place from which the ground counts; its largest part if None.
         prefer: what routes are to be the least of.
         resolution: of the map, and of routes where that is not too fine; chosen if None.
         bounds: west, south, east, north of the part that counts; all if None.
         headings: at each place.
+        mapped: whether the whole ground is to be judged; it is where there are no routes, or a
+            start.
+        threads: number of threads; as many as there are processors if None.
     """
 
     routes: tuple[tuple[float, float, float, float], ...] = ()
     waypoints: tuple[NDArray[Any], ...] = ()
-    reachable: Point | None = None
+    returns: bool = False
+    start: Point | None = None
     prefer: Preference = "time"
     resolution: float | None = None
     bounds: Bounds | None = None
     headings: int = HEADINGS
+    mapped: bool = True
+    threads: int | None = None
 
     @property
     def travels(self) -> bool:
-        """Whether there is anything that needs a survey of the whole at once."""
-        return bool(self.routes or self.waypoints or self.reachable)
+        """Whether there are ways to be looked for, or to be checked."""
+        return bool(self.routes or self.waypoints)
+
+    @property
+    def maps(self) -> bool:
+        """Whether the whole ground is judged."""
+        return self.mapped or self.start is not None or not self.travels
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedRequest:
-    """A request that has been checked, and the grids for it.
+    """A request that has been checked, and what will answer it.
 
     Attributes:
         terrain, vehicle, request: what is wanted.
-        pictured: whether the report has a picture.
-        grid: of the map.
-        route: grid of routes; None where there are none.
-        picture: grid of the picture; None for that of the routes, or for none.
+        surveyor: of the map, or of routes where there is no map.
+        builder: of the map; None where there is none.
+        tiles: the survey for routes; None where there are none.
         notes: sentences on how they were chosen.
     """
 
     terrain: Terrain
     vehicle: Vehicle
     request: Request
-    pictured: bool
-    grid: Grid
-    route: Grid | None
-    picture: Grid | None
+    surveyor: Surveyor
+    builder: MapBuilder | None
+    tiles: SurveyTiles | None
     notes: tuple[str, ...]
 
     @property
-    def pixels(self) -> int:
-        """Of all grids together."""
-        grids = (self.grid, self.route, self.picture)
-        return sum(grid.width * grid.height for grid in grids if grid is not None)
+    def grid(self) -> Grid:
+        """Of the map, or of routes where there is no map."""
+        return self.surveyor.grid
+
+    @property
+    def shared(self) -> bool:
+        """Whether map and routes have one survey."""
+        return self.tiles is not None and self.tiles.survey.grid == self.grid
+
+    @property
+    def pixels(self) -> int | None:
+        """That will be judged; None where only the search will show how many."""
+        return self.grid.width * self.grid.height if self.builder else None
 
 
 def prepare_assessment(
@@ -120,54 +157,90 @@ def prepare_assessment(
     vehicle: Vehicle,
     request: Request,
     *,
-    mapped: bool = False,
-    pictured: bool = False,
+    map_path: str | Path | None = None,
+    overwrite: bool = False,
 ) -> PreparedRequest:
     """Check a request, and choose its grids, before any long work.
 
-    `mapped` says whether the map goes into a file, `pictured` whether the report has a picture.
+    `map_path` is where the map will be written, if anywhere.
 
     Raises:
         RequestError: what is asked for lies outside the terrain, or makes no sense.
+        WriteError: the map exists already, or does not fit on the disk.
+        DefinitionError: the map has a CRS, which is unknown.
     """
     check_preference(request.prefer)
-    grid, why = _map_grid(terrain, vehicle, request, mapped)
+    checked_threads(request.threads)
     part = clip_bounds(terrain, request.bounds)
     for what, place in _places(request):
         check_inside(terrain, what, place, part, "the bounds that were asked for")
         # waypoints after the first may lie where nothing drives: that is what bars the way
         if not what.startswith("Waypoint") or what == "Waypoint 1":
             check_ground(terrain, what, place)
-    notes = [
-        f"The map has {grid.width} × {grid.height} pixels of {grid.resolution:.4g} m ({why}), "
-        f"each looked at with {request.headings} headings."
-    ]
+    grid, routes, notes = _grids(terrain, vehicle, request, map_path is not None)
+    if map_path is not None:
+        refuse_map(terrain, grid, Path(map_path), overwrite)
+    surveyor, shared = Surveyor(terrain, vehicle, grid, request.headings), routes == grid
+    builder = tiles = None
+    if request.maps:
+        keep = shared and map_path is not None
+        builder = MapBuilder(terrain, grid, request.headings, keep)
+    if routes is not None:
+        own = surveyor if shared else Surveyor(terrain, vehicle, routes, request.headings)
+        take = builder.take if builder and shared else None
+        tiles = SurveyTiles(own, threads=request.threads, take=take)
+    return PreparedRequest(terrain, vehicle, request, surveyor, builder, tiles, tuple(notes))
+
+
+def _grids(
+    terrain: Terrain, vehicle: Vehicle, request: Request, written: bool
+) -> tuple[Grid, Grid | None, list[str]]:
+    """The grids of the map and of routes, None where there are none, and sentences on them.
+
+    They are one where the routes' is not too fine for the map.
+    """
+    routes, note = None, ""
+    if request.travels:
+        routes, note = route_grid(
+            terrain, vehicle, headings=request.headings, bounds=request.bounds
+        )
+    if request.resolution is None and routes is not None:
+        grid, why = routes, "as routes want it; --resolution gives another"
+    else:
+        grid, why = _map_grid(terrain, vehicle, request, written)
+        if routes is not None and grid.width * grid.height * request.headings <= MOST_STATES:
+            routes, note = grid, ""
+        elif routes is not None and not request.maps:
+            grid = routes
+    size = f"{grid.width} × {grid.height} pixels of {grid.resolution:.4g} m"
+    notes = [f"The map has {size} ({why}), each looked at with {request.headings} headings."]
+    if not request.maps:
+        notes = [f"Routes are looked for on {size}."]
+    elif routes is not None and routes != grid:
+        size = f"{routes.width} × {routes.height} pixels of {routes.resolution:.4g} m"
+        notes.append(f"Routes are looked for on {size}.")
     front, rear, _ = vehicle.rectangle
     if grid.resolution > front + rear:
         notes.append(
             f"Pixels of the map are longer than the vehicle, {front + rear:.3g} m: the ground "
             "between where it stands is not looked at."
         )
-    route = None
-    if request.travels:
-        fits = grid.width * grid.height * request.headings <= MOST_STATES
-        if request.resolution is not None and fits:
-            route = grid
-        else:
-            route, note = route_grid(
-                terrain, vehicle, headings=request.headings, bounds=request.bounds
-            )
-            notes.append(
-                note
-                or f"Routes are looked for on {route.width} × {route.height} pixels of "
-                f"{route.resolution:.4g} m."
-            )
-    picture = None
-    if pictured and (route is None or max(route.width, route.height) > _MOST_PICTURE):
-        coarse = max(grid.resolution, max(part[2] - part[0], part[3] - part[1]) / _PICTURE)
-        shorter = min(part[2] - part[0], part[3] - part[1])
-        picture = grid_over(terrain, min(coarse, shorter), request.bounds)
-    return PreparedRequest(terrain, vehicle, request, pictured, grid, route, picture, tuple(notes))
+    return grid, routes, [*notes, *([note] if note else [])]
+
+
+def first_look(prepared: PreparedRequest) -> Iterator[str]:
+    """Sentences on what cannot be found, as far as a look at starts and goals shows it."""
+    tiles = prepared.tiles
+    for x0, y0, x1, y1 in prepared.request.routes if tiles else ():
+        assert tiles is not None
+        for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
+            row, column = cell_of(tiles.survey.grid, *place)
+            survey = tiles.complete([row], [column])
+            if not drivable(survey, np.s_[row, column]).any():
+                yield (
+                    f"The vehicle cannot stand at the route's {what}, {place[0]:.12g} "
+                    f"{place[1]:.12g}, whatever its heading: there is no such route."
+                )
 
 
 def assess(
@@ -176,101 +249,152 @@ def assess(
     name: str = "",
     map_path: str | Path | None = None,
     overwrite: bool = False,
-    threads: int | None = None,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress | None = None,
     stack: ExitStack | None = None,
 ) -> TraversabilityReport:
     """Find out whether, where and why not a vehicle can drive on a terrain.
 
+    Each window of the ground is judged once, for the map, for routes and for the picture.
+
     Args:
         prepared: what is wanted, from `prepare_assessment`.
         name: of the terrain, for people.
-        map_path: a .tif for the map; its numbers go to a second file beside it.
+        map_path: a .tif for the map; other files of it go beside it.
         overwrite: whether files may be there already.
-        threads: number of threads; as many as there are processors if None.
-        progress: called with the number of pixels that are done, of all its pixels.
+        progress: is told what is being done, and how many pixels are.
         stack: the map's files take their places when it ends, if given.
 
     Raises:
-        RequestError: a figure of a surface is too large, or the vehicle cannot stand at a start.
+        RequestError: a figure of a surface is too large.
         WriteError: the map exists already, or cannot be written.
     """
     terrain, vehicle, request = prepared.terrain, prepared.vehicle, prepared.request
     figures = tuple(
         surface_figures(name, surface, vehicle) for name, surface in terrain.surface_types.items()
     )
-    surveyor = Surveyor(terrain, vehicle, prepared.grid, request.headings)
-    summary = write_map(
-        surveyor, map_path, threads=threads, overwrite=overwrite, progress=progress, stack=stack
-    )
-
-    def survey_on(grid: Grid | None) -> Survey | None:
-        if grid is None:
-            return None
-        found = survey(terrain, vehicle, grid, headings=request.headings, threads=threads)
-        if progress:
-            progress(grid.width * grid.height)
-        return found
-
-    route_survey, picture = survey_on(prepared.route), survey_on(prepared.picture)
-    routes: list[Route] = []
-    reached: Reach | None = None
-    if route_survey:
-        for x0, y0, x1, y1 in request.routes:
-            routes.append(
-                plan_route(
-                    terrain, vehicle, route_survey, (x0, y0), (x1, y1), prefer=request.prefer
-                )
-            )
-        routes += [
-            check_route(terrain, vehicle, route_survey, points) for points in request.waypoints
-        ]
-        if request.reachable is not None:
-            reached = reach(terrain, vehicle, route_survey, request.reachable)
+    with nullcontext(stack) if stack else ExitStack() as opened:
+        mapped = _mapped(prepared, map_path, overwrite, progress, opened)
+        routes = _routed(prepared, progress)
     return TraversabilityReport(
         terrain=name,
         descr=terrain.descr,
         bounds=terrain.bounds,
         vehicle=vehicle,
         surfaces=figures,
-        summary=summary,
-        verdict=verdict_of(summary, routes),
-        routes=tuple(routes),
-        reach=reached,
-        preview=(picture or route_survey) if prepared.pictured else None,
+        summary=mapped.summary if mapped else None,
+        verdict=verdict_of(mapped.summary if mapped else None, routes),
+        routes=routes,
+        reach=mapped.reach if mapped else None,
+        preview=mapped.preview if mapped else None,
         assumptions=(*ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
-        notes=prepared.notes,
+        notes=(*prepared.notes, *_looked_at(prepared)),
+        geojson=geojson_head(terrain),
     )
 
 
-def verdict_of(summary: MapSummary, routes: Sequence[Route]) -> Verdict:
-    """The verdict of the worst route; without one, of the ground by its best headings.
+class _Mapped(NamedTuple):
+    summary: MapSummary
+    reach: Reach | None
+    preview: Preview
 
-    Ground that is all alike has that verdict. Ground that is partly go or caution is caution. What
-    is left, no-go and unknown, is no-go. Places where the vehicle would stand over the edge of the
-    terrain count only where there are no others.
+
+def _mapped(
+    prepared: PreparedRequest, map_path: str | Path | None, overwrite: bool,
+    progress: Progress | None, stack: ExitStack,
+) -> _Mapped | None:  # fmt: skip
+    """Judge the whole ground, and write it; None where nobody wants that."""
+    terrain, builder, start = prepared.terrain, prepared.builder, prepared.request.start
+    if builder is None:
+        return None
+    threads, files = checked_threads(prepared.request.threads), None
+    if map_path is not None:
+        files = MapFiles(stack, terrain, builder.grid, Path(map_path), overwrite, threads)
+    if prepared.shared:
+        assert prepared.tiles is not None
+        prepared.tiles.progress = progress
+        prepared.tiles.complete()
+        if files:
+            for window in builder.grid.windows(TILE, TILE):
+                files.write(window, builder.bands(window))
+    else:
+        stream_map(prepared.surveyor, builder, files, threads, progress)
+    if progress:
+        progress.say("finding out what hangs together")
+    classes, found = builder.classes(begin_of(builder, start), prepared.vehicle.area)
+    if files:
+        files.finish(classes)
+    reach = None if start is None else reach_of(terrain, start, found, builder.ground)
+    return _Mapped(builder.summary(classes, start), reach, builder.preview(classes))
+
+
+def _routed(prepared: PreparedRequest, progress: Progress | None) -> tuple[Route, ...]:
+    """The ways that were asked for, and those back."""
+    terrain, vehicle, request = prepared.terrain, prepared.vehicle, prepared.request
+    tiles = prepared.tiles
+    if tiles is None:
+        return ()
+    if progress:
+        progress.say("looking for ways")
+        tiles.progress = progress
+
+    def plan(begin: Point, end: Point) -> Route:
+        return plan_route(terrain, vehicle, tiles, begin, end, prefer=request.prefer)
+
+    def check(points: NDArray[Any]) -> Route:
+        return check_route(terrain, vehicle, tiles, points)
+
+    ways: list[tuple[Callable[..., Route], tuple[Any, ...], tuple[Any, ...]]] = [
+        (plan, ((x0, y0), (x1, y1)), ((x1, y1), (x0, y0))) for x0, y0, x1, y1 in request.routes
+    ]
+    ways += [(check, (points,), (points[::-1],)) for points in request.waypoints]
+    found = []
+    for find, there, back in ways:
+        route = find(*there)
+        if request.returns and route.found:
+            route = with_way_back(route, find(*back))
+        found.append(route)
+    return tuple(found)
+
+
+def _looked_at(prepared: PreparedRequest) -> Iterator[str]:
+    """What was not looked at, where there is no map."""
+    if prepared.builder is not None or prepared.tiles is None:
+        return
+    known, grid = prepared.tiles.known, prepared.grid
+    share = np.count_nonzero(known) / known.size
+    yield (
+        f"Only the ground that matters to routes was looked at, {share:.0%} of {grid.width} × "
+        f"{grid.height} pixels; --map, --report and --from judge all of it."
+    )
+
+
+def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
+    """The verdict of the worst route; without one, of the ground.
+
+    Ground that is all go is go. Where some of it can be driven to, and left again, and is go or
+    caution, it is caution. What is left is no-go, or unknown where nothing else is. The edge of
+    the terrain, where the vehicle would stand over it, counts only where there is nothing else.
     """
     if routes:
         return max((route.verdict for route in routes), key=RANKS.__getitem__)
-    counts = {verdict: count for verdict, count in summary.counts.items() if count}
-    inner = counts.get(Verdict.NO_GO, 0) - summary.reasons.get(Reason.EDGE, 0)
-    if inner <= 0 and counts.keys() - {Verdict.NO_GO}:
-        counts.pop(Verdict.NO_GO, None)
-    if len(counts) == 1:
-        return next(iter(counts))
-    if counts.get(Verdict.GO) or counts.get(Verdict.CAUTION):
+    assert summary is not None
+    counts = {ground for ground, count in summary.counts.items() if count}
+    inner = counts - {GroundClass.EDGE} if counts != {GroundClass.EDGE} else {GroundClass.NO_GO}
+    if inner == {GroundClass.GO}:
+        return Verdict.GO
+    if inner & {GroundClass.GO, GroundClass.CAUTION}:
         return Verdict.CAUTION
-    return Verdict.UNKNOWN if not counts else Verdict.NO_GO
+    return Verdict.UNKNOWN if inner <= {GroundClass.UNKNOWN} else Verdict.NO_GO
 
 
 def _map_grid(
-    terrain: Terrain, vehicle: Vehicle, request: Request, mapped: bool
+    terrain: Terrain, vehicle: Vehicle, request: Request, written: bool
 ) -> tuple[Grid, str]:
     if request.resolution is not None:
         return grid_over(terrain, request.resolution, request.bounds), "as asked"
-    most = DEFAULT_PIXELS if mapped else MOST_PIXELS
+    most = DEFAULT_PIXELS if written else MOST_PIXELS
     resolution, why = default_resolution(terrain, vehicle, request.bounds, most)
-    if not mapped and why.endswith("longer side"):
+    if not written and why.endswith("longer side"):
         why = f"{most} on the longer side, as the map goes into no file"
     return grid_over(terrain, resolution, request.bounds), why
 
@@ -282,5 +406,5 @@ def _places(request: Request) -> Iterator[tuple[str, Point]]:
     for points in request.waypoints:
         for number, (x, y) in enumerate(points.tolist(), 1):
             yield f"Waypoint {number}", (x, y)
-    if request.reachable is not None:
-        yield "The place to start from", request.reachable
+    if request.start is not None:
+        yield "The place to start from", request.start

@@ -7,10 +7,11 @@ import operator
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 
 from terratool.errors import RequestError
 from terratool.text.display import shown
-from terratool.traversability.results import Extreme, TraversabilityReport, Verdict
+from terratool.traversability.results import Extreme, GroundClass, TraversabilityReport, Verdict
 
 _Value = float | None
 
@@ -22,7 +23,7 @@ class _Figure:
     Attributes:
         values: all that there are of it; None where there is one that is not known, or means
             nothing, as the length of a way that there is not.
-        needs: what must have been asked for, "route" or "reach"; empty for nothing.
+        needs: what must have been asked for, "map", "route" or "reach"; empty for nothing.
         unit: of the number, for people.
         is_share: whether it lies between 0 and 1.
     """
@@ -49,11 +50,15 @@ def _sinkage(report: TraversabilityReport) -> list[_Value]:
     return [one.sinkage for one in report.surfaces if one.sinkage is not None]
 
 
+def _fraction(ground: GroundClass, report: TraversabilityReport) -> list[_Value]:
+    return [report.summary.fraction(ground) if report.summary else None]
+
+
 FIGURES: dict[str, _Figure] = {
-    "go-fraction": _Figure(lambda r: [r.summary.fraction(Verdict.GO)], is_share=True),
-    "caution-fraction": _Figure(lambda r: [r.summary.fraction(Verdict.CAUTION)], is_share=True),
-    "no-go-fraction": _Figure(lambda r: [r.summary.fraction(Verdict.NO_GO)], is_share=True),
-    "unknown-fraction": _Figure(lambda r: [r.summary.fraction(Verdict.UNKNOWN)], is_share=True),
+    **{
+        f"{ground.label}-fraction": _Figure(partial(_fraction, ground), "map", is_share=True)
+        for ground in GroundClass
+    },
     "reachable-fraction": _Figure(
         lambda r: [r.reach.share if r.reach else None], "reach", is_share=True
     ),
@@ -66,10 +71,11 @@ FIGURES: dict[str, _Figure] = {
 }
 """What may be compared with a number, by name."""
 
-WORDS = {"no-route": "route", "caution": "", "no-go": "", "unknown": ""}
+WORDS = {"no-route": "route", "caution": "", "no-go": "", "unknown": "map"}
 """Conditions that are a word, and what must have been asked for.
 
-`no-route`: a route cannot be driven. `caution`: the verdict is not go. `no-go`: it is no-go.
+`no-route`: a route cannot be driven, or the way back that was asked for. `caution`: the verdict is
+not go. `no-go`: it is no-go.
 `unknown`: it is unknown, or some of the map is.
 """
 
@@ -97,7 +103,7 @@ class Condition:
 
     @property
     def needs(self) -> str:
-        """What must be asked for, "route" or "reach"; empty for nothing."""
+        """What must be asked for, "map", "route" or "reach"; empty for nothing."""
         return FIGURES[self.name].needs if self.comparison else WORDS[self.name]
 
     def held(self, report: TraversabilityReport) -> str:
@@ -152,11 +158,11 @@ def parse(text: str) -> Condition:
 
 def _why(word: str, report: TraversabilityReport) -> str:
     if word == "no-route":
-        lost = sum(not route.found for route in report.routes)
+        lost = sum(not route.holds for route in report.routes)
         count = len(report.routes)
         return f"{lost} of {count} routes cannot be driven" if lost else ""
     if word == "unknown":
-        part = report.summary.fraction(Verdict.UNKNOWN)
+        part = report.summary.fraction(GroundClass.UNKNOWN) if report.summary else 0.0
         if part:
             return f"unknown-fraction is {part:.6g}"
         return "the verdict is unknown" if report.verdict == Verdict.UNKNOWN else ""

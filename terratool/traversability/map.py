@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import operator
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -26,17 +24,40 @@ from terratool.raster.geotiff import (
     Compression,
     GeoTiff,
     RasterExtent,
+    cog_options,
     crs_of,
     geotiff,
     name_categories,
+    shown_crs,
     xml_bytes,
 )
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
 from terratool.raster.layers import Bands, Layer
+from terratool.raster.painter import id_type
 from terratool.raster.prefetch import TILE, prefetch
 from terratool.raster.statistics import BandStatistics, band_statistics
-from terratool.traversability.results import COLORS, RANKS, MapSummary, Reason, Verdict
+from terratool.raster.writers import copied
+from terratool.traversability.results import (
+    COLORS,
+    RANKS,
+    GroundClass,
+    MapSummary,
+    Preview,
+    Reason,
+    Verdict,
+)
+from terratool.traversability.route.paths import cell_of
+from terratool.traversability.route.reach import (
+    Bits,
+    Connected,
+    begin_at,
+    begin_in_largest,
+    can_turn_back,
+    connected,
+    heading_bits,
+)
 from terratool.traversability.survey import Surveyor, WindowMeasures, coarsest_resolution
+from terratool.traversability.tiles import part_of
 from terratool.traversability.vehicle import Vehicle
 
 CLASS, NUMBER = "class", "number"
@@ -44,10 +65,12 @@ CLASS, NUMBER = "class", "number"
 MOST = 10.0
 """Shares of limits beyond that are written as that."""
 
-VERDICT = Bands((Layer("verdict", ("verdict, best heading",), "", CLASS),), np.dtype(np.uint8))
+VERDICT = Bands(
+    (Layer("verdict", ("verdict, best heading",), "", CLASS, average=False),), np.dtype(np.uint8)
+)
 CLASSES = Bands(
     tuple(
-        Layer(name, (name,), "", CLASS)
+        Layer(name, (name,), "", CLASS, average=False)
         for name in ("verdict, worst heading", "reason, best heading", "reason, worst heading")
     ),
     np.dtype(np.uint8),
@@ -76,6 +99,9 @@ NUMBERS = Bands(
 )
 """Slopes are positive nose up and left side up."""
 
+PICTURE = 1600
+"""The longer side of a map for a picture has at most so many pixels."""
+
 _FILES = (VERDICT, CLASSES, NUMBERS)
 _SUFFIXES = ("", "-classes", "-numbers")
 _WHEEL_PART = 4
@@ -85,7 +111,7 @@ class MapBands(NamedTuple):
     """A window of a map, (bands, height, width) each.
 
     Attributes:
-        verdict: uint8, of `VERDICT`.
+        verdict: uint8 `Verdict`, of `VERDICT` before it is known where the vehicle gets to.
         classes: uint8, of `CLASSES`.
         numbers: float32, of `NUMBERS`, NaN for what is not known or has no limit.
     """
@@ -175,31 +201,184 @@ def map_paths(path: str | Path) -> list[Path]:
     return [path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in _SUFFIXES]
 
 
-@dataclass(frozen=True, slots=True)
-class _Made:
-    """A tile of a map.
+class MapBuilder:
+    """Gathers a map from windows, which several threads may bring in any order.
 
-    Attributes:
-        window: of the grid.
-        bands: what its files hold.
-        statistics: of the numbers.
-        counts: (surfaces + 1, verdicts) int64, pixels with ground by surface and best verdict.
-        worst: (verdicts,) by the verdict of the worst heading.
-        reasons: (reasons,) of the best heading, where it is caution or no-go.
+    Memory is 5 bytes for each pixel, or one more where there are more than 8 headings; 60 where
+    all bands are kept.
+
+    Args:
+        terrain: the ground.
+        grid: the pixels.
+        headings: their number.
+        keep: whether all bands are kept.
     """
 
-    window: Window
-    bands: MapBands
-    statistics: tuple[BandStatistics, ...]
-    counts: NDArray[np.int64]
-    worst: NDArray[np.int64]
-    reasons: NDArray[np.int64]
+    def __init__(self, terrain: Terrain, grid: Grid, headings: int, keep: bool) -> None:
+        flat = (grid.height, grid.width)
+        self.terrain, self.grid, self.headings = terrain, grid, headings
+        self.kept = _empty_bands(flat) if keep else None
+        self.reason = np.zeros(flat, np.uint8)
+        self.verdict, self.worst = np.zeros((2, *flat), np.uint8)
+        self.ground = np.zeros(flat, np.bool_)
+        self.surfaces = np.zeros(flat, id_type(terrain))
+        self.bits = np.zeros((*flat, -(-headings // 8)), np.uint8)
+        self._stride = -(-max(flat) // PICTURE)
+        self._heights = np.full(
+            tuple(-(-side // self._stride) for side in flat), np.nan, np.float32
+        )
+
+    def take(self, window: Window, measures: WindowMeasures) -> MapBands:
+        """Take what was found out about a window; what the files have of it."""
+        west, south, east, north = self.terrain.bounds
+        x, y = self.grid.columns(window), self.grid.rows(window)
+        inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))[None]
+        bands, part = map_bands(measures, inside), part_of(window)
+        self.verdict[part], self.reason[part] = bands.verdict[0], bands.classes[1]
+        self.worst[part] = bands.classes[0]
+        self.ground[part], self.surfaces[part] = ~np.isnan(measures.heights), measures.surfaces
+        drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
+        drives &= np.isfinite(measures.numbers[:, kernels.ENERGY])
+        self.bits[part] = heading_bits(drives & self.ground[part])
+        if self.kept is not None:
+            for whole, pixels in zip(self.kept, bands, strict=True):
+                whole[:, *part] = pixels
+        rows, columns = (
+            np.arange(-(-first // self._stride), -(-(first + count) // self._stride))
+            for first, count in ((window.row, window.height), (window.column, window.width))
+        )
+        if len(rows) and len(columns):
+            at = np.ix_(rows * self._stride - window.row, columns * self._stride - window.column)
+            self._heights[np.ix_(rows, columns)] = measures.heights[at]
+        return bands
+
+    def bands(self, window: Window) -> MapBands:
+        """What was kept of a window."""
+        assert self.kept is not None
+        parts = (whole[:, *part_of(window)] for whole in self.kept)
+        return MapBands(*map(np.ascontiguousarray, parts))
+
+    def preview(self, classes: NDArray[np.uint8]) -> Preview:
+        """The map for a picture: one pixel of each few, the first from the north-west."""
+        grid, stride = self.grid, self._stride
+        size, (height, width) = grid.resolution * stride, self._heights.shape
+        north = grid.bounds[3]
+        return Preview(
+            Grid(grid.west, north - height * size, size, height, width),
+            self._heights,
+            classes[::stride, ::stride],
+            "" if self.terrain.crs is None else shown_crs(self.terrain.crs).strip('"'),
+        )
+
+    def classes(self, begin: Bits | None, area: float) -> tuple[NDArray[np.uint8], Connected]:
+        """What each pixel is, (height, width) uint8 `GroundClass`, and what hangs together.
+
+        Args:
+            begin: states from which the vehicle sets out; the largest part of the ground if None,
+                unless it is smaller than the vehicle.
+            area: of the vehicle, seen from above, m².
+        """
+        found = connected(
+            self.bits, self.headings,
+            begin_in_largest(self.bits, self.headings) if begin is None else begin,
+        )  # fmt: skip
+        classes = self.verdict.copy()
+        drives = self.bits.any(axis=2)
+        least = area / self.grid.resolution**2
+        if begin is None and np.count_nonzero(found.returned) < max(least, 2.0):
+            nothing = np.zeros_like(drives)
+            found = Connected(nothing, nothing)
+            one_way = ~can_turn_back(self.bits, self.headings)
+        else:
+            one_way = found.reached & ~found.returned
+        classes[drives & ~found.reached] = GroundClass.CUT_OFF
+        classes[drives & one_way] = GroundClass.ONE_WAY
+        edge = self.ground & (self.verdict == Verdict.NO_GO) & (self.reason == Reason.EDGE)
+        classes[edge] = GroundClass.EDGE
+        return classes, found
+
+    def summary(
+        self, classes: NDArray[np.uint8], start: tuple[float, float] | None = None
+    ) -> MapSummary:
+        """The pixels with ground, counted."""
+        ground, names = self.ground, ("", *self.terrain.surfaces)
+        here, judged = classes[ground], classes <= GroundClass.NO_GO
+        worst = np.where(judged, self.worst, classes)[ground]
+        shape = (len(names), len(GroundClass))
+        pairs = self.surfaces[ground].astype(np.int64) * len(GroundClass) + here
+        count = np.bincount(pairs, minlength=math.prod(shape)).reshape(shape)
+        bound = ground & ((classes == GroundClass.CAUTION) | (classes == GroundClass.NO_GO))
+        reasons = np.bincount(self.reason[bound], minlength=len(Reason)).tolist()
+        return MapSummary(
+            self.grid,
+            self.headings,
+            _by_ground(count.sum(axis=0)),
+            _by_ground(np.bincount(worst, minlength=len(GroundClass))),
+            {Reason(n): number for n, number in enumerate(reasons) if number},
+            {name: _by_ground(row) for name, row in zip(names, count, strict=True) if row.any()},
+            start,
+        )
+
+
+def _by_ground(counts: NDArray[np.int64]) -> dict[GroundClass, int]:
+    return dict(zip(GroundClass, counts.tolist(), strict=True))
+
+
+def _empty_bands(flat: tuple[int, int]) -> MapBands:
+    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
+
+
+class MapFiles:
+    """The files of a map while they are written; they take their places when the stack ends well.
+
+    Args:
+        stack: of what is written.
+        terrain: the ground.
+        grid: the pixels.
+        path: a .tif, of the verdicts.
+        overwrite: whether the files may be there already.
+        threads: that compress them.
+
+    Raises:
+        RequestError: the file is no .tif.
+        WriteError: a file exists, cannot be written or does not fit on the disk.
+        DefinitionError: the CRS of the terrain is unknown.
+    """
+
+    def __init__(
+        self, stack: contextlib.ExitStack, terrain: Terrain, grid: Grid, path: Path,
+        overwrite: bool, threads: int,
+    ) -> None:  # fmt: skip
+        refuse_map(terrain, grid, path, overwrite)
+        extent = RasterExtent(terrain, grid)
+        parts = [
+            stack.enter_context(whole_file(name, overwrite, COMPANIONS)) for name in map_paths(path)
+        ]
+        self._files = [
+            stack.enter_context(_cog(part, extent, bands, threads))
+            for part, bands in zip(parts, _FILES, strict=True)
+        ]
+        self._statistics = [BandStatistics()] * NUMBERS.count
+
+    def write(self, window: Window, bands: MapBands) -> None:
+        """Write all of a window but what it takes to know the whole map for; windows in order."""
+        for file, pixels in zip(self._files[1:], bands[1:], strict=True):
+            file.write(window, pixels)
+        found = map(band_statistics, bands.numbers)
+        self._statistics = list(map(operator.add, self._statistics, found))
+
+    def finish(self, classes: NDArray[np.uint8]) -> None:
+        """Write what each pixel is."""
+        for window in self._files[0].extent.cut(TILE, TILE):
+            self._files[0].write(window, classes[None, *part_of(window)])
+        self._files[-1].finish(self._statistics)
 
 
 def write_map(
     surveyor: Surveyor,
     path: str | Path | None,
     *,
+    start: tuple[float, float] | None = None,
     threads: int | None = None,
     overwrite: bool = False,
     progress: Callable[[int], object] | None = None,
@@ -207,13 +386,15 @@ def write_map(
 ) -> MapSummary:
     """Judge a vehicle at every pixel of a grid, and write the results as GeoTIFFs.
 
-    `path` gets the verdict of the best heading, with a colour table; beside it NAME-classes.tif has
-    that of the worst heading and what binds, and NAME-numbers.tif the measures. Pixels beyond the
-    terrain are nodata. Memory is bounded by some tiles, whatever the size of the grid.
+    `path` gets what each pixel is, with a colour table; beside it NAME-classes.tif has the verdict
+    of the worst heading and what binds, and NAME-numbers.tif the measures. All are
+    cloud-optimised. Pixels beyond the terrain are nodata. Memory is that of a `MapBuilder`, and
+    of some tiles.
 
     Args:
         surveyor: of a vehicle on a terrain, on the pixels of the map.
         path: a .tif; None to count only.
+        start: x and y of where the vehicle sets out; the largest part of the ground if None.
         threads: number of threads; as many as there are processors if None.
         overwrite: whether the files may be there already.
         progress: called with the number of pixels of each tile that is done.
@@ -225,99 +406,82 @@ def write_map(
         WriteError: a file exists, cannot be written or does not fit on the disk.
         DefinitionError: the CRS of the terrain is unknown.
     """
+    terrain, grid = surveyor.terrain, surveyor.grid
+    builder = MapBuilder(terrain, grid, surveyor.headings, keep=False)
     threads = checked_threads(threads)
-    terrain, grid = surveyor.terrain, surveyor.grid
     with contextlib.nullcontext(stack) if stack else contextlib.ExitStack() as opened:
-        files: list[GeoTiff] = []
+        files = None
         if path is not None:
-            files = _opened(opened, terrain, grid, Path(path), overwrite, threads)
-        count = np.zeros((len(terrain.surfaces) + 1, len(Verdict)), np.int64)
-        worst, reasons = np.zeros(len(Verdict), np.int64), np.zeros(len(Reason), np.int64)
-        statistics = [BandStatistics()] * NUMBERS.count
-        for made in prefetch(partial(_made, surveyor), grid.windows(TILE, TILE), threads):
-            for file, pixels in zip(files, made.bands, strict=False):
-                file.write(made.window, pixels)
-            statistics = list(map(operator.add, statistics, made.statistics))
-            count, worst, reasons = count + made.counts, worst + made.worst, reasons + made.reasons
-            if progress:
-                progress(made.window.height * made.window.width)
+            files = MapFiles(opened, terrain, grid, Path(path), overwrite, threads)
+        stream_map(surveyor, builder, files, threads, progress)
+        classes, _ = builder.classes(begin_of(builder, start), surveyor.vehicle.area)
         if files:
-            files[-1].finish(statistics)
-    names = ("", *terrain.surfaces)
-    return MapSummary(
-        grid,
-        surveyor.headings,
-        _by_verdict(count.sum(axis=0)),
-        _by_verdict(worst),
-        {Reason(n): number for n, number in enumerate(reasons.tolist()) if number},
-        {name: _by_verdict(row) for name, row in zip(names, count, strict=True) if row.any()},
-    )
+            files.finish(classes)
+    return builder.summary(classes, start)
 
 
-def _by_verdict(counts: NDArray[np.int64]) -> dict[Verdict, int]:
-    return dict(zip(Verdict, counts.tolist(), strict=True))
-
-
-def _made(surveyor: Surveyor, window: Window) -> _Made:
-    """Judge a tile, window by window."""
-    terrain, grid = surveyor.terrain, surveyor.grid
-    west, south, east, north = terrain.bounds
-    flat = (window.height, window.width)
-    whole = MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
-    ground, surfaces = np.empty(flat, np.bool_), np.empty(flat, np.int64)
-    for inner in surveyor.windows(window):
-        measures = surveyor.measure(inner)
-        x, y = grid.columns(inner), grid.rows(inner)
-        inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))[None]
-        folded = map_bands(measures, inside)
-        row, column = inner.row - window.row, inner.column - window.column
-        part = np.s_[row : row + inner.height, column : column + inner.width]
-        for bands, pixels in zip(whole, folded, strict=True):
-            bands[:, *part] = pixels
-        ground[part], surfaces[part] = ~np.isnan(measures.heights), measures.surfaces
-    best, worst, reasons = whole.verdict[0][ground], *whole.classes[:2, ground]
-    shape = (len(terrain.surfaces) + 1, len(Verdict))
-    pairs = surfaces[ground] * len(Verdict) + best
-    return _Made(
-        window,
-        whole,
-        tuple(map(band_statistics, whole.numbers)),
-        np.bincount(pairs, minlength=math.prod(shape)).reshape(shape),
-        np.bincount(worst, minlength=len(Verdict)),
-        np.bincount(reasons[best >= Verdict.CAUTION], minlength=len(Reason)),
-    )
-
-
-def _opened(
-    stack: contextlib.ExitStack,
-    terrain: Terrain,
-    grid: Grid,
-    path: Path,
-    overwrite: bool,
+def stream_map(
+    surveyor: Surveyor,
+    builder: MapBuilder,
+    files: MapFiles | None,
     threads: int,
-) -> list[GeoTiff]:
-    """The files of a map, which take their places together when the stack ends well."""
-    form = raster_format(path)
-    if form.driver != "GTiff":
+    progress: Callable[[int], object] | None = None,
+) -> None:
+    """Judge tile by tile, write what is known of each, and keep what is needed in the end."""
+
+    def made(window: Window) -> tuple[Window, MapBands]:
+        whole = _empty_bands((window.height, window.width))
+        for inner in surveyor.windows(window):
+            bands = builder.take(inner, surveyor.measure(inner))
+            local = Window(
+                inner.row - window.row, inner.column - window.column, inner.height, inner.width
+            )
+            for target, pixels in zip(whole, bands, strict=True):
+                target[:, *part_of(local)] = pixels
+        return window, whole
+
+    for window, bands in prefetch(made, builder.grid.windows(TILE, TILE), threads):
+        if files:
+            files.write(window, bands)
+        if progress:
+            progress(window.height * window.width)
+
+
+def begin_of(builder: MapBuilder, start: tuple[float, float] | None) -> Bits | None:
+    """All headings at the pixel of a start; None for none."""
+    return None if start is None else begin_at(builder.bits, cell_of(builder.grid, *start))
+
+
+def refuse_map(terrain: Terrain, grid: Grid, path: Path, overwrite: bool) -> None:
+    """Refuse a map that cannot be written.
+
+    Raises:
+        RequestError: the file is no .tif.
+        WriteError: a file exists, cannot be written or does not fit on the disk.
+        DefinitionError: the CRS of the terrain is unknown.
+    """
+    if raster_format(path).driver != "GTiff":
         raise RequestError(f"{path.name}: a map is a GeoTIFF.", "Give a name that ends in .tif.")
-    paths = map_paths(path)
-    for name in paths:
+    for name in map_paths(path):
         refuse_existing(name, overwrite, COMPANIONS)
     crs_of(terrain)
-    refuse_full_disk(path, grid, _FILES, form)
-    parts = [stack.enter_context(whole_file(name, overwrite, COMPANIONS)) for name in paths]
-    files = []
-    for part, bands in zip(parts, _FILES, strict=True):
-        file = stack.enter_context(
-            geotiff(part, RasterExtent(terrain, grid), bands, Compression(), threads)
-        )
+    refuse_full_disk(path, grid, _FILES, raster_format(path, cog=True))
+
+
+@contextlib.contextmanager
+def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterator[GeoTiff]:
+    """A cloud-optimised GeoTIFF: a plain one first, which is copied when it is complete."""
+    first, plain = path.with_name(f"{path.stem}.first.tif"), Compression()
+    with geotiff(first, extent, bands, plain, threads) as file:
         if bands is VERDICT:
             file.file.write_colormap(1, {int(key): (*c, 255) for key, c in COLORS.items()})
-        if bands is not NUMBERS:
-            names = part.with_name(f"{part.name}.aux.xml")
-            names.write_bytes(_class_names(bands))
-        files.append(file)
-    return files
+        yield file
+    names = first.with_name(f"{first.name}.aux.xml")
+    if bands is not NUMBERS:
+        names.write_bytes(_class_names(bands))
+    copied(first, path, "COG", cog_options(bands, plain), threads)
+    first.unlink()
+    names.unlink(missing_ok=True)
 
 
 def _class_names(bands: Bands) -> bytes:
@@ -325,6 +489,8 @@ def _class_names(bands: Bands) -> bytes:
     root = ElementTree.Element("PAMDataset")
     for number, name in enumerate(bands.names, 1):
         band = ElementTree.SubElement(root, "PAMRasterBand", band=str(number))
-        classes: type[Verdict] | type[Reason] = Verdict if name.startswith("verdict") else Reason
+        classes: type[GroundClass | Verdict | Reason] = GroundClass if bands is VERDICT else Verdict
+        if name.startswith("reason"):
+            classes = Reason
         name_categories(band, [value.label for value in classes])
     return xml_bytes(root)

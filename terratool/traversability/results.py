@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
@@ -34,13 +34,37 @@ class Verdict(IntEnum):
 RANKS = np.array([2, 0, 1, 3], np.uint8)
 """What is worse, by `Verdict`: what is not known is worse than caution and better than no-go."""
 
-COLORS: dict[Verdict, tuple[int, int, int]] = {
-    Verdict.UNKNOWN: (158, 158, 158),
-    Verdict.GO: (190, 232, 218),
-    Verdict.CAUTION: (224, 138, 30),
-    Verdict.NO_GO: (140, 28, 68),
+
+class GroundClass(IntEnum):
+    """What a place is to the vehicle: the verdict of its best heading, and whether it gets there.
+
+    The first four are those of `Verdict`.
+    """
+
+    UNKNOWN = 0
+    GO = 1
+    CAUTION = 2
+    NO_GO = 3
+    CUT_OFF = 4
+    EDGE = 5
+    ONE_WAY = 6
+
+    @property
+    def label(self) -> str:
+        """For people, and the names of classes in files."""
+        return ("unknown", "go", "caution", "no-go", "cut-off", "edge", "one-way")[self]
+
+
+COLORS: dict[GroundClass, tuple[int, int, int]] = {
+    GroundClass.UNKNOWN: (158, 158, 158),
+    GroundClass.GO: (190, 232, 218),
+    GroundClass.CAUTION: (224, 138, 30),
+    GroundClass.NO_GO: (140, 28, 68),
+    GroundClass.CUT_OFF: (120, 140, 190),
+    GroundClass.EDGE: (228, 228, 228),
+    GroundClass.ONE_WAY: (246, 214, 96),
 }
-"""Distinct for any kind of colour vision, and in grey by lightness: L* 88, 65 and 31, grey 65."""
+"""Distinct for any kind of colour vision; the verdicts in grey, too: L* 88, 65, 31, unknown 65."""
 
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
@@ -237,6 +261,7 @@ class RouteProfile:
         verdict: uint8 `Verdict`.
         reason: uint8 `Reason`.
         surface: tuple of names, empty for none.
+        element: tuple of JSON pointers of what decides the surface, empty for none.
     """
 
     x: NDArray[np.float64]
@@ -252,6 +277,7 @@ class RouteProfile:
     verdict: NDArray[np.uint8]
     reason: NDArray[np.uint8]
     surface: tuple[str, ...]
+    element: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,7 +306,8 @@ class Route:
         start, goal: where from and to.
         found: whether there is a way.
         planned: whether it was searched for; False for waypoints that were checked.
-        verdict: the worst along it.
+        verdict: the worst along it; caution at least where it is one-way; with a way back the
+            worse of both, no-go where that was asked for and there is none.
         length: m over ground, heights included; None if there is no way.
         energy: J, with what is drawn all the time; None if there is no way.
         time: s; None if there is no way.
@@ -292,6 +319,9 @@ class Route:
         barriers: where it is cut off, in the order of the way; none if there is a way.
         reached: the reachable place that is nearest to the goal; None if there is a way.
         note: a sentence where there is more to say, as that the goal itself cannot be driven.
+        one_way: whether it cannot be driven back the same way, by backing up or turning round.
+        against: what bars the same way back, from the goal on; none where that can be driven.
+        back: the best way back; None where it was not asked for.
     """
 
     start: Location
@@ -309,6 +339,14 @@ class Route:
     barriers: tuple[Barrier, ...] = ()
     reached: Location | None = None
     note: str = ""
+    one_way: bool = False
+    against: tuple[Barrier, ...] = ()
+    back: Route | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is a way, and one back if that was asked for."""
+        return self.found and (self.back is None or self.back.found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,12 +358,14 @@ class Reach:
         share: of all pixels with ground.
         returnable: share of all pixels with ground that can be reached and left again to the start.
         cells: (height, width) bool, which pixels; rows from the north.
+        note: a sentence where there is more to say: that the vehicle cannot stand at the start.
     """
 
     start: Location
     share: float
     returnable: float
     cells: NDArray[np.bool_]
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,33 +375,53 @@ class MapSummary:
     Attributes:
         grid: the pixels.
         headings: their number.
-        counts: pixels by the verdict of their best heading, by `Verdict`.
-        worst_counts: by that of their worst heading.
+        counts: pixels by `GroundClass`.
+        worst_counts: likewise, with the verdict of their worst heading where they are go, caution,
+            no-go or unknown.
         reasons: pixels that are caution or no-go at their best heading by `Reason`.
-        by_surface: for each surface's name ("" for none) its counts by `Verdict`.
+        by_surface: for each surface's name ("" for none) its counts by `GroundClass`.
+        start: where what can be reached begins; None for the largest part of the ground.
     """
 
     grid: Grid
     headings: int
-    counts: dict[Verdict, int]
-    worst_counts: dict[Verdict, int]
+    counts: dict[GroundClass, int]
+    worst_counts: dict[GroundClass, int]
     reasons: dict[Reason, int]
-    by_surface: dict[str, dict[Verdict, int]]
+    by_surface: dict[str, dict[GroundClass, int]]
+    start: tuple[float, float] | None = None
 
     @property
     def pixels(self) -> int:
         """With ground."""
         return sum(self.counts.values())
 
-    def fraction(self, verdict: Verdict) -> float:
-        """Share of the pixels with ground that have this verdict; 0 where there are none."""
-        return fraction_of(self.counts, verdict)
+    def fraction(self, ground: GroundClass) -> float:
+        """Share of the pixels with ground that are this; 0 where there are none."""
+        return fraction_of(self.counts, ground)
 
 
-def fraction_of(counts: dict[Verdict, int], verdict: Verdict) -> float:
-    """Share of counted pixels that have this verdict; 0 where there are none."""
+def fraction_of(counts: dict[GroundClass, int], ground: GroundClass) -> float:
+    """Share of counted pixels that are this; 0 where there are none."""
     total = sum(counts.values())
-    return counts.get(verdict, 0) / total if total else 0.0
+    return counts.get(ground, 0) / total if total else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """A map for a picture.
+
+    Attributes:
+        grid: the pixels; of a large map one for several.
+        heights: (height, width) float32, NaN where there is no ground.
+        ground: (height, width) uint8, `GroundClass`.
+        crs: name of the reference system of its coordinates; empty for none.
+    """
+
+    grid: Grid
+    heights: NDArray[np.float32]
+    ground: NDArray[np.uint8]
+    crs: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,14 +434,14 @@ class TraversabilityReport:
         bounds: of it, west, south, east, north.
         vehicle: the vehicle.
         surfaces: a row for each.
-        summary: of the map.
-        verdict: of the whole: of the route if there is one, else of the map's best cells: GO where
-            all is, NO_GO where nothing is better than that, CAUTION in between.
+        summary: of the map; None where only routes were asked for.
+        verdict: of the whole: of the worst route if there is one, else of the map.
         routes: as asked for.
         reach: if asked for.
-        preview: a survey on a grid coarse enough for a picture; None where no picture is wanted.
+        preview: the map, coarse enough for a picture; None where no picture is wanted.
         assumptions: sentences.
         notes: sentences on how it was computed: resolutions, and who chose them.
+        geojson: a feature collection without features, with the terrain's reference system.
     """
 
     terrain: str
@@ -389,10 +449,11 @@ class TraversabilityReport:
     bounds: tuple[float, float, float, float]
     vehicle: Vehicle
     surfaces: tuple[Figures, ...]
-    summary: MapSummary
+    summary: MapSummary | None
     verdict: Verdict
     routes: tuple[Route, ...] = ()
     reach: Reach | None = None
-    preview: Survey | None = None
+    preview: Preview | None = None
     assumptions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    geojson: dict[str, Any] = field(default_factory=lambda: {"type": "FeatureCollection"})

@@ -1,4 +1,4 @@
-"""A vehicle at every pixel of a grid, by heading: how it stands there, and whether it can."""
+"""A vehicle at the pixels of a window, by heading: how it stands there, and whether it can."""
 
 from __future__ import annotations
 
@@ -13,10 +13,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
-from terratool.raster.export import checked_threads
 from terratool.raster.grid import Grid, Window
-from terratool.raster.painter import id_type
-from terratool.raster.prefetch import prefetch
 from terratool.traversability.limits import (
     WheelLayout,
     slip_limit,
@@ -24,7 +21,7 @@ from terratool.traversability.limits import (
     tip_edges,
     wheel_layout,
 )
-from terratool.traversability.results import HEADINGS, Survey
+from terratool.traversability.results import HEADINGS
 from terratool.traversability.soil import soils
 from terratool.traversability.stance import (
     Ground,
@@ -195,50 +192,6 @@ class Verdicts(NamedTuple):
     numbers: NDArray[np.float32]
 
 
-def survey(
-    terrain: Terrain,
-    vehicle: Vehicle,
-    grid: Grid,
-    headings: int = HEADINGS,
-    *,
-    threads: int | None = None,
-) -> Survey:
-    """A vehicle at the pixel centres of a grid.
-
-    Memory is that of the result (26 bytes for each pixel and heading) and of ground under windows.
-
-    Args:
-        terrain: the ground.
-        vehicle: a vehicle, or a wheel by itself.
-        grid: the pixels.
-        headings: a multiple of 4 from 4 to 64.
-        threads: number of threads; as many as there are processors if None.
-
-    Raises:
-        RequestError: the resolution does not go with the vehicle, or the number of headings or of
-            threads makes no sense, or a surface has figures that are too large.
-    """
-    surveyor = Surveyor(terrain, vehicle, grid, headings)
-    flat = (grid.height, grid.width)
-    verdict, reason = np.empty((2, headings, *flat), np.uint8)
-    planes = (
-        kernels.UTILISATION, kernels.PITCH, kernels.ROLL, kernels.SINKAGE, kernels.SLIP,
-        kernels.ENERGY,
-    )  # fmt: skip
-    numbers = [np.empty((headings, *flat), np.float32) for _ in planes]
-    heights, surfaces = np.empty(flat, np.float32), np.empty(flat, id_type(terrain))
-    windows = list(surveyor.windows(grid.whole))
-    made = prefetch(surveyor.measure, windows, checked_threads(threads))
-    for window, found in zip(windows, made, strict=True):
-        row, column = window.row, window.column
-        part = np.s_[row : row + window.height, column : column + window.width]
-        heights[part], surfaces[part] = found.heights, found.surfaces
-        verdict[:, *part], reason[:, *part] = found.verdict, found.reason
-        for values, plane in zip(numbers, planes, strict=True):
-            values[:, *part] = found.numbers[:, plane]
-    return Survey(grid, heights, surfaces, verdict, reason, *numbers)
-
-
 def coarsest_resolution(vehicle: Vehicle) -> float:
     """The largest side of a pixel that a vehicle can be judged on."""
     return _MOST_PARTS * _FINE * vehicle.wheel.radius
@@ -273,7 +226,8 @@ class Surveyor:
     """Finds out about windows of a grid; may be used by several threads at a time.
 
     Raises:
-        RequestError: as `survey`.
+        RequestError: the resolution does not go with the vehicle, or the number of headings makes
+            no sense, or a surface has figures that are too large.
     """
 
     def __init__(
@@ -285,7 +239,7 @@ class Surveyor:
                 f"Give a multiple of 4 from 4 to {MOST_HEADINGS}.",
             )
         self.headings = headings
-        self.terrain, self.grid, self._vehicle = terrain, grid, vehicle
+        self.terrain, self.grid, self.vehicle = terrain, grid, vehicle
         self._parts = parts = parts_of(vehicle, grid.resolution)
         self._fine = Grid(
             grid.west, grid.south, grid.resolution / parts, grid.height * parts, grid.width * parts
@@ -350,7 +304,7 @@ class Surveyor:
         self, stance: Stance, numbers: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """What is left of the clearance, and of that under the overhangs, m."""
-        vehicle = self._vehicle
+        vehicle = self.vehicle
         down = 1.0 / np.sqrt(1.0 + stance.plane[1] ** 2 + stance.plane[2] ** 2)
         sunk = np.nan_to_num(numbers[kernels.SINKAGE], nan=0.0)
         nowhere = np.isnan(numbers[kernels.PITCH])
@@ -470,7 +424,7 @@ class _Sweep:
         if not len(self._ground.pairs):
             return None
         steps = np.zeros(supports.shape, np.float32)
-        radius = self._surveyor._vehicle.wheel.radius
+        radius = self._surveyor.vehicle.wheel.radius
         strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
         kernels.raise_steps(
             supports, self._ground.pairs, self._ground.jumps, *footprint.direction, strides, steps

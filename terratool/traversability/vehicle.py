@@ -200,6 +200,12 @@ class Vehicle:
             0.5 * max(self.track_width + self.wheel.width, self.body_width),
         )
 
+    @property
+    def area(self) -> float:
+        """Of its rectangle, m²."""
+        front, rear, side = self.rectangle
+        return (front + rear) * 2.0 * side
+
 
 def load_vehicle(path: str | Path) -> Vehicle:
     """Read a vehicle file that has no errors; ``-`` is standard input.

@@ -6,25 +6,34 @@ import json
 import re
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 import rasterio
+import shapely.geometry
+import shapely.ops
+from rio_cogeo.cogeo import cog_validate
 
 import terratool
 from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
+from terratool.raster.grid import Window
 from terratool.traversability import assess as assessing
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
 from terratool.traversability.report.wording import conclusion
-from terratool.traversability.results import TraversabilityReport, Verdict
+from terratool.traversability.results import GroundClass, TraversabilityReport, Verdict
 from terratool.traversability.route import graph
+from terratool.traversability.route import routes as routing
+from terratool.traversability.survey import Surveyor
+from terratool.traversability.tiles import part_of
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call, run
 from tests.conftest import terrain_of
@@ -184,13 +193,14 @@ def test_waypoints(site: tuple[str, ...], tmp_path: Path) -> None:
         (("--map", "a.tif", "--report", "none/a.md"), 3, "the folder none does not exist"),
         (("--fail-on", "no-route"), 2, "--fail-on no-route needs a route"),
         (("--fail-on", "route-time>3"), 2, "needs a route"),
-        (("--fail-on", "reachable-fraction<1"), 2, "needs --reachable"),
+        (("--fail-on", "reachable-fraction<1"), 2, "needs --from"),
+        (("--return",), 2, "--return needs a route"),
+        (("--report", "way.geojson"), 2, "way.geojson needs a route"),
         (("--fail-on", "nogo"), 2, "Did you mean no-go?"),
         (("--route", 99, 51, 110, 52), 2, "The route's start, 99 51, lies outside the terrain."),
         (("--route", 101, 51, 110, "nan"), 2, "The route's goal, 110 nan, lies outside"),
         (("--route", 101, 51, 111.5, 50.5), 2, "is on no ground"),
         (("--reachable", 111.5, 50.5), 2, "is on no ground"),
-        (("--reachable", 105.95, 51), 2, "cannot stand"),
         (("--bounds", 100, 50, 104, 54, "--route", 101, 51, 110, 52), 2, "the bounds that were"),
         (("--bounds", 1, 2, 3, 4), 2, "miss the terrain"),
         (("--bounds", 3, 4, 1, 2), 2, "are empty"),
@@ -205,14 +215,19 @@ def test_waypoints(site: tuple[str, ...], tmp_path: Path) -> None:
 def test_refuses(
     site: tuple[str, ...],
     tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     arguments: tuple[object, ...],
     code: int,
     part: str,
 ) -> None:
-    """One sentence what is wrong, one what to do; nothing is written, not even what could be."""
+    """One sentence what is wrong, one what to do; nothing is written, not even what could be.
+
+    And no pixel is judged before.
+    """
+    monkeypatch.setattr(Surveyor, "measure", never)
     before = sorted(path.name for path in tmp_path.iterdir())
     local = [
-        tmp_path / text if isinstance(text, str) and re.search(r"\.(md|tif|png|pdf)$", text)
+        tmp_path / text if isinstance(text, str) and re.search(r"\.(md|tif|png|pdf|geojson)$", text)
         else text
         for text in arguments
     ]  # fmt: skip
@@ -220,6 +235,242 @@ def test_refuses(
     assert (ran.code, ran.out) == (code, "")
     assert part in ran.err.replace(f"{tmp_path}/", "")
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def never(*_: object) -> None:
+    raise AssertionError("The survey has begun.")
+
+
+def test_what_the_disk_or_the_crs_forbids_is_said_first(
+    saved: Saved, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a map that does not fit, one that exists, and one in an unknown reference system."""
+    monkeypatch.setattr(Surveyor, "measure", never)
+    vehicle = ("--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.1, "--route", *WAY)
+    odd = drive(
+        saved(WALLED | {"crs": "EPSG:999999"}, "odd.json"), *vehicle, "--map", tmp_path / "m.tif"
+    )
+    assert odd.code == 1 and "is unknown" in odd.err
+    (tmp_path / "there-numbers.tif").write_text("mine")
+    there = drive(saved(WALLED), *vehicle, "--map", tmp_path / "there.tif")
+    assert there.code == 3 and "there-numbers.tif: exists already" in there.err
+    monkeypatch.setattr("terratool.raster.export.free_bytes", lambda _: 1000)
+    full = drive(saved(WALLED), *vehicle, "--map", tmp_path / "m.tif")
+    assert full.code == 3 and "but 1,000 are free" in full.err
+
+
+def test_a_start_that_cannot_be_stood_on_is_a_result(site: tuple[str, ...], tmp_path: Path) -> None:
+    """On top of the wall: said at once; map and reports are there, the verdict no-go, exit 1."""
+    outputs = [tmp_path / name for name in ("m.tif", "r.json", "r.html", "r.geojson")]
+    reports_ = [part for name in outputs[1:] for part in ("--report", name)]
+    ran = drive(*site, "--route", 105.95, 51, 110, 52, "--map", outputs[0], *reports_)
+    assert ran.code == 1
+    assert ran.err == (
+        "terratool: The vehicle cannot stand at the route's start, 105.95 51, whatever its "
+        "heading: there is no such route.\n"
+    )
+    assert ran.out.startswith("no-go: There is no way from (105.95, 51) to (110, 52)")
+    assert all(path.is_file() for path in outputs)
+    document = json.loads(outputs[1].read_text("utf-8"))
+    assert not list(SCHEMA.iter_errors(document))
+    (route,) = document["routes"]
+    assert "cannot stand at the start" in route["note"] and route["verdict"] == "no-go"
+    assert document["map"]["best_heading"]["go"] > 0
+    nowhere = drive(*site, "--from", 105.95, 51)
+    assert nowhere.code == 1
+    assert "cannot stand at the place to start from" in nowhere.out
+
+
+MUD = {"cohesion": 1.0, "fricAngle": 22, "sinkage": 0.08, "shearModulus": 0.02}
+SLOPE: dict[str, Any] = {
+    "size": [12, 5],
+    "surfTypes": {"mud": MUD},
+    "elemTypes": {"slope": {"x": [[0, 0], [0.25, 0], [0.75, 1], [1, 1]]}},
+    "elemTree": {"type": "slope", "vScale": 2.0, "surface": "mud"},
+}
+
+
+def test_a_way_down_says_that_there_is_none_back(saved: Saved, tmp_path: Path) -> None:
+    """In the sentence, the report and JSON; with --return it fails."""
+    common = (saved(SLOPE), "--vehicle", saved(VEHICLE, "v.json"), "--route", 11, 2.5, 1, 2.5)
+    plain = drive(*common, "--resolution", 0.2, "--json")
+    document = json.loads(plain.out)
+    assert plain.code == 0 and document["map"] is None
+    assert not list(SCHEMA.iter_errors(document))
+    (route,) = document["routes"]
+    assert route["one_way"] and route["against"] and route["back"] is None
+    assert document["verdict"] == route["verdict"] == "caution"
+    assert "It is one-way: it cannot be driven back the same way" in document["sentence"]
+    report = tmp_path / "r.md"
+    asked = drive(*common, "--resolution", 0.2, "--return", "--report", report)
+    assert asked.code == 1 and asked.out.startswith("no-go: There is a way")
+    assert "There is no way back:" in " ".join(asked.out.split())
+    assert "There is no way back:" in report.read_text("utf-8")
+    up = drive(*common[:-4], 1, 2.5, 11, 2.5, "--resolution", 0.2)
+    assert up.code == 1
+
+
+def test_ground_that_carries_downhill_only_is_no_go(saved: Saved) -> None:
+    """It goes nowhere on the level; down the slope it would, with its nose downhill."""
+    deep = {"cohesion": 0.4, "fricAngle": 17, "sinkage": 0.35, "shearModulus": 0.025}
+    steep = {**SLOPE, "surfTypes": {"mud": deep}}
+    ran = drive(
+        saved(steep), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.2, "--json"
+    )  # fmt: skip
+    document = json.loads(ran.out)
+    (mud,) = document["surfaces"]
+    assert mud["verdict"] == "no-go" and mud["climb_deg"] is None
+    best, worst = document["map"]["best_heading"], document["map"]["worst_heading"]
+    assert best["one-way"] > 0.1 * document["map"]["pixels"]
+    assert best["go"] == best["caution"] == worst["go"] == worst["caution"] == 0
+    assert document["verdict"] == "no-go"
+    assert "no place that the vehicle can drive to and back from" in document["sentence"]
+
+
+def test_the_top_of_a_rack_is_cut_off(saved: Saved, tmp_path: Path) -> None:
+    """7 m up, level and firm: it counts only for whom it is there. The rim is its own class."""
+    rack = {
+        "type": "box",
+        "surface": "<brick>",
+        "cellX": 5,
+        "cellY": 1,
+        "span": [4, 3],
+        "vScale": 7,
+    }
+    tree = {**WALLED["elemTree"], "children": [rack]}
+    file = saved({**WALLED, "elemTree": tree})
+    common = (file, "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.1)
+    counts = {}
+    for start, place in (("floor", ()), ("rack", ("--from", 107, 52.5))):
+        path = tmp_path / f"{start}.tif"
+        ran = drive(*common, *place, "--map", path, "--json")
+        assert ran.code == 0
+        document = json.loads(ran.out)
+        counts[start] = document["map"]["best_heading"]
+        assert document["map"]["from"] == (list(place[1:]) or None)
+        with rasterio.open(path) as map_:
+            top, floor, rim, foot = (
+                GroundClass(int(next(map_.sample([at]))[0]))
+                for at in ((107.05, 52.55), (102.05, 55.05), (100.05, 54.05), (105.05, 52.55))
+            )
+            values, found = np.unique(map_.read(1), return_counts=True)
+        told = {GroundClass(int(v)).label: int(n) for v, n in zip(values, found, strict=True)}
+        assert told == {name: n for name, n in counts[start].items() if n}
+        away, here = (GroundClass.CUT_OFF, GroundClass.GO)
+        assert (top, floor) == ((away, here) if start == "floor" else (here, away))
+        assert (rim, foot) == (GroundClass.EDGE, GroundClass.NO_GO)
+    # rims that it would have to enter sideways are cut off from either
+    assert counts["floor"]["cut-off"] >= counts["rack"]["go"] > 500
+    assert counts["rack"]["cut-off"] >= counts["floor"]["go"] > 6000
+
+
+@pytest.mark.parametrize(
+    "surfaces", [None, {"sand": {}}, {"sand": {"cohesion": 1}, "rock": {"fricAngle": 30}}]
+)
+def test_the_lines_that_mend_a_terrain_without_soil(
+    saved: Saved, surfaces: dict[str, Any] | None
+) -> None:
+    """They name what is lacking, and written where they say they make the ground known."""
+    tree = {"type": "flat", "vScale": 0, "cells": [2, 1], "children": []}
+    bare: dict[str, Any] = {"size": [6, 4], "elemTypes": {"flat": {"x": [0]}}, "elemTree": tree}
+    if surfaces:
+        bare["surfTypes"] = surfaces
+        tree["surface"] = "sand"
+        tree["children"] = [
+            {"type": "flat", "cellX": 1, "cellY": 0, "surface": name, "vScale": 0}
+            for name in list(surfaces)[1:]
+        ]
+    common = ("--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.2)
+    ran = drive(saved(bare), *common, "--json")
+    document = json.loads(ran.out)
+    assert document["verdict"] == "unknown"
+    for name, keys in (surfaces or {}).items():
+        lacks = " and ".join(
+            ", ".join(k for k in ("cohesion", "fricAngle", "sinkage") if k not in keys).rsplit(
+                ", ", 1
+            )
+        )
+        assert f'urface "{name}" lacks {lacks}' in document["sentence"]
+    if not surfaces:
+        assert "The ground has no surface." in document["sentence"]
+    text = drive(saved(bare), *common).out
+    assert "\nsurface  sinkage" not in text
+    for alternative in ("own", "preset") if surfaces else ("both",):
+        mended = json.loads(json.dumps(bare))
+        for mend in document["mending"]:
+            assert f"  {mend['line']}\n    {mend['where']}\n" in text
+            whole = "or all of it" in mend["where"]
+            if surfaces and whole == (alternative == "own"):
+                continue
+            target = mended
+            for name in re.findall(r'"(\w+)"', mend["where"]):
+                target = target.setdefault(name, {})
+            target.update(json.loads(f"{{{mend['line'].rstrip(',')}}}"))
+        again = json.loads(drive(saved(mended, "mended.json"), *common, "--json").out)
+        assert again["verdict"] in ("go", "caution") and not again["mending"], mended
+
+
+def test_a_route_as_geojson_has_its_ground(saved: Saved, tmp_path: Path) -> None:
+    """In the crs of the file; stretches join to the whole way, with the surface and the element."""
+    mat = {"type": "flat", "surface": "mat", "cellX": 3, "cellY": 0, "span": [2, 8]}
+    value = {
+        **CLOSED, "crs": "EPSG:32633",
+        "surfTypes": {**CLOSED["surfTypes"], "mat": CLOSED["surfTypes"]["floor"]},
+        "elemTree": {**CLOSED["elemTree"], "children": [*CLOSED["elemTree"]["children"], mat]},
+    }  # fmt: skip
+    path = tmp_path / "way.geojson"
+    ran = drive(
+        saved(value), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.1, "--json",
+        "--route", 101, 51.55, 104.6, 53, "--route", *WAY, "--report", path,
+    )  # fmt: skip
+    assert ran.code == 1  # the second one is barred
+    document, found = json.loads(ran.out), json.loads(path.read_text("utf-8"))
+    assert found["type"] == "FeatureCollection" and found["terratool"] == terratool.__version__
+    assert found["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::32633"
+    way, *more = [f for f in found["features"] if f["properties"]["route"] == 1]
+    profile = document["routes"][0]["profile"]
+    line = shapely.geometry.shape(way["geometry"])
+    assert next(iter(line.coords))[:2] == (profile["x"][0], profile["y"][0])
+    assert line.length == pytest.approx(profile["distance_m"][-1])
+    stretches = [f for f in more if f["properties"]["kind"] == "stretch"]
+    joined = shapely.ops.linemerge([shapely.geometry.shape(f["geometry"]) for f in stretches])
+    assert joined.equals(line)
+    own = [f["properties"] for f in stretches]
+    assert {(p["surface"], p["pointer"]) for p in own} == {
+        ("floor", "/elemTree"), ("mat", "/elemTree/children/2"),
+    }  # fmt: skip
+    for feature, place in zip(stretches, own, strict=True):
+        west, _, east, _ = shapely.geometry.shape(feature["geometry"]).bounds
+        on_mat = place["surface"] == "mat"
+        assert (west >= 102.8 and east <= 105.2) == on_mat
+        assert place["to_m"] > place["from_m"]
+    kinds = [f["properties"]["kind"] for f in more]
+    assert kinds[-2:] == ["start", "goal"]
+    lost = [f for f in found["features"] if f["properties"]["route"] == 2]
+    assert lost[0]["geometry"] is None and not lost[0]["properties"]["found"]
+    bars = [f["properties"] for f in lost if f["properties"]["kind"] == "barrier"]
+    assert "/elemTree/children/0" in bars[0]["bars"]
+
+
+def test_maps_are_cloud_optimised(saved: Saved, tmp_path: Path) -> None:
+    """With overviews that make no class of others, and names; written by two grids alike."""
+    path = tmp_path / "m.tif"
+    common = (saved(WALLED), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.02)
+    assert drive(*common, "--map", path).code == 0
+    for name in ("m", "m-classes", "m-numbers"):
+        with rasterio.open(tmp_path / f"{name}.tif") as file:
+            assert cog_validate(tmp_path / f"{name}.tif", strict=True) == (True, [], [])
+            assert file.overviews(1) and file.shape == (400, 600)
+        if name == "m":
+            with rasterio.open(tmp_path / "m.tif", overview_level=0) as coarse:
+                small = coarse.read(1)
+    with rasterio.open(path) as file:
+        assert set(np.unique(small)) <= set(np.unique(file.read(1)))
+    names = (tmp_path / "m.tif.aux.xml").read_text("utf-8")
+    assert names.index("caution") < names.index("cut-off") < names.index("one-way")
+    assert sorted(p.name for p in tmp_path.glob("m*")) == sorted(
+        ["m.tif", "m.tif.aux.xml", "m-classes.tif", "m-classes.tif.aux.xml", "m-numbers.tif"]
+    )
 
 
 @pytest.mark.parametrize("what", [0, 2])
@@ -271,13 +522,37 @@ def test_the_example_of_the_help_runs() -> None:
     vehicle = load_vehicle(ROOT / words[words.index("--vehicle") + 1])
     x0, y0, x1, y1 = map(float, words[at + 1 : at + 5])
     prepare_assessment(
-        terrain, vehicle, Request(routes=((x0, y0, x1, y1),)), mapped=False, pictured=True
+        terrain, vehicle, Request(routes=((x0, y0, x1, y1),))
     )  # its places lie on the terrain
+
+
+def test_the_example_of_the_page_says_what_it_says(tmp_path: Path) -> None:
+    """The first example of docs/traversability.md, up to its dots, word by word."""
+    page = (ROOT / "docs/traversability.md").read_text("utf-8")
+    command, wanted = re.search(r"```\n\$ terratool (.*?[^\\])\n(.*?)…\n```", page, re.S).groups()  # type: ignore[union-attr]
+    arguments = command.replace("\\\n", " ").split()
+    arguments = [tmp_path / word if word.startswith("yard.") else word for word in arguments]
+    ran = run(*arguments)
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.startswith(wanted)
 
 
 @pytest.fixture
 def vehicle(saved: Saved) -> Vehicle:
     return load_vehicle(saved(VEHICLE, "v.json"))
+
+
+class Told:
+    """Counts what it is told of."""
+
+    def __init__(self) -> None:
+        self.pixels, self.said = 0, [""]
+
+    def __call__(self, more: int) -> None:
+        self.pixels += more
+
+    def say(self, what: str) -> None:
+        self.said.append(what)
 
 
 def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
@@ -290,10 +565,10 @@ class TestAssess:
     ) -> None:
         monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
         terrain = terrain_of(WALLED)
-        grids = prepare_assessment(terrain, vehicle, Request(), pictured=True)
+        grids = prepare_assessment(terrain, vehicle, Request())
         assert (grids.grid.width, grids.grid.height) == (60, 40)
         assert "60 on the longer side" in grids.notes[0]
-        full = prepare_assessment(terrain, vehicle, Request(), mapped=True, pictured=True)
+        full = prepare_assessment(terrain, vehicle, Request(), map_path="map.tif")
         assert full.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in full.notes[0]
 
@@ -314,18 +589,68 @@ class TestAssess:
         assert grids.grid.resolution == 0.04
         assert "a quarter of the wheel's radius" in grids.notes[0]
 
-    def test_the_picture_is_that_of_the_route_if_there_is_one(self, vehicle: Vehicle) -> None:
-        """And its survey is made only once; without a picture there is none."""
+    def test_no_pixel_is_judged_twice(
+        self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Map, two routes, one back, waypoints, reach and picture: one survey of each pixel."""
         terrain = terrain_of(WALLED)
-        told: list[int] = []
-        request = Request(routes=(tuple(map(float, WAY)),), resolution=0.2)  # type: ignore[arg-type]
-        planned = prepare_assessment(terrain, vehicle, request, pictured=True)
-        report = assess(planned, progress=told.append)
-        assert report.preview is not None
-        assert report.preview.grid.resolution == 0.2
-        assert planned.picture is None
-        assert sum(told) == planned.pixels == 2 * 60 * 40
-        assert assessed(terrain, vehicle, Request(resolution=0.2)).preview is None
+        seen = np.zeros((40, 60), np.int64)
+        measure = Surveyor.measure
+
+        def counted(self: Surveyor, window: Window) -> Any:
+            seen[part_of(window)] += 1
+            return measure(self, window)
+
+        monkeypatch.setattr(Surveyor, "measure", counted)
+        request = Request(
+            routes=(WAY, WAY[2:] + WAY[:2]), waypoints=(np.array([[102, 51], [104, 52]]),),
+            start=(102, 51), returns=True, resolution=0.2, threads=2,
+        )  # fmt: skip
+        planned = prepare_assessment(terrain, vehicle, request)
+        assert not list(first_look(planned))
+        told = Told()
+        report = assess(planned, progress=told)
+        assert (seen == 1).all()
+        assert report.preview is not None and report.preview.grid == planned.grid
+        assert told.pixels <= planned.pixels == 40 * 60
+
+    def test_pixels_too_fine_for_routes_are_for_the_map_alone(
+        self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """And without a map for nothing: what is said of the pixels is so."""
+        monkeypatch.setattr(assessing, "MOST_STATES", 100_000)
+        monkeypatch.setattr(routing, "MOST_STATES", 100_000)
+        terrain = terrain_of(WALLED)
+        for mapped in (True, False):
+            request = Request(routes=(WAY,), resolution=0.04, mapped=mapped)
+            report = assess(prepare_assessment(terrain, vehicle, request))
+            assert report.routes[0].found
+            told = " ".join(report.notes)
+            routes = re.search(r"Routes are looked for on (\d+) × (\d+) pixels", told)
+            assert routes is not None and 8 * int(routes[1]) * int(routes[2]) <= 100_000
+            assert ("The map has 300 × 200 pixels of 0.04 m (as asked)" in told) == mapped
+            assert (report.summary is not None) == mapped
+
+    def test_routes_alone_look_at_what_matters(
+        self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Two places in the west of a long yard: its east is not judged; nor is there a map."""
+        terrain = terrain_of(WALLED | {"size": [120, 8]})
+        seen: list[Window] = []
+        measure = Surveyor.measure
+
+        def noted(self: Surveyor, window: Window) -> Any:
+            seen.append(window)
+            return measure(self, window)
+
+        monkeypatch.setattr(Surveyor, "measure", noted)
+        request = Request(routes=((102, 51, 110, 52),), resolution=0.2, mapped=False)
+        report = assess(prepare_assessment(terrain, vehicle, request))
+        assert report.routes[0].found and report.summary is report.preview is None
+        assert max(window.column + window.width for window in seen) <= 128
+        assert "10% of" in report.notes[-1]
+        full = assess(prepare_assessment(terrain, vehicle, replace(request, mapped=True)))
+        assert formats.as_dict(full)["routes"] == formats.as_dict(report)["routes"]
 
     def test_verdict_and_sentence_follow(self, vehicle: Vehicle) -> None:
         """Go in the open, no-go where the wall stands across, unknown without a soil."""

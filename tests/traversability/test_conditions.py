@@ -38,8 +38,12 @@ def with_verdict(verdict: Verdict, **more: Any) -> Any:
         ("unknown", with_verdict(Verdict.GO), "unknown-fraction is 0.227468"),
         ("unknown", with_verdict(Verdict.GO, summary=reports.EMPTY), ""),
         ("unknown", with_verdict(Verdict.UNKNOWN, summary=reports.EMPTY), "verdict is unknown"),
-        # of 2330 pixels 600 are go, caution and no-go each, the rest unknown
-        ("no-go-fraction>0.25", ALL, "no-go-fraction is 0.257511"),
+        # of 2330 pixels 600 are go and caution each, 530 no-go and unknown each, 70 others
+        ("no-go-fraction>0.22", ALL, "no-go-fraction is 0.227468"),
+        ("cut-off-fraction>0.01", ALL, "cut-off-fraction is 0.0171674"),
+        ("one-way-fraction>0.01", ALL, ""),
+        ("no-route", reports.KINDS["no-return"], "1 of 1 routes cannot be driven"),
+        ("no-route", reports.KINDS["one-way"], ""),
         ("no-go-fraction > 0.26", ALL, ""),
         ("go-fraction<0.25", ALL, ""),
         ("go-fraction<=0.3", ALL, "go-fraction is 0.257511"),
@@ -121,5 +125,6 @@ def test_a_comparison_and_its_opposite(name: str, comparison: str, limit: float)
 def test_says_what_it_needs() -> None:
     needs = {text: parse(text).needs for text in ("no-route", "caution", "sinkage>1")}
     assert needs == {"no-route": "route", "caution": "", "sinkage>1": ""}
+    assert parse("unknown").needs == parse("go-fraction<1").needs == "map"
     assert parse("reachable-fraction<1").needs == "reach"
     assert parse("steepest>1").needs == "route"

@@ -19,12 +19,8 @@ from terratool.traversability import limits
 from terratool.traversability.limits import wheel_loads
 from terratool.traversability.results import Reason, Survey, Verdict
 from terratool.traversability.stance import directions
-from terratool.traversability.survey import (
-    Surveyor,
-    WindowMeasures,
-    soil_table,
-    survey,
-)
+from terratool.traversability.survey import Surveyor, WindowMeasures, soil_table
+from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Margins, Overhang, Vehicle, Wheel
 from terratool.traversability.wheel import SoilArrays
 from tests.conftest import terrain_of

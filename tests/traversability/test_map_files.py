@@ -16,8 +16,9 @@ from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
 from terratool.traversability.map import default_resolution, map_paths, write_map
-from terratool.traversability.results import COLORS, Reason, Verdict
-from terratool.traversability.survey import Surveyor, survey
+from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
+from terratool.traversability.survey import Surveyor
+from terratool.traversability.tiles import survey
 from tests.conftest import terrain_of
 from tests.traversability.test_map import ROVER
 
@@ -77,8 +78,8 @@ class TestFiles:
         assert [p.name for p in (classes, numbers)] == ["yard-classes.tif", "yard-numbers.tif"]
         with rasterio.open(verdict) as file:
             assert file.descriptions == ("verdict, best heading",)
-            assert file.colormap(1)[Verdict.NO_GO][:3] == COLORS[Verdict.NO_GO]
-            assert file.colormap(1)[Verdict.GO][:3] == COLORS[Verdict.GO]
+            assert file.colormap(1)[GroundClass.CUT_OFF][:3] == COLORS[GroundClass.CUT_OFF]
+            assert file.colormap(1)[Verdict.GO][:3] == COLORS[GroundClass.GO]
             assert (file.nodata, file.dtypes, file.crs.to_epsg()) == (0, ("uint8",), 32633)
             assert file.bounds[0] == 500000 and file.shape == (grid.height, grid.width)
         with rasterio.open(classes) as file:
@@ -90,7 +91,7 @@ class TestFiles:
             assert np.isnan(file.nodata)
             tags = file.tags(file.descriptions.index("step, highest") + 1)
             assert float(tags["STATISTICS_MAXIMUM"]) == pytest.approx(1.5, abs=0.01)
-        for file_, bands in ((verdict, [Verdict]), (classes, [Verdict, Reason, Reason])):
+        for file_, bands in ((verdict, [GroundClass]), (classes, [Verdict, Reason, Reason])):
             root = ElementTree.parse(f"{file_}.aux.xml").getroot()
             named = [[c.text for c in band.iter("Category")] for band in root]
             assert named == [[value.label for value in kind] for kind in bands]
@@ -104,7 +105,13 @@ class TestFiles:
         inside = np.isin(found.surfaces, [0, 4]) | ~np.isnan(found.heights)
         rank = np.array([2, 0, 1, 3])
         ranks = rank[found.verdict]
-        assert np.array_equal(rank[verdict[inside]], ranks.min(axis=0)[inside])
+        told = inside & (verdict <= GroundClass.NO_GO)
+        assert np.array_equal(rank[verdict[told]], ranks.min(axis=0)[told])
+        assert (
+            ranks.min(axis=0)[np.isin(verdict, [GroundClass.CUT_OFF, GroundClass.ONE_WAY])] <= 1
+        ).all()
+        edge = (found.reason == Reason.EDGE).any(axis=0) & (ranks.min(axis=0) == 3)
+        assert edge[verdict == GroundClass.EDGE].all()
         assert np.array_equal(rank[classes[0][inside]], ranks.max(axis=0)[inside])
         drives = ((found.verdict == 1) | (found.verdict == 2)).sum(axis=0)
         assert np.array_equal(numbers[0][inside], drives[inside])
@@ -146,9 +153,9 @@ class TestFiles:
         assert summary.pixels == ground.sum()
         counts = Counter(verdict[ground].tolist())
         assert {int(k): n for k, n in summary.counts.items() if n} == counts
-        worst = Counter(classes[0][ground].tolist())
+        worst = Counter(np.where(verdict <= 3, classes[0], verdict)[ground].tolist())
         assert {int(k): n for k, n in summary.worst_counts.items() if n} == worst
-        reasons = Counter(classes[1][ground & (verdict >= 2)].tolist())
+        reasons = Counter(classes[1][ground & np.isin(verdict, [2, 3])].tolist())
         assert {int(k): n for k, n in summary.reasons.items()} == reasons
         assert set(summary.by_surface) == {"sand", "rock", "bare"}
         assert sum(sum(c.values()) for c in summary.by_surface.values()) == summary.pixels

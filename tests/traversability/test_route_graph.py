@@ -14,13 +14,20 @@ from hypothesis import strategies as st
 
 from terratool.errors import RequestError
 from terratool.traversability.route.graph import (
+    ALLOWED,
+    BACKING,
     BACKWARD,
-    build_graph,
+    Costs,
     cells_between,
-    cheapest_paths,
+    cheapest_way,
     heading_offsets,
-    reached,
-    trace,
+)
+from terratool.traversability.route.reach import (
+    begin_in_largest,
+    can_turn_back,
+    connected,
+    heading_bits,
+    spread,
 )
 
 RESOLUTION, ARC = 0.5, 0.3
@@ -79,47 +86,160 @@ def slow(
     return graph
 
 
-@settings(max_examples=60, deadline=None)
-@given(
+def drawn_case(
+    seed: int, shape: tuple[int, int], headings: int, share: float
+) -> tuple[np.random.Generator, Any, Any, Any]:
+    rng = np.random.default_rng(seed)
+    can = rng.random((headings, *shape)) < share
+    rate = rng.uniform(0.1, 3.0, can.shape).astype(np.float32)
+    heights = rng.uniform(-1.0, 1.0, shape).astype(np.float32)
+    return rng, can, rate, heights
+
+
+def costs_of(rate: Any, can: Any, heights: Any, tile: int = 0) -> Costs:
+    flags = np.where(can, ALLOWED | BACKING, 0).astype(np.uint8)
+    least = float(rate.min()) if rate.size else 1.0
+    return Costs.of(rate, flags, heights, RESOLUTION, ARC, least, tile)
+
+
+def states_at(can: Any, cell: tuple[int, int]) -> np.ndarray[Any, Any]:
+    headings = np.flatnonzero(can[:, *cell]).tolist()
+    return np.array([(heading, *cell) for heading in headings], np.int64).reshape(-1, 3)
+
+
+CASES = given(
     seed=st.integers(0, 2**32 - 1),
     shape=st.sampled_from([(1, 1), (1, 6), (5, 3), (4, 7), (6, 6)]),
     headings=st.sampled_from([4, 8, 12, 16]),
     share=st.sampled_from([0.3, 0.6, 0.8, 1.0]),
 )
-def test_graph_has_the_moves_of_the_rules_and_finds_the_cheapest_way(
+
+
+@settings(max_examples=60, deadline=None)
+@CASES
+def test_the_search_finds_the_cheapest_way_by_the_moves_of_the_rules(
     seed: int, shape: tuple[int, int], headings: int, share: float
 ) -> None:
-    rng = np.random.default_rng(seed)
-    can = rng.random((headings, *shape)) < share
-    rate = rng.uniform(0.1, 3.0, can.shape).astype(np.float32)
-    heights = rng.uniform(-1.0, 1.0, shape).astype(np.float32)
+    """To every cell, as networkx finds it in a graph that is built move by move."""
+    rng, can, rate, heights = drawn_case(seed, shape, headings, share)
     expected = slow(rate, can, heights)
-    graph = build_graph(rate, can, can, heights, RESOLUTION, ARC)
-    states = list(zip(*(part.tolist() for part in graph.place(np.arange(can.sum()))), strict=True))
-    rows, columns = graph.matrix.nonzero()
-    assert {(states[a], states[b]) for a, b in zip(rows, columns, strict=True)} == set(
-        expected.edges
-    )
-    if not states:
-        return
-    begin = states[rng.integers(len(states))]
-    starts = graph.at(*begin[1:])
-    cost, before = cheapest_paths(graph, starts)
-    known = networkx.multi_source_dijkstra_path_length(expected, {states[n] for n in starts})
-    assert {states[n] for n in np.flatnonzero(np.isfinite(cost))} == set(known)
-    for state, least in known.items():
-        number = states.index(state)
-        assert cost[number] == pytest.approx(least, rel=1e-5)
-        way = [states[n] for n in trace(before, number).tolist()]
-        assert way[0][1:] == begin[1:] and way[-1] == state
-        paid = sum(expected.edges[pair]["weight"] for pair in pairwise(way))
-        assert paid == pytest.approx(least, rel=1e-5)
-    there, back = reached(graph, starts), reached(graph, starts, back=True)
-    assert {states[n] for n in np.flatnonzero(there)} == set(known)
-    reverse = networkx.multi_source_dijkstra_path_length(
-        expected.reverse(), {states[n] for n in starts}
-    )
-    assert {states[n] for n in np.flatnonzero(back)} == set(reverse)
+    begin = tuple(int(rng.integers(side)) for side in shape)
+    starts = states_at(can, begin)
+    known = {}
+    if len(starts):
+        known = networkx.multi_source_dijkstra_path_length(
+            expected, {tuple(state) for state in starts.tolist()}
+        )
+    for cell in np.ndindex(shape):
+        found = cheapest_way(costs_of(rate, can, heights), starts, cell)
+        best = min((cost for state, cost in known.items() if state[1:] == cell), default=math.inf)
+        assert found.cost == pytest.approx(best, rel=1e-5)
+        way = [tuple(state) for state in found.states.tolist()]
+        assert bool(way) == math.isfinite(best)
+        if way:
+            assert way[0][1:] == begin and way[-1][1:] == cell
+            paid = sum(expected.edges[pair]["weight"] for pair in pairwise(way))
+            assert paid == pytest.approx(best, rel=1e-5)
+        else:
+            cells = {(int(r), int(c)) for r, c in np.argwhere(found.reached)}
+            assert cells == {state[1:] for state in known}
+
+
+@settings(max_examples=60, deadline=None)
+@CASES
+def test_tiles_that_are_asked_for_are_enough(
+    seed: int, shape: tuple[int, int], headings: int, share: float
+) -> None:
+    """What is filled in tile by tile gives the same way, state by state; no tile is asked twice."""
+    rng, can, rate, heights = drawn_case(seed, shape, headings, share)
+    begin, end = (tuple(int(rng.integers(side)) for side in shape) for _ in range(2))
+    whole = cheapest_way(costs_of(rate, can, heights), states_at(can, begin), end)
+    side = int(rng.integers(1, 4))
+    blank = costs_of(np.full_like(rate, 99.0), np.zeros_like(can), heights, side)
+    least = float(rate.min())
+    lazy = Costs.of(blank.rate, blank.flags, heights, RESOLUTION, ARC, least, side)
+    asked: list[int] = []
+
+    def ask(tile: int) -> None:
+        row, column = (at * side for at in divmod(tile, lazy.known.shape[1]))
+        part = np.s_[:, row : row + side, column : column + side]
+        lazy.rate[part] = rate[part]
+        lazy.flags[part] = np.where(can[part], ALLOWED | BACKING, 0)
+        lazy.known.reshape(-1)[tile] = True
+        asked.append(tile)
+
+    found = cheapest_way(lazy, states_at(can, begin), end, ask)
+    assert found.cost == whole.cost
+    assert np.array_equal(found.states, whole.states)
+    assert np.array_equal(found.reached, whole.reached)
+    assert len(set(asked)) == len(asked)
+
+
+def test_a_way_nearby_asks_for_little() -> None:
+    """On even ground of 40 × 60 cells, from one corner to near it, far tiles are not asked for."""
+    can = np.ones((8, 40, 60), np.bool_)
+    rate, heights = np.ones(can.shape, np.float32), np.zeros(can.shape[1:], np.float32)
+    costs = costs_of(rate, can, heights, 10)
+    asked: list[int] = []
+
+    def ask(tile: int) -> None:
+        costs.known.reshape(-1)[tile] = True
+        asked.append(tile)
+
+    cheapest_way(costs, states_at(can, (2, 2)), (5, 14), ask)
+    assert {0, 1} <= set(asked) <= {0, 1, 2, 6, 7, 8}
+
+
+@settings(max_examples=60, deadline=None)
+@CASES
+def test_floods_reach_what_the_moves_reach(
+    seed: int, shape: tuple[int, int], headings: int, share: float
+) -> None:
+    """Along the moves, against them, and back to where they begin, as networkx has them."""
+    rng, can, rate, heights = drawn_case(seed, shape, headings, share)
+    graph = slow(rate, can, heights)
+    begin = np.zeros_like(can)
+    begin[tuple(int(rng.integers(side)) for side in can.shape)] = True
+    begin &= can
+    seeds = {tuple(state) for state in np.argwhere(begin).tolist()}
+    bits, first = heading_bits(can), heading_bits(begin)
+    for against, one in ((False, graph), (True, graph.reverse())):
+        wanted = set().union(seeds, *(networkx.descendants(one, state) for state in seeds))
+        found = np.unpackbits(
+            spread(bits, headings, first, against), axis=2, count=headings, bitorder="little"
+        )
+        assert {(h, r, c) for r, c, h in np.argwhere(found).tolist()} == wanted
+    both = connected(bits, headings, first)
+    there = set().union(seeds, *(networkx.descendants(graph, state) for state in seeds))
+    back = {state for state in there if seeds & ({state} | networkx.descendants(graph, state))}
+    assert {tuple(cell) for cell in np.argwhere(both.reached).tolist()} == {s[1:] for s in there}
+    assert {tuple(cell) for cell in np.argwhere(both.returned).tolist()} == {s[1:] for s in back}
+
+
+@settings(max_examples=60, deadline=None)
+@CASES
+def test_the_largest_part_is_that_of_moves_that_go_both_ways(
+    seed: int, shape: tuple[int, int], headings: int, share: float
+) -> None:
+    _, can, rate, heights = drawn_case(seed, shape, headings, share)
+    graph = slow(rate, can, heights)
+    mutual = networkx.Graph()
+    mutual.add_nodes_from(graph)
+    mutual.add_edges_from((a, b) for a, b in graph.edges if graph.has_edge(b, a))
+    parts = sorted(map(len, networkx.connected_components(mutual)))
+    begin = begin_in_largest(heading_bits(can), headings)
+    states = [
+        (h, r, c)
+        for r, c, h in np.argwhere(
+            np.unpackbits(begin, axis=2, count=headings, bitorder="little")
+        ).tolist()
+    ]
+    assert len(states) == bool(parts)
+    if parts:
+        (state,) = states
+        assert len(networkx.node_connected_component(mutual, state)) == parts[-1]
+    pairs = can & np.roll(can, headings // 2, axis=0)
+    assert np.array_equal(can_turn_back(heading_bits(can), headings), pairs.any(axis=0))
 
 
 def test_eight_headings_point_to_the_neighbours_clockwise_from_north() -> None:

@@ -5,14 +5,28 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from typing import Any
+from unittest.mock import patch
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.route.routes import check_route, plan_route, reach, route_grid
-from terratool.traversability.survey import survey
+from terratool.traversability.report.routes import route_features
+from terratool.traversability.results import Reason, RouteProfile, Survey, Verdict
+from terratool.traversability.route.graph import PREFERENCES, Preference
+from terratool.traversability.route.paths import worst_verdict
+from terratool.traversability.route.routes import (
+    check_route,
+    plan_route,
+    reach,
+    route_grid,
+    with_way_back,
+)
+from terratool.traversability.survey import Surveyor
+from terratool.traversability.tiles import SurveyTiles, survey
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.conftest import terrain_of
 
@@ -139,7 +153,139 @@ def test_slope_beyond_the_motors_is_one_way(share: float, climbs: bool) -> None:
         assert barrier.bars == '/elemTree (surface "slab"), on a slope of 11°'
     # slanting it gets up either way, as only a part of the slope lies along its heading
     assert plan_route(terrain, vehicle, surveyed, low, high).found
-    assert reach(terrain, vehicle, surveyed, low).returnable > 0.5
+    assert reach(terrain, surveyed, low).returnable > 0.5
+
+
+@st.composite
+def hills(draw: st.DrawFn) -> dict[str, Any]:
+    """Slopes that may be too steep one way, walls and holes, on soft or hard ground."""
+    surfaces = {
+        "slab": {"cohesion": 0, "fricAngle": 35, "sinkage": 0},
+        "mud": {"cohesion": 1.0, "fricAngle": 22, "sinkage": 0.08, "shearModulus": 0.02},
+        "hole": {"void": True},
+        "untold": {},
+    }
+    whole = st.integers
+    blocks = [
+        block(
+            draw(whole(0, 20)), draw(whole(0, 8)), draw(whole(1, 4)), draw(whole(1, 6)),
+            surface=draw(st.sampled_from(sorted(surfaces))),
+            vOffset=draw(st.sampled_from([0.0, 0.03, 0.3])),
+        )
+        for _ in range(draw(whole(0, 6)))
+    ]  # fmt: skip
+    for one in blocks:
+        one["span"] = [
+            min(one["span"][0], 24 - one["cellX"]),
+            min(one["span"][1], 10 - one["cellY"]),
+        ]
+    rise = draw(st.floats(-3.0, 3.0))
+    return {
+        "size": [12, 5],
+        "surfTypes": surfaces,
+        "elemTypes": {"slab": {"x": "flat"}, "plane": {"x": [0, 1]}},
+        "elemTree": {
+            "type": "plane", "vScale": rise, "surface": draw(st.sampled_from(["slab", "mud"])),
+            "cells": [24, 10], "children": blocks,
+        },
+    }  # fmt: skip
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    definition=hills(),
+    ends=st.tuples(*[st.floats(0.1, 0.9)] * 4),
+    prefer=st.sampled_from(PREFERENCES),
+    side=st.sampled_from([3, 8, 64]),
+)
+def test_what_tiles_show_is_what_the_whole_shows(
+    definition: dict[str, Any], ends: tuple[float, ...], prefer: Preference, side: int
+) -> None:
+    """Route, barriers, profile and way back: equal to those of a survey of all, to the last bit."""
+    terrain = terrain_of(definition)
+    grid = grid_over(terrain, 0.3)
+    start, goal = ((12 * ends[n], 5 * ends[n + 1]) for n in (0, 2))
+    on_ground = [math.isfinite(terrain.height(*place)) for place in (start, goal)]
+    if not all(on_ground) or start == goal:
+        return
+    with patch("terratool.traversability.tiles.TILE", side):
+        tiles = SurveyTiles(Surveyor(terrain, ROVER, grid), threads=2)
+        found = plan_route(terrain, ROVER, tiles, start, goal, prefer)
+        checked = check_route(terrain, ROVER, tiles, [start, goal])
+    whole = survey(terrain, ROVER, grid)
+    for one, other in (
+        (found, plan_route(terrain, ROVER, whole, start, goal, prefer)),
+        (checked, check_route(terrain, ROVER, whole, [start, goal])),
+    ):
+        assert list(route_features([one])) == list(route_features([other]))
+        assert replace(one, profile=None) == replace(other, profile=None)
+        if one.profile and other.profile:
+            for name in RouteProfile.__slots__:
+                np.testing.assert_array_equal(
+                    getattr(one.profile, name), getattr(other.profile, name)
+                )
+
+
+def test_down_what_cannot_be_climbed_is_one_way() -> None:
+    """1 in 3 on mud: there is a way down and none back; on the level, it is driven back."""
+    mud = {"cohesion": 1.0, "fricAngle": 22, "sinkage": 0.08, "shearModulus": 0.02}
+    definition = {
+        "size": [12, 5],
+        "surfTypes": {"mud": mud},
+        # level for a quarter on either side
+        "elemTypes": {"slope": {"x": [[0, 0], [0.25, 0], [0.75, 1], [1, 1]]}},
+        "elemTree": {"type": "slope", "vScale": 2.0, "surface": "mud"},
+    }
+    terrain = terrain_of(definition)
+    seen_ = seen(terrain)
+    top, foot = (11.0, 2.5), (1.0, 2.5)
+    down = plan_route(terrain, ROVER, seen_, top, foot)
+    assert down.found and down.one_way and down.verdict == Verdict.CAUTION
+    assert down.against and 2.5 < down.against[0].place.x < 9.5
+    assert down.against[0].reason in {Reason.SLIP, Reason.TRACTION}
+    up = plan_route(terrain, ROVER, seen_, foot, top)
+    assert not up.found
+    both = with_way_back(down, up)
+    assert both.verdict == Verdict.NO_GO and not both.holds and both.found
+    level = {**definition, "elemTree": {"type": "slope", "vScale": 0.0, "surface": "mud"}}
+    flat = terrain_of(level)
+    there = plan_route(flat, ROVER, seen(flat), top, foot)
+    assert there.found and not there.one_way and not there.against
+    back = plan_route(flat, ROVER, seen(flat), foot, top)
+    assert with_way_back(there, back).verdict == there.verdict
+    assert with_way_back(there, back).holds
+
+
+def test_another_way_back_is_found_by_a_detour() -> None:
+    """The same slope in mud and, beside it, on rock: down the mud, and back up on the rock."""
+    terrain = terrain_of(
+        {
+            "size": [12, 6],
+            "surfTypes": {
+                "mud": {"cohesion": 1.0, "fricAngle": 22, "sinkage": 0.08, "shearModulus": 0.02},
+                "rock": {"cohesion": 0, "fricAngle": 35, "sinkage": 0},
+            },
+            "elemTypes": {"slope": {"x": [[0, 0], [0.25, 0], [0.75, 1], [1, 1]]}},
+            "elemTree": {
+                "type": "slope", "vScale": 0, "surface": "mud", "cells": [1, 2],
+                "children": [
+                    {"type": "slope", "cellX": 0, "cellY": 0, "vScale": 2.0},
+                    {"type": "slope", "cellX": 0, "cellY": 1, "vScale": 2.0, "surface": "rock"},
+                ],
+            },
+        }
+    )  # fmt: skip
+    seen_ = seen(terrain)
+    down = plan_route(terrain, ROVER, seen_, (11, 1.5), (1, 1.5), "length")
+    back = plan_route(terrain, ROVER, seen_, (1, 1.5), (11, 1.5), "length")
+    assert down.found and down.one_way and back.found
+    assert down.length is not None and back.length is not None
+    assert back.length > down.length + 0.5
+    assert back.profile is not None and "rock" in back.profile.surface
+    both = with_way_back(down, back)
+    assert both.holds and both.back is not None and not both.back.one_way
+    worst = max(worst_verdict(r.profile.verdict) for r in (down, back) if r.profile)
+    assert both.verdict == worst
 
 
 def test_grid_for_a_route_suits_the_survey() -> None:

@@ -11,14 +11,17 @@ from typing import Any
 
 import numpy as np
 
+from terratool import __version__
 from terratool.errors import RequestError
 from terratool.text.display import shown
 from terratool.traversability.report import wording
 from terratool.traversability.report.page import as_markdown, as_page
+from terratool.traversability.report.routes import route_features
 from terratool.traversability.results import (
     Barrier,
     Extreme,
     Figures,
+    GroundClass,
     Location,
     MapSummary,
     Reach,
@@ -37,7 +40,7 @@ from terratool.traversability.vehicle import (
     Wheel,
 )
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 _KEYS: dict[type, str] = {
     Vehicle: "name single_wheel mass_kg gravity_m_s2 weight_N wheel axles track_m cog_height_m "
@@ -55,10 +58,10 @@ _KEYS: dict[type, str] = {
     Location: "x y z surface element",
     Barrier: "binding bars width_m place",
     Route: "found planned verdict start goal length_m time_s energy_J steepest softest tightest "
-    "barriers reached profile",
+    "barriers reached note one_way against back profile",
     RouteProfile: "x y heading_deg distance_m z sinkage_m pitch_deg roll_deg slip utilisation "
-    "verdict binding surface",
-    Reach: "start share returnable",
+    "verdict binding surface element",
+    Reach: "start share returnable note",
 }
 """Keys of records: names of members, and units where they have one."""
 
@@ -87,6 +90,7 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
     """
     return {
         "format_version": FORMAT_VERSION,
+        "tool": {"name": "terratool", "version": __version__},
         "terrain": {
             "file": report.terrain,
             "descr": report.descr,
@@ -96,7 +100,8 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
         "verdict": report.verdict.label,
         "sentence": wording.conclusion(report),
         "surfaces": _plain(report.surfaces),
-        "map": _summary(report.summary),
+        "mending": [{"where": place, "line": line} for place, line in wording.mending(report)],
+        "map": None if report.summary is None else _summary(report.summary),
         "routes": _plain(report.routes),
         "reach": _plain(report.reach),
         "notes": list(report.notes),
@@ -163,8 +168,8 @@ def _extreme(extreme: Extreme | None, key: str) -> dict[str, Any] | None:
     return {key: value, "binding": _plain(extreme.reason), "place": _plain(extreme.place)}
 
 
-def _counts(counts: dict[Verdict, int]) -> dict[str, int]:
-    return {verdict.label: counts.get(verdict, 0) for verdict in wording.VERDICTS}
+def _counts(counts: dict[GroundClass, int]) -> dict[str, int]:
+    return {ground.label: counts.get(ground, 0) for ground in wording.GROUNDS}
 
 
 def _summary(summary: MapSummary) -> dict[str, Any]:
@@ -175,12 +180,11 @@ def _summary(summary: MapSummary) -> dict[str, Any]:
         "height": grid.height,
         "bounds": _plain(grid.bounds),
         "headings": summary.headings,
+        "from": _plain(summary.start),
         "pixels": summary.pixels,
         "best_heading": _counts(summary.counts),
         "worst_heading": _counts(summary.worst_counts),
-        "fractions": {
-            verdict.label: _plain(summary.fraction(verdict)) for verdict in wording.VERDICTS
-        },
+        "fractions": {ground.label: _plain(summary.fraction(ground)) for ground in wording.GROUNDS},
         "binding": {
             reason.label: count
             for reason, count in sorted(summary.reasons.items())
@@ -193,10 +197,18 @@ def _summary(summary: MapSummary) -> dict[str, Any]:
     }
 
 
+def as_geojson(report: TraversabilityReport) -> str:
+    """The routes of a report as the text of a GeoJSON file, a line for each feature."""
+    head = {**report.geojson, "terratool": __version__}
+    lines = ",\n".join(json.dumps(one, ensure_ascii=False) for one in route_features(report.routes))
+    return f'{json.dumps(head, ensure_ascii=False)[:-1]}, "features": [\n{lines}\n]}}\n'
+
+
 FORMATS: dict[str, Callable[[TraversabilityReport], str]] = {
     ".json": as_json,
     ".md": as_markdown,
     ".html": as_page,
+    ".geojson": as_geojson,
 }
 
 

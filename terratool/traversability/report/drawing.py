@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.traversability.report import wording
-from terratool.traversability.results import COLORS, RANKS, RouteProfile, Survey, Verdict
+from terratool.traversability.results import COLORS, GroundClass, Preview, RouteProfile, Verdict
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
 """Room for the numbers of the axes, and for what the upper axis is of."""
@@ -33,6 +33,12 @@ _LIGHT = np.radians(315.0), np.radians(45.0)
 _RELIEF = np.tan(np.radians(40.0))
 """Slope that the steeper ground of a flat terrain is exaggerated to."""
 _MOST = 10.0
+_CONTOURS = 8
+"""Contours of the ground, about so many."""
+_CONTOUR = 0.6
+"""Share of a colour that is left on a contour."""
+_LEVEL = 1e-3
+"""Ground that differs by less, m, has no contours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,19 +183,9 @@ def _described(profile: RouteProfile, total: float) -> str:
     return f"Profile over {wording.length(total)}: {heights}{deepest} of sinkage at most."
 
 
-def best_verdicts(survey: Survey) -> NDArray[np.uint8]:
-    """The verdict of the best heading at each pixel, (height, width) uint8.
-
-    What is not known is better than no-go, as it is in the map.
-    """
-    verdicts = np.argsort(RANKS).astype(np.uint8)  # by their ranks
-    out: NDArray[np.uint8] = verdicts[RANKS[survey.verdict].min(axis=0)]
-    return out
-
-
-def exaggeration(survey: Survey) -> float:
+def exaggeration(map_: Preview) -> float:
     """How much steeper the shading shows the ground, 1 to 10: so that gentle hills are seen."""
-    east, north = _gradient(survey.heights, survey.grid.resolution)
+    east, north = _gradient(map_.heights, map_.grid.resolution)
     steepness = np.hypot(east, north)
     steepness = steepness[steepness > 0.0]
     if not steepness.size:
@@ -219,32 +215,55 @@ def hillshade(
     return np.asarray(np.clip(light, 0.0, 1.0))
 
 
-def map_picture(survey: Survey, reached: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
+def contour_interval(map_: Preview) -> float:
+    """How far contours are apart, m: 1, 2 or 5 times a power of ten; 0 for none."""
+    known = map_.heights[np.isfinite(map_.heights)]
+    if not known.size or float(np.ptp(known)) < _LEVEL:
+        return 0.0
+    found = ticks(0.0, float(np.ptp(known)), _CONTOURS)
+    return found[1] if len(found) > 1 else 0.0
+
+
+def _contours(heights: NDArray[np.float32], interval: float) -> NDArray[np.bool_]:
+    """Pixels beyond which, to the east or south, the ground is in another interval."""
+    level = np.floor(heights.astype(np.float64) / interval)
+    lines = np.zeros(heights.shape, np.bool_)
+    # NaN differs from anything, and is no contour
+    lines[:, :-1] |= np.abs(np.diff(level, axis=1)) > 0.0
+    lines[:-1] |= np.abs(np.diff(level, axis=0)) > 0.0
+    return lines
+
+
+def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
     """The picture, (height, width, 4) uint8 RGBA, transparent where there is no ground.
 
-    A pixel of the survey is a square of as many pixels as it takes for the longer side to have 720.
+    A pixel of the map is a square of as many pixels as it takes for the longer side to have 720.
     What can be reached, (height, width), gets an outline.
     """
-    shade = hillshade(survey.heights, survey.grid.resolution, exaggeration(survey))
-    verdict = best_verdicts(survey)
+    shade = hillshade(map_.heights, map_.grid.resolution, exaggeration(map_))
     palette = np.array([COLORS[code] for code in sorted(COLORS)], np.float64)
     level = np.sin(_LIGHT[1])
     # shading must not turn one verdict's lightness to another's
     light = np.clip(1.0 + 0.4 * (shade - level), *SHADING)
-    painted = palette[verdict] * light[..., np.newaxis]
-    scale = max(1, -(-_SIDE // max(verdict.shape)))
+    painted = palette[map_.ground] * light[..., np.newaxis]
+    interval = contour_interval(map_)
+    if interval:
+        painted[_contours(map_.heights, interval)] *= _CONTOUR
+    scale = max(1, -(-_SIDE // max(map_.ground.shape)))
     painted = painted.repeat(scale, axis=0).repeat(scale, axis=1)
-    verdict = verdict.repeat(scale, axis=0).repeat(scale, axis=1)
-    row, column = np.indices(verdict.shape, np.int32)
+    what = map_.ground.repeat(scale, axis=0).repeat(scale, axis=1)
+    row, column = np.indices(what.shape, np.int32)
     line = (row + column) % _HATCH < 3
-    painted[line & (verdict == Verdict.NO_GO)] *= 0.55
+    painted[line & (what == GroundClass.NO_GO)] *= 0.55
+    other = (row - column) % _HATCH < 2
+    painted[other & ((what == GroundClass.CUT_OFF) | (what == GroundClass.ONE_WAY))] *= 0.7
     dot = (row % _HATCH < 4) & (column % _HATCH < 4)
-    painted[dot & (verdict == Verdict.UNKNOWN)] *= 0.6
+    painted[dot & (what == GroundClass.UNKNOWN)] *= 0.6
     if reached is not None:
         inside = reached.repeat(scale, axis=0).repeat(scale, axis=1)
         painted[_outline(inside)] = _OUTLINE
-    ground = np.isfinite(survey.heights).repeat(scale, axis=0).repeat(scale, axis=1)
-    rgba = np.empty((*verdict.shape, 4), np.uint8)
+    ground = np.isfinite(map_.heights).repeat(scale, axis=0).repeat(scale, axis=1)
+    rgba = np.empty((*what.shape, 4), np.uint8)
     rgba[..., :3] = np.clip(np.rint(painted), 0.0, 255.0)
     rgba[..., 3] = np.where(ground, 255, 0)
     rgba[~ground, :3] = 0

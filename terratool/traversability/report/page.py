@@ -9,22 +9,36 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from terratool import __version__
 from terratool.text.display import printable
 from terratool.traversability.report import tables, wording
-from terratool.traversability.report.drawing import chart, exaggeration, map_picture, png, ticks
+from terratool.traversability.report.drawing import (
+    chart,
+    contour_interval,
+    exaggeration,
+    map_picture,
+    png,
+    ticks,
+)
 from terratool.traversability.report.tables import Table
 from terratool.traversability.results import (
+    GroundClass,
     Location,
+    Preview,
     Route,
-    Survey,
     TraversabilityReport,
-    Verdict,
 )
 
 if TYPE_CHECKING:
     from markupsafe import Markup
 
-MARKS = {Verdict.GO: "✔", Verdict.CAUTION: "!", Verdict.NO_GO: "✘", Verdict.UNKNOWN: "?"}
+MARKS = {
+    GroundClass.GO: "✔", GroundClass.CAUTION: "!", GroundClass.NO_GO: "✘", GroundClass.UNKNOWN: "?",
+    GroundClass.ONE_WAY: "→", GroundClass.CUT_OFF: "⊘", GroundClass.EDGE: "▫",
+}  # fmt: skip
+"""Of verdicts, too, as these are the first of them."""
 
 _NAME = 14
 """Characters of a name that a table does not break."""
@@ -61,7 +75,8 @@ def _rendered(
     )  # fmt: skip
     return environment.get_template(template).render(
         report=report, conclusion=wording.conclusion(report), tables=tables, wording=wording,
-        MARKS=MARKS, chart=chart, first_width=_first_width, suffix=_suffix, **more,
+        MARKS=MARKS, version=__version__, chart=chart, first_width=_first_width, suffix=_suffix,
+        **more,
     )  # fmt: skip
 
 
@@ -95,44 +110,78 @@ class _Pin(NamedTuple):
     top: float
 
 
-def _picture(report: TraversabilityReport, preview: Survey) -> dict[str, Any]:
+def _picture(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
     """What the template says of the map: its picture, what lies over it, a scale, a caption."""
     reached = None
-    if report.reach is not None and report.reach.cells.shape == preview.heights.shape:
-        reached = report.reach.cells
+    if report.reach is not None and report.summary is not None:
+        stride = round(preview.grid.resolution / report.summary.grid.resolution)
+        reached = report.reach.cells[::stride, ::stride]
     west, south, east, north = preview.grid.bounds
     width, height = east - west, north - south
-    source = _source(report)
-    caption = "The verdict of the best heading at each place, over the hills in light from the "
-    caption += "north-west"
-    factor = exaggeration(preview)
-    caption += f", {wording.number(factor)} times as steep as they are. " if factor > 1 else ". "
-    caption += f"North is up; a pixel is {wording.length(preview.grid.resolution)}."
-    if reached is not None:
-        caption += f" Blue is the rim of what can be reached from {source}."
-    binding = ", ".join(f"{reason} {part}" for reason, part in tables.reasons(report).rows[:5])
-    if binding:
-        caption += f" What binds most where it is not simply go, of all ground: {binding}."
-    ways = ((_points(route, preview), route.found) for route in report.routes)
+    ways = [(_points(route, preview), route.found) for route in report.routes]
+    back = (route.back for route in report.routes)
+    ways += [(_points(route, preview), False) for route in back if route is not None]
     scale = ticks(0.0, width, 4)[1]
     return {
         "width": f"{min(60.0, 44.0 * (width / height)):.4g}",
         "png": base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
         "ways": [(points, found) for points, found in ways if points],
-        "pins": _pins(report, source, preview),
+        "pins": _pins(report, _source(report), preview),
+        "x_axis": _axis(west, east),
+        "y_axis": [(100.0 - at, text) for at, text in _axis(south, north)],
+        "y_width": 3 + max(len(text) for _, text in _axis(south, north)),
         "scale": scale,
         "scale_width": 100.0 * scale / width,
-        "caption": caption,
+        "heights": _heights(preview),
+        "caption": _caption(report, preview, reached is not None),
     }
 
 
-def _position(x: float, y: float, preview: Survey) -> tuple[float, float]:
+def _caption(report: TraversabilityReport, preview: Preview, outlined: bool) -> str:
+    caption = "The verdict of the best heading at each place, over the hills in light from the "
+    caption += "north-west"
+    factor = exaggeration(preview)
+    caption += f", {wording.number(factor)} times as steep as they are. " if factor > 1 else ". "
+    caption += f"North is up; a pixel is {wording.length(preview.grid.resolution)}. "
+    crs = f" in {preview.crs}" if preview.crs else ""
+    caption += f"Along the sides stand x and y{crs}, m."
+    if outlined:
+        caption += f" Blue is the rim of what can be reached from {_source(report)}."
+    binding = ", ".join(f"{reason} {part}" for reason, part in tables.reasons(report).rows[:5])
+    if binding:
+        caption += f" What binds most where it is not simply go, of all ground: {binding}."
+    return caption
+
+
+def _heights(preview: Preview) -> str:
+    """What contours say of heights; nothing where there is no ground."""
+    known = preview.heights[np.isfinite(preview.heights)]
+    if not known.size:
+        return ""
+    low, high = (wording.number(float(z), 4) for z in (known.min(), known.max()))
+    if low == high:
+        return f"height {low} m"
+    interval = contour_interval(preview)
+    lines = f", lines every {wording.length(interval)}" if interval else ""
+    return f"heights from {low} to {high} m{lines}"
+
+
+def _axis(first: float, last: float) -> list[tuple[float, str]]:
+    """Round coordinates along a side: where each is, % from the first, and its text in full."""
+    found = ticks(first, last, 4) or [first]
+    return [
+        (100.0 * (value - first) / (last - first), f"{value + 0.0:.12g}".replace("-", "−"))
+        for value in found
+    ]
+
+
+def _position(x: float, y: float, preview: Preview) -> tuple[float, float]:
     """Shares of the picture's width from the west and height from the north."""
     west, south, east, north = preview.grid.bounds
     return (x - west) / (east - west), (north - y) / (north - south)
 
 
-def _points(route: Route, preview: Survey) -> str:
+def _points(route: Route, preview: Preview) -> str:
     """A route in thousandths of the picture's sides; empty where it has no length."""
     if route.profile is None or len(route.profile.x) < 2:
         return ""
@@ -145,7 +194,7 @@ def _points(route: Route, preview: Survey) -> str:
     return " ".join(points)
 
 
-def _pins(report: TraversabilityReport, source: str, preview: Survey) -> list[_Pin]:
+def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_Pin]:
     pins: list[tuple[str, str, Location]] = []
     pins += [("pin bar", "✘", bar.place) for route in report.routes for bar in route.barriers]
     if report.reach is not None and source == "S":

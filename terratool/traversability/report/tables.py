@@ -10,6 +10,8 @@ from terratool.text.display import columns_of, counted, printable
 from terratool.traversability.report import wording
 from terratool.traversability.results import (
     Figures,
+    GroundClass,
+    MapSummary,
     Route,
     TraversabilityReport,
     Verdict,
@@ -21,7 +23,7 @@ WIDTH = 80
 _NAME = 16
 """Columns for names of surfaces; longer ones are cut."""
 
-Cell = str | Verdict
+Cell = str | Verdict | GroundClass
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +45,11 @@ class Table:
 def _by_surface(
     report: TraversabilityReport, *columns: tuple[Column, Callable[[Figures], Cell]]
 ) -> Table:
-    """A row for each surface: its title, and the cells that functions make of its figures."""
+    """A row for each surface whose soil is known: its title, and cells made of its figures."""
     rows = (
-        (title(figures), *(cell(figures) for _, cell in columns)) for figures in report.surfaces
+        (title(figures), *(cell(figures) for _, cell in columns))
+        for figures in report.surfaces
+        if not figures.missing
     )
     return Table((Column("surface", False), *(column for column, _ in columns)), tuple(rows))
 
@@ -101,42 +105,57 @@ def soils(report: TraversabilityReport) -> Table:
 def shares(report: TraversabilityReport) -> Table:
     """How much of the ground is what, by the best and by the worst heading."""
     summary = report.summary
-    columns = (Column("verdict", False), Column("best heading"), Column("worst heading"))
+    columns = (Column("ground", False), Column("best heading"), Column("worst heading"))
     rows = (
         (
-            verdict,
-            wording.share(summary.fraction(verdict)),
-            wording.share(fraction_of(summary.worst_counts, verdict)),
+            ground,
+            wording.share(summary.fraction(ground)),
+            wording.share(fraction_of(summary.worst_counts, ground)),
         )
-        for verdict in wording.VERDICTS
+        for ground in (_grounds(summary) if summary else ())
+        if summary
     )
     return Table(columns, tuple(rows))
 
 
+def _grounds(summary: MapSummary) -> list[GroundClass]:
+    """What ground there is to be told of: the verdicts always, the rest if there is any."""
+    return [
+        ground
+        for ground in wording.GROUNDS
+        if ground <= GroundClass.NO_GO or summary.fraction(ground)
+    ]
+
+
 def reasons(report: TraversabilityReport) -> Table:
     """What binds where it is not simply go, the most frequent first."""
+    columns = (Column("what binds", False), Column("share of the ground"))
+    if report.summary is None or not report.summary.pixels:
+        return Table(columns, ())
     pixels = report.summary.pixels
     ranked = sorted(report.summary.reasons.items(), key=lambda item: (-item[1], item[0]))
     rows = (
         (wording.because(reason), wording.share(count / pixels))
         for reason, count in ranked
-        if count and pixels
+        if count
     )
-    return Table((Column("what binds", False), Column("share of the ground")), tuple(rows))
+    return Table(columns, tuple(rows))
 
 
 def grounds(report: TraversabilityReport) -> Table:
     """How much of each surface's ground is what, by the best heading."""
+    if report.summary is None:
+        return Table((), ())
+    kinds, pixels = _grounds(report.summary), report.summary.pixels
     columns = (
         Column("surface", False), Column("share of the ground"),
-        *(Column(verdict.label) for verdict in wording.VERDICTS),
+        *(Column(ground.label) for ground in kinds),
     )  # fmt: skip
-    pixels = report.summary.pixels
     rows = (
         (
             printable(name) or "(no surface)",
             wording.share(sum(counts.values()) / pixels),
-            *(wording.share(fraction_of(counts, verdict)) for verdict in wording.VERDICTS),
+            *(wording.share(fraction_of(counts, ground)) for ground in kinds),
         )
         for name, counts in report.summary.by_surface.items()
         if sum(counts.values())
@@ -174,6 +193,12 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         yield "caution", f"on {caution}"
     if route.tightest is not None:
         yield "least margin", wording.margin(route.tightest)
+    for index, bar in enumerate(route.against):
+        yield ("one-way" if index == 0 else "and"), f"no way back by {wording.barrier(bar)}"
+    if route.one_way and not route.against:
+        yield "one-way", "it cannot be driven back the same way"
+    if route.back is not None:
+        yield "way back", wording.route_line(route.back)
 
 
 def properties(vehicle: Vehicle) -> Table:
@@ -269,12 +294,24 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
             yield from _wrapped(f"{route.verdict.label}: {line}")
     if report.reach:
         yield from _wrapped(printable(wording.reach_line(report.reach)))
+    mends = list(wording.mending(report))
+    if mends:
+        lacks = wording.lacking(report)
+        if lacks not in wording.conclusion(report):
+            yield from _wrapped(printable(lacks))
+        yield "A soil mends that, as this one; docs/format.md has others:"
+        for place, line in mends:
+            yield f"  {printable(line)}"
+            yield f"    {printable(place)}"
     yield ""
-    if report.surfaces:
+    if any(not figures.missing for figures in report.surfaces):
         yield from _aligned(_surfaces(report))
         yield ""
-    yield from _aligned(_map(report))
-    yield ""
+    if report.summary:
+        yield from _aligned(_map(report.summary))
+        if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
+            yield from _wrapped(f"What binds: {binding}")
+        yield ""
     for name, warning in warnings(report):
         yield from _wrapped(f"{cut(name, _NAME)}: {warning}")
     for note in report.notes:
@@ -284,6 +321,8 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
 def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
     yield "surface", "sinkage", "climb", "across", "step", "pull", "level", "what binds"
     for figures in report.surfaces:
+        if figures.missing:
+            continue
         yield (
             cut(title(figures), _NAME),
             wording.length(figures.sinkage),
@@ -296,17 +335,14 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
         )
 
 
-def _map(report: TraversabilityReport) -> Iterator[Sequence[str]]:
-    summary = report.summary
-    yield "ground", *(verdict.label for verdict in wording.VERDICTS), "what binds"
-    ranked = reasons(report).rows
-    binding = ", ".join(f"{reason} {part}" for reason, part in ranked[:2])
-    for heading, counts, why in (
-        ("best heading", summary.counts, binding),
-        ("worst heading", summary.worst_counts, ""),
+def _map(summary: MapSummary) -> Iterator[Sequence[str]]:
+    kinds = _grounds(summary)
+    yield "ground", *(ground.label for ground in kinds), ""
+    for heading, counts in (
+        ("best heading", summary.counts),
+        ("worst heading", summary.worst_counts),
     ):
-        parts = (fraction_of(counts, verdict) for verdict in wording.VERDICTS)
-        yield heading, *map(wording.share, parts), why
+        yield heading, *(wording.share(fraction_of(counts, ground)) for ground in kinds), ""
 
 
 def cut(text: str, columns: int) -> str:

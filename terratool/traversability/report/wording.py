@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from terratool.text.display import counted, printable
+from terratool.text.display import counted, printable, shown
 from terratool.traversability.results import (
     RANKS,
     Barrier,
     Extreme,
+    Figures,
+    GroundClass,
     Location,
     Reach,
     Reason,
@@ -22,8 +26,31 @@ from terratool.traversability.results import (
 NOTHING = "–"
 """Stands for what means nothing or is not known."""
 
-VERDICTS = (Verdict.GO, Verdict.CAUTION, Verdict.NO_GO, Verdict.UNKNOWN)
+GROUNDS = (
+    GroundClass.GO,
+    GroundClass.CAUTION,
+    GroundClass.NO_GO,
+    GroundClass.UNKNOWN,
+    GroundClass.ONE_WAY,
+    GroundClass.CUT_OFF,
+    GroundClass.EDGE,
+)
 """In the order of reports."""
+
+_PHRASES = {
+    GroundClass.GO: "is go",
+    GroundClass.CAUTION: "is caution",
+    GroundClass.NO_GO: "is no-go",
+    GroundClass.UNKNOWN: "is unknown",
+    GroundClass.ONE_WAY: "can only be driven one way",
+    GroundClass.CUT_OFF: "is cut off",
+    GroundClass.EDGE: "lies at the edge, where the vehicle would stand over it",
+}
+
+EXAMPLE = {"cohesion": 1.72, "fricAngle": 29, "sinkage": 0.0397}
+"""Figures of a soil, as of the preset …"""
+PRESET = "sandy-loam-15"
+"""… of this name."""
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -109,6 +136,11 @@ def coordinates(place: Location) -> str:
     return f"({x}, {y})"
 
 
+def point(place: tuple[float, float]) -> str:
+    """World x and y of a place of which no more is known."""
+    return coordinates(Location(*place, None, "", ""))
+
+
 def where(place: Location) -> str:
     """Coordinates, and what the ground is there."""
     ground = [part for part in (name(place.surface), place.element) if part]
@@ -174,9 +206,7 @@ def route_line(route: Route) -> str:
         rest = f" (and {counted(more, 'more place')})" if more else ""
         return f"{what}: {barrier(route.barriers[0])}{rest}."
     what = "There is a way" if route.planned else "The way through the waypoints can be driven"
-    line = f"{what} from {ends(route)}: {length(route.length)}, {duration(route.time)}"
-    if route.energy is not None and math.isfinite(route.energy):
-        line += f", {energy(route.energy)}"
+    line = f"{what} from {ends(route)}: {_journey(route)}"
     if caution := careful(route):
         line += f"; caution on {caution}"
     if route.tightest is not None:
@@ -184,46 +214,117 @@ def route_line(route: Route) -> str:
         of = f" ({reason.label})" if reason != Reason.NONE else ""
         line += f"; least margin {share(max(route.tightest.value, 0.0))}{of}"
         line += f" at {coordinates(route.tightest.place)}"
-    return f"{line}."
+    return f"{line}. {returning(route)}".rstrip()
+
+
+def _journey(route: Route) -> str:
+    line = f"{length(route.length)}, {duration(route.time)}"
+    if route.energy is not None and math.isfinite(route.energy):
+        line += f", {energy(route.energy)}"
+    return line
+
+
+def returning(route: Route) -> str:
+    """Whether the way can be driven back, in a sentence; nothing where it can, and nobody asked."""
+    line = ""
+    if route.one_way:
+        line = "It is one-way: it cannot be driven back the same way"
+        line += f" ({barrier(route.against[0])})." if route.against else "."
+    if route.back is None:
+        return line
+    if not route.back.found:
+        bars = route.back.barriers
+        return f"{line} There is no way back{f': {barrier(bars[0])}' if bars else ''}.".lstrip()
+    other = "Another way back" if route.one_way else "The way back"
+    return f"{line} {other} is {_journey(route.back)}.".lstrip()
 
 
 def reach_line(reach: Reach) -> str:
     """What can be reached, in a sentence."""
+    if reach.note:
+        return f"{reach.note} That is {coordinates(reach.start)}."
     line = f"From {coordinates(reach.start)} {share(reach.share)} of the ground can be reached"
     if reach.returnable == reach.share:
         return f"{line}, and left again."
     return f"{line}, and left again from {share(reach.returnable)}."
 
 
+def lacking(report: TraversabilityReport) -> str:
+    """Which surfaces lack what, in a sentence; nothing where none does."""
+    lacks = [
+        f"surface {shown(one.surface)} lacks {listed(one.missing)}"
+        for one in report.surfaces
+        if one.missing
+    ]
+    if without_surface(report):
+        lacks.append(f"{'some of ' * bool(report.surfaces)}the ground has no surface")
+    text = "; ".join(lacks)
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def without_surface(report: TraversabilityReport) -> bool:
+    """Whether there is ground of no surface, of which nothing is known."""
+    if report.summary is None:
+        return not report.surfaces
+    return bool(report.summary.by_surface.get("", {}).get(GroundClass.UNKNOWN))
+
+
+def mending(report: TraversabilityReport) -> Iterator[tuple[str, str]]:
+    """Lines of JSON that mend what surfaces lack, by an example of a soil, and where each goes."""
+    known = [one.surface for one in report.surfaces if not one.missing]
+    for one in report.surfaces:
+        if one.missing:
+            where_to = f'in "surfTypes", {json.dumps(one.surface, ensure_ascii=False)}'
+            own = json.dumps({key: EXAMPLE[key] for key in one.missing})[1:-1]
+            yield where_to, f"{own},"
+            yield f"{where_to}, or all of it", f'"preset": "{PRESET}",'
+    if without_surface(report):
+        if not report.surfaces:
+            yield "at the top of the file", f'"surfTypes": {{"ground": {{"preset": "{PRESET}"}}}},'
+        surface = known[0] if known else (report.surfaces or (Figures("ground"),))[0].surface
+        yield 'in "elemTree"', f'"surface": {json.dumps(surface, ensure_ascii=False)},'
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and an "and"."""
+    return f"{', '.join(words[:-1])} and {words[-1]}" if words[1:] else "".join(words)
+
+
 def conclusion(report: TraversabilityReport) -> str:
     """The verdict in a sentence, and what binds most."""
-    summary = report.summary
     if report.routes:
         worst = max(report.routes, key=lambda route: RANKS[route.verdict])
-        line = route_line(worst)
-        return f"{line} {worst.note}" if worst.note else line
-    if not summary.pixels:
+        line = f"{route_line(worst)} {worst.note}".rstrip()
+        if worst.verdict == Verdict.UNKNOWN and (lacks := lacking(report)):
+            line += f" {lacks}"
+        return line
+    summary = report.summary
+    if summary is None or not summary.pixels:
         return "There is no ground to drive on."
-    go, caution, no_go, unknown = map(summary.fraction, VERDICTS)
-    known = {reason: count for reason, count in summary.reasons.items() if reason != Reason.NONE}
+    if report.reach is not None and report.reach.note:
+        return reach_line(report.reach)
+    counts = {ground for ground in GROUNDS if summary.fraction(ground)}
     edge = ""
-    if known.keys() == {Reason.EDGE} and not caution:
-        edge = (
-            f", but for the edge of the terrain, on {share(no_go)}, where the vehicle would stand "
-            "over it"
-        )
-    if go == 1.0 or (edge and go and not unknown):
+    if GroundClass.EDGE in counts and counts - {GroundClass.EDGE}:
+        part = share(summary.fraction(GroundClass.EDGE))
+        edge = f", but for the edge of the terrain, {part}, where the vehicle would stand over it"
+    inner = counts - {GroundClass.EDGE} or counts
+    if inner == {GroundClass.GO}:
         return f"All of the ground is go, with the best heading at each place{edge}."
-    if unknown == 1.0 or (edge and unknown and not go):
-        return f"Nothing is known of the ground: its surfaces lack what the formulas need{edge}."
-    parts = [f"{share(go)} of the ground is go"]
-    parts += [
-        f"{share(part)} {verdict.label}"
-        for verdict, part in zip(VERDICTS[1:], (caution, no_go, unknown), strict=True)
-        if part
+    if inner == {GroundClass.UNKNOWN}:
+        return f"Nothing is known of the ground{edge}. {lacking(report)}".rstrip()
+    parts = [
+        f"{share(summary.fraction(ground))} {_PHRASES[ground]}"
+        for ground in GROUNDS
+        if ground in counts
     ]
-    text = f"{', '.join(parts[:-1])} and {parts[-1]}" if parts[1:] else parts[0]
-    if not known:
-        return f"{text}."
-    most = max(known, key=lambda reason: (known[reason], -reason))
-    return f"{text}; what binds most is {most.label}, on {share(known[most] / summary.pixels)}."
+    text = listed([parts[0].replace(" %", " % of the ground", 1), *parts[1:]])
+    about, lost = {GroundClass.GO, GroundClass.CAUTION}, {GroundClass.ONE_WAY, GroundClass.CUT_OFF}
+    if not counts & about and counts & lost:
+        text = f"There is no place that the vehicle can drive to and back from: {text}"
+    known = {reason: count for reason, count in summary.reasons.items() if reason != Reason.NONE}
+    if known:
+        most = max(known, key=lambda reason: (known[reason], -reason))
+        text += f"; what binds most is {most.label}, on {share(known[most] / summary.pixels)}"
+    lacks = f" {lacking(report)}" if GroundClass.UNKNOWN in counts else ""
+    return f"{text}.{lacks}".rstrip()

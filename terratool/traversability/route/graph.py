@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
+from terratool.kernels import traversability as kernels
 from terratool.traversability.results import Survey, Verdict
 from terratool.traversability.vehicle import Vehicle
 
@@ -30,14 +33,17 @@ _PRICES = {"time": (1.0, 1.0), "margin": (50.0, 20.0)}
 Offset = tuple[int, int]
 """Rows to the south, columns to the east."""
 
-_SLOTS = 4
-"""Moves from a state: ahead, back, and a turn to either side."""
-
 _STAND = 1e-3
 """Share of a cell's side that a turn weighs at least, so that no cycle is free of cost."""
 
 BACKWARD = 1.05
 """A metre backwards weighs so many ahead."""
+
+ALLOWED, BACKING = 1, 2
+"""Bits of a state: the vehicle may be there; also when it moves backwards."""
+
+_BELOW = 1.0 - 1e-6
+"""Rates are rounded to single precision: none is below so much of what it cannot be below."""
 
 
 def check_preference(prefer: str) -> None:
@@ -52,10 +58,11 @@ def check_preference(prefer: str) -> None:
         )
 
 
-def drivable(survey: Survey) -> NDArray[np.bool_]:
-    """Where the vehicle can be: (headings, height, width)."""
-    go = (survey.verdict == Verdict.GO) | (survey.verdict == Verdict.CAUTION)
-    return np.asarray(go & np.isfinite(survey.heights) & np.isfinite(survey.energy))
+def drivable(survey: Survey, part: Any = np.s_[:, :]) -> NDArray[np.bool_]:
+    """Where the vehicle can be: (headings, height, width), or so of a part of the cells."""
+    verdict = survey.verdict[:, *part]
+    go = (verdict == Verdict.GO) | (verdict == Verdict.CAUTION)
+    return np.asarray(go & np.isfinite(survey.heights[part]) & np.isfinite(survey.energy[:, *part]))
 
 
 def seconds_per_metre(slip: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np.float32]:
@@ -81,8 +88,10 @@ def turning_arc(survey: Survey, vehicle: Vehicle) -> float:
     return math.pi / survey.headings * math.hypot(vehicle.track_width, vehicle.wheelbase)
 
 
-def rates(survey: Survey, vehicle: Vehicle, prefer: str) -> NDArray[np.float32]:
-    """What a metre costs for a search, in the survey's shape.
+def rates(
+    survey: Survey, vehicle: Vehicle, prefer: str, part: Any = np.s_[:, :]
+) -> NDArray[np.float32]:
+    """What a metre costs for a search, in the survey's shape, or of a part of its cells.
 
     `length` counts metres, `energy` joules. `time` and `margin` count seconds times 1 + p·u² + q,
     u being the utilisation, q for caution only: p and q are 1 each for `time`, 20 and 50 for
@@ -92,49 +101,56 @@ def rates(survey: Survey, vehicle: Vehicle, prefer: str) -> NDArray[np.float32]:
         RequestError: there is no such preference.
     """
     check_preference(prefer)
+    verdict, slip = survey.verdict[:, *part], survey.slip[:, *part]
     if prefer == "length":
-        return np.ones(survey.verdict.shape, np.float32)
+        return np.ones(verdict.shape, np.float32)
     if prefer == "energy":
-        rate = joules_per_metre(survey.energy) + vehicle.power * seconds_per_metre(
-            survey.slip, vehicle
-        )
+        rate = joules_per_metre(survey.energy[:, *part])
+        rate = rate + vehicle.power * seconds_per_metre(slip, vehicle)
     else:
         caution, limit = _PRICES[prefer]
-        used = np.clip(np.nan_to_num(survey.utilisation, nan=1.0), 0.0, 1.0)
-        price = 1.0 + limit * used**2 + caution * (survey.verdict == Verdict.CAUTION)
-        rate = seconds_per_metre(survey.slip, vehicle) * price
+        used = np.clip(np.nan_to_num(survey.utilisation[:, *part], nan=1.0), 0.0, 1.0)
+        price = 1.0 + limit * used**2 + caution * (verdict == Verdict.CAUTION)
+        rate = seconds_per_metre(slip, vehicle) * price
     return np.asarray(np.maximum(rate, _LEAST), np.float32)
 
 
-@dataclass(frozen=True, slots=True)
-class Graph:
-    """States and moves.
+def least_rate(vehicle: Vehicle, prefer: str) -> float:
+    """What no rate is below: that of a metre without slip, and without work of the wheels."""
+    if prefer == "length":
+        return 1.0
+    seconds = 1.0 / vehicle.speed
+    return _BELOW * max(vehicle.power * seconds if prefer == "energy" else seconds, _LEAST)
+
+
+class Moves(NamedTuple):
+    """The moves of headings, for the kernels.
 
     Attributes:
-        matrix: (n, n) sparse, the cost of each move.
-        number: (headings, height, width) int32, the number of each state; -1 where there is none.
-        states: (n,) int32, the flat index of each state into `number`.
+        offsets: (headings, 2) int64, rows and columns to the cell that each points to.
+        passed: (headings, most, 4) int64, the two cells of each step between, as `cells_between`.
+        steps: (headings,) int64, how many these are.
     """
 
-    matrix: Any
-    number: NDArray[np.int32]
-    states: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+    passed: NDArray[np.int64]
+    steps: NDArray[np.int64]
 
-    def at(self, row: int, column: int) -> NDArray[np.int32]:
-        """Numbers of the states at a cell, whatever the heading."""
-        here = self.number[:, row, column]
-        return here[here >= 0]
 
-    def place(self, states: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Heading, row and column of states by their numbers."""
-        heading, row, column = np.unravel_index(self.states[states], self.number.shape)
-        return heading, row, column
+@lru_cache(maxsize=16)
+def moves_of(headings: int) -> Moves:
+    """The moves of so many headings.
 
-    def cells(self, states: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Cells at which any of the states marked is: (height, width)."""
-        marked = np.zeros(self.number.shape, np.bool_)
-        marked.reshape(-1)[self.states[states]] = True
-        return np.asarray(marked.any(axis=0))
+    Raises:
+        RequestError: the number of headings is no multiple of 4 from 4 on.
+    """
+    offsets = heading_offsets(headings)
+    between = [cells_between(offset) for offset in offsets]
+    passed = np.zeros((headings, max(map(len, between)), 4), np.int64)
+    for cells, row in zip(between, passed, strict=True):
+        for n, (near, other) in enumerate(cells):
+            row[n] = (*near, *other)
+    return Moves(np.array(offsets), passed, np.array(list(map(len, between))))
 
 
 def heading_offsets(headings: int) -> tuple[Offset, ...]:
@@ -179,113 +195,6 @@ def cells_between(offset: Offset) -> list[tuple[Offset, Offset]]:
     return passed
 
 
-def build_graph(
-    rate: NDArray[np.float32],
-    allowed: NDArray[np.bool_],
-    backward: NDArray[np.bool_],
-    heights: NDArray[np.float32],
-    resolution: float,
-    arc: float,
-) -> Graph:
-    """The graph of the states that are allowed.
-
-    A move costs its length over ground times the mean of the rates at its ends, taken from cell to
-    cell; where it passes between two cells, the dearer one counts. Moving backwards is judged as
-    driving ahead with the opposite heading: what cannot be climbed is not climbed in reverse. It
-    costs a little more, so that it is only done where it is of use.
-
-    Args:
-        rate: (headings, height, width), the cost of a metre.
-        allowed: in that shape, where the vehicle may be.
-        backward: in that shape, where it may be when it moves backwards.
-        heights: (height, width); NaN counts as level.
-        resolution: side of a cell, m.
-        arc: m that the wheels run in turning by one heading.
-    """
-    from scipy.sparse import csr_array
-
-    headings = len(allowed)
-    states = np.flatnonzero(allowed).astype(np.int32)
-    number = np.full(allowed.shape, -1, np.int32)
-    number.reshape(-1)[states] = np.arange(len(states), dtype=np.int32)
-    targets = np.full((len(states), _SLOTS), -1, np.int32)
-    costs = np.zeros((len(states), _SLOTS))
-    ends = np.concatenate([[0], np.cumsum(np.count_nonzero(allowed, axis=(1, 2)))])
-    turn = max(arc, _STAND * resolution)
-    for heading, (row, column) in enumerate(heading_offsets(headings)):
-        here = allowed[heading]
-        part = slice(ends[heading], ends[heading + 1])
-        own, paid = targets[part], costs[part]
-        opposite = (heading + headings // 2) % headings
-        both = backward[heading] & backward[opposite]
-        for slot, (move, judged, free, weight) in enumerate(
-            [((row, column), heading, here, 1.0), ((-row, -column), opposite, both, BACKWARD)]
-        ):
-            target, cost = _moves(number[heading], rate[judged], free, heights, resolution, move)
-            own[:, slot], paid[:, slot] = target[here], weight * cost[here]
-        for slot, side in ((2, -1), (3, 1)):
-            other = (heading + side) % headings
-            own[:, slot] = number[other][here]
-            paid[:, slot] = 0.5 * turn * (rate[heading] + rate[other])[here]
-    there = targets >= 0
-    first = np.zeros(len(states) + 1, np.int32)
-    np.cumsum(np.count_nonzero(there, axis=1), out=first[1:])
-    shape = (len(states), len(states))
-    return Graph(csr_array((costs[there], targets[there], first), shape=shape), number, states)
-
-
-def cheapest_paths(
-    graph: Graph, starts: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Dijkstra's search from several states at once.
-
-    Returns:
-        For each state its cost, infinity where there is no way, and the state before it, negative
-        for none.
-    """
-    from scipy.sparse.csgraph import dijkstra
-
-    cost, before, _ = dijkstra(
-        graph.matrix, indices=starts, return_predecessors=True, min_only=True
-    )
-    return cost, before
-
-
-def trace(before: NDArray[np.int32], last: int) -> NDArray[np.int64]:
-    """States from the start to the last one, by what comes before each."""
-    states = [last]
-    while before[states[-1]] >= 0:
-        states.append(int(before[states[-1]]))
-    return np.array(states[::-1], np.int64)
-
-
-def reached(graph: Graph, starts: NDArray[np.int32], back: bool = False) -> NDArray[np.bool_]:
-    """Which states can be reached from any of some; with `back`, from which states any can be."""
-    from scipy.sparse.csgraph import breadth_first_order
-
-    matrix = graph.matrix.T.tocsr() if back else graph.matrix
-    found = np.zeros(len(graph.states), np.bool_)
-    for start in starts.tolist():
-        if not found[start]:
-            found[breadth_first_order(matrix, start, return_predecessors=False)] = True
-    return found
-
-
-def needs_scipy() -> None:
-    """See whether SciPy is there.
-
-    Raises:
-        RequestError: it is not.
-    """
-    try:
-        import scipy.sparse.csgraph  # noqa: F401
-    except ImportError as error:
-        raise RequestError(
-            "Routes need SciPy, which is not installed.",
-            "Install it by: pip install 'terratool[route]'",
-        ) from error
-
-
 def _towards(angle: float, headings: int) -> Offset:
     """The nearest cell in a direction, clockwise from north and below a right angle."""
     reach = 0
@@ -298,37 +207,94 @@ def _towards(angle: float, headings: int) -> Offset:
             return edge[errors.index(best)]
 
 
-def _moves(
-    number: NDArray[np.int32],
-    rate: NDArray[np.float32],
-    free: NDArray[np.bool_],
-    heights: NDArray[np.float32],
-    resolution: float,
-    move: Offset,
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """For each cell the state that a move leads to, -1 for none, and what it costs."""
-    height, width = number.shape
-    target, cost = np.full(number.shape, -1, np.int32), np.zeros(number.shape)
-    row, column = move
-    if abs(row) >= height or abs(column) >= width:
-        return target, cost
-    rows, columns = (max(0, -row), height - max(0, row)), (max(0, -column), width - max(0, column))
+@dataclass(frozen=True, slots=True)
+class Costs:
+    """What moves cost, for the kernels.
 
-    def shifted(plane: NDArray[Any], by: Offset) -> NDArray[Any]:
-        return plane[rows[0] + by[0] : rows[1] + by[0], columns[0] + by[1] : columns[1] + by[1]]
+    A move costs its length over ground times the mean of the rates at its ends, taken from cell to
+    cell; where it passes between two cells, the dearer one counts. Moving backwards is judged as
+    driving ahead with the opposite heading: what cannot be climbed is not climbed in reverse. It
+    costs a little more, so that it is only done where it is of use.
 
-    passed = cells_between(move)
-    stride = resolution * math.hypot(row, column) / (len(passed) + 1)
-    can = shifted(free, (0, 0)) & shifted(free, move)
-    for near, other in passed:
-        can &= shifted(free, near) & shifted(free, other)
-    total = np.zeros(can.shape)
-    stops = [((0, 0), (0, 0)), *passed, (move, move)]
-    paid = [np.maximum(shifted(rate, near), shifted(rate, other)) for near, other in stops]
-    level = [shifted(heights, near).astype(np.float64) for near, _ in stops]
-    for n in range(len(passed) + 1):
-        rise = np.nan_to_num(level[n + 1] - level[n])
-        total += 0.5 * np.hypot(stride, rise) * (paid[n] + paid[n + 1])
-    shifted(target, (0, 0))[can] = shifted(number, move)[can]
-    shifted(cost, (0, 0))[can] = total[can]
-    return target, cost
+    Attributes:
+        moves: of the headings.
+        rate: (headings, height, width) float32, the cost of a metre.
+        flags: in that shape, uint8, of bits ALLOWED and BACKING.
+        heights: (height, width) float32; NaN counts as level.
+        known: (rows, columns) bool, tiles in which all that is filled in.
+        tile: their side, in cells.
+        resolution: side of a cell, m.
+        arc: m that the wheels run in turning by one heading.
+        backward: weight of a metre backwards.
+        least: no rate is below that.
+    """
+
+    moves: Moves
+    rate: NDArray[np.float32]
+    flags: NDArray[np.uint8]
+    heights: NDArray[np.float32]
+    known: NDArray[np.bool_]
+    tile: int
+    resolution: float
+    arc: float
+    backward: float
+    least: float
+
+    @classmethod
+    def of(
+        cls, rate: NDArray[np.float32], flags: NDArray[np.uint8], heights: NDArray[np.float32],
+        resolution: float, arc: float, least: float, tile: int = 0,
+    ) -> Costs:  # fmt: skip
+        """What costs by turning at least a little; all of it is known where there are no tiles."""
+        headings, height, width = rate.shape
+        side = tile or max(height, width)
+        known = np.full((-(-height // side), -(-width // side)), not tile)
+        turn = max(arc, _STAND * resolution)
+        return cls(
+            moves_of(headings), rate, flags, heights, known, side, resolution, turn, BACKWARD, least
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a search has found.
+
+    Attributes:
+        cost: of the way; infinity where there is none.
+        states: (n, 3) int64 heading, row and column, from the start to the goal; none without a
+            way.
+        reached: (height, width) bool, cells that were reached: without a way all that can be.
+    """
+
+    cost: float
+    states: NDArray[np.int64]
+    reached: NDArray[np.bool_]
+
+
+def cheapest_way(
+    costs: Costs,
+    starts: NDArray[np.int64],
+    goal: tuple[int, int],
+    ask: Callable[[int], None] | None = None,
+) -> Found:
+    """The cheapest way from any of some states to a cell, whatever the heading there.
+
+    The search goes from state to state, the most promising first, so that it looks at no tile that
+    cannot matter; which ways are looked at does not depend on what is known already.
+
+    Args:
+        costs: of moves.
+        starts: (n, 3) heading, row and column.
+        goal: row and column.
+        ask: is called with the index of a tile that must be known to go on; fills in and marks it.
+    """
+    shape = costs.rate.shape
+    numbers = np.ravel_multi_index(tuple(starts.T), shape).astype(np.int64)
+    search = kernels.Search(costs, numbers, *goal)
+    while (tile := kernels.advance(search)) >= 0:
+        assert ask is not None
+        ask(tile)
+    reached = np.zeros(shape[1:], np.bool_)
+    kernels.mark(search, reached)
+    states = np.unravel_index(kernels.way(search)[::-1], shape)
+    return Found(kernels.cost(search), np.stack(states, axis=-1), reached)

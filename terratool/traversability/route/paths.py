@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.raster.grid import Grid
 from terratool.traversability.results import (
     Extreme,
     Location,
@@ -25,7 +26,6 @@ from terratool.traversability.results import (
     Verdict,
 )
 from terratool.traversability.route.graph import (
-    Graph,
     cells_between,
     drivable,
     heading_offsets,
@@ -79,16 +79,20 @@ class DrivingCost:
     energy: float
 
 
-def graph_path(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
-    """The samples of a way through the graph, with one for each cell that a long move passes.
+def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
+    """The samples of states, (n, 3), one after the other, and one for each cell that a move passes.
 
     Where a move passes between two cells, the one that cannot be driven is its sample, if any.
     """
-    towards, can = heading_offsets(survey.headings), drivable(survey)
+    towards = heading_offsets(survey.headings)
+
+    def can(heading: int, cell: tuple[int, int]) -> bool:
+        return bool(drivable(survey, np.s_[cell[0], cell[1]])[heading])
+
     places: list[tuple[float, float]] = []
     samples: list[tuple[int, int, int, int]] = []
     last = (0, 0)
-    for heading, row, column in zip(*(part.tolist() for part in graph.place(states)), strict=True):
+    for heading, row, column in states.tolist():
         move = (row - last[0], column - last[1]) if samples else (0, 0)
         backing = move not in ((0, 0), towards[heading])
         judged = (heading + survey.headings // 2 * backing) % survey.headings
@@ -97,7 +101,7 @@ def graph_path(graph: Graph, states: NDArray[np.int64], survey: Survey) -> Path:
             share = step / (len(passed) + 1)
             places.append((last[0] + share * move[0], last[1] + share * move[1]))
             second = (last[0] + other[0], last[1] + other[1])
-            cell = (last[0] + near[0], last[1] + near[1]) if can[judged, *second] else second
+            cell = (last[0] + near[0], last[1] + near[1]) if can(judged, second) else second
             samples.append((*cell, heading, judged))
         places.append((row, column))
         samples.append((row, column, heading, judged))
@@ -135,13 +139,29 @@ def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64])
             samples.append((x + share * (to_x - x), y + share * (to_y - y), facing))
     samples.append((*points[-1].tolist(), facing))
     x, y, headings = (np.array(part) for part in zip(*samples, strict=True))
-    row, column = cells(survey, x, y)
+    row, column = cells(survey.grid, x, y)
     return Path(x, y, terrain.height(x, y), row, column, headings, headings)
 
 
-def cells(survey: Survey, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Rows and columns of the survey that hold points; beyond its edges, the nearest ones."""
-    grid = survey.grid
+def reversed_path(path: Path, headings: int) -> Path:
+    """A path from its end to its beginning, judged by the opposite headings."""
+    turned = (path.judged[::-1] + headings // 2) % headings
+    # the first sample of a leg is judged as the leg that ends there, not as that which begins
+    judged = np.r_[turned[:1], turned[:-1]]
+    return Path(
+        path.x[::-1], path.y[::-1], path.height[::-1], path.row[::-1], path.column[::-1],
+        judged, judged,
+    )  # fmt: skip
+
+
+def cell_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
+    """Row and column of the cell that holds a point; beyond the edges, the nearest ones."""
+    row, column = cells(grid, x, y)
+    return int(row), int(column)
+
+
+def cells(grid: Grid, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Rows and columns of the cells that hold points; beyond the edges, the nearest ones."""
     column = np.floor((np.asarray(x) - grid.west) / grid.resolution)
     row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution)
     return (
@@ -192,6 +212,10 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
         path.sampled(survey.verdict),
         path.sampled(survey.reason),
         tuple(names[i] for i in survey.surfaces[path.row, path.column].tolist()),
+        tuple(
+            terrain.pointer(element) or "" if element >= 0 else ""
+            for element in terrain.sample(path.x, path.y).element.tolist()
+        ),
     )
 
 

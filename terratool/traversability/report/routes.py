@@ -1,0 +1,130 @@
+"""Routes as GeoJSON features: each way as a whole, in stretches of one ground, and its places."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from terratool.traversability.results import (
+    Barrier,
+    Location,
+    Reason,
+    Route,
+    RouteProfile,
+    Verdict,
+)
+
+Feature = dict[str, Any]
+
+
+def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
+    """A feature for each route, for each of its stretches, and for each of its places.
+
+    `kind` says what a feature is: "route", "stretch" (of one surface, element, verdict and what
+    binds), "start", "goal", or "barrier". `route` counts the routes from 1; a way back has
+    `back`. Coordinates are those of the terrain. What is not known is null.
+    """
+    for number, route in enumerate(routes, 1):
+        yield from _features(route, {"route": number, "back": False})
+        if route.back is not None:
+            yield from _features(route.back, {"route": number, "back": True})
+
+
+def _features(route: Route, own: dict[str, Any]) -> Iterator[Feature]:
+    yield _feature(_line(route), {"kind": "route", **own, **_summary(route)})
+    if route.profile is not None:
+        yield from _stretches(route.profile, own)
+    for kind, place in (("start", route.start), ("goal", route.goal)):
+        yield _feature(_point(place), {"kind": kind, **own, **_ground(place)})
+    for bar in route.barriers:
+        yield _barrier(bar, "barrier", own)
+    for bar in route.against:
+        yield _barrier(bar, "barrier back", own)
+
+
+def _summary(route: Route) -> dict[str, Any]:
+    return {
+        "found": route.found,
+        "verdict": route.verdict.label,
+        "one_way": route.one_way,
+        "length_m": _number(route.length),
+        "time_s": _number(route.time),
+        "energy_J": _number(route.energy),
+        "note": route.note or None,
+    }
+
+
+def _stretches(profile: RouteProfile, own: dict[str, Any]) -> Iterator[Feature]:
+    """A leg belongs to the ground at its beginning."""
+    keys = list(
+        zip(profile.surface, profile.element, profile.verdict.tolist(), profile.reason.tolist(),
+            strict=True)
+    )  # fmt: skip
+    last = len(keys) - 1
+    begin = 0
+    for end in range(1, last + 1):
+        if end < last and keys[end] == keys[begin]:
+            continue
+        surface, element, verdict, reason = keys[begin]
+        part = slice(begin, end + 1)
+        if profile.distance[end] > profile.distance[begin]:
+            yield _feature(
+                _line_of(profile, part),
+                {
+                    "kind": "stretch", **own, "surface": surface or None,
+                    "pointer": element or None, "verdict": Verdict(verdict).label,
+                    "binding": None if reason == Reason.NONE else Reason(reason).label,
+                    "from_m": _number(float(profile.distance[begin])),
+                    "to_m": _number(float(profile.distance[end])),
+                    "utilisation": _largest(profile.utilisation[part]),
+                    "sinkage_m": _largest(profile.sinkage[part]),
+                    "slip": _largest(profile.slip[part]),
+                },
+            )  # fmt: skip
+        begin = end
+
+
+def _barrier(bar: Barrier, kind: str, own: dict[str, Any]) -> Feature:
+    found = {"binding": bar.reason.label, "bars": bar.bars, "width_m": _number(bar.width)}
+    return _feature(_point(bar.place), {"kind": kind, **own, **found, **_ground(bar.place)})
+
+
+def _ground(place: Location) -> dict[str, Any]:
+    return {
+        "z": _number(place.height), "surface": place.surface or None,
+        "pointer": place.element or None,
+    }  # fmt: skip
+
+
+def _line(route: Route) -> dict[str, Any] | None:
+    return None if route.profile is None else _line_of(route.profile, slice(None))
+
+
+def _line_of(profile: RouteProfile, part: slice) -> dict[str, Any] | None:
+    """A line through different places; None for fewer than two."""
+    heights = [0.0 if math.isnan(z) else z for z in profile.height[part].tolist()]
+    points = np.column_stack([profile.x[part], profile.y[part], heights]).tolist()
+    line = [point for n, point in enumerate(points) if n == 0 or point[:2] != points[n - 1][:2]]
+    return {"type": "LineString", "coordinates": line} if len(line) > 1 else None
+
+
+def _point(place: Location) -> dict[str, Any]:
+    height = [] if place.height is None else [place.height]
+    return {"type": "Point", "coordinates": [place.x, place.y, *height]}
+
+
+def _feature(geometry: dict[str, Any] | None, properties: dict[str, Any]) -> Feature:
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _number(value: float | None) -> float | None:
+    if value is None or not math.isfinite(value):
+        return None
+    return float(f"{value:.12g}")
+
+
+def _largest(values: Any) -> float | None:
+    return None if np.isnan(values).all() else _number(float(np.nanmax(values)))

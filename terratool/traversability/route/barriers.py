@@ -1,0 +1,227 @@
+"""What bars a way at one place: the element and the surface that decide the ground there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.terrain import Terrain
+from terratool.text.display import shown
+from terratool.traversability.limits import level_demand
+from terratool.traversability.results import Barrier, Reason, Survey
+from terratool.traversability.route.graph import drivable, turning_arc
+from terratool.traversability.route.paths import Path, location_at
+from terratool.traversability.soil import soils
+from terratool.traversability.tiles import SurveyTiles
+from terratool.traversability.vehicle import Vehicle
+
+_PER_RADIUS = 4.0
+"""Samples for each wheel radius …"""
+_MOST = 256
+"""… and along each side of the rectangle at most."""
+
+_SHAPES = frozenset(
+    {Reason.STEP, Reason.HIGH_CENTRED, Reason.APPROACH, Reason.ROUGHNESS, Reason.TIP_OVER}
+)
+
+_SLOPES = frozenset(
+    {Reason.TRACTION, Reason.TORQUE, Reason.SLIP, Reason.SIDE_SLIP, Reason.TIP_OVER}
+)
+_HALVINGS = 40
+_LEVEL = 1.0
+"""Degrees below which a slope is not mentioned."""
+
+Cell = tuple[int, int]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A vehicle on a terrain, and what is known of it there."""
+
+    terrain: Terrain
+    vehicle: Vehicle
+    tiles: SurveyTiles
+
+    @property
+    def survey(self) -> Survey:
+        """Of the tiles."""
+        return self.tiles.survey
+
+
+def barriers(on: Site, path: Path) -> tuple[Barrier, ...]:
+    """The stretches of a path that cannot be driven, in its order.
+
+    Of a leg with one end that cannot be driven a half counts; of a turn, its arc. Where it is too
+    steep for the soil, the motors or the vehicle's balance, `bars` says how steep, too.
+    """
+    terrain, vehicle, survey = on.terrain, on.vehicle, on.survey
+    no_ground = np.isnan(path.height)
+    blocked = no_ground | ~path.sampled(drivable(survey))
+    reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.sampled(survey.reason))
+    run = path.leg_lengths
+    way = np.where(run > 0.0, run, turning_arc(survey, vehicle))
+    width = 0.5 * (np.r_[0.0, way] + np.r_[way, 0.0])
+    edges = np.flatnonzero(np.diff(np.r_[False, blocked, False].astype(np.int8)))
+    found = []
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        reason = Reason(int(reasons[first]))
+        x, y = float(path.x[first]), float(path.y[first])
+        heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
+        name = bars(terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution)
+        slope = _slope(survey, path, first) if reason in _SLOPES else 0.0
+        found.append(
+            Barrier(
+                location_at(terrain, x, y),
+                reason,
+                f"{name}, on a slope of {slope:.0f}°" if slope >= _LEVEL else name,
+                float(width[first:end].sum()),
+            )
+        )
+    return tuple(found)
+
+
+class Pose(NamedTuple):
+    """Where a vehicle's middle is, and its heading, rad clockwise from north."""
+
+    x: float
+    y: float
+    heading: float
+
+
+def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: float) -> str:
+    """What decides the ground that bars a vehicle, for people: element and surface, and how high.
+
+    For steps, and whatever else the shape of the ground does, it is the element of the higher side
+    where heights differ most under the vehicle's rectangle, with half a cell around it and a wheel
+    radius (a cell, if that is more) ahead; unless the lower side's element is one of the higher
+    one's children, and so a hole in it. For soil it is the weakest that a wheel stands on.
+
+    `cell` is the side of the survey's cells, m.
+    """
+    if reason == Reason.EDGE:
+        return "the edge of the terrain"
+    rise = 0.0
+    if reason in _SHAPES:
+        element, rise = _rising(terrain, vehicle, pose, cell)
+    elif reason == Reason.NO_GROUND:
+        element = _missing(terrain, vehicle, pose, cell)
+    else:
+        element = _weakest(terrain, vehicle, reason, pose)
+    if element < 0:
+        return "ground without an element" if reason != Reason.NO_GROUND else "no element"
+    surface = int(terrain.surface_of(np.array([element]))[0])
+    name = f"surface {shown(terrain.surfaces[surface])}" if surface >= 0 else "no surface"
+    size = f", {abs(rise):.2g} m {'high' if rise > 0.0 else 'deep'}" if rise else ""
+    return f"{terrain.pointer(element)} ({name})" + size * (reason == Reason.STEP)
+
+
+def _slope(survey: Survey, path: Path, sample: int) -> float:
+    """How far the vehicle is tilted, degrees, whichever way; 0 where it cannot stand."""
+    at = path.judged[sample], path.row[sample], path.column[sample]
+    tilt = math.hypot(math.tan(float(survey.pitch[at])), math.tan(float(survey.roll[at])))
+    return 0.0 if math.isnan(tilt) else math.degrees(math.atan(tilt))
+
+
+def _rectangle(
+    vehicle: Vehicle, pose: Pose, cell: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """World x and y of a lattice over what the vehicle covers, and what it drives against."""
+    front, rear, side = vehicle.rectangle
+    front += max(cell, vehicle.wheel.radius)
+    rear, side = rear + 0.5 * cell, side + 0.5 * cell
+    step = max(vehicle.wheel.radius / _PER_RADIUS, max(front + rear, 2.0 * side) / _MOST)
+    along = np.arange(-rear, front + step, step)
+    across = np.arange(-side, side + step, step)
+    return _turned(pose, along[:, None], across[None, :])
+
+
+def _turned(
+    pose: Pose, along: NDArray[np.float64], across: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """World x and y of places ahead and to the right of a vehicle."""
+    sine, cosine = math.sin(pose.heading), math.cos(pose.heading)
+    return pose.x + along * sine + across * cosine, pose.y + along * cosine - across * sine
+
+
+def _rising(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> tuple[int, float]:
+    """The element that decides the higher side of the largest difference of heights, and the wall.
+
+    Of a hole it is the lower side's, and the height of the wall is below 0; 0 where there is none.
+    """
+    xs, ys = _rectangle(vehicle, pose, cell)
+    found = terrain.sample(xs, ys)
+    height, element = found.height, found.element
+    rises = [np.abs(np.diff(height, axis=axis)) for axis in (0, 1)]
+    largest = [0.0 if np.all(np.isnan(rise)) else float(np.nanmax(rise)) for rise in rises]
+    axis = int(largest[1] > largest[0])
+    if largest[axis] == 0.0:
+        return int(element[element.shape[0] // 2, element.shape[1] // 2]), 0.0
+    row, column = np.unravel_index(int(np.nanargmax(rises[axis])), rises[axis].shape)
+    one, other = (row, column), (row + (axis == 0), column + (axis == 1))
+    high, low = (one, other) if height[one] > height[other] else (other, one)
+    higher, lower = int(element[high]), int(element[low])
+    hole = f"{terrain.pointer(lower) or ''}/".startswith(f"{terrain.pointer(higher) or ''}/")
+    wall = _wall(terrain, np.array([xs[high], ys[high]]), np.array([xs[low], ys[low]]))
+    return (lower, -wall) if hole else (higher, wall)
+
+
+def _wall(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.float64]) -> float:
+    """Height of the wall between two places, found by halving; 0 where the ground just slopes."""
+    top, foot = float(terrain.height(*high)), float(terrain.height(*low))
+    rise = top - foot
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (high + low)
+        between = float(terrain.height(*middle))
+        if top - between >= between - foot:
+            low, foot = middle, between
+        else:
+            high, top = middle, between
+    return top - foot if top - foot > 0.5 * rise else 0.0
+
+
+def _missing(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> int:
+    """Index of the element of the nearest place on the terrain that has no ground; -1 for none."""
+    xs, ys = _rectangle(vehicle, pose, cell)
+    found = terrain.sample(xs, ys)
+    void = np.isnan(found.height) & (found.element >= 0)
+    if not void.any():
+        return -1
+    distance = np.where(void, np.hypot(xs - pose.x, ys - pose.y), np.inf)
+    return int(found.element.ravel()[int(np.argmin(distance))])
+
+
+def _weakest(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose) -> int:
+    """Index of the element under the wheel on the soil that bears least; -1 for none."""
+    offset, side = vehicle.middle, 0.5 * vehicle.track_width
+    along = np.array([axle.x - offset for axle in vehicle.axles for _ in (0, 1)])
+    across = np.array([side * sign for _ in vehicle.axles for sign in (-1.0, 1.0)])
+    found = terrain.sample(*_turned(pose, along, across))
+    known = soils(terrain, vehicle)
+
+    def weakness(surface: int) -> float:
+        soil = known[surface + 1]
+        if soil is None:
+            return math.inf
+        if reason == Reason.SIDE_SLIP:
+            return -float(soil.friction)
+        need = level_demand(vehicle, soil)
+        return need.sinkage if reason == Reason.SINKAGE else need.utilisation
+
+    weakest = max(range(len(along)), key=lambda n: weakness(int(found.surface[n])))
+    return int(found.element[weakest])
+
+
+def why_not(on: Site, place: Point, cell: Cell) -> tuple[Reason, str]:
+    """What binds at a cell at the heading that is best there, and with what decides the ground."""
+    survey = on.survey
+    used = np.nan_to_num(survey.utilisation[:, *cell], nan=np.inf, posinf=np.inf)
+    heading = int(np.argmin(used))
+    reason = Reason(int(survey.reason[heading, *cell]))
+    angle = 2.0 * math.pi * heading / survey.headings
+    by = bars(on.terrain, on.vehicle, reason, Pose(*place, angle), survey.grid.resolution)
+    return reason, reason.label if reason == Reason.EDGE else f"{reason.label}, by {by}"
