@@ -51,6 +51,7 @@ NAMES = {
     "TT306": "curve-range",
     "TT307": "asymmetric-radial",
     "TT308": "zero-primitive",
+    "TT309": "inexact-curve",
     "TT401": "missing-soil",
     "TT402": "same-color",
     "TT403": "implausible-soil",
