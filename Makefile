@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-EXTRAS ?= test
+EXTRAS ?= none
 TESTS ?= tests
 PIP := -m pip install -qq --disable-pip-version-check
 CONFIG ?=
@@ -20,8 +20,9 @@ KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/pytho
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-# The stamp names the extras, so that asking for more installs more. Without isolation, what was
-# built before is not built again; nor is it by each import, of which tests have many at a time.
+# The stamp names the extras ("none" is what the commands need), so that asking for more installs
+# more. Without isolation, what was built before is not built again; nor is it by each import, of
+# which tests have many at a time.
 $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "terratool needs Python 3.11 or newer; say which with make PYTHON=python3.12 …"; exit 1; }
@@ -30,10 +31,10 @@ $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo "Installing terratool and what it needs into $(VENV), and building its kernels: a minute or two …"
 	@$(call TABLE,["build-system"]["requires"]) | $(BIN)/python $(PIP) --requirement /dev/stdin
-	@$(BIN)/python $(PIP) --no-build-isolation -Ceditable.rebuild=false $(CONFIG) --editable '.[$*]'
+	@$(BIN)/python $(PIP) --no-build-isolation -Ceditable.rebuild=false $(CONFIG) --editable '.$(if $(filter-out none,$*),[$*])'
 	@touch $@
 
-install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool
+install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool; EXTRAS=import,usd for more
 	@echo "terratool is at $(BIN)/terratool"
 
 demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example, write its DEM and its mesh to out/
@@ -86,7 +87,7 @@ fuzz: $(VENV)/.installed-test  ## Compare thousands of random terrains with the 
 fuzz-expressions: $(VENV)/.installed-test  ## Try 100,000 strings as curves, each in 50 ms at most
 	$(BIN)/python benchmarks/expressions.py
 
-wheel: $(VENV)/.installed-test  ## Build a wheel into dist/
+wheel: $(VENV)/.installed-$(EXTRAS)  ## Build a wheel into dist/
 	@rm -rf dist
 	$(BIN)/python -m pip wheel -qq --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist .
 

@@ -6,12 +6,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import rasterio
 import terrains
 from measure import line, medians
+from rasterio.enums import Resampling
 from scipy.interpolate import RegularGridInterpolator
 
 from terratool.definition.reader import check
@@ -19,11 +21,12 @@ from terratool.field.terrain import Terrain
 from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.geotiff import transform_of
 from terratool.raster.grid import Grid, Window, grid_over
+from terratool.raster.overviews import factors
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import processors
 from terratool.text.source import Source
 
-OVERWRITE = RasterRequest(overwrite=True)
+OVERWRITE = RasterRequest(overviews=False, overwrite=True)
 
 
 def ready(terrain: Terrain, grid: Grid) -> np.ndarray:
@@ -53,6 +56,16 @@ def write_ready(heights: np.ndarray, grid: Grid, path: Path, windows: bool = Fal
             file.write(heights[rows, columns], 1, window=window)
 
 
+def write_overviews(heights: np.ndarray, grid: Grid, path: Path) -> None:
+    """The same with overviews."""
+    write_ready(heights, grid, path)
+    with (
+        rasterio.Env(GDAL_NUM_THREADS="ALL_CPUS", GDAL_TIFF_OVR_BLOCKSIZE="512"),
+        rasterio.open(path, "r+") as file,
+    ):
+        file.build_overviews(factors(file.width, file.height), Resampling.average)
+
+
 def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -> None:
     """Measure one terrain."""
     grid = grid_over(terrain, 100 / pixels)
@@ -62,10 +75,12 @@ def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -
         {
             "ready": lambda: write_ready(heights, grid, folder / "ready.tif"),
             "windows": lambda: write_ready(heights, grid, folder / "ready.tif", windows=True),
-            "export": lambda: export_dem(
-                terrain, grid, out, RasterRequest(overwrite=True, losses=False)
-            ),
+            "export": lambda: export_dem(terrain, grid, out, replace(OVERWRITE, losses=False)),
             "losses": lambda: export_dem(terrain, grid, out, OVERWRITE),
+            "overviews": lambda: export_dem(
+                terrain, grid, out, replace(OVERWRITE, losses=False, overviews=True)
+            ),
+            "ready overviews": lambda: write_overviews(heights, grid, folder / "ready.tif"),
         },
         runs,
     )
@@ -75,6 +90,8 @@ def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -
     line(f"{label}export against the ready array ({speed:.0f} MB/s)",
          seconds["export"] / seconds["ready"], target)  # fmt: skip
     line(f"{label}with the statement of losses", seconds["losses"] / seconds["ready"], target)
+    line(f"{label}with overviews, against rasterio's with overviews",
+         seconds["overviews"] / seconds["ready overviews"], target)  # fmt: skip
     line(f"{label}export against the ready array in windows",
          seconds["export"] / seconds["windows"], "none")  # fmt: skip
 
@@ -104,7 +121,7 @@ def whole_processes(name: str, text: bytes, terrain: Terrain, pixels: int, folde
     ]  # fmt: skip
     command = [
         sys.executable, "-m", "terratool", "export-dem", folder / "terrain.json",
-        folder / "out.tif", "--resolution", str(100 / pixels), "--overwrite",
+        folder / "out.tif", "--resolution", str(100 / pixels), "--overwrite", "--no-overviews",
     ]  # fmt: skip
     quiet = {"check": True, "capture_output": True}
     seconds = medians(
@@ -164,7 +181,7 @@ from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.grid import grid_over
 terrain = load(sys.argv[1])
 grid = grid_over(terrain, 100 / int(sys.argv[3]))
-export_dem(terrain, grid, sys.argv[2], RasterRequest(overwrite=True))
+export_dem(terrain, grid, sys.argv[2], RasterRequest(overviews=False, overwrite=True))
 # not getrusage, which begins with the peak of the parent
 print(*(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")))
 """

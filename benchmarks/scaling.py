@@ -58,7 +58,10 @@ def tiles(name: str, terrain: Terrain, grid: Grid, folder: Path, address: str, r
     seconds = medians(
         {
             "file": lambda: export_dem(
-                terrain, grid, folder / "one.tif", RasterRequest(threads=2, overwrite=True)
+                terrain,
+                grid,
+                folder / "one.tif",
+                RasterRequest(threads=2, overviews=False, overwrite=True),
             ),
             "one": lambda: fresh(folder / "tiles", threads=1),
             "two": lambda: fresh(folder / "tiles", threads=2),

@@ -14,6 +14,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 FOOTPRINT_TOLERANCE = 1e-9  # turned rectangles and discs are closed sets, a little generous
 STEP_TOLERANCE = 1e-12  # a step of a turned element or a disc holds from this far before it
 
@@ -33,10 +35,12 @@ COMBINES: dict[str, Callable[[float, float], float]] = {
     "min": min,
     "max": max,
 }
+# numbers are NumPy's, which know of infinities and of what is no number
 FUNCTIONS: dict[str, Callable[..., float]] = {
-    **{f.__name__: f for f in (math.sin, math.cos, math.tan, math.asin, math.acos, math.atan)},
-    **{f.__name__: f for f in (math.sinh, math.cosh, math.tanh, math.exp, math.log, math.sqrt)},
-    **{f.__name__: f for f in (abs, min, max)},
+    **{f.__name__: f for f in (np.sin, np.cos, np.tan, np.sinh, np.cosh, np.tanh)},
+    **{f.__name__: f for f in (np.exp, np.log, np.sqrt, abs)},
+    "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan,
+    "min": lambda *several: np.min(several), "max": lambda *several: np.max(several),
 }
 TOKEN = re.compile(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[a-z]+|\*\*|[-+*/(),])")
 
@@ -59,10 +63,11 @@ class Expression:
             raise ValueError(f"cannot read {text!r}")
 
     def value(self, t: float) -> float:
-        self.left, self.t = [*self.tokens, "$"], t
-        result = self.sum()
+        self.left, self.t = [*self.tokens, "$"], np.float64(t)
+        with np.errstate(all="ignore"):
+            result = self.sum()
         self.expect("$")
-        return result
+        return float(result)
 
     def accept(self, *tokens: str) -> str | None:
         return self.left.pop(0) if self.left[0] in tokens else None
@@ -88,14 +93,14 @@ class Expression:
 
     def power(self) -> float:
         base = self.atom()
-        return math.pow(base, self.negation()) if self.accept("**") else base
+        return np.float64(np.power(base, self.negation())) if self.accept("**") else base
 
     def atom(self) -> float:
         token = self.left.pop(0)
         if token == "t":
             return self.t
         if token == "pi":
-            return math.pi
+            return np.float64(math.pi)
         if token == "(":
             (inner,) = self.arguments()
             return inner
@@ -104,7 +109,7 @@ class Expression:
             return FUNCTIONS[token](*self.arguments())
         if token.isalpha():
             raise ValueError(f"unknown name {token!r}")
-        return float(token)
+        return np.float64(token)
 
     def arguments(self) -> list[float]:
         found = [self.sum()]

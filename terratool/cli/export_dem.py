@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -56,7 +57,18 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 @click.option(
     "--max-z-error", type=float, metavar="E", help="How far --compress lerc may be off, at most."
 )
+@click.option(
+    "--nodata",
+    type=float,
+    metavar="VALUE",
+    help="The number that stands for none, in layers of numbers.  [default: NaN; -9999 in text]",
+)
 @click.option("--cog", is_flag=True, help="Write a cloud-optimised GeoTIFF.")
+@click.option(
+    "--overviews/--no-overviews",
+    default=None,
+    help="Whether a .tif has overviews.  [default: beyond 4096 pixels on the longer side]",
+)
 @click.option(
     "--tiles",
     type=click.Path(),
@@ -82,7 +94,9 @@ def command(
     dtype: str,
     compress: str | None,
     max_z_error: float | None,
+    nodata: float | None,
     cog: bool,
+    overviews: bool | None,
     tiles: str | None,
     tile_size: int | None,
     dask: str | None,
@@ -95,9 +109,12 @@ def command(
 
     The suffix of OUTPUT names the format: .tif, .asc, .png (16 bits), .npy, or another one that
     GDAL writes. Values are those at the pixel centres, north up, NaN where there is no ground.
-    Layers of numbers are bands of one file; surface and color get a file of their own. Without
-    --resolution a pixel is a tenth of the smallest cell, or the finest detail of a curve if that is
-    less, but the longer side has at most 4096.
+    Layers of numbers are bands of one file; surface and color get a file of their own.
+
+    Without --resolution a pixel is the least of a tenth of the smallest cell, the finest detail of
+    a curve and a third of the narrowest track, but the longer side has at most 4096. Pixels count
+    from the south-west. Where they do not divide a side, their number is rounded to the nearest:
+    the last ones end up to half a pixel before or beyond the east and north sides.
 
     With --tiles, OUTPUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
     Tiles that an interrupted run had finished are kept if they are unchanged.
@@ -108,11 +125,11 @@ def command(
     from terratool.output import is_same_file, refuse_existing
     from terratool.raster.export import RasterRequest, export_dem
     from terratool.raster.geotiff import Compression
-    from terratool.raster.grid import default_resolution, grid_over
+    from terratool.raster.grid import default_resolution, grid_over, overhang
     from terratool.raster.mosaic import TILE_SIZE, export_mosaic
     from terratool.raster.tiles import INDEX
 
-    _refuse_odd(output, tiles, tile_size, dask, cog)
+    _refuse_odd(output, tiles, tile_size, dask, cog, overviews)
     compression = None
     if compress is not None or max_z_error is not None:
         compression = Compression(compress or "zstd", max_z_error or 0.0)
@@ -125,9 +142,11 @@ def command(
     terrain = load(file)
     why = "as asked"
     if resolution is None:
-        resolution, why = default_resolution(terrain)
+        resolution, why = default_resolution(terrain, bounds)
     grid = grid_over(terrain, resolution, bounds)
-    request = RasterRequest(layers, dtype, compression, overwrite, losses, threads)
+    request = RasterRequest(
+        layers, dtype, compression, nodata, overviews, overwrite, losses, threads
+    )
     with Status("painting", grid.width * grid.height) as progress:
         if tiles is None:
             report = export_dem(terrain, grid, output, request, cog=cog, progress=progress)
@@ -137,16 +156,18 @@ def command(
                 terrain, grid, tiles, output, request,
                 tile_size=size, dask=dask, progress=progress,
             )  # fmt: skip
+    choice = GridChoice(why, overhang(grid, bounds or terrain.bounds))
     if as_json:
-        click.echo(json.dumps(as_dict(report, why), indent=2, ensure_ascii=False))
+        click.echo(json.dumps(as_dict(report, choice), indent=2, ensure_ascii=False))
     else:
-        for line in as_text(report, why):
+        for line in as_text(report, choice):
             click.echo(line)
 
 
 def _refuse_odd(
-    output: str | None, tiles: str | None, tile_size: int | None, dask: str | None, cog: bool
-) -> None:
+    output: str | None, tiles: str | None, tile_size: int | None, dask: str | None, cog: bool,
+    overviews: bool | None,
+) -> None:  # fmt: skip
     """Refuse options that do not go together."""
     from terratool.errors import RequestError
 
@@ -165,10 +186,35 @@ def _refuse_odd(
             "The tiles of a mosaic are plain GeoTIFFs, not cloud-optimised ones.",
             "Leave out --cog or --tiles.",
         )
+    elif overviews:
+        raise RequestError(
+            "The tiles of a mosaic have no overviews.",
+            "Leave out --overviews, and add them to the index with gdaladdo -ro.",
+        )
 
 
-def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
-    """A report ready for JSON; `why` says who chose the resolution."""
+@dataclass(frozen=True, slots=True)
+class GridChoice:
+    """How the pixels were chosen.
+
+    Attributes:
+        why: who chose the resolution, in words.
+        overhang: how far they reach over the east and the north side of what was wanted.
+    """
+
+    why: str
+    overhang: tuple[float, float]
+
+    def sentences(self) -> Iterator[str]:
+        """Where the last pixels end, if not at the sides."""
+        for side, over in zip(("east", "north"), self.overhang, strict=True):
+            if over:
+                where = "before" if over < 0 else "beyond"
+                yield f"The last pixels end {abs(over):.4g} {where} the {side} side."
+
+
+def as_dict(report: RasterReport, choice: GridChoice) -> dict[str, Any]:
+    """A report ready for JSON."""
     import msgspec
 
     from terratool.text.display import plain
@@ -179,8 +225,9 @@ def as_dict(report: RasterReport, why: str) -> dict[str, Any]:
         "width": grid.width,
         "height": grid.height,
         "resolution": grid.resolution,
-        "resolution_chosen": why,
+        "resolution_chosen": choice.why,
         "bounds": list(grid.bounds),
+        "overhang": list(choice.overhang),
         "pixels": report.pixels,
         "nodata": report.nodata,
         "files": [_file_as_dict(written, report.pixels) for written in report.files],
@@ -213,21 +260,35 @@ def _file_as_dict(written: WrittenFile, pixels: int) -> dict[str, Any]:
         "dtype": written.coding.dtype.name,
         "scale": written.coding.scale,
         "offset": written.coding.offset,
+        "nodata_value": _plain_number(written.coding.nodata),
         "difference": written.difference,
+        "overviews": list(written.overviews),
         "bands": bands,
     }
 
 
-def as_text(report: RasterReport, why: str) -> Iterator[str]:
-    """A report in lines for people; `why` says who chose the resolution."""
+def _plain_number(number: float | None) -> float | str | None:
+    """A number as JSON has it, which knows no NaN."""
+    return "nan" if number is not None and number != number else number
+
+
+def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
+    """A report in lines for people."""
+    from terratool.text.display import counted
+
     grid = report.grid
     yield (
-        f"{grid.width} × {grid.height} pixels of {grid.resolution:g} ({why}), "
+        f"{grid.width} × {grid.height} pixels of {grid.resolution:g} ({choice.why}), "
         f"{report.nodata:,} of {report.pixels:,} without a height"
     )
+    yield from choice.sentences()
     for written in report.files:
         coding = written.coding
-        yield f"{written.path}: {coding.dtype.name}"
+        none = ""
+        if coding.exact and coding.nodata is not None and coding.nodata == coding.nodata:
+            none = f", {coding.nodata:.9g} for none"
+        coarser = f", {counted(len(written.overviews), 'overview')}" if written.overviews else ""
+        yield f"{written.path}: {coding.dtype.name}{none}{coarser}"
         for index, name in enumerate(written.bands.names):
             yield f"  band {index + 1}: {_band(written, index, name)}"
         if coding.scale != 1.0:
@@ -258,4 +319,4 @@ def _band(written: WrittenFile, index: int, name: str) -> str:
     if not part.count:
         return f"{name}, nodata everywhere"
     unit = written.bands.units[index]
-    return f"{name}, {part.low:.6g} to {part.high:.6g}{' ' + unit if unit else ''}"
+    return f"{name}, {part.low:.6g} to {part.high:.6g}{' ' + unit if unit not in ('', '1') else ''}"

@@ -104,6 +104,7 @@ def main() -> None:
             encoding = None if stream is sys.stderr or stream.isatty() else "utf-8"
             stream.reconfigure(encoding=encoding, errors="backslashreplace")
     os.environ["PROJ_NETWORK"] = "OFF"  # no grids are fetched, whatever proj.ini says
+    os.environ.setdefault("PROJ_DEBUG", "0")  # it would print what GDAL says again
     if "--allow-remote" not in sys.argv:
         os.environ["GDAL_SKIP"] = f"{os.environ.get('GDAL_SKIP', '')} {_REMOTE}"
     code = _run()

@@ -110,7 +110,8 @@ MAX_OPERATIONS = 128
 CHECK_POINTS = 4097
 MAX_VALUE = 1e9
 
-_BINARY = {"+": "add", "-": "sub", "*": "mul", "/": "div"}
+_SIGNS = {"+": "add", "-": "sub", "*": "mul", "/": "div"}
+BINARY = (*_SIGNS.values(), "pow")
 
 _BLANKS = " \t\r\n"
 _tokens = re.compile(
@@ -218,13 +219,13 @@ class _Parser:
         self._product()
         while sign := self._take("+", "-"):
             self._product()
-            self._ops.append((_BINARY[sign], None))
+            self._ops.append((_SIGNS[sign], None))
 
     def _product(self) -> None:
         self._factor()
         while sign := self._take("*", "/"):
             self._factor()
-            self._ops.append((_BINARY[sign], None))
+            self._ops.append((_SIGNS[sign], None))
 
     def _factor(self) -> None:
         if self._take("-"):
@@ -361,7 +362,7 @@ def evaluate(expression: Expression, t: Any, functions: Mapping[str, Callable[..
 def _arity(name: str, operand: float | int | None) -> int:
     if name in VARIADIC:
         return int(operand or 0)
-    return 2 if name in ("add", "sub", "mul", "div", "pow") else 1
+    return 2 if name in BINARY else 1
 
 
 _TS = [i / (CHECK_POINTS - 1) for i in range(CHECK_POINTS)]

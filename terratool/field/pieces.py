@@ -10,18 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.accuracy import MAX_PIECES, survey
 from terratool.definition.curves import Curve, KnotCurve, SampledCurve
 from terratool.definition.expression import CHECK_POINTS, MAX_VALUE, Expression, evaluate
 from terratool.field.records import STEPPED, CurveArrays
 
 Floats = NDArray[np.float64]
 
-TOLERANCE = 1e-8
-"""Largest error of the pieces of a formula."""
 _EVEN_LEVELS = 10  # the finest, 512 pieces, has 8 checked points in each
 _ROUNDING = 2.0**-47
 _MAX_HALVINGS = 60
-_MAX_PIECES = 1 << 16
 _FINEST_START = 1024  # pieces to halve from: each quarter of one is a checked point
 _MAX_BINS = 4096
 _THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
@@ -107,16 +105,18 @@ def values_of(expression: Expression, t: Floats) -> Floats:
 def _formula(expression: Expression) -> CurvePieces:
     t = np.linspace(0.0, 1.0, CHECK_POINTS)
     values = values_of(expression, t)
-    # below one part in 1e12 of the largest value lies the rounding of the values themselves
-    tolerance = TOLERANCE + 1e-12 * float(np.abs(values).max())
+    known = survey(expression)
+    tolerance = known.tolerance
+    places = np.array(known.places)
     for level in range(_EVEN_LEVELS):
         starts = np.arange(1 << level) / (1 << level)
         coefficients = _cubics(expression, starts, np.full(1 << level, 1.0 / (1 << level)))
         if _error(coefficients, values) <= tolerance and (
             _error_between(expression, starts, coefficients) <= tolerance
+            and _error_at(expression, places, starts, coefficients) <= tolerance
         ):
             return CurvePieces(starts, coefficients, values[-1], True)
-    starts, lengths, coefficients = _halve(expression, tolerance)
+    starts, lengths, coefficients = _halve(expression, tolerance, places)
     coefficients = coefficients / lengths[:, None] ** np.arange(4)
     return CurvePieces(starts, coefficients, values[-1], False)
 
@@ -152,7 +152,37 @@ def _error_between(expression: Expression, starts: Floats, coefficients: Floats)
     return float(np.abs(_at(coefficients, s[None, :]) - values).max())
 
 
-def _halve(expression: Expression, tolerance: float) -> tuple[Floats, Floats, Floats]:
+def _error_at(
+    expression: Expression, places: Floats, starts: Floats, coefficients: Floats
+) -> float:
+    """The largest error at t where the formula is known to do something sudden."""
+    if not len(places):
+        return 0.0
+    miss = _misses(expression, places, starts, np.full(len(starts), 1 / len(starts)), coefficients)
+    return float(miss.max())
+
+
+def _misses(
+    expression: Expression,
+    places: Floats,
+    starts: Floats,
+    lengths: Floats,
+    coefficients: Floats,
+) -> Floats:
+    """The largest error of each piece at any of some t; 0 where a piece has none of them."""
+    order = np.argsort(starts)
+    piece = order[np.maximum(np.searchsorted(starts[order], places, side="right") - 1, 0)]
+    s = (places - starts[piece]) / lengths[piece]
+    mine = (s >= 0.0) & (s <= 1.0)
+    apart = np.abs(_at(coefficients[piece], s[:, None])[:, 0] - values_of(expression, places))
+    found = np.zeros(len(starts))
+    np.maximum.at(found, piece[mine], apart[mine])
+    return found
+
+
+def _halve(
+    expression: Expression, tolerance: float, places: Floats
+) -> tuple[Floats, Floats, Floats]:
     inside = np.array([0.02, 0.1, 0.25, 0.45, 0.5, 0.55, 0.75, 0.9, 0.98])
     starts = np.arange(_FINEST_START) / _FINEST_START
     lengths = np.full(_FINEST_START, 1 / _FINEST_START)
@@ -162,9 +192,11 @@ def _halve(expression: Expression, tolerance: float) -> tuple[Floats, Floats, Fl
         coefficients = _cubics(expression, starts, lengths)
         t = np.minimum(starts[:, None] + lengths[:, None] * inside, 1.0)
         miss = np.abs(_at(coefficients, inside[None, :]) - values_of(expression, t)).max(axis=1)
+        if len(places):
+            miss = np.maximum(miss, _misses(expression, places, starts, lengths, coefficients))
         # a piece that doubles cannot halve is left as it is
         good = (miss <= tolerance) | (starts + lengths / 2 <= starts)
-        if halving == _MAX_HALVINGS - 1 or total + 2 * len(starts) > _MAX_PIECES:
+        if halving == _MAX_HALVINGS - 1 or total + 2 * len(starts) > MAX_PIECES:
             good[:] = True
         done.append((starts[good], lengths[good], coefficients[good]))
         total += int(good.sum())

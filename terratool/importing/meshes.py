@@ -80,10 +80,11 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
     Nothing is merged, repaired or reordered. Scenes are put together, with every part in its place.
 
     Args:
-        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl or .wrz file.
-        up: the axis that points up, "y" or "z"; what the format is known for, if None: y for glTF
-            and VRML, unless the comment of export-vrml says otherwise, and z for all others. With
-            y, (x, y, z) becomes (x, -z, y).
+        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .wrz, .x3d or .x3dv
+            file.
+        up: the axis that points up, "y" or "z"; what the format is known for, if None: y for glTF,
+            VRML and X3D, unless the file says otherwise as those that we write do, and z for all
+            others. With y, (x, y, z) becomes (x, -z, y).
         scale: a factor on all coordinates; 3MF is in metres before that.
 
     Raises:
@@ -493,5 +494,7 @@ READERS = {
     ".dxf": Reader("DXF", read_dxf, needs=("ezdxf",)),
     ".wrl": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
     ".wrz": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
+    ".x3d": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
+    ".x3dv": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
 }
 """Formats of meshes by suffix."""

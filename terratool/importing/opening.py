@@ -12,13 +12,20 @@ from typing import Any
 from xml.etree import ElementTree
 
 import rasterio
+from affine import AffineError
 from rasterio._err import CPLE_BaseError
 from rasterio._path import _parse_path
-from rasterio.errors import NotGeoreferencedWarning, RasterioError, WarpOperationError
+from rasterio.errors import (
+    NodataShadowWarning,
+    NotGeoreferencedWarning,
+    RasterioError,
+    WarpOperationError,
+)
 from rasterio.io import DatasetReader
 
 from terratool.definition.crs import names_file
 from terratool.errors import ReadError
+from terratool.importing.guards import is_netcdf, probe, refuse_claims, refuse_surfer_claims
 
 DRIVERS = (
     "AAIGrid", "BMP", "BT", "DTED", "EHdr", "ENVI", "GIF", "GPKG", "GRIB", "GS7BG", "GSAG", "GSBG",
@@ -27,6 +34,10 @@ DRIVERS = (
     "USGSDEM", "VICAR", "WEBP", "XYZ", "ZMap",
 )  # fmt: skip
 """Of GDAL: those that read a raster from its own files. A VRT is opened by itself, if it may be."""
+
+_PROBED = "netCDF"
+_PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
+_NETCDFS = (".nc", ".nc4", ".cdf")
 
 _LOCAL = frozenset(["file", "gz", "gzip", "tar", "zip"])
 _ARCHIVES = ("vsizip/", "vsitar/", "vsigzip/", "vsi7z/", "vsirar/")
@@ -97,11 +108,14 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         contextlib.ExitStack() as stack,
     ):  # fmt: skip
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        warnings.simplefilter("ignore", NodataShadowWarning)
         with gdal_errors(name):
             # rasterio.open takes one driver, this several
             file = stack.enter_context(DatasetReader(_parse_path(name), driver=drivers))
             files = [] if allow_remote else file.files
         _refuse_files(name, files)
+        with gdal_errors(name):
+            refuse_claims(name, file)
         yield file
 
 
@@ -114,7 +128,10 @@ def gdal_errors(name: str) -> Iterator[None]:
     """
     try:
         yield
-    except (RasterioError, CPLE_BaseError, WarpOperationError, OSError, ValueError) as error:
+    except (
+        RasterioError, CPLE_BaseError, WarpOperationError, OSError, ValueError, RuntimeError,
+        AffineError, MemoryError,
+    ) as error:  # fmt: skip
         reason = str(error.__cause__ or error).strip().rstrip(".")
         reason = reason.removeprefix(f"{name}: ").removeprefix(f"'{name}' ")
         raise ReadError(
@@ -125,18 +142,25 @@ def gdal_errors(name: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _unreadable_complaints() -> Iterator[None]:
-    """Keep quiet about messages of GDAL that are no UTF-8, of which rasterio makes a traceback."""
-    before = sys.unraisablehook
+    """Keep quiet about messages of GDAL that are no UTF-8, of which rasterio makes a traceback.
 
-    def hook(unraisable: Any) -> None:
-        if not isinstance(unraisable.exc_value, UnicodeDecodeError):
-            before(unraisable)
+    Twice: for the one hook and for the other.
+    """
+    unraisable, uncaught = sys.unraisablehook, sys.excepthook
 
-    sys.unraisablehook = hook
+    def on_unraisable(found: Any) -> None:
+        if not isinstance(found.exc_value, UnicodeDecodeError):
+            unraisable(found)
+
+    def on_uncaught(kind: Any, error: BaseException, trace: Any) -> None:
+        if not isinstance(error, UnicodeDecodeError):
+            uncaught(kind, error, trace)
+
+    sys.unraisablehook, sys.excepthook = on_unraisable, on_uncaught
     try:
         yield
     finally:
-        sys.unraisablehook = before
+        sys.unraisablehook, sys.excepthook = unraisable, uncaught
 
 
 def refuse_remote(name: str) -> None:
@@ -165,18 +189,36 @@ def _drivers_for(name: str) -> list[str]:
     path = Path(name)
     try:
         if not path.is_file():
-            return list(DRIVERS)
+            return _drivers_within(name)
         _refuse_sidecars(path)
         _refuse_grids(path)
         with open(path, "rb") as file:
             head = file.read(_HEAD)
             if not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<VRTDataset"):
-                return list(DRIVERS)
+                return _drivers_by_head(name, head)
             text = head + file.read(_MAX_VRT)
     except (OSError, ValueError):
-        return list(DRIVERS)  # GDAL says what is wrong
+        return list(_PLAIN_DRIVERS)  # GDAL says what is wrong
     _refuse_sources(path, text)
     return ["VRT"]
+
+
+def _drivers_by_head(name: str, head: bytes) -> list[str]:
+    """The drivers that may open a file that begins like this."""
+    refuse_surfer_claims(name, head)
+    if not is_netcdf(head):
+        return list(_PLAIN_DRIVERS)
+    probe(name)
+    return [_PROBED]
+
+
+def _drivers_within(name: str) -> list[str]:
+    """The drivers that may open what is no file, but a part of an archive or of a netCDF."""
+    packed = "!" in name or name.startswith("/vsi")
+    if not name.upper().startswith("NETCDF:") and not (packed and name.lower().endswith(_NETCDFS)):
+        return list(_PLAIN_DRIVERS)
+    probe(name)
+    return [_PROBED]
 
 
 def _refuse_sidecars(path: Path) -> None:

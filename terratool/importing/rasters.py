@@ -20,6 +20,7 @@ from rasterio.windows import Window
 
 from terratool.definition.crs import crs_problem
 from terratool.errors import ReadError, RequestError
+from terratool.importing.guards import HARMLESS
 from terratool.importing.opening import gdal_errors, open_local
 from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
 from terratool.raster.geotiff import read_crs
@@ -32,6 +33,8 @@ SUSPECTS = (-999.0, -9999.0, -32767.0, -32768.0, -99999.0, 9999.0, 32767.0, 6553
 """Numbers that often stand for nodata in files that do not say so."""
 
 _CACHE_BYTES = 1 << 27
+_MOST_WARPED = 16
+"""Times as many pixels a raster may become where it is reprojected."""
 _ON_GRID = 1e-6
 _COLORS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.palette)
 
@@ -130,7 +133,8 @@ class RasterHeights:
             heights[heights == self.nodata] = math.nan
         raw = heights
         if self.scale != (1.0, 0.0):
-            heights = heights * self.scale[0] + self.scale[1]
+            with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is counted
+                heights = heights * self.scale[0] + self.scale[1]
         low, high, _, infinite = sample_range(heights)
         self.infinite += infinite
         self._count_suspects(heights, low, high)
@@ -227,7 +231,7 @@ def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> Warped
             "Leave out --nodata or --crs, or change the file's with gdal_edit.py -a_nodata.",
         )
     with gdal_errors(name):
-        return WarpedVRT(
+        warped = WarpedVRT(
             file,
             crs=target,
             resampling=Resampling.bilinear,
@@ -235,6 +239,15 @@ def _reprojected(name: str, file: Any, crs: str, nodata: float | None) -> Warped
             src_nodata=file.nodata if nodata is None else nodata,
             nodata=math.nan,
         )
+    pixels = warped.width * warped.height
+    if pixels > max(HARMLESS, _MOST_WARPED * file.width * file.height):
+        size = f"{warped.width:,} × {warped.height:,}"
+        warped.close()
+        raise ReadError(
+            f"{name}: its {file.width:,} × {file.height:,} pixels would become {size} in {crs}.",
+            "Check its place and its reference system with gdalinfo.",
+        )
+    return warped
 
 
 def _heights(
@@ -368,10 +381,9 @@ class ClassRaster:
         x = at.west + (np.arange(at.columns) + 0.5) * at.dx
         y = at.south + (np.arange(first, first + count) + 0.5) * at.dy
         inverse = ~self.file.transform
-        columns = np.floor(inverse.a * x + inverse.c).astype(np.int64)
-        rows = np.floor(inverse.e * y + inverse.f).astype(np.int64)
-        in_x = (columns >= 0) & (columns < self.file.width)
-        in_y = (rows >= 0) & (rows < self.file.height)
+        columns = _indices(inverse.a, inverse.c, x, self.file.width)
+        rows = _indices(inverse.e, inverse.f, y, self.file.height)
+        in_x, in_y = columns >= 0, rows >= 0
         classes = np.full((count, at.columns), -1, np.int64)
         if not in_x.any() or not in_y.any():
             self.lacking += classes.size
@@ -402,6 +414,15 @@ class ClassRaster:
         return self.surfaces.get(number, (f"class-{number}", {}))
 
 
+def _indices(
+    factor: float, offset: float, places: NDArray[np.floating[Any]], count: int
+) -> NDArray[np.int64]:
+    """Columns, or rows, of some places in a raster that has so many; -1 where it has none."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = np.floor(factor * places + offset)
+    return np.where((found >= 0) & (found < count), found, -1.0).astype(np.int64)
+
+
 @contextlib.contextmanager
 def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iterator[ClassRaster]:
     """Open a raster of classes for the pixels of a grid, reprojected if need be.
@@ -411,16 +432,16 @@ def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iter
     """
     with contextlib.ExitStack() as stack:
         file = stack.enter_context(open_local(name, allow_remote=allow_remote))
-        if file.count != 1 or np.dtype(file.dtypes[0]).kind not in "iu":
-            raise ReadError(
-                f"{name}: is no raster of classes, which has one band of whole numbers.",
-                "Name one, as export-dem --layer surface writes.",
-            )
-        surfaces = _surfaces(name, file)
-        odd = file.crs is not None and crs_problem(file.crs.to_wkt()) is not None
-        if grid.crs is not None and file.crs is not None and not odd and file.crs != grid.crs:
-            west, _, _, north = grid.bounds
-            with gdal_errors(name):
+        with gdal_errors(name):
+            if file.count != 1 or np.dtype(file.dtypes[0]).kind not in "iu":
+                raise ReadError(
+                    f"{name}: is no raster of classes, which has one band of whole numbers.",
+                    "Name one, as export-dem --layer surface writes.",
+                )
+            surfaces = _surfaces(name, file)
+            odd = file.crs is not None and crs_problem(file.crs.to_wkt()) is not None
+            if grid.crs is not None and file.crs is not None and not odd and file.crs != grid.crs:
+                west, _, _, north = grid.bounds
                 # the class that lies nearest to each pixel centre of the grid
                 warped = WarpedVRT(
                     file,
@@ -475,11 +496,7 @@ def _table(path: Path) -> dict[int, SurfaceEntry]:
         column.findtext("Name") or ""
         for column in band.findall("GDALRasterAttributeTable/FieldDefn")
     ]
-    keys = {
-        f"{layer.bands[0]} ({layer.unit})" if layer.unit else layer.bands[0]: _SOILS[layer.name]
-        for layer in LAYERS.values()
-        if layer.name in _SOILS
-    }
+    keys = {layer.title: _SOILS[layer.name] for layer in LAYERS.values() if layer.name in _SOILS}
     for row in band.findall("GDALRasterAttributeTable/Row"):
         cells = dict(zip(titles, (cell.text or "" for cell in row.findall("F")), strict=False))
         try:

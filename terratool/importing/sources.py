@@ -16,13 +16,14 @@ from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import refuse_empty
 
 MESHES = (
-    ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz",
+    ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz", ".x3d",
+    ".x3dv",
 )  # fmt: skip
 """Endings of the files that are read as meshes; all others are for GDAL."""
 
 _OTHER_MESHES = (
     ".3ds", ".blend", ".dae", ".dwg", ".fbx", ".igs", ".sdf", ".step", ".stp", ".urdf", ".usd",
-    ".usda", ".usdc", ".usdz", ".x3d",
+    ".usda", ".usdc", ".usdz", ".x3db",
 )  # fmt: skip
 
 

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
-from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
+from terratool.importing.expat import hardened
 from terratool.importing.sources import Triangles, join_triangles, refuse_many_faces
 
 MAX_UNPACKED = 2**32
@@ -165,7 +165,7 @@ def _parse(file: IO[bytes], name: str, model: _Model, main: bool) -> None:
         elif main and tag == "model":
             model.unit = words.get("unit", model.unit)
 
-    parser = expat.ParserCreate(namespace_separator=" ")
+    parser = hardened(" ")
     parser.StartElementHandler = begin
     parser.ParseFile(file)
 

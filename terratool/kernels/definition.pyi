@@ -13,3 +13,15 @@ def may_repeat_keys(text: NDArray[np.uint8]) -> bool:
 
     Shapes: text[_].
     """
+
+def survey(
+    operations: NDArray[np.uint8],
+    operands: NDArray[np.float64],
+    limits: NDArray[np.float64],
+    places: NDArray[np.float64],
+) -> tuple[float, float, float, int]:
+    """
+    How well pieces can keep to a formula: how many, how far off, where, and places to check.
+
+    Shapes: operations[n], operands[n], limits[7], places[_].
+    """

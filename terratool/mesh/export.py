@@ -27,10 +27,11 @@ from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 from terratool.text.display import counted, length, plain
 
-SHARE = 1e-3
-"""The largest error, if not said, in parts of the relief …"""
-LEAST_ERROR = 1e-3
-"""… and no less than this, in units of the terrain."""
+DEFAULT_ERROR = 5e-3
+"""The largest error, if not said, in units of the terrain: half of the centimetre that a small
+wheel notices, and that range sensors tell from noise …"""
+LEAST_SHARE, MOST_SHARE = 1e-5, 1e-3
+"""… but at least and at most these parts of the longer side, or faces would be too many or few."""
 
 BUILDS = 8
 """So many meshes are built between an error that is too large and one that is too small."""
@@ -60,8 +61,8 @@ class MeshOptions:
     """What is wanted of a mesh.
 
     Attributes:
-        max_error: the largest distance, along z, of the ground from the terrain; if not said, a
-            thousandth of the relief or of a unit, whichever is larger.
+        max_error: the largest distance, along z, of the ground from the terrain; if not said,
+            0.005, but from 1/100,000 to 1/1000 of the longer side.
         max_faces: the mesh has no more faces: its error grows, and elements are left out if that
             is not enough.
         bounds: world rectangle west, south, east, north; the whole terrain if None.
@@ -105,10 +106,13 @@ class MeshOptions:
         """The largest error, and in words who chose it."""
         if self.max_error is not None:
             return self.max_error, "as asked"
-        relief = relief_of(terrain, self.bounds)
-        if relief * SHARE > LEAST_ERROR:
-            return relief * SHARE, f"1/1000 of the relief, {length(relief)}"
-        return LEAST_ERROR, "1 mm, as 1/1000 of the relief is less"
+        west, south, east, north = clip_bounds(terrain, self.bounds)
+        longer = max(east - west, north - south)
+        if longer * LEAST_SHARE > DEFAULT_ERROR:
+            return longer * LEAST_SHARE, f"1/100,000 of the longer side, {length(longer)}"
+        if longer * MOST_SHARE < DEFAULT_ERROR:
+            return longer * MOST_SHARE, f"1/1000 of the longer side, {length(longer)}"
+        return DEFAULT_ERROR, "the default"
 
 
 class ExportReport(Struct, frozen=True, kw_only=True):

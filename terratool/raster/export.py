@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -26,6 +27,7 @@ from terratool.raster.geotiff import Compression, RasterExtent, crs_of
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands, SurfaceValues, files_of, layers_named
 from terratool.raster.loss import LossFinder, RasterLoss
+from terratool.raster.overviews import OVERVIEWS_FROM, by_gdal, factors
 from terratool.raster.prefetch import WindowMaker, prefetch, processors, windows_of
 from terratool.raster.statistics import BandStatistics, RasterStatistics, StatisticsSum
 from terratool.raster.writers import Storage, open_writer
@@ -48,6 +50,7 @@ class WrittenFile:
         statistics: of its bands; none for surfaces and colours.
         coding: how its numbers became pixels.
         difference: how far its numbers may be from those that were painted.
+        overviews: by how much each of its overviews is coarser.
     """
 
     path: Path
@@ -55,6 +58,7 @@ class WrittenFile:
     statistics: tuple[BandStatistics, ...]
     coding: Coding
     difference: float
+    overviews: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +117,9 @@ class RasterRequest:
         layers: names from `terratool.raster.layers.LAYERS`.
         dtype: "float32" or "float64", of all layers of numbers.
         compression: of GeoTIFFs; ZSTD if None.
+        nodata: the number that stands for none in layers of numbers; NaN, or what the format has,
+            if None.
+        overviews: whether a GeoTIFF has them; if None, one that is larger than `OVERVIEWS_FROM`.
         overwrite: whether files may be there already.
         losses: whether to find out what the pixels do not show.
         threads: number of threads; as many as there are processors if None.
@@ -121,6 +128,8 @@ class RasterRequest:
     layers: Sequence[str] = ("height",)
     dtype: str = "float32"
     compression: Compression | None = None
+    nodata: float | None = None
+    overviews: bool | None = None
     overwrite: bool = False
     losses: bool = True
     threads: int | None = None
@@ -129,14 +138,54 @@ class RasterRequest:
         """The files that the layers take.
 
         Raises:
-            RequestError: there is no such layer or type.
+            RequestError: there is no such layer or type, or nodata is no number of the type.
         """
         layers = layers_named(self.layers)
         if self.dtype not in DTYPES:
             raise RequestError(
                 f"There is no type {self.dtype!r}.", f"The types are {', '.join(DTYPES)}."
             )
-        return files_of(layers, terrain, np.dtype(self.dtype))
+        empty = math.nan if self.nodata is None else self.nodata
+        if math.isinf(empty) or not _is_of_type(empty, self.dtype):
+            raise RequestError(
+                f"No {self.dtype} is {empty!r}, which is to stand for none.",
+                "Give one that is, such as -9999, or add --dtype float64.",
+            )
+        files = files_of(layers, terrain, np.dtype(self.dtype), empty)
+        if self.nodata is not None and all(bands.content != "number" for bands in files):
+            raise RequestError(
+                "--nodata is about layers of numbers, but there are none.",
+                "Leave it out: 0 stands for no surface, and colours have nothing for none.",
+            )
+        return files
+
+    def has_overviews(self, form: RasterFormat, grid: Grid) -> bool:
+        """Whether files of a format over a grid have overviews.
+
+        Raises:
+            RequestError: that was asked for, but does not go with the format.
+        """
+        if form.driver == "COG":
+            if self.overviews is False:
+                raise RequestError(
+                    "A cloud-optimised GeoTIFF has overviews.",
+                    "Leave out --no-overviews or --cog.",
+                )
+            return True
+        if form.driver != "GTiff":
+            if self.overviews:
+                raise RequestError(
+                    "Only a .tif has overviews.", "Leave out --overviews, or ask for a .tif."
+                )
+            return False
+        large = max(grid.width, grid.height) > OVERVIEWS_FROM
+        return large if self.overviews is None else self.overviews
+
+
+def _is_of_type(number: float, dtype: str) -> bool:
+    """Whether a type has exactly this number."""
+    with np.errstate(over="ignore"):
+        return math.isnan(number) or float(np.dtype(dtype).type(number)) == number
 
 
 HEIGHTS = RasterRequest()
@@ -179,18 +228,18 @@ def export_dem(
             f"{path.name}: only a .tif is compressed as one likes.",
             "Leave out --compress and --max-z-error, or ask for a .tif.",
         )
-    files = request.files(terrain)
+    files, overviews = request.files(terrain), request.has_overviews(form, grid)
     paths = paths_of(path, files)
     companions = (*COMPANIONS, *form.companions)
     for name, bands in zip(paths, files, strict=True):
         refuse_existing(name, request.overwrite, companions)
         check_fit(form, name, bands, terrain, grid)
     crs_of(terrain)
-    refuse_full_disk(path, grid, files, form)
+    refuse_full_disk(path, grid, files, form, overviews=overviews)
 
     ranges = _ranges(terrain, grid, files, form, threads)
     codings = list(map(partial(coding_of, form), files, ranges))
-    storage = Storage(form, request.compression or Compression(), threads)
+    storage = Storage(form, request.compression or Compression(), threads, overviews)
     with contextlib.ExitStack() as stack:
         # every file is complete before the first one takes its place
         parts = [
@@ -199,7 +248,14 @@ def export_dem(
         maker = WindowMaker(terrain, grid, files, request.losses)
         filled = fill_files(parts, maker, storage, codings, progress=progress)
     written = (
-        WrittenFile(name, bands, statistics, coding or plain_coding(bands), difference)
+        WrittenFile(
+            name,
+            bands,
+            statistics,
+            coding or plain_coding(bands),
+            difference,
+            tuple(factors(grid.width, grid.height)) if overviews else (),
+        )
         for name, bands, statistics, coding, difference in zip(
             paths, files, filled.statistics.statistics, codings, filled.differences, strict=True
         )
@@ -235,18 +291,18 @@ def fill_files(
         paths: the files.
         maker: paints them.
         storage: how each file is stored.
-        codings: how the numbers of each file are coded; as they are, if not said.
+        codings: how the numbers of each file are coded; for formats that want no range of theirs
+            they need not be said.
         window: of the grid; all of it, if not said. Only GeoTIFFs hold less.
         progress: is told the number of pixels of each window that is done.
     """
     files, extent = maker.files, RasterExtent(maker.terrain, maker.grid, window)
+    codings = codings or [coding_of(storage.form, bands, None) for bands in files]
     total = StatisticsSum(files)
     with contextlib.ExitStack() as stack:
         writers = [
             stack.enter_context(open_writer(path, extent, bands, storage, coding))
-            for path, bands, coding in zip(
-                paths, files, codings or [None] * len(files), strict=True
-            )
+            for path, bands, coding in zip(paths, files, codings, strict=True)
         ]
         for made in prefetch(maker.make, windows_of(extent.pixels, files), storage.threads):
             for writer, pixels in zip(writers, made.buffer.pixels, strict=True):
@@ -325,7 +381,12 @@ def _ranges(
 
 
 def refuse_full_disk(
-    path: Path, grid: Grid, files: Sequence[Bands], form: RasterFormat, finished: int = 0
+    path: Path,
+    grid: Grid,
+    files: Sequence[Bands],
+    form: RasterFormat,
+    finished: int = 0,
+    overviews: bool = False,
 ) -> None:
     """Refuse what may not fit on the disk; so many pixels are finished.
 
@@ -336,8 +397,10 @@ def refuse_full_disk(
         return  # whole_file says so
     pixels = grid.width * grid.height - finished
     needed = pixels * sum(bands.pixel_bytes for bands in files)
-    if form.driver == "COG":
+    if form.driver == "COG" or (overviews and not all(map(by_gdal, files))):
         needed += needed + needed // 3  # what it is copied from, and its overviews
+    elif overviews:
+        needed += needed // 3
     elif form.text_bytes[0]:
         short, long = form.text_bytes
         needed += pixels * sum(long if bands.dtype.itemsize == 8 else short for bands in files)

@@ -57,8 +57,8 @@ class Coding:
         if self.exact:
             if (numbers == self.nodata).any():
                 raise RequestError(
-                    f"A number is {self.nodata:g}, which stands for none in this format.",
-                    "Ask for a .tif instead.",
+                    f"A number is {self.nodata:.9g}, which stands for none.",
+                    "Give another --nodata, or ask for a .tif without it.",
                 )
             return np.where(none, self.dtype.type(self.nodata), numbers)
         pixels = np.rint((numbers.astype(np.float64) - self.offset) / self.scale)
@@ -141,7 +141,9 @@ def raster_format(path: Path, cog: bool = False) -> RasterFormat:
             if suffix == ".vrt"
             else f"Try {names}.",
         )
-    return RasterFormat(known[suffix[1:]])
+    driver = known[suffix[1:]]
+    # or it would say when and where it was written
+    return RasterFormat(driver, {"write_gdal_history": "no"} if driver == "netCDF" else {})
 
 
 def check_fit(form: RasterFormat, path: Path, bands: Bands, terrain: Terrain, grid: Grid) -> None:
@@ -150,6 +152,11 @@ def check_fit(form: RasterFormat, path: Path, bands: Bands, terrain: Terrain, gr
     Raises:
         RequestError: it cannot.
     """
+    if form.bits and bands.content == "number" and not math.isnan(bands.empty):
+        raise RequestError(
+            f"{path.name}: a {path.suffix} holds whole numbers, {form.nodata:g} for none.",
+            "Leave out --nodata, or ask for a .tif.",
+        )
     if (
         form.one_band
         and bands.count > 1
@@ -195,10 +202,11 @@ def coding_of(form: RasterFormat, bands: Bands, range_: BandStatistics | None) -
 
     `range_` is that of the numbers, where `wants_range` says that it is needed.
     """
-    if bands.content != "number" or (not form.bits and math.isnan(form.nodata)):
+    if bands.content != "number":
         return None
     if not form.bits:
-        return Coding(bands.dtype, form.nodata)
+        nodata = form.nodata if math.isnan(bands.empty) else bands.empty
+        return None if math.isnan(nodata) else Coding(bands.dtype, nodata)
     if form.bits < 0:
         return Coding(np.dtype(np.int16), form.nodata, difference=0.5)
     low, high = (range_.low, range_.high) if range_ and range_.count else (0.0, 0.0)

@@ -78,8 +78,7 @@ def describe_surfaces(
     for layer in LAYERS.values():
         if layer.soil and layer.content == "number":
             values = soils.values(layer, np.dtype(np.float64)).tolist()
-            title = f"{layer.bands[0]} ({layer.unit})" if layer.unit else layer.bands[0]
-            columns.append((title, _REAL, _GENERIC, values))
+            columns.append((layer.title, _REAL, _GENERIC, values))
     table = ElementTree.SubElement(band, "GDALRasterAttributeTable", tableType="thematic")
     for index, (title, type_, use, _) in enumerate(columns):
         column = ElementTree.SubElement(table, "FieldDefn", index=str(index))
@@ -184,9 +183,8 @@ def geotiff(
         "driver": "GTiff", "dtype": bands.dtype.name, "count": bands.count,
         "nodata": bands.nodata if nodata is None else nodata,
         "width": window.width, "height": window.height, "crs": crs_of(terrain),
-        "transform": transform_of(extent.grid, window), **compression.options(bands),
-        "tiled": True, "blockxsize": TILE, "blockysize": TILE, "interleave": "band",
-        "bigtiff": "if_safer", "num_threads": str(max(1, threads)),
+        "transform": transform_of(extent.grid, window),
+        **tiff_options(bands, compression, threads),
     }  # fmt: skip
     if bands.content == "color":
         profile |= {"photometric": "rgb", "interleave": "pixel"}
@@ -210,6 +208,14 @@ def geotiff(
             file.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (bands.count - 1)
         yield GeoTiff(file, window)
     check_blocks(path)
+
+
+def tiff_options(bands: Bands, compression: Compression, threads: int) -> dict[str, Any]:
+    """How the pixels of a GeoTIFF lie in its file."""
+    return {
+        **compression.options(bands), "tiled": True, "blockxsize": TILE, "blockysize": TILE,
+        "interleave": "band", "bigtiff": "if_safer", "num_threads": str(max(1, threads)),
+    }  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,14 +288,18 @@ def check_blocks(path: Path) -> None:
                     )
 
 
-def cog_options(bands: Bands, compression: Compression) -> dict[str, Any]:
-    """What the driver of cloud-optimised GeoTIFFs is told for a file."""
+def cog_options(bands: Bands, compression: Compression, own: bool = False) -> dict[str, Any]:
+    """What the driver of cloud-optimised GeoTIFFs is told for a file.
+
+    With `own` it takes the overviews that are there.
+    """
     plain = compression.options(bands)
-    average = all(layer.average for layer in bands.layers)
+    average = set(bands.means) == {"number"}
     options: dict[str, Any] = {
         "compress": plain.get("compress", "none"),
         "blocksize": TILE,
         "bigtiff": "if_safer",
+        **({"overviews": "force_use_existing"} if own else {}),
         "overview_resampling": "average" if average else "nearest",
     }
     if "zstd_level" in plain or "zlevel" in plain:

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import finest_details
-from terratool.field.terrain import Terrain, check_bounds
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 
 DEFAULT_PIXELS = 4096
 """The longer side of a raster has at most this many pixels, if no resolution is given."""
 
 PIXELS_PER_CELL = 10
+PIXELS_PER_TRACK = 3
 MAX_SIDE = 2**31 - 1
 _WHOLE = 1e-6
 """A quotient this near to a whole number of pixels is one."""
@@ -93,19 +94,55 @@ class Grid:
         return self.whole.cut(height, width)
 
 
-def default_resolution(terrain: Terrain) -> tuple[float, str]:
-    """A resolution for a terrain, and in words why: a tenth of its smallest cell, within reason.
+def default_resolution(terrain: Terrain, bounds: Bounds | None = None) -> tuple[float, str]:
+    """A resolution for a terrain, or a part of it, and in words why: what shows its features.
 
-    A curve with details finer than that gets a pixel for each. Where the longer side would have too
-    many pixels, it is that of `resolution_within`.
+    That is the least of a tenth of the smallest cell, the shortest straight stretch of a curve, and
+    a third of the narrowest track, which then has three pixels across. Where the longer side would
+    have too many pixels, it is that of `resolution_within`.
+
+    Raises:
+        RequestError: the bounds are empty or miss the terrain.
     """
-    finest, why = terrain.smallest_cell / PIXELS_PER_CELL, "a tenth of the smallest cell"
+    if bounds is not None:
+        check_bounds(bounds, terrain)
+    part = clip_bounds(terrain, bounds)
+    finest, why = _finest_feature(terrain, part)
+    sides = part[2] - part[0], part[3] - part[1]
+    pixels = max(sides) / finest
+    if pixels > DEFAULT_PIXELS * (1 + _WHOLE):
+        resolution, limit = resolution_within(*sides, DEFAULT_PIXELS)
+        return resolution, f"{limit}; {why}, {finest:.4g}, would take {pixels:,.0f}"
+    return (min(sides), "one row of pixels") if finest > min(sides) else (finest, why)
+
+
+def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
+    """A pixel that shows the finest feature of a part of a terrain, and what that feature is."""
     west, south, east, north = terrain.cells()
-    detail = float(finest_details(terrain.arrays, east - west, north - south).min())
-    if detail < finest * (1 - _WHOLE):
-        finest, why = detail, "the finest detail of a curve"
-    if max(terrain.size) / finest > DEFAULT_PIXELS * (1 + _WHOLE):
-        return resolution_within(*terrain.size, DEFAULT_PIXELS)
+    there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
+    wide, tall = east - west, north - south
+    cell = min(float(wide[there].min()), float(tall[there].min()))
+    # but for the rounding of the cells' edges
+    least = terrain.smallest_cell
+    cell = least if cell <= least * (1 + _WHOLE) else cell
+    details = finest_details(terrain.arrays, wide, tall)[there]
+    segments = terrain.arrays.tracks.segments
+    reach = segments["reach"][
+        (np.minimum(segments["x"], segments["end_x"]) - segments["reach"] < part[2])
+        & (np.maximum(segments["x"], segments["end_x"]) + segments["reach"] > part[0])
+        & (np.minimum(segments["y"], segments["end_y"]) - segments["reach"] < part[3])
+        & (np.maximum(segments["y"], segments["end_y"]) + segments["reach"] > part[1])
+    ]
+    narrowest = 2 * float(reach.min(initial=math.inf))
+    features = (
+        (cell / PIXELS_PER_CELL, "a tenth of the smallest cell"),
+        (float(details.min()), "the finest detail of a curve"),
+        (narrowest / PIXELS_PER_TRACK, "a third of the narrowest track"),
+    )
+    finest, why = features[0]
+    for side, what in features[1:]:
+        if side < finest * (1 - _WHOLE):
+            finest, why = side, what
     return finest, why
 
 
@@ -140,10 +177,12 @@ def refuse_resolution(resolution: float) -> None:
 
 
 def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None) -> Grid:
-    """The grid that covers the terrain, or the given bounds.
+    """The grid over the terrain, or over the given bounds.
 
-    Pixels count from the south-west corner. Where the resolution does not divide a side, the last
-    pixels reach beyond the east and north edges, and have no height if their centres do.
+    Pixels count from the south-west corner, and those are taken whose centres lie within. So, where
+    the resolution does not divide a side, the number of pixels is rounded to the nearest, as
+    `gdalwarp -tr` does: the last pixels reach over the east and north sides, or end before them, by
+    up to half a pixel.
 
     Raises:
         RequestError: no resolution above 0, bounds that are empty or miss the terrain, or a grid
@@ -154,7 +193,7 @@ def grid_over(terrain: Terrain, resolution: float, bounds: Bounds | None = None)
     if bounds is not None:
         check_bounds(bounds, terrain)
         west, south, east, north = bounds
-    width, height = count_pixels(east - west, resolution), count_pixels(north - south, resolution)
+    width, height = (_count_centres(side, resolution) for side in (east - west, north - south))
     if max(width, height) > MAX_SIDE:
         raise RequestError(
             f"A resolution of {resolution:g} makes {width:.4g} × {height:.4g} pixels, more than a "
@@ -189,6 +228,24 @@ def count_pixels(side: float, resolution: float) -> int:
     if nearest and abs(quotient - nearest) <= _WHOLE * min(1.0, 1e6 / nearest):
         return nearest
     return max(1, math.ceil(quotient))
+
+
+def _count_centres(side: float, resolution: float) -> int:
+    """How many pixels have their centres clearly within a side; at least one."""
+    return max(1, math.ceil(min(side / resolution, 2 * MAX_SIDE) - 0.5 - _WHOLE))
+
+
+def overhang(grid: Grid, part: Bounds) -> tuple[float, float]:
+    """How far the pixels reach over the east and the north side of a rectangle.
+
+    Negative where they end before it; 0 where rounding alone makes a difference.
+    """
+    sides = part[2] - part[0], part[3] - part[1]
+    counts = grid.width, grid.height
+    beyond = (n * grid.resolution - side for n, side in zip(counts, sides, strict=True))
+    limit = _WHOLE * grid.resolution
+    east, north = (0.0 if abs(over) <= limit else over for over in beyond)
+    return east, north
 
 
 def _any_centre(start: float, count: int, step: float, low: float, high: float) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -29,11 +30,12 @@ class Layer:
     Attributes:
         name: how it is asked for.
         bands: what its bands are called.
-        unit: of its values; empty for none.
+        unit: of its values; "1" for a share or a ratio, empty for what is counted or chosen.
         content: of its pixels: "number", "surface", "color", or "class" in maps.
         soil: the attribute of a surface that it shows; empty for others.
         slopes: whether the slopes are needed for it.
-        average: whether the mean of values is one, as overviews want to know.
+        mean: how values are averaged: as "number", as "direction" in degrees, as "vector" of all
+            bands; empty where they have no mean.
     """
 
     name: str
@@ -42,7 +44,12 @@ class Layer:
     content: str = "number"
     soil: str = ""
     slopes: bool = False
-    average: bool = True
+    mean: str = "number"
+
+    @property
+    def title(self) -> str:
+        """What a column of its values is called."""
+        return f"{self.bands[0]} ({self.unit})" if self.unit not in ("", "1") else self.bands[0]
 
     @property
     def surfaces(self) -> bool:
@@ -54,15 +61,16 @@ LAYERS: dict[str, Layer] = {
     layer.name: layer
     for layer in (
         Layer("height", ("height",), "m"),
-        Layer("surface", ("surface",), "", "surface", average=False),
+        Layer("surface", ("surface",), "", "surface", mean=""),
         Layer("slope", ("slope",), "degree", slopes=True),
         # where the ground falls to, clockwise from north
-        Layer("aspect", ("aspect",), "degree", slopes=True, average=False),
-        Layer("normal", ("normal x", "normal y", "normal z"), "", slopes=True, average=False),
+        Layer("aspect", ("aspect",), "degree", slopes=True, mean="direction"),
+        Layer("normal", ("normal x", "normal y", "normal z"), "1", slopes=True, mean="vector"),
         Layer("cohesion", ("cohesion",), "kPa", soil="cohesion"),
         Layer("friction", ("friction angle",), "degree", soil="fric_angle"),
         Layer("sinkage", ("sinkage",), "m/kN", soil="sinkage"),
-        Layer("sonar", ("sonar reflectance",), "", soil="sonar_refl"),
+        # the share of sound that comes back
+        Layer("sonar", ("sonar reflectance",), "1", soil="sonar_refl"),
         Layer("color", ("red", "green", "blue"), "", "color", soil="color"),
     )
 }
@@ -75,10 +83,12 @@ class Bands:
     Attributes:
         layers: in the order of their bands.
         dtype: of every band.
+        empty: the number that stands for none, of layers of numbers.
     """
 
     layers: tuple[Layer, ...]
     dtype: np.dtype[Any]
+    empty: float = math.nan
 
     @property
     def content(self) -> str:
@@ -101,9 +111,15 @@ class Bands:
         return tuple(layer.unit for layer in self.layers for _ in layer.bands)
 
     @property
+    def means(self) -> tuple[str, ...]:
+        """How the values of each band are averaged; those of surfaces and classes are not."""
+        named = self.content in ("surface", "class")
+        return tuple("" if named else layer.mean for layer in self.layers for _ in layer.bands)
+
+    @property
     def nodata(self) -> float | None:
-        """NaN for numbers, 0 for surfaces and classes; colours have none."""
-        return {"number": np.nan, "color": None}.get(self.content, 0.0)
+        """That of numbers, 0 for surfaces and classes; colours have none."""
+        return {"number": self.empty, "color": None}.get(self.content, 0.0)
 
     @property
     def pixel_bytes(self) -> int:
@@ -127,7 +143,9 @@ def layers_named(names: Sequence[str]) -> tuple[Layer, ...]:
     return tuple(LAYERS[name] for name in dict.fromkeys(names))
 
 
-def files_of(layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any]) -> tuple[Bands, ...]:
+def files_of(
+    layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any], empty: float = math.nan
+) -> tuple[Bands, ...]:
     """The files that layers take: one for all numbers, and one each for surfaces and colours.
 
     Surfaces and colours cannot share one: their bytes are told apart by what the whole file says
@@ -135,7 +153,11 @@ def files_of(layers: Sequence[Layer], terrain: Terrain, dtype: np.dtype[Any]) ->
     """
     dtypes = {"number": dtype, "surface": id_type(terrain), "color": np.dtype(np.uint8)}
     return tuple(
-        Bands(tuple(layer for layer in layers if layer.content == content), dtypes[content])
+        Bands(
+            tuple(layer for layer in layers if layer.content == content),
+            dtypes[content],
+            empty if content == "number" else math.nan,
+        )
         for content in dict.fromkeys(layer.content for layer in layers)
     )
 

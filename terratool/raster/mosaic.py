@@ -173,6 +173,7 @@ def request_of(terrain: Terrain, tiling: Tiling) -> dict[str, Any]:
         "grid": [grid.west, grid.south, grid.resolution, grid.height, grid.width],
         "choice of layers": [[layer.name for layer in bands.layers] for bands in tiling.files],
         "type of numbers": [bands.dtype.name for bands in tiling.files],
+        "nodata": [repr(bands.nodata) for bands in tiling.files],
         "compression": [tiling.compression.name, tiling.compression.max_z_error],
         "tile size": tiling.size,
         "choice of losses": tiling.losses,
@@ -308,7 +309,7 @@ def index_of(
     if crs is not None:
         SubElement(root, "SRS").text = crs.to_wkt()
     SubElement(root, "GeoTransform").text = ", ".join(map(repr, transform_of(grid).to_gdal()))
-    tags = {"AREA_OR_POINT": "Area"}
+    tags = {"AREA_OR_POINT": "Area", "TIFFTAG_SOFTWARE": f"terratool {tiling.version}"}
     if terrain.descr:
         tags["TIFFTAG_IMAGEDESCRIPTION"] = xml_text(terrain.descr)
     _metadata(root, tags)
@@ -336,7 +337,7 @@ def _band(
     if bands.units[number]:
         SubElement(band, "UnitType").text = bands.units[number]
     if bands.nodata is not None:
-        nodata = "nan" if math.isnan(bands.nodata) else f"{bands.nodata:g}"
+        nodata = "nan" if math.isnan(bands.nodata) else f"{bands.nodata:.17g}"
         SubElement(band, "NoDataValue").text = nodata
     interpretation = SubElement(band, "ColorInterp")
     interpretation.text = _interpretation(bands, number, terrain)

@@ -100,7 +100,12 @@ class WindowMaker:
         for paint_layers, bands in zip(self._layer_painters, buffer.pixels, strict=True):
             paint_layers(planes, bands)
         statistics = tuple(
-            tuple(map(band_statistics, bands)) if file.content == "number" else ()
+            tuple(
+                band_statistics(band, mean == "direction")
+                for band, mean in zip(bands, file.means, strict=True)
+            )
+            if file.content == "number"
+            else ()
             for file, bands in zip(self.files, buffer.pixels, strict=True)
         )
         _refuse_infinite(chain.from_iterable(statistics))

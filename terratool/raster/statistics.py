@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from terratool.raster.layers import Bands
 from terratool.raster.loss import LossCounts
 
 _COLUMNS = 512
+_NO_LENGTH = 1e-9
+"""Directions whose mean vector is shorter point nowhere; the length counts as this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,38 +27,66 @@ class BandStatistics:
     Attributes:
         count: how many there are.
         low, high: their range; infinite the wrong way round where there are none.
-        mean: their mean.
+        middle: their arithmetic mean.
         square: sum of their squared differences from it.
+        sines, cosines: their sums, of a band of directions; None for others.
     """
 
     count: int = 0
     low: float = math.inf
     high: float = -math.inf
-    mean: float = 0.0
+    middle: float = 0.0
     square: float = 0.0
+    sines: float | None = None
+    cosines: float | None = None
+
+    @property
+    def mean(self) -> float:
+        """The mean; of directions the circular one, from 0 to 360 degrees."""
+        if self.sines is None or self.cosines is None:
+            return self.middle
+        return math.degrees(math.atan2(self.sines, self.cosines)) % 360.0 % 360.0
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the pixels themselves, as GDAL has it."""
-        return math.sqrt(self.square / self.count) if self.count else math.nan
+        """Standard deviation of the pixels themselves, as GDAL has it.
+
+        Of directions it is the circular one in degrees, √(−2 ln R), with R the length of the mean
+        vector: Mardia & Jupp (2000), Directional Statistics, 2.3.14.
+        """
+        if not self.count:
+            return math.nan
+        if self.sines is None or self.cosines is None:
+            return math.sqrt(self.square / self.count)
+        length = math.hypot(self.sines, self.cosines) / self.count
+        return math.degrees(math.sqrt(-2.0 * math.log(min(1.0, max(length, _NO_LENGTH)))))
 
     def __add__(self, other: BandStatistics) -> BandStatistics:
         """Of the pixels of both. Chan, Golub & LeVeque (1979), Stanford STAN-CS-79-773."""
         count = self.count + other.count
         if not other.count or not self.count:
             return self if self.count else other
-        delta = other.mean - self.mean
+        delta = other.middle - self.middle
         return BandStatistics(
             count,
             min(self.low, other.low),
             max(self.high, other.high),
-            self.mean + delta * (other.count / count),
+            self.middle + delta * (other.count / count),
             self.square + other.square + delta * delta * (self.count * (other.count / count)),
+            _sum(self.sines, other.sines),
+            _sum(self.cosines, other.cosines),
         )
 
 
-def band_statistics(pixels: NDArray[Any]) -> BandStatistics:
-    """Statistics of what is not NaN in `pixels`, (height, width) of floats."""
+def _sum(one: float | None, other: float | None) -> float | None:
+    return None if one is None or other is None else one + other
+
+
+def band_statistics(pixels: NDArray[Any], directions: bool = False) -> BandStatistics:
+    """Statistics of what is not NaN in `pixels`, (height, width) of floats.
+
+    Directions are in degrees.
+    """
     shift = kernels.first_number(pixels)  # sums of squares lose less near 0
     sums = np.zeros((5, _COLUMNS))
     sums[1:3] = [[math.inf], [-math.inf]]
@@ -65,13 +95,18 @@ def band_statistics(pixels: NDArray[Any]) -> BandStatistics:
     if not count:
         return BandStatistics()
     mean = total / count
-    return BandStatistics(
+    found = BandStatistics(
         int(count),
         float(sums[1].min()),
         float(sums[2].max()),
         shift + mean,
         max(square - total * mean, 0.0),
     )
+    if not directions:
+        return found
+    angles = np.radians(pixels, dtype=np.float64)
+    sine, cosine = float(np.nansum(np.sin(angles))), float(np.nansum(np.cos(angles)))
+    return replace(found, sines=sine, cosines=cosine)
 
 
 @dataclass(frozen=True, slots=True)

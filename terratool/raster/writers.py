@@ -34,12 +34,14 @@ from terratool.raster.geotiff import (
     complaints,
     geotiff,
     name_surfaces,
+    tiff_options,
 )
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import Bands
+from terratool.raster.overviews import add_overviews, by_gdal, with_overviews
 from terratool.raster.statistics import BandStatistics
 
-_TRUSTED = frozenset(["COG", "PNG", "AAIGrid", "XYZ", "SRTMHGT"])
+_TRUSTED = frozenset(["COG", "GTiff", "PNG", "AAIGrid", "XYZ", "SRTMHGT"])
 _HINT = "Ask for a .tif, or for a layer or type that this format holds."
 _SHIFT = 1e-3
 """So far, in pixels, a raster may have moved: coordinates are rounded where they are text."""
@@ -54,10 +56,11 @@ def copied(source: Path, path: Path, driver: str, options: dict[str, Any], threa
         WriteError: the driver cannot write it.
     """
     if driver in _TRUSTED:
-        if driver == "COG":
-            options = {**options, "num_threads": str(threads)}
+        tiff = driver in ("COG", "GTiff")
+        if tiff:
+            options = {**options, "num_threads": str(max(1, threads))}
         _copy(source, path, driver, options)
-        if driver == "COG":
+        if tiff:
             check_blocks(path)
         return
     done = subprocess.run(
@@ -175,11 +178,13 @@ class Storage:
         form: their format.
         compression: of GeoTIFFs.
         threads: that paint and compress; 0 for the calling one alone.
+        overviews: whether GeoTIFFs have them.
     """
 
     form: RasterFormat
     compression: Compression
     threads: int = 0
+    overviews: bool = False
 
 
 @contextlib.contextmanager
@@ -193,9 +198,11 @@ def open_writer(
     """
     form, compression, threads = storage.form, storage.compression, storage.threads
     if form.driver == "NPY":
-        yield _Array(path, bands, extent.grid)
+        yield _Array(path, bands, extent.grid, coding)
         return
-    direct = form.driver == "GTiff"
+    # GDAL averages all bands of a file alike
+    own = storage.overviews and bands.content == "number" and not by_gdal(bands)
+    direct = form.driver == "GTiff" and not own
     first = path if direct else path.with_name(f"{path.stem}.first.tif")
     # what is copied is not compressed for long, and loses nothing on the way
     first_compression = compression if direct else Compression("zstd")
@@ -213,16 +220,30 @@ def open_writer(
             writer.difference = compression.max_z_error
         yield writer
     if direct:
+        if storage.overviews:
+            add_overviews(path, bands, threads)
         return
-    options = cog_options(bands, compression) if form.driver == "COG" else dict(form.options)
-    if form.driver == "AAIGrid" and bands.content == "number":
-        options["significant_digits"] = 9 if bands.dtype == np.float32 else 17
-    copied(first, path, form.driver, options, threads)
-    if form.driver != "COG":
-        nothing = form.nodata if bands.content == "number" else math.nan
+    with with_overviews(first, coded) if own else contextlib.nullcontext(first) as source:
+        copied(source, path, form.driver, _options(storage, bands, own), threads)
+    if not tiff:
+        nothing = math.nan if coding is None or coding.nodata is None else coding.nodata
         writer.difference += difference(first, path, coded, nothing)
     first.unlink()
     first.with_name(first.name + ".aux.xml").unlink(missing_ok=True)
+
+
+def _options(storage: Storage, bands: Bands, own: bool) -> dict[str, Any]:
+    """What a driver is told that copies a file; `own` if the overviews are there."""
+    form = storage.form
+    if form.driver == "COG":
+        return cog_options(bands, storage.compression, own)
+    if form.driver == "GTiff":
+        options = tiff_options(bands, storage.compression, storage.threads)
+        return {**options, "copy_src_overviews": True}
+    options = dict(form.options)
+    if form.driver == "AAIGrid" and bands.content == "number":
+        options["significant_digits"] = 9 if bands.dtype == np.float32 else 17
+    return options
 
 
 class _Array:
@@ -230,7 +251,8 @@ class _Array:
 
     difference = 0.0
 
-    def __init__(self, path: Path, bands: Bands, grid: Grid) -> None:
+    def __init__(self, path: Path, bands: Bands, grid: Grid, coding: Coding | None) -> None:
+        self._coding = coding
         shape: tuple[int, ...] = (bands.count, grid.height, grid.width)
         shape = shape[1:] if bands.count == 1 else shape
         header = {"descr": bands.dtype.str, "fortran_order": False, "shape": shape}
@@ -246,7 +268,8 @@ class _Array:
     def write(self, window: Window, pixels: Pixels) -> None:
         rows = slice(window.row, window.row + window.height)
         columns = slice(window.column, window.column + window.width)
-        self._array.reshape((-1, *self._array.shape[-2:]))[:, rows, columns] = pixels
+        coded = pixels if self._coding is None else self._coding.encode(pixels)
+        self._array.reshape((-1, *self._array.shape[-2:]))[:, rows, columns] = coded
 
     def finish(self, _statistics: Sequence[BandStatistics], _counts: NDArray[np.int64]) -> None:
         self._array.flush()

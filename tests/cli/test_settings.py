@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.commands import call
+from tests.strategies import Json, definitions
 
 GOOD = '{"size":10,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}'
 WARNED = GOOD.replace('"type":"b"', '"type":"b","vScale":0')  # TT210
@@ -31,6 +35,12 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def codes(*arguments: object) -> list[str]:
     ran = call("validate", "--format", "json", *arguments)
     return [finding["code"] for finding in json.loads(ran.out)["findings"]]
+
+
+def errors(path: Path) -> list[str]:
+    ran = call("validate", "--format", "json", path)
+    found = json.loads(ran.out)["findings"]
+    return [finding["code"] for finding in found if finding["severity"] == "error"]
 
 
 @pytest.mark.parametrize(
@@ -331,6 +341,27 @@ def test_fix_makes_nothing_worse(tmp_path: Path, before: str, after: str | None)
     call("validate", path, "--fix", "--max-findings", 1)
     expected = before if after is None else before.replace(after, after.lower())
     assert path.read_text("utf-8") == expected
+
+
+@settings(max_examples=60)
+@given(definition=definitions(), data=st.data())
+def test_fix_adds_no_errors(
+    definition: Json, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Wherever a name was mistyped; and a second run has nothing to do."""
+    text = json.dumps(definition)
+    names = list(re.finditer(r'"[A-Za-z]\w+"', text))
+    start, end = data.draw(st.sampled_from(names)).span()
+    at = data.draw(st.integers(start + 1, end - 2))
+    typed = data.draw(st.sampled_from(["", "x", 2 * text[at], text[at].swapcase()]))
+    path = tmp_path_factory.mktemp("fix") / "a.json"
+    path.write_text(text[:at] + typed + text[at + 1 :], encoding="utf-8")
+    before = errors(path)
+    call("validate", path, "--fix")
+    assert len(errors(path)) <= len(before)
+    mended = path.read_bytes()
+    call("validate", path, "--fix")
+    assert path.read_bytes() == mended
 
 
 def test_a_terrain_in_a_folder_is_not_written_over(project: Path) -> None:

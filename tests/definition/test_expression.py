@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from functools import reduce
 from math import acos, asin, atan, cos, cosh, exp, inf, log, pi, sin, sinh, sqrt, tanh
 
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.definition import reader
+from terratool.definition.accuracy import survey
 from terratool.definition.expression import (
     MAX_LENGTH,
     MAX_VALUE,
@@ -154,6 +156,90 @@ def agree(text: str, ts: list[float]) -> None:
 def test_lists_and_arrays_agree(text: str) -> None:
     """What the reader checks and what the field evaluates are the same to a part in 1e12."""
     agree(text, [i / 512 for i in range(513)])
+
+
+def by_python(text: str, t: float) -> float:
+    """What Python's own grammar and the arithmetic of NumPy's doubles make of a formula.
+
+    Both are others' work: the parser is that of the language, and a number knows of infinities and
+    of what is no number (IEEE 754) wherever it occurs.
+    """
+    wrapped = re.sub(r"(?<![A-Za-z_0-9.])(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", r"D(\g<0>)", text)
+    names = {
+        name: getattr(np, {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}.get(name, name))
+        for name in UNARY
+    }
+    names |= {
+        "D": lambda literal: np.float64(literal),
+        "t": np.float64(t),
+        "pi": np.float64(pi),
+        # of -0 and 0 either is the smaller for IEEE 754; here the first one is
+        "min": lambda *several: reduce(lambda a, b: a if a <= b or a != a else b, several),
+        "max": lambda *several: reduce(lambda a, b: a if a >= b or a != a else b, several),
+    }
+    with np.errstate(all="ignore"):
+        return float(eval(wrapped, {"__builtins__": {}}, names))
+
+
+# where one would go on with infinity, and another give up
+DOUBTFUL = {
+    "(9**9**9)**0": [1, 1, 1],
+    "min(t, 1/t)": [0, 0.5, 1],
+    "exp(-1/(t-t))": [0, 0, 0],
+    "1/(1/(t-t))": [0, 0, 0],
+    "0**t": [1, 0, 0],
+    "0**0": [1, 1, 1],
+    "(t-t)**0": [1, 1, 1],
+    "log(-1-t)**0": [1, 1, 1],
+    "1**log(-1-t)": [1, 1, 1],
+    "atan(1/t)": [pi / 2, atan(2), atan(1)],
+    "tanh(log(t))": [-1, -0.6, 0],
+    "max(-1, log(t))": [-1, -log(2), 0],
+    "exp(999)*0**(t+1)": [math.nan] * 3,
+    "(1/t)*0": [math.nan, 0, 0],
+    "1/t - 1/t": [math.nan, 0, 0],
+    "max(1, 0/t)": [math.nan, 1, 1],
+    "sin(1/t)": [math.nan, sin(2), sin(1)],
+    "sqrt(t-1/4)": [math.nan, 0.5, sqrt(0.75)],
+    "(t-1/4)**0.5": [math.nan, 0.5, sqrt(0.75)],
+    "min(1, (0*-t)**-1)": [-inf, -inf, -inf],
+    "exp(999) - t": [inf, inf, inf],
+    "2**-exp(999)": [0, 0, 0],
+    "(-1)**exp(999)": [1, 1, 1],
+    "-t**2": [0, -0.25, -1],
+}
+
+
+@pytest.mark.parametrize("text", DOUBTFUL)
+def test_infinity_is_a_number_to_go_on_with(text: str) -> None:
+    """The rule of docs/format.md: IEEE 754 throughout, and only the result has to be finite."""
+    ts = [0.0, 0.5, 1.0]
+    wanted = pytest.approx(DOUBTFUL[text], nan_ok=True, rel=1e-15, abs=1e-15)
+    assert values(text, ts) == wanted
+    assert [by_python(text, t) for t in ts] == wanted
+    if all(map(math.isfinite, DOUBTFUL[text])):
+        assert values_of(parse(text), np.array(ts)) == wanted
+
+
+def kind_of(value: float) -> str:
+    return "finite" if math.isfinite(value) else str(value)
+
+
+@given(
+    st.deferred(lambda: formulas(3)),
+    st.floats(0, 1) | st.sampled_from([0.0, 5e-324, 1e-300, 0.5, 1.0]),
+)
+def test_any_formula_means_what_it_means_elsewhere(text: str, t: float) -> None:
+    """Values, infinities and what is no number agree with those of another parser and library."""
+    (ours,), theirs = values(text, [t]), by_python(text, t)
+    if not (math.isfinite(ours) and math.isfinite(theirs)):
+        # the last digit may decide whether there is a pole, or a root; then it does beside it, too
+        near = [by_python(text, other) for other in (math.nextafter(t, 0), math.nextafter(t, 1))]
+        sizes = {kind_of(value) for value in (theirs, *near)}
+        assert kind_of(ours) in sizes or not survey(parse(text)).is_kept
+    elif ours != theirs:
+        known = survey(parse(text))
+        assert abs(ours - theirs) <= 1e-11 * (1 + abs(theirs)) or not known.is_kept
 
 
 def formulas(depth: int) -> st.SearchStrategy[str]:

@@ -17,6 +17,7 @@ import pytest
 from terratool.errors import RequestError
 from terratool.mesh import export
 from terratool.mesh.elevation import export_elevation_grid
+from terratool.mesh.export import MeshOptions
 from terratool.mesh.formats.table import FORMATS
 from terratool.mesh.tiles import export_tiles
 from tests.commands import ROOT, call
@@ -106,15 +107,38 @@ def test_files_are_the_same_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("height", "error", "words"),
-    [(20, 0.02, "1/1000 of the relief, 20 m"), (0.5, 0.001, "1 mm, as 1/1000"), (0, 0.001, "1 mm")],
+    ("size", "error", "words"),
+    [
+        ([10, 8], 0.005, "the default"),
+        ([5, 1], 0.005, "the default"),
+        ([2, 500], 0.005, "the default"),
+        ([3, 2], 0.003, "1/1000 of the longer side, 3 m"),
+        ([60, 2000], 0.02, "1/100,000 of the longer side, 2,000 m"),
+    ],
 )
-def test_the_error_that_is_chosen(tmp_path: Path, height: float, error: float, words: str) -> None:
-    report = exported(flat(box(2, 3, height)), tmp_path / "a.stl")
-    assert report.statement.wanted == pytest.approx(error)
-    assert words in report.chosen
-    part = exported(flat(box(2, 3, height)), tmp_path / "b.stl", bounds=(2, 5, 9, 9))
-    assert part.statement.wanted == 0.001  # there it is level
+def test_the_error_that_is_chosen(size: list[float], error: float, words: str) -> None:
+    """Whatever the relief; of a part, by the sides of the part."""
+    for height in (0.01, 26):
+        terrain = flat(box(2, 3, height), size=size)
+        assert MeshOptions().error_for(terrain) == (pytest.approx(error), words)
+    part = (0, 0, size[0] / 2, size[1] / 2)
+    half, _ = MeshOptions(bounds=part).error_for(terrain)
+    assert half == pytest.approx(min(max(0.005, max(size) / 2e5), max(size) / 2e3))
+
+
+def test_the_default_keeps_what_is_low_on_a_high_terrain(tmp_path: Path) -> None:
+    """A bump of 2 cm on a terrain of 26 m relief, measured on the mesh itself."""
+    terrain = terrain_of({
+        "size": [100, 80],
+        "elemTypes": {"ramp": {"x": [0, 1]}, "bump": {"x": "cosbell", "y": []}},
+        "elemTree": {"type": "ramp", "vScale": 26, "children": [
+            {"type": "bump", "cellX": 2, "cellY": 5, "vScale": 0.02}]},
+    })  # fmt: skip
+    exported(terrain, tmp_path / "a.ply")
+    mesh = read(tmp_path / "a.ply")
+    near = np.abs(mesh.vertices[:, :2] - [25, 44]).max(axis=1) < 1
+    above = mesh.vertices[near, 2] - 0.26 * mesh.vertices[near, 0]
+    assert above.max() > 0.015
 
 
 def test_the_report(tmp_path: Path) -> None:
@@ -351,7 +375,7 @@ def test_the_commands_say_what_they_did(
     assert (ran.code, ran.err) == (0, "")
     lines = ran.out.splitlines()
     assert lines[0].startswith(f"{report.faces:,} faces, {report.walls} of them upright; an error")
-    assert lines[0].endswith("an error of 0.00819 m was wanted (1/1000 of the relief, 8.19 m)")
+    assert lines[0].endswith("an error of 0.005 m was wanted (the default)")
     assert lines[1] == "a.obj, a.mtl: zero is at 500000 4649776 0"
     assert lines[2].startswith("Walls: 13 m seen") and "5 m high" in lines[2]
     assert lines[3].startswith("Lost: the ground is up to 0.00")

@@ -221,7 +221,7 @@ class TestFiles:
         export_dem(terrain, grid_over(terrain, 0.5), tmp_path / "a.tif", layers)
         with rasterio.open(tmp_path / "a.tif") as file:
             assert [unit or "" for unit in file.units] == [
-                "m", "degree", "kPa", "degree", "m/kN", "",
+                "m", "degree", "kPa", "degree", "m/kN", "1",
             ]  # fmt: skip
             assert all(math.isnan(nodata) for nodata in file.nodatavals)
 

@@ -18,6 +18,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     placement,
     presence,
     reading,
+    scales,
     shapes,
     steps,
     surfaces,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from msgspec import UNSET
 
+from terratool.definition.accuracy import survey
+from terratool.definition.curves import FormulaCurve, read_curve
 from terratool.definition.findings import Remark
 from terratool.definition.model import CurveValue
 from terratool.definition.rules.base import Subject, rule
@@ -120,3 +123,42 @@ def zero_primitive(subject: Subject) -> Iterator[Remark]:
                 f"the primitive {shown(name)} is 0 everywhere.",
                 'Give it a shape, or say with "x-ignore": ["TT308"] that only surfaces are meant.',
             )
+
+
+@rule("TT309", "inexact-curve", "warning")
+def inexact_curve(subject: Subject) -> Iterator[Remark]:
+    """An expression varies faster than a terrain can follow, or grows without limit.
+
+    An expression is kept within 1e-8 by up to 65,536 pieces of cubics, and its value is looked at
+    in 4,097 places before. One that needs more pieces is off by so much at most as the finding
+    says, in units of the curve; how far is found from its derivatives, with interval arithmetic.
+    One that grows without limit between these places has no height there.
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"w": {"x": "0.5+0.5*sin(1e6*t)"}}, "elemTree": {"type": "w"}}
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"w": {"x": "1e-9/(t-1/3)**2"}}, "elemTree": {"type": "w"}}
+
+    Passes:
+
+        {"size": 10, "elemTypes": {"w": {"x": "0.5+0.5*sin(90*t)"}}, "elemTree": {"type": "w"}}
+
+    To mend: let it vary less quickly, or spread it over several elements; keep what is divided by
+    away from 0, and tan away from its poles.
+    """
+    for name in subject.summaries:
+        primitive = subject.definition.primitives[name]
+        for key, written in (("x", primitive.x), ("y", primitive.y)):
+            curve = read_curve(written, key) if isinstance(written, str) else None
+            if not isinstance(curve, FormulaCurve) or (known := survey(curve.expression)).is_kept:
+                continue
+            at = f"t = {known.t:.5g}"
+            what = f"varies too fast: its curve may be up to {known.error:.2g} off, as at {at}"
+            hint = "Let it vary less quickly, or spread it over several elements."
+            if math.isinf(known.error):
+                what = f"may grow without limit at {at}, between the places that are checked"
+                hint = "Keep what is divided by away from 0, and tan away from its poles."
+            yield Remark(f"/elemTypes/{escape(name)}/{key}", f"the expression {what}.", hint)

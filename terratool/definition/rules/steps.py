@@ -90,7 +90,7 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     columns = (tree.column(key) for key in ("type", "v_scale", "v_offset", "turn_deg"))
     width, height = subject.definition.extent
     for index, (name, scale, offset, turn, (w, h)) in enumerate(
-        zip(*columns, _cells(tree), strict=True)
+        zip(*columns, cell_sides(tree), strict=True)
     ):
         if name not in walls:
             continue
@@ -133,7 +133,7 @@ def _walls(summary: ShapeSummary) -> _Walls:
     )
 
 
-def _cells(tree: Tree) -> list[tuple[float, float]]:
+def cell_sides(tree: Tree) -> list[tuple[float, float]]:
     """Sides of the cell of each element over those of the terrain."""
     sides = [(1.0, 1.0)] * len(tree)
     for parent, begin, end in tree.families:

@@ -1,4 +1,7 @@
-"""A VRML97 text (ISO/IEC 14772-1) becomes nodes, whose fields have values of their types."""
+"""A text of VRML97 (ISO/IEC 14772-1) becomes nodes, whose fields have values of their types.
+
+So does X3D in the encoding that is like it (ISO/IEC 19776-2).
+"""
 
 from __future__ import annotations
 
@@ -10,68 +13,8 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.importing.vrml.text import NUMERIC, VrmlText
-
-WIDTHS = {
-    "Color": 3,
-    "Float": 1,
-    "Int32": 1,
-    "Rotation": 4,
-    "Time": 1,
-    "Vec2f": 2,
-    "Vec3f": 3,
-}
-"""How many numbers a value has, by its type without SF or MF."""
-
-TYPES = frozenset(
-    [f"{many}F{kind}" for many in "SM" for kind in (*WIDTHS, "Node", "String")]
-    + ["SFBool", "SFImage"]
-)
-FIELDS: dict[str, dict[str, str]] = {
-    kind: dict(pair.split() for pair in text.split(", "))
-    for kind, text in {
-        "Anchor": "children MFNode, description SFString, parameter MFString, url MFString, "
-        "bboxCenter SFVec3f, bboxSize SFVec3f",
-        "Billboard": "children MFNode, axisOfRotation SFVec3f, bboxCenter SFVec3f, "
-        "bboxSize SFVec3f",
-        "Box": "size SFVec3f",
-        "Collision": "children MFNode, collide SFBool, proxy SFNode, bboxCenter SFVec3f, "
-        "bboxSize SFVec3f",
-        "Cone": "bottomRadius SFFloat, height SFFloat, side SFBool, bottom SFBool",
-        "Coordinate": "point MFVec3f",
-        "Cylinder": "radius SFFloat, height SFFloat, side SFBool, bottom SFBool, top SFBool",
-        "ElevationGrid": "color SFNode, normal SFNode, texCoord SFNode, height MFFloat, "
-        "ccw SFBool, colorPerVertex SFBool, creaseAngle SFFloat, normalPerVertex SFBool, "
-        "solid SFBool, xDimension SFInt32, xSpacing SFFloat, zDimension SFInt32, zSpacing SFFloat",
-        "Extrusion": "beginCap SFBool, ccw SFBool, convex SFBool, creaseAngle SFFloat, "
-        "crossSection MFVec2f, endCap SFBool, orientation MFRotation, scale MFVec2f, "
-        "solid SFBool, spine MFVec3f",
-        "Group": "children MFNode, bboxCenter SFVec3f, bboxSize SFVec3f",
-        "IndexedFaceSet": "color SFNode, coord SFNode, normal SFNode, texCoord SFNode, "
-        "ccw SFBool, colorIndex MFInt32, colorPerVertex SFBool, convex SFBool, "
-        "coordIndex MFInt32, creaseAngle SFFloat, normalIndex MFInt32, normalPerVertex SFBool, "
-        "solid SFBool, texCoordIndex MFInt32",
-        "LOD": "level MFNode, center SFVec3f, range MFFloat",
-        "Shape": "appearance SFNode, geometry SFNode",
-        "Sphere": "radius SFFloat",
-        "Switch": "choice MFNode, whichChoice SFInt32",
-        "Transform": "center SFVec3f, children MFNode, rotation SFRotation, scale SFVec3f, "
-        "scaleOrientation SFRotation, translation SFVec3f, bboxCenter SFVec3f, bboxSize SFVec3f",
-    }.items()
-}
-"""Types of the fields of all nodes that have a part in where surfaces are."""
-
-_OTHERS = """
-    Appearance AudioClip Background Color ColorInterpolator CoordinateInterpolator
-    CylinderSensor DirectionalLight Fog FontStyle ImageTexture IndexedLineSet Inline Material
-    MovieTexture NavigationInfo Normal NormalInterpolator OrientationInterpolator PixelTexture
-    PlaneSensor PointLight PointSet PositionInterpolator ProximitySensor ScalarInterpolator
-    Script Sound SphereSensor SpotLight Text TextureCoordinate TextureTransform TimeSensor
-    TouchSensor Viewpoint VisibilitySensor WorldInfo
-"""
-
-OTHERS = frozenset(_OTHERS.split())
-"""All other nodes; what fields they have is not looked at."""
+from terratool.importing.vrml.nodes import WIDTHS, Language
+from terratool.importing.vrml.text import NUMERIC, PlacedText, VrmlText
 
 _INT32 = 2**31
 _MEANING = {
@@ -85,9 +28,9 @@ T = TypeVar("T")
 Step = Generator[Any, Any, T]
 """A step of reading, which yields the steps in it and is sent what they return."""
 
-_DECLARE = ("PROTO", "EXTERNPROTO", "ROUTE")
-_INTERFACE = ("field", "exposedField", "eventIn", "eventOut")
+_WITH_VALUE = ("field", "exposedField", "initializeOnly", "inputOutput")
 _FLAGS = {"TRUE": True, "FALSE": False}
+_SPELLING = 0.85
 _MANY = 10_000
 """Names among which a similar one is looked for."""
 
@@ -142,7 +85,7 @@ class Proto:
     external: bool = False
 
 
-def check(text: VrmlText, value: FieldValue, kind: str, name: str, proto: Proto | None) -> None:
+def check(text: PlacedText, value: FieldValue, kind: str, name: str, proto: Proto | None) -> None:
     """Refuse the value of a field that is not of its type.
 
     Args:
@@ -183,35 +126,47 @@ def check(text: VrmlText, value: FieldValue, kind: str, name: str, proto: Proto 
         numbers = value.numbers
         wrong = (numbers != np.floor(numbers)) | (numbers < -_INT32) | (numbers >= _INT32)
         if wrong.any():
-            text.at = text.place_of(value.at, int(np.argmax(wrong)))
+            index = int(np.argmax(wrong))
             raise text.error(
-                text.at, f"{text.shown()} is no integer of 32 bits.", "Write a whole number."
+                text.place_of(value.at, index),
+                f'"{numbers[index]:.15g}" is no integer of 32 bits.',
+                "Write a whole number.",
             )
+
+
+class Unit(NamedTuple):
+    """A UNIT of X3D: what is measured in it, its name, and how many metres or radians it has."""
+
+    category: str
+    name: str
+    factor: float
 
 
 class Scene(NamedTuple):
     """What a text holds.
 
     Attributes:
+        language: which nodes there are.
         nodes: those that lie in no other one.
-        written: how many nodes the text has.
-        numbers: how many numbers it has.
+        units: those that it states.
     """
 
+    language: Language
     nodes: tuple[Node, ...]
-    written: int
-    numbers: int
+    units: tuple[Unit, ...] = ()
 
 
-def parse(text: VrmlText) -> Scene:
+def parse(text: VrmlText, language: Language) -> Scene:
     """Read what follows the first line.
 
     Raises:
-        ReadError: it is no VRML97; the message says where.
+        ReadError: it is not of that language; the message says where.
     """
-    parser = _Parser(text)
+    parser = _Parser(text, language)
+    if language.is_open:
+        parser.head()
     nodes = _finish(parser.statements(-1))
-    return Scene(nodes, parser.count, text.numbers)
+    return Scene(language, nodes, tuple(parser.units))
 
 
 def _finish(step: Step[T]) -> T:
@@ -238,13 +193,15 @@ class _Parser:
         declared: their names in order, and what each of them meant before.
         names: nodes that DEF gave a name, in the body of this PROTO.
         open: names of the nodes that are not yet read to their end.
+        units: what the head of an X3D text says of them.
         proto: the innermost PROTO whose body is read.
         scripts: how many Scripts are open; they may point at nodes that they lie in.
     """
 
-    def __init__(self, text: VrmlText) -> None:
+    def __init__(self, text: VrmlText, language: Language) -> None:
         self.text = text
-        self.count = 0
+        self.language = language
+        self.units: list[Unit] = []
         self.protos: dict[str, Proto] = {}
         self.declared: list[tuple[str, Proto | None]] = []
         self.names: dict[str, Node] = {}
@@ -253,6 +210,34 @@ class _Parser:
         self.scripts = 0
 
     # --- statements -----------------------------------------------------------------------------
+
+    def head(self) -> None:
+        """The statements with which an X3D text begins (ISO/IEC 19776-2, 4.3)."""
+        text = self.text
+        while text.peek() >= 0:
+            at = text.at
+            word = text.word("a statement")
+            if word in ("PROFILE", "COMPONENT"):
+                text.word(f"the name behind {word}")
+            elif word == "META":
+                for _ in range(2):
+                    text.peek()
+                    text.string()
+            elif word == "UNIT":
+                category, name = text.word("what is measured"), text.word("a unit")
+                self.units.append(Unit(category, name, self._factor()))
+            else:
+                text.at = at
+                return
+
+    def _factor(self) -> float:
+        text = self.text
+        text.peek()
+        at = text.at
+        numbers = text.run()
+        if len(numbers) != 1:
+            raise text.error(at, "a UNIT has no number.", "Write UNIT length foot 0.3048.")
+        return float(numbers[0])
 
     def statements(self, opened: int) -> Step[tuple[Node, ...]]:
         """Nodes, PROTOs and ROUTEs up to the brace that closes them, or up to the end.
@@ -272,14 +257,21 @@ class _Parser:
                 return tuple(nodes)
             at = text.at
             word = text.word("a node")
-            if word in _DECLARE:
+            if word in self.language.statements:
                 yield self.declaration(word, at)
             else:
                 nodes.append((yield self.node(word, at)))
 
     def declaration(self, word: str, at: int) -> Step[None]:
-        """A PROTO, an EXTERNPROTO or a ROUTE, whose first word was read."""
+        """A PROTO, an EXTERNPROTO or a ROUTE, whose first word was read; in X3D an EXPORT, too."""
         text = self.text
+        if word in ("IMPORT", "EXPORT"):
+            text.word(f"the name behind {word}")
+            text.peek()
+            if text.data.startswith(b"AS", text.at):
+                text.word("AS")
+                text.word("the name behind AS")
+            return
         if word == "ROUTE":
             text.word("the event of the ROUTE")
             if text.word('"TO"') != "TO":
@@ -322,20 +314,22 @@ class _Parser:
         text.peek()
         at = text.at
         what = text.word("a field or an event")
-        if what not in _INTERFACE:
+        known = self.language.interface
+        if what not in known:
             raise text.error(
                 at,
-                f'"{what}" is neither field, exposedField, eventIn nor eventOut.',
+                f'"{what}" is neither {", ".join(known[:3])} nor {known[3]}.',
                 "Correct the declaration.",
             )
         text.peek()
         at = text.at
         kind = text.word("a type")
-        if kind not in TYPES:
-            raise text.error(at, f'"{kind}" is no type of a field.', _close(kind, TYPES))
+        types = self.language.types
+        if kind not in types:
+            raise text.error(at, f'"{kind}" is no type of a field.', did_you_mean(kind, types))
         name = text.word("a name")
         proto.types[name] = kind
-        if given and what in ("field", "exposedField"):
+        if given and what in _WITH_VALUE:
             value = yield self.value()
             check(self.text, value, kind, name, self.proto)
             proto.defaults[name] = value
@@ -356,10 +350,12 @@ class _Parser:
         proto = self.protos.get(word)
         if proto is _ITSELF:
             raise text.error(at, f'the PROTO "{word}" contains itself.', "Give it another body.")
-        if proto is None and word not in FIELDS and word not in OTHERS:
+        language = self.language
+        if proto is None and not (
+            language.is_open or word in language.fields or word in language.others
+        ):
             raise self._unknown(word, at)
         opened = text.need(b"{", f"behind {word}")
-        self.count += 1
         node = Node(word, at, proto)
         script = word == "Script" and proto is None
         self.scripts += script
@@ -380,24 +376,32 @@ class _Parser:
         text = self.text
         at = text.at
         word = text.word("a field")
-        if node.kind == "Script" and node.proto is None and word in _INTERFACE:
+        if (
+            node.kind in ("Script", "ComposedShader")
+            and node.proto is None
+            and word in self.language.interface
+        ):
             yield self._script_field(word)
             return
-        if word in _DECLARE:
+        if word in self.language.statements:
             yield self.declaration(word, at)
             return
         value = yield self.value()
-        types = node.proto.types if node.proto else FIELDS.get(node.kind)
+        types = node.proto.types if node.proto else self.language.fields.get(node.kind)
         if types is None:
             return
         if word not in types:
+            if node.proto is None and self.language.is_open and not nearly(word, types):
+                return
             # events are of no concern, and nodes of VRML97 have others than those of their fields
             event = (
                 node.proto is None or word.removeprefix("set_").removesuffix("_changed") in types
             )
             if value.kind != "field" or not event:
                 raise text.error(
-                    at, f'{node.kind} has no field "{word}".', _close(word, types, "Remove it.")
+                    at,
+                    f'{node.kind} has no field "{word}".',
+                    did_you_mean(word, types, "Remove it."),
                 )
         else:
             check(self.text, value, types[word], word, self.proto)
@@ -409,7 +413,7 @@ class _Parser:
         text.word("a type")
         text.word("a name")
         text.peek()
-        if what in ("field", "exposedField") or text.data.startswith(b"IS", text.at):
+        if what in _WITH_VALUE or text.data.startswith(b"IS", text.at):
             yield self.value()
 
     def _used(self, name: str, at: int) -> Node:
@@ -425,7 +429,7 @@ class _Parser:
             raise self.text.error(
                 at,
                 f'no node before this USE is called "{name}".',
-                _close(name, self.names, "Name one by DEF before it is used."),
+                did_you_mean(name, self.names, "Name one by DEF before it is used."),
             )
         return self.names[name]
 
@@ -472,7 +476,7 @@ class _Parser:
                 self._no_infinity(word, at)
                 if word in _FLAGS or word == "NULL":
                     continue
-                if word in _DECLARE:
+                if word in self.language.statements:
                     yield self.declaration(word, at)
                 else:
                     nodes.append((yield self.node(word, at)))
@@ -502,7 +506,7 @@ class _Parser:
             raise text.error(
                 at,
                 f'the PROTO "{self.proto.name}" has no field "{name}".',
-                _close(name, self.proto.types, "Declare it."),
+                did_you_mean(name, self.proto.types, "Declare it."),
             )
         return FieldValue("field", at, name=name)
 
@@ -521,15 +525,25 @@ class _Parser:
         return self.text.error(
             at,
             f"VRML97 has no node {self.text.shown()}, and no PROTO before it declares one.",
-            _close(word, [*FIELDS, *OTHERS, *self.protos], "Write the file without it."),
+            did_you_mean(
+                word,
+                [*self.language.fields, *self.language.others, *self.protos],
+                "Write the file without it.",
+            ),
         )
+
+
+def nearly(word: str, known: Iterable[str]) -> bool:
+    """Whether a word is one of these but for its spelling; others are of a newer version."""
+    small = word.lower()
+    return bool(get_close_matches(small[:80], [name.lower() for name in known], 1, _SPELLING))
 
 
 _ITSELF = Proto("")
 """What the name of a PROTO stands for in its own body."""
 
 
-def _close(word: str, known: Iterable[str], otherwise: str = "Correct it.") -> str:
+def did_you_mean(word: str, known: Iterable[str], otherwise: str = "Correct it.") -> str:
     """The hint for a misspelt word."""
     names = sorted(known)
     near = get_close_matches(word[:80], names, 1) if len(names) <= _MANY else []

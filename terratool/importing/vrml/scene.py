@@ -1,4 +1,4 @@
-"""Through a VRML97 scene: nodes become triangles in the coordinates of the file."""
+"""Through a scene of VRML97 or X3D: nodes become triangles in the coordinates of the file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from terratool.errors import ReadError
 from terratool.importing.sources import Triangles
-from terratool.importing.vrml.parse import FieldValue, Node, Scene, parse
+from terratool.importing.vrml.nodes import VRML97, X3D
+from terratool.importing.vrml.parse import FieldValue, Node, Scene, Unit, parse
 from terratool.importing.vrml.shapes import (
+    PARTS,
     SIDES,
     Matrix,
     ShapeMesh,
@@ -27,24 +29,36 @@ from terratool.importing.vrml.shapes import (
     product,
     sphere,
 )
-from terratool.importing.vrml.text import VrmlText
+from terratool.importing.vrml.text import PlacedText, VrmlText, short
+from terratool.importing.vrml.xml import parse_xml
 from terratool.kernels import importing as kernels
 from terratool.text.source import read_source
 
-REPEATED = 50_000_000
-"""Steps that USE and PROTO may take beyond what was written: a number is one, a triangle is one."""
+REPEATED = 25_000_000
+"""Steps that USE and PROTO may take beyond what was written, of some 20 ns each …"""
 
-_VISIT = 25
-"""Steps of a visit to a node."""
+_PER_BYTE = 50
+"""… and so many more for each byte of the text."""
 
+_VISIT, _POSE, _MESH, _SPINE = 200, 1300, 1000, 2000
+"""Steps of a visit to a node, of a Transform, of any shape, and of a point of a spine."""
+
+_ROUND = 8
+"""Steps of each triangle of a shape that is computed; of others a number or triangle is one."""
+
+_GROUPS = ("Anchor", "Billboard", "Collision", "Group", "Transform")
+_GROUPS_OF_X3D = ("CADAssembly", "CADLayer", "CADPart", "StaticGroup")
 _CHILDREN = {
-    **dict.fromkeys(("Anchor", "Billboard", "Collision", "Group", "Transform"), "children"),
-    "LOD": "level",
-    "Shape": "geometry",
-    "Switch": "choice",
+    **dict.fromkeys((*_GROUPS, *_GROUPS_OF_X3D), ("children",)),
+    "CADFace": ("shape",),
+    "LOD": ("level", "children"),
+    "Shape": ("geometry",),
+    "Switch": ("choice", "children"),
 }
+"""Fields with what is to be seen; of two names the first is that of VRML97."""
+
 _SOLIDS = ("Box", "Cone", "Cylinder", "Sphere", "ElevationGrid", "Extrusion", "IndexedFaceSet")
-_LEFT = ("IndexedLineSet", "PointSet", "Text")
+_LEFT = ("IndexedLineSet", "PointSet", "Text", "LineSet")
 Number = TypeVar("Number", np.float64, np.int32)
 _SQUARE = (1, 1, 1, -1, -1, -1, -1, 1, 1, 1)
 _READ_AS = {
@@ -54,12 +68,21 @@ _READ_AS = {
     "Cylinder": f"as one of {SIDES} sides",
     "Sphere": f"with {SIDES} sides around and {SIDES // 2} from pole to pole",
 }
+_HEAD = 1 << 16
+"""Bytes that have the head of an X3D file."""
+
+_KINDS = 5
+"""Kinds of nodes that are named before there are too many."""
+
 UP = "y"
 """The axis that points up in VRML97 (4.4.5)."""
 
-_header = re.compile(rb"#VRML V2\.0[ \t]+utf8(?!\S)").match
+_header = re.compile(rb"#(?:VRML V2\.0|(X3D) V[34]\.[0-9])[ \t]+utf8(?!\S)").match
+_xml = re.compile(rb"\s*<").match
+_stated_in_xml = re.compile(
+    rb"<meta\s+name\s*=\s*[\"']up[\"']\s+content\s*=\s*[\"']([xyz])[\"']"
+).search
 _stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
-_EXPORT = "Export it as VRML97, which is VRML 2.0."
 
 
 class _Scope(NamedTuple):
@@ -77,7 +100,7 @@ class _Place(NamedTuple):
     pose: Matrix | None
 
 
-def walk(scene: Scene, text: VrmlText) -> Triangles:
+def walk(scene: Scene, text: PlacedText) -> Triangles:
     """All triangles of a scene, in the order of the text.
 
     Raises:
@@ -88,7 +111,25 @@ def walk(scene: Scene, text: VrmlText) -> Triangles:
     with np.errstate(all="ignore"):  # what becomes too large is refused
         while pending:
             pending += reversed(walker.visit(pending.pop()))
-    return walker.triangles()
+        return _in_metres(walker.triangles(), scene.units, text)
+
+
+def _in_metres(found: Triangles, units: tuple[Unit, ...], text: PlacedText) -> Triangles:
+    """Triangles of a scene that states its units (ISO/IEC 19775-1, 4.3.6).
+
+    Raises:
+        ReadError: angles are in others than radians.
+    """
+    for unit in units:
+        if unit.category == "angle" and unit.factor != 1.0:
+            raise ReadError(
+                f"{text.name}: its angles are in {unit.name}, and not in radians.",
+                "Export it with angles in radians.",
+            )
+        if unit.category == "length" and unit.factor != 1.0:
+            note = f"Lengths are in {unit.name}; metres were made of them."
+            found = Triangles(found.vertices * unit.factor, found.faces, (*found.notes, note))
+    return found
 
 
 class _Fields(NamedTuple):
@@ -138,22 +179,34 @@ class _Fields(NamedTuple):
 
 
 class _Walker:
-    """What was found so far."""
+    """What was found so far.
 
-    def __init__(self, scene: Scene, text: VrmlText) -> None:
+    Attributes:
+        steps: what is left of them.
+        visited: nodes by `id`.
+        again: whether the node that is visited was so before.
+    """
+
+    def __init__(self, scene: Scene, text: PlacedText) -> None:
         self.text = text
-        self.steps = REPEATED + 2 * _VISIT * scene.written + 4 * scene.numbers
+        self.language = scene.language
+        self.steps = REPEATED + _PER_BYTE * len(text.data)
+        self.visited: set[int] = set()
+        self.again = False
         self.vertices: list[NDArray[np.float64]] = []
         self.faces: list[NDArray[np.int32]] = []
         self.size = 0
         self.seen: Counter[str] = Counter()
+        self.unknown: Counter[str] = Counter()
         self.flat = 0
         self.crossed = 0
 
     def visit(self, place: _Place) -> list[_Place]:
         """Take up a node; returns those in it that are to be seen."""
         node, scope, outer = place
-        self.spend(_VISIT, node)
+        self.again = id(node) in self.visited
+        self.visited.add(id(node))
+        self.charge(_VISIT, node)
         if node.proto is not None:
             if node.proto.external:
                 raise self._elsewhere(node)
@@ -163,19 +216,24 @@ class _Walker:
         if kind == "Inline":
             raise self._elsewhere(node)
         self.seen[kind] += 1
-        if kind in _SOLIDS:
+        if kind in _SOLIDS or kind in PARTS:
             self._add(node, self._mesh(_Fields(self, node, scope)), outer)
             return []
         if kind not in _CHILDREN:
+            self.unknown[kind] += not (kind in self.language.others or kind in self.language.fields)
             return []
         fields = _Fields(self, node, scope)
-        children, scope_of_children = fields.nodes(_CHILDREN[kind])
+        names = _CHILDREN[kind]
+        children, scope_of_children = fields.nodes(names[0])
+        if not children and len(names) > 1:
+            children, scope_of_children = fields.nodes(names[1])
         if kind == "LOD":
             children = children[:1]
         elif kind == "Switch":
             which = fields.integer("whichChoice", -1)
             children = children[which : which + 1] if which >= 0 else ()
-        elif kind == "Transform":
+        elif kind in ("Transform", "CADPart"):
+            self.charge(_POSE, node)
             own = pose(
                 fields.numbers("center", (0, 0, 0)),
                 fields.numbers("rotation", (0, 0, 1, 0)),
@@ -204,15 +262,18 @@ class _Walker:
 
     def _mesh(self, fields: _Fields) -> ShapeMesh:
         kind = fields.node.kind
+        self.charge(_MESH, fields.node)
         if kind == "IndexedFaceSet":
             mesh = self._face_set(fields)
         elif kind == "ElevationGrid":
             mesh = self._elevation_grid(fields)
         elif kind == "Extrusion":
             mesh = self._extrusion(fields)
+        elif kind in PARTS:
+            mesh = self._triangle_set(fields)
         else:
             mesh = self._solid(fields)
-            self.spend(len(mesh.faces), fields.node)
+            self.charge(_ROUND * len(mesh.faces), fields.node)
             return mesh
         return mesh if fields.flag("ccw") else ShapeMesh(mesh.vertices, mesh.faces[:, ::-1])
 
@@ -230,7 +291,39 @@ class _Walker:
 
     def _face_set(self, fields: _Fields) -> ShapeMesh:
         node = fields.node
-        value, _ = fields.value("coordIndex")
+        points = self._points(fields)
+        numbers = self._indices(fields, "coordIndex", len(points))
+        faces, flat, crossed = kernels.triangulate(points, numbers)
+        self.charge(len(faces), node)
+        self.flat += flat
+        self.crossed += crossed
+        return ShapeMesh(points, faces)
+
+    def _triangle_set(self, fields: _Fields) -> ShapeMesh:
+        """Triangles, quadrilaterals, strips or fans of X3D (ISO/IEC 19775-1, 11.4)."""
+        node = fields.node
+        points = self._points(fields)
+        part = PARTS[node.kind]
+        if part.numbers:
+            numbers = self._indices(fields, part.numbers, len(points))
+        else:
+            numbers = np.arange(len(points), dtype=np.int32)
+            self.charge(len(numbers), node)
+        counts = None
+        if part.counts:
+            counts = fields.numbers(part.counts, ())
+            if (counts < 3).any() or counts.sum() != len(numbers):
+                raise self.text.error(
+                    node.at,
+                    f'"{part.counts}" does not fit the {len(numbers):,} points.',
+                    "Write numbers from 3 on that come to as many as there are points.",
+                )
+        faces = part.faces(numbers, counts)
+        self.charge(len(faces), node)
+        return ShapeMesh(points, faces)
+
+    def _points(self, fields: _Fields) -> NDArray[np.float64]:
+        """What "coord" has, (n, 3)."""
         nodes, inner = fields.nodes("coord")
         coord = nodes[0] if nodes else None
         while coord is not None and coord.proto is not None:
@@ -239,32 +332,32 @@ class _Walker:
                 raise self._elsewhere(coord)
             inner = _Scope(coord, inner)
             coord = coord.proto.body
-        points = np.empty((0, 3))
-        if coord is not None:
-            if coord.kind != "Coordinate":
-                raise self.text.error(
-                    coord.at,
-                    f'"coord" is a {coord.kind} and no Coordinate.',
-                    "Correct the node, or write the file again.",
-                )
-            points = _Fields(self, coord, inner).numbers("point", ()).reshape(-1, 3)
+        if coord is None:
+            return np.empty((0, 3))
+        if coord.kind not in ("Coordinate", "CoordinateDouble"):
+            raise self.text.error(
+                coord.at,
+                f'"coord" is a {coord.kind} and no Coordinate.',
+                "Correct the node, or write the file again.",
+            )
+        return _Fields(self, coord, inner).numbers("point", ()).reshape(-1, 3)
+
+    def _indices(self, fields: _Fields, name: str, count: int) -> NDArray[np.int32]:
+        """Numbers of points, of which there are `count`, and numbers below 0."""
+        value, _ = fields.value(name)
         numbers = np.empty(0) if value is None else value.numbers
-        self.spend(len(numbers), node)
-        wrong = numbers >= len(points)
+        self.charge(len(numbers), fields.node)
+        wrong = numbers >= count
         if wrong.any():
             assert value is not None
             index = int(np.argmax(wrong))
-            last = f"the last one is {len(points) - 1:,}" if len(points) else "there are none"
+            last = f"the last one is {count - 1:,}" if count else "there are none"
             raise self.text.error(
                 self.text.place_of(value.at, index),
                 f"there is no point {int(numbers[index]):,}; {last}.",
                 "Correct the index, or add the points that are missing.",
             )
-        faces, flat, crossed = kernels.triangulate(points, numbers.astype(np.int32))
-        self.spend(len(faces), node)
-        self.flat += flat
-        self.crossed += crossed
-        return ShapeMesh(points, faces)
+        return numbers.astype(np.int32)
 
     def _elevation_grid(self, fields: _Fields) -> ShapeMesh:
         columns, rows = fields.integer("xDimension", 0), fields.integer("zDimension", 0)
@@ -275,7 +368,7 @@ class _Walker:
                 f"the ElevationGrid of {columns:,} × {rows:,} has {len(heights):,} heights.",
                 "Correct xDimension and zDimension, or the list of heights.",
             )
-        self.spend(3 * len(heights), fields.node)
+        self.charge(3 * len(heights), fields.node)
         return elevation_grid(
             heights.reshape(rows, columns),
             fields.number("xSpacing", 1),
@@ -297,7 +390,9 @@ class _Walker:
                 )
         if len(section) < 2 or len(spine) < 2:
             return ShapeMesh(np.empty((0, 3)), np.empty((0, 3), np.int32))
-        self.spend(2 * len(section) * len(spine) + _VISIT * len(spine), fields.node)
+        # what is written once can be large, too
+        self.spend(2 * len(section) * len(spine), fields.node)
+        self.charge(_SPINE * len(spine), fields.node)
         caps = fields.flag("beginCap"), fields.flag("endCap")
         return extrusion(section, spine, scales, turns, *caps)
 
@@ -323,6 +418,11 @@ class _Walker:
 
     # --- limits and notes -----------------------------------------------------------------------
 
+    def charge(self, steps: int, node: Node) -> None:
+        """Count the steps of a node that was visited before."""
+        if self.again:
+            self.spend(steps, node)
+
     def spend(self, steps: int, node: Node) -> None:
         """Count the steps of reading; USE and PROTO can repeat without end."""
         self.steps -= steps
@@ -346,6 +446,11 @@ class _Walker:
         left = [f"{self.seen[kind]:,} {kind}" for kind in _LEFT if self.seen[kind]]
         if left:
             notes.append(f"Left out, as it has no faces: {', '.join(left)}.")
+        others = [f"{count:,} {short(kind)}" for kind, count in self.unknown.items() if count]
+        if len(others) > _KINDS:
+            others[_KINDS:] = [f"and {len(others) - _KINDS:,} kinds more"]
+        if others:
+            notes.append(f"Left out, as nodes of these kinds are not read: {', '.join(others)}.")
         if self.flat:
             notes.append(f"Polygons left out, as they have no area: {self.flat:,}.")
         if self.crossed:
@@ -377,44 +482,58 @@ def _used(mesh: ShapeMesh) -> ShapeMesh:
 
 
 def read_vrml(path: str | Path) -> Triangles:
-    """The surfaces of a VRML97 file, or of a gzip of one, in the coordinates of the file.
+    """The surfaces of a file of VRML97 or X3D, or of a gzip of one, in the coordinates of the file.
 
     Nothing is turned: y is up by the standard (see `UP`), whatever a file's author thought.
 
     Raises:
-        ReadError: the file is missing, unreadable, no VRML97, or has no surface; or needs others.
+        ReadError: the file is missing, unreadable, neither of the two, or has no surface; or needs
+            others.
     """
     source = read_source(path)
-    match = _header(source.data)
+    scene, text = _scene_of(source.name, source.data)
+    return walk(scene, text)
+
+
+def _scene_of(name: str, data: bytes) -> tuple[Scene, PlacedText]:
+    """The nodes of a text, by what it begins with."""
+    if _xml(data):
+        text = PlacedText(name, data)
+        return parse_xml(text), text
+    match = _header(data)
     if match is None:
-        raise _other(source.name, source.data)
-    text = VrmlText(source.name, source.data)
-    return walk(parse(text), text)
+        raise _other(name, data)
+    words = VrmlText(name, data)
+    return parse(words, X3D if match[1] else VRML97), words
 
 
 def stated_up(path: str | Path) -> str | None:
-    """The axis that a comment before the first node states, as files of this project do.
+    """The axis that a file states, as those of this project do.
 
     Returns:
-        "x", "y" or "z" where a comment is just "z is up"; None without one.
+        "x", "y" or "z" where a comment of VRML before the first node is just "z is up", or a meta
+        of X3D with the name "up" says so; None without one.
 
     Raises:
         ReadError: the file cannot be read.
     """
-    match = _stated(read_source(path).data)
+    data = read_source(path).data
+    head = data[:_HEAD].partition(b"<Scene")[0]
+    match = _stated_in_xml(head) if _xml(data) else _stated(data)
     return match[1].decode() if match else None
 
 
 def _other(name: str, data: bytes) -> ReadError:
-    """What a file is that does not begin as VRML97 does."""
+    """What a file is that begins as none does."""
     where = f"{name}:1:1:"
     if not data:
         return ReadError(f"{where} the file is empty.", "Write or fetch it again.")
     if data.startswith(b"#VRML V1.0"):
-        return ReadError(f"{where} this is VRML 1.0, and only VRML97 can be read.", _EXPORT)
-    if data.startswith(b"#X3D") or re.match(rb"\s*<(\?xml|!DOCTYPE X3D|X3D)\b", data):
-        return ReadError(f"{where} this is X3D, and only VRML97 can be read.", _EXPORT)
+        return ReadError(
+            f"{where} this is VRML 1.0, and only VRML97 and X3D can be read.",
+            "Export it as VRML97, which is VRML 2.0.",
+        )
     return ReadError(
-        f'{where} the file does not begin with "#VRML V2.0 utf8", so it is no VRML97.',
-        "Choose another file, or export it as VRML97.",
+        f'{where} the file begins neither with "#VRML V2.0 utf8" nor as X3D does.',
+        "Choose another file, or export it as VRML97 or X3D.",
     )

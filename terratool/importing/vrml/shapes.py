@@ -1,8 +1,9 @@
-"""Shapes of VRML97 as triangles, and their poses; y up."""
+"""Shapes of VRML97 and X3D as triangles, and their poses; y up."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -149,6 +150,79 @@ def elevation_grid(heights: NDArray[np.float64], across: float, along: float) ->
     around = (south[:, :-1], south[:, 1:], north[:, 1:], north[:, :-1])
     quads = np.stack(around, axis=-1).reshape(-1, 4)
     return ShapeMesh(vertices.reshape(-1, 3), halved(quads))
+
+
+Ints = NDArray[np.int32]
+
+
+class Part(NamedTuple):
+    """How a node of X3D makes triangles of points.
+
+    Attributes:
+        numbers: the field with their numbers; "" where they are taken as they come.
+        counts: the field with how many each strip or fan has; "" for none.
+        faces: makes (m, 3) corners of (n,) numbers, and of these counts.
+    """
+
+    numbers: str
+    counts: str
+    faces: Callable[[Ints, NDArray[np.float64] | None], Ints]
+
+
+def _by_threes(numbers: Ints, _: object) -> Ints:
+    """Whole triangles (11.4.8); what is left over is none."""
+    return _listed(numbers[: len(numbers) // 3 * 3].reshape(-1, 3))
+
+
+def _by_fours(numbers: Ints, _: object) -> Ints:
+    return _listed(halved(numbers[: len(numbers) // 4 * 4].reshape(-1, 4)))
+
+
+def _strips(numbers: Ints, counts: NDArray[np.float64] | None) -> Ints:
+    """Every corner with the two before it; every second triangle is turned over (11.4.10)."""
+    place = _places(numbers, counts)
+    ends = np.flatnonzero((place >= 2) & (numbers >= 0))
+    before, last = numbers[ends - 2], numbers[ends - 1]
+    odd = place[ends] % 2 == 1
+    faces = np.column_stack((np.where(odd, last, before), np.where(odd, before, last)))
+    return _listed(np.column_stack((faces, numbers[ends])))
+
+
+def _fans(numbers: Ints, counts: NDArray[np.float64] | None) -> Ints:
+    """Every corner with the one before it and the first (11.4.7)."""
+    place = _places(numbers, counts)
+    ends = np.flatnonzero((place >= 2) & (numbers >= 0))
+    return _listed(np.column_stack((numbers[ends - place[ends]], numbers[ends - 1], numbers[ends])))
+
+
+def _places(numbers: Ints, counts: NDArray[np.float64] | None) -> NDArray[np.int64]:
+    """Where in its strip or fan each corner stands; these end with a number below 0."""
+    everywhere = np.arange(len(numbers))
+    begins = np.zeros(len(numbers), np.int64)
+    if counts is None:
+        ends = np.flatnonzero(numbers[:-1] < 0) + 1
+    else:
+        ends = np.cumsum(counts).astype(np.int64)[:-1]
+    begins[ends] = ends
+    return everywhere - np.maximum.accumulate(begins)
+
+
+def _listed(faces: Ints) -> Ints:
+    """Without those that have a corner below 0, which is none."""
+    return np.ascontiguousarray(faces[(faces >= 0).all(axis=1)], np.int32)
+
+
+PARTS = {
+    "IndexedQuadSet": Part("index", "", _by_fours),
+    "IndexedTriangleFanSet": Part("index", "", _fans),
+    "IndexedTriangleSet": Part("index", "", _by_threes),
+    "IndexedTriangleStripSet": Part("index", "", _strips),
+    "QuadSet": Part("", "", _by_fours),
+    "TriangleFanSet": Part("", "fanCount", _fans),
+    "TriangleSet": Part("", "", _by_threes),
+    "TriangleStripSet": Part("", "stripCount", _strips),
+}
+"""Nodes of X3D that VRML97 does not have."""
 
 
 def _circle(radius: float, y: float) -> NDArray[np.float64]:

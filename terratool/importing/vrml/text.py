@@ -1,4 +1,4 @@
-"""The words of a VRML97 text, and where they stand."""
+"""The words of a text of VRML97 or X3D, and where they stand."""
 
 from __future__ import annotations
 
@@ -28,25 +28,51 @@ _GAPS = frozenset(b"\t\n\v\f\r ,#")
 _SHOWN = 40
 
 
-class VrmlText:
-    """A text that is read from its beginning to its end.
+_long = re.compile(rf"[^\s\"]{{{_SHOWN + 1},}}").sub
 
-    Attributes:
-        at: the next byte.
-        numbers: how many were read.
-    """
+
+def short(word: str) -> str:
+    """A word of a text as it may stand in a message."""
+    if len(word) > _SHOWN:
+        word = word[: _SHOWN - 1] + "…"
+    return "".join(c if c.isprintable() else "�" for c in word)
+
+
+def _readable(message: str) -> str:
+    """A message in which words of the text stand as they are."""
+    words = _long(lambda match: short(match.group()), message)
+    return "".join(c if c.isprintable() else "�" for c in words)
+
+
+class PlacedText:
+    """A text in which nodes stand at bytes."""
 
     def __init__(self, name: str, data: bytes) -> None:
         self.name = name
         self.data = data
-        self.at = 0
-        self.numbers = 0
-        self._bytes = np.frombuffer(data, np.uint8)
 
     def error(self, at: int, message: str, hint: str) -> ReadError:
         """What is wrong at a byte, with its line and its column."""
         (place,) = positions_of(self.data, [at])
-        return ReadError(f"{self.name}:{place.line}:{place.column}: {message}", hint)
+        where = f"{self.name}:{place.line}:{place.column}"
+        return ReadError(f"{where}: {_readable(message)}", _readable(hint))
+
+    def place_of(self, at: int, index: int) -> int:  # noqa: ARG002, others can tell
+        """Where the number of an index stands in the value of a field that begins at a byte."""
+        return at
+
+
+class VrmlText(PlacedText):
+    """A text that is read from its beginning to its end.
+
+    Attributes:
+        at: the next byte.
+    """
+
+    def __init__(self, name: str, data: bytes) -> None:
+        super().__init__(name, data)
+        self.at = 0
+        self._bytes = np.frombuffer(data, np.uint8)
 
     def peek(self) -> int:
         """The first byte of the next word, or -1 at the end."""
@@ -86,11 +112,11 @@ class VrmlText:
         self.at = match.end()
         return match.group().decode("utf-8", "replace")
 
-    def string(self) -> None:
-        """Pass over a string.
+    def string(self) -> str:
+        """Pass over a string; returns what stands between the quotation marks.
 
         Raises:
-            ReadError: it has no end.
+            ReadError: it has no end, or is none.
         """
         match = _string(self.data, self.at)
         if match is None:
@@ -100,6 +126,7 @@ class VrmlText:
                 "Close it by a quotation mark; the file may be cut off.",
             )
         self.at = match.end()
+        return match.group()[1:-1].decode("utf-8", "replace")
 
     def run(self) -> NDArray[np.float64]:
         """The numbers that follow, (n,) float64.
@@ -114,7 +141,6 @@ class VrmlText:
         self.at = end
         if end < len(self.data) and self.data[end] in NUMERIC:
             raise self.error(end, f"{self.shown()} is no number.", "Write it as 12 or 1.5e-3.")
-        self.numbers += len(numbers)
         return numbers
 
     def _hard(self) -> float:
@@ -142,10 +168,7 @@ class VrmlText:
             return "the end of the file"
         match = _word(self.data, self.at)
         word = (match.group() if match else self.data[self.at : self.at + 1])[: 4 * _SHOWN]
-        text = word.decode("utf-8", "replace")
-        if len(text) > _SHOWN:
-            text = text[: _SHOWN - 1] + "…"
-        return '"' + "".join(c if c.isprintable() else "�" for c in text) + '"'
+        return f'"{short(word.decode("utf-8", "replace"))}"'
 
     def unexpected(self, what: str) -> ReadError:
         """What comes next is not what it should be."""

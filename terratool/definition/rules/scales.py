@@ -1,0 +1,121 @@
+"""Elements whose height is the default, where others have heights of their own."""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections.abc import Iterable, Iterator, Sequence
+
+from msgspec import UNSET
+
+from terratool.definition.findings import Remark
+from terratool.definition.rules.base import Subject, rule
+from terratool.definition.rules.steps import cell_sides
+from terratool.definition.summaries import value_range
+from terratool.text.display import shown
+
+_SAME = 1e-6
+
+
+@rule("TT212", "default-scale", "warning")
+def default_scale(subject: Subject) -> Iterator[Remark]:
+    """An element has no vScale, but most of its neighbours have one that is not the default.
+
+    The default is the side of its cell by the side of the terrain: 0.1 in a grid of 10 × 10, 0.01
+    one level further in. So an element without vScale has a height, which its primitive alone does
+    not tell. Neighbours are the siblings, and for an only child all others of its level. Nothing
+    is said of voids and of primitives that are 0 everywhere.
+
+    Fails:
+
+        {
+          "size": 50,
+          "elemTypes": {"box": {"x": [1]}, "gravel": {"x": [0, 0.7, 0]}},
+          "elemTree": {
+            "type": "box",
+            "children": [
+              {"type": "box", "cellX": 2, "cellY": 1, "vScale": 0.3},
+              {"type": "gravel", "cellX": 3, "cellY": 1}
+            ]
+          }
+        }
+
+    Passes:
+
+        {
+          "size": 50,
+          "elemTypes": {"box": {"x": [1]}, "gravel": {"x": [0, 0.7, 0]}},
+          "elemTree": {
+            "type": "box",
+            "children": [
+              {"type": "box", "cellX": 2, "cellY": 1, "vScale": 0.3},
+              {"type": "gravel", "cellX": 3, "cellY": 1, "vScale": 0.02}
+            ]
+          }
+        }
+
+    To mend: write the vScale that is meant, also where it is the default.
+    """
+    tree = subject.tree
+    scales = tree.column("v_scale")
+    if UNSET not in scales or tree.distinct("v_scale") == {UNSET}:
+        return
+    heights = _Heights(subject)
+    alone: dict[int, list[int]] = {}
+    for _, begin, end in tree.families:
+        if UNSET not in scales[begin:end]:
+            continue
+        own = [i for i in range(begin, end) if heights.by_default(i)]
+        if end - begin == 1:
+            alone.setdefault(bisect(tree.levels, begin), []).extend(own)
+        elif own:
+            yield from heights.remarks(own, range(begin, end))
+    for level, own in alone.items():
+        yield from heights.remarks(own, range(*tree.levels[level - 1 : level + 1]))
+
+
+class _Heights:
+    """What the elements of a terrain make of their vScale."""
+
+    def __init__(self, subject: Subject) -> None:
+        definition, tree = subject.definition, subject.tree
+        self._scales, self._types = tree.column("v_scale"), tree.column("type")
+        self._surfaces = tree.column("surface")
+        self._ranges = {name: value_range(shape) for name, shape in subject.summaries.items()}
+        self._voids = {name for name, it in definition.surfaces.items() if it.void is True}
+        self._sides = cell_sides(tree)
+        self._subject = subject
+
+    def matters(self, index: int) -> bool:
+        """Whether the vScale of an element makes a difference."""
+        span = self._ranges.get(self._types[index], (0.0, 0.0))
+        return span != (0.0, 0.0) and self._surfaces[index] not in self._voids
+
+    def by_default(self, index: int) -> bool:
+        """Whether an element has a height, though it has no vScale."""
+        unsaid = self._scales[index] is UNSET and not self._subject.left_out(index, "vScale")
+        return unsaid and self.matters(index)
+
+    def remarks(self, own: Sequence[int], group: Iterable[int]) -> Iterator[Remark]:
+        """Of elements without vScale those of whose group most others have another one."""
+        shaped = [i for i in group if self.matters(i)]
+        scales = ((self._scales[i], min(self._sides[i])) for i in shaped)
+        others = [s for s, default in scales if s is not UNSET and not _same(s, default)]
+        if not others or 2 * len(others) < len(shaped):
+            return
+        low, high = min(others), max(others)
+        theirs = shown(low) if low == high else f"{shown(low)} to {shown(high)}"
+        for index in own:
+            default = min(self._sides[index])
+            least, most = (default * value for value in self._ranges[self._types[index]])
+            tallest = max(least, most, key=abs)
+            yield Remark(
+                "",
+                f'"vScale" is missing: the default here, {default:.4g}, makes the element '
+                f"{tallest:.4g} high, while its neighbours have {theirs}.",
+                f"Write the vScale that is meant; {default:.9g} is what it has now.",
+                element=index,
+            )
+
+
+def _same(one: float, other: float) -> bool:
+    return abs(one - other) <= _SAME * abs(other)

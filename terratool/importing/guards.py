@@ -1,0 +1,136 @@
+"""What a raster claims, held against what its file has, before memory is taken for it."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from terratool.errors import ReadError
+
+HARMLESS = 1 << 22
+"""So many pixels are believed of any file."""
+PACKED, RAW = 4096, 16
+"""Pixels that a byte may stand for: where pixels are compressed, or missing; and where not."""
+
+_RAW_DRIVERS = frozenset(
+    ["AAIGrid", "BT", "DTED", "EHdr", "ENVI", "GS7BG", "GSAG", "GSBG", "ISIS3", "LCP", "NWT_GRD",
+     "PDS", "PDS4", "PNM", "ROI_PAC", "RST", "SAGA", "SDTS", "SIGDEM", "Terragen", "USGSDEM",
+     "VICAR", "XYZ", "ZMap"]
+)  # fmt: skip
+_PACKED_FILES = (".gz", ".jp2", ".tif", ".tiff", ".zip")
+
+_PROBED_PIXELS = 1 << 24
+_PROBE_BYTES = 400 << 20
+_PROBE_SECONDS = 60
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HINT = "Check the file with gdalinfo -checksum, or fetch it again."
+
+
+def refuse_claims(name: str, file: Any) -> None:
+    """Refuse a raster that claims more pixels than its files can hold.
+
+    Args:
+        name: of the raster.
+        file: what rasterio opened.
+
+    Raises:
+        ReadError: it does; or its place or its values are no numbers.
+    """
+    if not all(map(math.isfinite, file.transform)) or file.transform.determinant == 0:
+        raise ReadError(f"{name}: its pixels have no size, or lie nowhere.", _HINT)
+    if not all(map(math.isfinite, (*file.scales, *file.offsets))):
+        raise ReadError(f"{name}: its values have a scale or an offset that is no number.", _HINT)
+    sizes = [Path(part).stat().st_size for part in file.files if Path(part).is_file()]
+    if not sizes:  # in an archive
+        return
+    raw = file.driver in _RAW_DRIVERS and not any(
+        part.lower().endswith(_PACKED_FILES) for part in file.files
+    )
+    most = max(HARMLESS, sum(sizes) * (RAW if raw else PACKED))
+    if file.width * file.height > most:
+        raise ReadError(
+            f"{name}: claims {file.width:,} × {file.height:,} pixels, but has {sum(sizes):,} "
+            "bytes.",
+            _HINT,
+        )
+
+
+def refuse_surfer_claims(name: str, head: bytes) -> None:
+    """Refuse an ASCII grid of Surfer with more rows than bytes: GDAL would make a list of them.
+
+    Raises:
+        ReadError: it has.
+    """
+    words = head[:200].split()
+    if words[:1] == [b"DSAA"] and len(words) > 2:
+        counts = [int(word) if word.isdigit() else 0 for word in words[1:3]]
+        size = Path(name).stat().st_size
+        if counts[0] * counts[1] > max(HARMLESS, RAW * size):
+            raise ReadError(
+                f"{name}: claims {counts[0]:,} × {counts[1]:,} pixels, but has {size:,} bytes.",
+                _HINT,
+            )
+
+
+def is_netcdf(head: bytes) -> bool:
+    """Whether a file that begins like this is for the netCDF driver."""
+    return head.startswith((b"CDF", _HDF5)) or head[512:520] == _HDF5
+
+
+def probe(name: str) -> None:
+    """Open a netCDF in a process of its own, with little memory, and read from it.
+
+    The library takes the counts in a broken header at their word, and may crash.
+
+    Raises:
+        ReadError: that process did not come to its end.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", f"from {__name__} import main; main()", name],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=_PROBE_SECONDS,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise ReadError(f"{name}: takes too long to be opened.", _HINT) from None
+    if done.returncode:
+        reason = done.stdout.decode("utf-8", "replace").strip() or "GDAL crashed"
+        raise ReadError(f"{name}: cannot be read as a netCDF ({reason}).", _HINT)
+
+
+def main() -> None:
+    """Open what the command line names, and read from it; on failure say why."""
+    import rasterio
+    from rasterio._path import _parse_path
+    from rasterio.io import DatasetReader
+    from rasterio.windows import Window
+
+    _limit_memory()
+    try:
+        with rasterio.Env(), DatasetReader(_parse_path(sys.argv[1]), driver=["netCDF"]) as file:
+            rows = min(file.height, max(1, _PROBED_PIXELS // file.width)) if file.count else 0
+            if file.width * rows <= 2 * _PROBED_PIXELS:
+                step = max(1, (1 << 20) // file.width)
+                for row in range(0, rows, step):
+                    file.read(1, window=Window(0, row, file.width, min(step, rows - row)))
+    except Exception as error:
+        sys.stdout.write(str(error.__cause__ or error).rstrip("."))
+        sys.stdout.flush()
+        os._exit(1)
+
+
+def _limit_memory() -> None:
+    """Let this process have not much more memory than it has, where the system can."""
+    try:
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+        most = pages * resource.getpagesize() + _PROBE_BYTES
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    except (ImportError, OSError, ValueError):
+        return

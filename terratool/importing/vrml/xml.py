@@ -1,0 +1,248 @@
+"""X3D as XML (ISO/IEC 19776-1) becomes the nodes that the other encodings have.
+
+It is read by expat, which has neither the net nor the disk. What would make it large or curious is
+refused, and no tree of XML is built.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from terratool.errors import ReadError
+from terratool.importing.expat import EntityError, hardened
+from terratool.importing.vrml.nodes import X3D
+from terratool.importing.vrml.parse import (
+    FieldValue,
+    Node,
+    Proto,
+    Scene,
+    Unit,
+    check,
+    did_you_mean,
+    nearly,
+)
+from terratool.importing.vrml.text import PlacedText, VrmlText
+
+_FIELD_OF = {
+    "Appearance": "appearance",
+    "Color": "color",
+    "ColorRGBA": "color",
+    "Coordinate": "coord",
+    "CoordinateDouble": "coord",
+    "Normal": "normal",
+    "TextureCoordinate": "texCoord",
+}
+"""The field of its parent that a node stands in, if it does not say so and is no child."""
+
+_FLAGS = {"true": True, "false": False}
+_FRAMES = ("X3D", "head", "Scene")
+"""Elements around nodes."""
+
+_STATEMENTS = ("ExternProtoDeclare", "EXPORT", "IMPORT", "IS", "ProtoDeclare", "ROUTE")
+"""Elements that are no nodes, besides those in small letters."""
+
+_ELSEWHERE = Proto("", external=True)
+"""What declares all types of instances: none is expanded."""
+
+
+@dataclass(slots=True)
+class _Open:
+    """An element that is not yet read to its end.
+
+    Attributes:
+        node: what it is; None where it is none, or lies in what is passed over.
+        name: that DEF gives it.
+        where: the field of its parent that it stands in.
+        nodes: in it, by field.
+    """
+
+    node: Node | None
+    name: str = ""
+    where: str = ""
+    nodes: dict[str, list[Node]] = field(default_factory=dict)
+
+
+def parse_xml(text: PlacedText) -> Scene:
+    """Read an X3D scene.
+
+    Raises:
+        ReadError: it is no X3D, or wants more than is in it; the message says where.
+    """
+    return _Reader(text).scene()
+
+
+class _Reader:
+    """Where reading has come to.
+
+    Attributes:
+        open: elements from the root on.
+        skipped: how many of the innermost ones are passed over with all that they have.
+        names: nodes that DEF gave a name.
+        unfinished: names of nodes that are open.
+    """
+
+    def __init__(self, text: PlacedText) -> None:
+        self.text = text
+        self.parser = hardened()
+        self.parser.StartElementHandler = self.begin
+        self.parser.EndElementHandler = self.end
+        self.open: list[_Open] = []
+        self.skipped = 0
+        self.names: dict[str, Node] = {}
+        self.unfinished: dict[str, int] = {}
+        self.top: list[Node] = []
+        self.units: list[Unit] = []
+
+    def scene(self) -> Scene:
+        """What the whole text holds."""
+        try:
+            self.parser.Parse(self.text.data, True)
+        except expat.ExpatError as error:
+            place = f"{self.text.name}:{error.lineno}:{error.offset + 1}"
+            raise ReadError(
+                f"{place}: this is no well-formed XML ({expat.ErrorString(error.code)}).",
+                "The file may be cut off; write or fetch it again.",
+            ) from error
+        except EntityError as error:
+            raise self.text.error(
+                self.parser.CurrentByteIndex, f"{error}.", "Export it without them."
+            ) from error
+        return Scene(X3D, tuple(self.top), tuple(self.units))
+
+    # --- elements -------------------------------------------------------------------------------
+
+    def begin(self, tag: str, words: dict[str, str]) -> None:
+        """An element begins."""
+        at = self.parser.CurrentByteIndex
+        if not self.open and tag != "X3D":
+            raise self.text.error(
+                at,
+                f'the file begins with "{tag}", so it is no X3D.',
+                "Choose another file.",
+            )
+        inside = bool(self.open) and self.open[-1].node is not None
+        if self.skipped:
+            self.skipped += 1
+        elif tag in _FRAMES and not inside:
+            self.open.append(_Open(None))
+        elif tag[:1].islower() or tag in _STATEMENTS:
+            self._statement(tag, words, at)
+            self.skipped = 1
+        elif "USE" in words:
+            self._use(tag, words, at)
+        else:
+            self.open.append(self._node(tag, words, at))
+
+    def end(self, _tag: str) -> None:
+        """An element ends."""
+        if self.skipped:
+            self.skipped -= 1
+            return
+        done = self.open.pop()
+        node = done.node
+        if node is None:
+            return
+        types = X3D.fields.get(node.kind, {})
+        for name, nodes in done.nodes.items():
+            value = FieldValue("nodes", node.at, nodes=tuple(nodes))
+            if name in types:
+                check(self.text, value, types[name], name, None)
+                node.fields[name] = value
+        if done.name:
+            self.unfinished[done.name] -= 1
+            self.names[done.name] = node
+        self._place(node, done.where)
+
+    def _place(self, node: Node, where: str) -> None:
+        """Put a node where it belongs: into the one that is open, or among those in none."""
+        outer = self.open[-1] if self.open else None
+        if outer is None or outer.node is None:
+            self.top.append(node)
+        else:
+            outer.nodes.setdefault(where, []).append(node)
+
+    def _statement(self, tag: str, words: dict[str, str], at: int) -> None:
+        if tag == "unit":
+            written = words.get("conversionFactor", "")
+            factor = self._value("conversionFactor", "SFDouble", written, at).numbers[0]
+            name = words.get("name", "")
+            self.units.append(Unit(words.get("category", ""), name, float(factor)))
+
+    def _use(self, tag: str, words: dict[str, str], at: int) -> None:
+        """A node that was there before; its element has no content of its own."""
+        name = words["USE"]
+        if name in self.names:
+            self._place(self.names[name], self._field_of(tag, words))
+        elif not self.unfinished.get(name):
+            raise self.text.error(
+                at,
+                f'no node before this USE is called "{name}".',
+                did_you_mean(name, self.names, "Name one by DEF before it is used."),
+            )
+        elif not any(one.node and one.node.kind == "Script" for one in self.open):
+            raise self.text.error(
+                at,
+                f'USE of "{name}" within the node of that name.',
+                "Give one of the two another name.",
+            )
+        self.skipped = 1
+
+    def _node(self, tag: str, words: dict[str, str], at: int) -> _Open:
+        if tag == "ProtoInstance":
+            node = Node(words.get("name", tag), at, _ELSEWHERE)
+        else:
+            node = Node(tag, at)
+        types = X3D.fields.get(tag, {})
+        for name, written in words.items():
+            kind = types.get(name, "")
+            if kind and kind[2:] not in ("Node", "String"):
+                node.fields[name] = self._value(name, kind, written, at)
+            elif types and not kind and nearly(name, types):
+                raise self.text.error(
+                    at,
+                    f'{tag} has no field "{name}".',
+                    did_you_mean(name, types),
+                )
+        name = words.get("DEF", "")
+        if name:
+            self.unfinished[name] = self.unfinished.get(name, 0) + 1
+        return _Open(node, name, self._field_of(tag, words))
+
+    def _field_of(self, tag: str, words: dict[str, str]) -> str:
+        """The field of the open node that a node stands in."""
+        outer = self.open[-1].node
+        if "containerField" in words:
+            return words["containerField"]
+        if outer is not None and outer.kind == "Shape" and tag != "Appearance":
+            return "metadata" if tag.startswith("Metadata") else "geometry"
+        if outer is not None and outer.kind == "CADFace":
+            return "shape"
+        return _FIELD_OF.get(tag, "children")
+
+    # --- values ---------------------------------------------------------------------------------
+
+    def _value(self, name: str, kind: str, written: str, at: int) -> FieldValue:
+        """An attribute as the value of a field of that type.
+
+        Raises:
+            ReadError: it is of another type.
+        """
+        if kind == "SFBool":
+            flag = _FLAGS.get(written.strip().lower())
+            if flag is None:
+                raise self.text.error(at, f'"{name}" is no SFBool.', "Write true or false.")
+            return FieldValue("flag", at, flag=flag)
+        words = VrmlText("", written.encode("utf-8", "replace"))
+        try:
+            numbers = words.run()
+        except ReadError as error:
+            said = error.message.partition(": ")[2]
+            raise self.text.error(at, f'in "{name}" {said}', error.hint) from error
+        if words.peek() >= 0 or "#" in written:
+            raise self.text.error(
+                at, f'in "{name}" {words.shown()} is no number.', "Write it as 12 or 1.5e-3."
+            )
+        value = FieldValue("numbers", at, numbers) if len(numbers) else FieldValue("empty", at)
+        check(self.text, value, kind, name, None)
+        return value
