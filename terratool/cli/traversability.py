@@ -21,8 +21,7 @@ PREFERENCES = ("length", "time", "energy", "margin")
 @click.command(
     "traversability",
     epilog="Example: terratool traversability samples/ramp-yard.json "
-    "--vehicle samples/vehicles/husky-a200.json --route 4 60 70 8 --report yard.html "
-    "--fail-on no-route",
+    "--vehicle samples/vehicles/husky-a200.json --route 4 60 70 8 --report yard.html",
 )
 @click.argument("file")
 @vehicle_options
@@ -81,7 +80,8 @@ PREFERENCES = ("length", "time", "energy", "margin")
     "--resolution",
     type=float,
     metavar="R",
-    help="Side of a pixel of the map.  [default: a quarter of a wheel's radius, or coarser]",
+    help="Side of a pixel.  [default: a sixth of the vehicle's width for routes, else a quarter of "
+    "a wheel's radius; or coarser]",
 )
 @click.option(
     "--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to look at."
