@@ -24,7 +24,7 @@ from rasterio.errors import (
 from rasterio.io import DatasetReader
 
 from terratool.definition.crs import names_file
-from terratool.errors import ReadError
+from terratool.errors import ReadError, interruption
 from terratool.importing.guards import is_netcdf, probe, refuse_claims, refuse_surfer_claims
 
 DRIVERS = (
@@ -130,8 +130,11 @@ def gdal_errors(name: str) -> Iterator[None]:
         yield
     except (
         RasterioError, CPLE_BaseError, WarpOperationError, OSError, ValueError, RuntimeError,
-        AffineError, MemoryError,
+        AffineError, MemoryError, SystemError,
     ) as error:  # fmt: skip
+        stopped = interruption(error)
+        if stopped is not None:
+            raise stopped from None
         reason = str(error.__cause__ or error).strip().rstrip(".")
         reason = reason.removeprefix(f"{name}: ").removeprefix(f"'{name}' ")
         raise ReadError(
