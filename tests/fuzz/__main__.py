@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 
 from tests.fuzz import files, texts
@@ -35,6 +36,10 @@ def main() -> int:
     if wanted.corpus:
         print(json.dumps(corpus()))
         return 0
+    for module in ("export_dem", "export_mesh", "validate", "info", "format_", "traversability"):
+        import_module(f"terratool.cli.{module}")  # once, and not in every worker
+    for module in ("raster.mosaic", "mesh.tiles", "traversability.assess", "importing.meshes"):
+        import_module(f"terratool.{module}")
     tallies = {}
     for name in wanted.targets or TARGETS:
         target = TARGETS[name]
