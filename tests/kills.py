@@ -237,7 +237,7 @@ def looked_at(
 ) -> list[str]:
     """What is wrong in a folder where a job was killed."""
     # Python prints one by itself where it is interrupted before terratool has begun
-    begun = "/cli/main.py" in told and ", in _run" in told
+    begun = ", in _run\n" in told
     wrong = ["a traceback:\n" + told] if "Traceback" in told and begun else []
     for name, data in contents(folder).items():
         if name.startswith(PART) or f"/{PART}" in name:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import Names
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
     from terratool.raster.export import RasterReport, WrittenFile
@@ -141,7 +141,7 @@ def command(
         click.echo(json.dumps(as_dict(report, why), indent=2, ensure_ascii=False))
     else:
         for line in as_text(report, why):
-            click.echo(line)
+            say(line)
 
 
 def _refuse_odd(
