@@ -84,8 +84,9 @@ docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 fuzz: $(VENV)/.installed-test  ## Try 1,400,000 broken files; FUZZ="rasters --share 0.01" for less
 	$(BIN)/python -m tests.fuzz $(FUZZ)
 
-kills: $(VENV)/.installed-test  ## End 1,000 commands that write at random moments; KILLS="--kills 50" for less
+kills: $(VENV)/.installed-test  ## End 1,000 commands that write at random moments, and have others go wrong; KILLS="--kills 50" for less
 	$(BIN)/python -m tests.kills $(KILLS)
+	$(BIN)/python -m tests.adversity
 
 fuzz-terrains: $(VENV)/.installed-test  ## Compare thousands of random terrains with the slow reading
 	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/field/test_properties.py
