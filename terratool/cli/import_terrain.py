@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import Names, options_of, source_options
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import Status, called, say
 from terratool.text.display import counted
 
 if TYPE_CHECKING:
@@ -115,9 +115,9 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
         click.echo(json.dumps(as_dict(report, output), indent=2, ensure_ascii=False))
         return
     for note in report.notes:
-        click.echo(note, err=True)
+        say(note, err=True)
     for line in as_text(report, output):
-        click.echo(line)
+        say(line)
 
 
 def as_dict(report: ImportReport, output: str) -> dict[str, Any]:
