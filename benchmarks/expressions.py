@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from itertools import chain, repeat
 
 from terratool.definition import expression
+from terratool.definition.accuracy import survey
 from terratool.definition.expression import NAMED, UNARY, VARIADIC
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.definition.reader import check
@@ -143,7 +144,8 @@ def spelled(text: str) -> bytes:
 def fault(text: str) -> tuple[str, float, bool]:
     """What is wrong with the outcome ("" if nothing), the seconds it took, whether it is valid."""
     source = Source("fuzz.json", spelled(text))
-    expression.parse.cache_clear()
+    for cached in (expression.parse, expression.checked_values, survey):
+        cached.cache_clear()
     begin = time.perf_counter()
     try:
         checked = check(source)

@@ -368,8 +368,9 @@ def _arity(name: str, operand: float | int | None) -> int:
 _TS = [i / (CHECK_POINTS - 1) for i in range(CHECK_POINTS)]
 
 
+@lru_cache(maxsize=32)
 def checked_values(expression: Expression) -> list[float]:
-    """The values at 4,097 evenly spaced t."""
+    """The values at 4,097 evenly spaced t; not to be written to."""
     values = evaluate(expression, _TS, LIST_FUNCTIONS)
     return values if isinstance(values, list) else [values] * CHECK_POINTS
 

@@ -36,7 +36,7 @@ MAX_VALUES = 2**28
 _HEAD = 1 << 16
 """Bytes in which a header has to say how many faces there are."""
 
-MAX_ENTITIES = 40_000
+MAX_ENTITIES = 10_000
 """Blocks of DXF may come to so many entities, and one for each byte of the file besides."""
 
 _JSON, _MAGIC = 0x4E4F534A, b"glTF"

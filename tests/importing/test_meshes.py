@@ -505,7 +505,7 @@ def test_a_block_in_a_huge_grid_is_refused(tmp_path: Path) -> None:
     insert.grid((2**15 - 1, 2**15 - 1), (2, 2))
     path = tmp_path / "huge.dxf"
     drawing.saveas(path)
-    most = 40_000 + path.stat().st_size
+    most = meshes.MAX_ENTITIES + path.stat().st_size
     assert f"more than {most:,} entities" in refused(path).message
 
 
