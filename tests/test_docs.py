@@ -82,6 +82,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.parametrize("page", ["README.md", "CHANGELOG.md"])
+def test_the_number_of_rules(page: str) -> None:
+    listed = call("rules").out.count("\nTT") + 1
+    (said,) = re.findall(r"(\d+) rules", (ROOT / page).read_text("utf-8"))
+    assert int(said) == listed
+
+
 def pythons() -> list[object]:
     """The blocks of Python of all pages."""
     return [
