@@ -155,11 +155,15 @@ class _Shares:
 
     def sums(self, values: Floats, axis: int) -> Floats:
         """Weighted sums of what is covered along the axis of rows, 1, or of columns, 2."""
-        total = 0.0
+        if (self.weights == [1.0, 1.0, 0.0]).all():  # two whole pixels each: no need to look
+            end = 2 * len(self.weights)
+            if axis == 1:
+                return np.asarray(values[:, :end:2] + values[:, 1:end:2])
+            return np.asarray(values[..., :end:2] + values[..., 1:end:2])
+        total = np.zeros(())
         for indices, weights in zip((self.indices - self.first).T, self.weights.T, strict=True):
-            if weights.any():
-                shape = (1, -1, 1) if axis == 1 else (1, 1, -1)
-                total = total + np.take(values, indices, axis) * weights.reshape(shape)
+            shape = (1, -1, 1) if axis == 1 else (1, 1, -1)
+            total = total + np.take(values, indices, axis) * weights.reshape(shape)
         return np.asarray(total)
 
 
