@@ -133,8 +133,9 @@ def finest_details(arrays: FieldArrays, wide: Floats, tall: Floats) -> Floats:
     """
     stretches = _stretches(arrays)[arrays.elements["kind"]]
     shaped = arrays.elements["scale"] != 0
-    details = np.minimum(stretches[:, 0] * wide, stretches[:, 1] * tall)
-    return np.where(shaped, details, np.inf)
+    with np.errstate(invalid="ignore"):  # none in a cell that rounding has left no side
+        details = np.fmin(stretches[:, 0] * wide, stretches[:, 1] * tall)
+    return np.where(shaped & ~np.isnan(details), details, np.inf)
 
 
 def _stretches(arrays: FieldArrays) -> NDArray[np.float64]:

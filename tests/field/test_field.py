@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from terratool.field import terrain as batches
+from terratool.field.bounds import finest_details
 from tests.conftest import terrain_of
 
 BOX = {"x": [1]}
@@ -402,3 +403,19 @@ def test_what_has_been_asked_can_be_copied_and_sent() -> None:
     height = t.height(35.0, 65.0)
     for other in (pickle.loads(pickle.dumps(t)), copy.deepcopy(t)):
         assert other.height(35.0, 65.0) == height != 0.0
+
+
+def test_a_cell_without_a_side_has_no_details() -> None:
+    """Where rounding leaves a cell no side, its bends are none; those of others count as before."""
+    curve = {"x": [0, 1, 0], "combine": "max"}
+    terrain = terrain_of(
+        {
+            "size": 4,
+            "elemTypes": {"tent": curve},
+            "elemTree": {
+                "type": "tent", "cells": 2, "children": [{"type": "tent", "cellX": 0, "cellY": 1}],
+            },
+        }
+    )  # fmt: skip
+    wide, tall = np.array([4.0, 2.0]), np.array([4.0, 0.0])
+    assert finest_details(terrain.arrays, wide, tall).tolist() == [2.0, 1.0]

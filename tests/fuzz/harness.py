@@ -352,14 +352,15 @@ def _begin(target: Target, seed: int, indexes: range, scratch: Path, until: floa
 
 
 def _take(tally: Tally, target: Target, fault: Fault | None) -> None:
-    """Count a fault that shows again, and make the first of its like smaller."""
-    if fault is None or (fault.kind, fault.where) not in tally.faults:
-        again = fault and alone(target, fault.case)
-        if again is None:  # something else had the machine, or its memory
+    """Count a fault that shows again by itself, and make the first of its like smaller."""
+    if fault is None:
+        return
+    if fault.kind in ("slow", "large") or (fault.kind, fault.where) not in tally.faults:
+        fault = alone(target, fault.case)
+        if fault is None:  # something else had the machine, or its memory
             return
-        fault = again
-        if (fault.kind, fault.where) not in tally.faults:
-            tally.faults[fault.kind, fault.where] = smaller(target, fault)
+    if (fault.kind, fault.where) not in tally.faults:
+        tally.faults[fault.kind, fault.where] = smaller(target, fault)
     tally.counts[fault.kind] += 1
 
 

@@ -352,7 +352,7 @@ def test_nothing_half_written(
         "from terratool.cli.main import main\n"
         "main()"
     )
-    for name in ("a.obj", "grid.wrl"):
+    for name in ("a.obj", "a.usdc", "grid.wrl"):
         more = ["--elevation-grid"] if name == "grid.wrl" else ["--max-error", "0.0005"]
         command = ["export-mesh", saved(HILL), folder / name, "--overwrite", *more]
         done = subprocess.run(

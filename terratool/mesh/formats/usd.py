@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
+from terratool.errors import WriteError
 from terratool.mesh.formats.common import (
     encodable,
     face_colors,
@@ -21,8 +23,11 @@ def write_usd(mesh: Mesh, path: Path, descr: str) -> None:
 
     Prims are named after the surfaces, in letters, digits and `_` of ASCII; their display names are
     the true ones. The origin stands in the layer's custom data.
+
+    Raises:
+        WriteError: the file cannot be written.
     """
-    from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+    from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -70,4 +75,12 @@ def write_usd(mesh: Mesh, path: Path, descr: str) -> None:
         if part.surface >= 0:
             for named in (material, subset):
                 named.GetPrim().SetDisplayName(encodable(part.name))
-    layer.Export(str(path))
+    try:
+        layer.Export(str(path))
+    except Tf.ErrorException as error:
+        # each of its lines ends in what the system says, within quotes
+        found = re.search(r": ([^:'\n]+)'$", str(error), re.MULTILINE)
+        raise WriteError(
+            f"{path.name}: cannot be written ({found[1].lower() if found else 'by USD'}).",
+            "Check the length of the name, the folder, and the space on the disk.",
+        ) from error
