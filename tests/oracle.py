@@ -39,8 +39,11 @@ COMBINES: dict[str, Callable[[float, float], float]] = {
 FUNCTIONS: dict[str, Callable[..., float]] = {
     **{f.__name__: f for f in (np.sin, np.cos, np.tan, np.sinh, np.cosh, np.tanh)},
     **{f.__name__: f for f in (np.exp, np.log, np.sqrt, abs)},
-    "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan,
-    "min": lambda *several: np.min(several), "max": lambda *several: np.max(several),
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "min": lambda *several: np.min(several),
+    "max": lambda *several: np.max(several),
 }
 TOKEN = re.compile(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[a-z]+|\*\*|[-+*/(),])")
 

@@ -66,11 +66,11 @@ MOST = 10.0
 """Shares of limits beyond that are written as that."""
 
 VERDICT = Bands(
-    (Layer("verdict", ("verdict, best heading",), "", CLASS, average=False),), np.dtype(np.uint8)
+    (Layer("verdict", ("verdict, best heading",), "", CLASS, mean=""),), np.dtype(np.uint8)
 )
 CLASSES = Bands(
     tuple(
-        Layer(name, (name,), "", CLASS, average=False)
+        Layer(name, (name,), "", CLASS, mean="")
         for name in ("verdict, worst heading", "reason, best heading", "reason, worst heading")
     ),
     np.dtype(np.uint8),
@@ -80,8 +80,8 @@ NUMBERS = Bands(
         Layer(name, (name,), unit, NUMBER)
         for name, unit in (
             ("headings that are go or caution", ""),
-            ("utilisation, best heading", ""),
-            ("utilisation, worst heading", ""),
+            ("utilisation, best heading", "1"),
+            ("utilisation, worst heading", "1"),
             ("slope along, best heading", "degree"),
             ("slope across, best heading", "degree"),
             ("slope along, worst heading", "degree"),
