@@ -6,6 +6,8 @@ EXTRAS ?= none
 TESTS ?= tests
 PIP := -m pip install -qq --disable-pip-version-check
 CONFIG ?=
+FUZZ ?=
+KILLS ?=
 TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))$(1), sep="\n")'
 KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/raster/test_painter.py tests/field/test_tracks.py \
   tests/raster/test_loss.py tests/mesh/test_build.py tests/mesh/test_solid.py tests/mesh/test_tracks.py \
@@ -15,7 +17,7 @@ KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/raster/tes
 KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/python/*.cpp)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test baseline lint bench docs stubs fuzz fuzz-expressions wheel outside sanitize debug coverage clean
+.PHONY: help install demo test baseline lint bench docs stubs fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -81,7 +83,14 @@ stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
 docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
 	$(BIN)/terratool rules --markdown > docs/rules.md
 
-fuzz: $(VENV)/.installed-test  ## Compare thousands of random terrains with the slow reading
+fuzz: $(VENV)/.installed-test  ## Try 1,400,000 broken files; FUZZ="rasters --share 0.01" for less
+	$(BIN)/python -m tests.fuzz $(FUZZ)
+
+kills: $(VENV)/.installed-test  ## End 1,000 commands that write at random moments, and have others go wrong; KILLS="--kills 50" for less
+	$(BIN)/python -m tests.kills $(KILLS)
+	$(BIN)/python -m tests.adversity
+
+fuzz-terrains: $(VENV)/.installed-test  ## Compare thousands of random terrains with the slow reading
 	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/field/test_properties.py
 
 fuzz-expressions: $(VENV)/.installed-test  ## Try 100,000 strings as curves, each in 50 ms at most

@@ -77,3 +77,15 @@ class MissedError(TerratoolError):
     """The result is not as good as was asked for, so that nothing was written."""
 
     exit_code = 1
+
+
+def interruption(error: BaseException | None) -> BaseException | None:
+    """What stopped the work that ended in an error: Ctrl-C or a signal; None if nothing did.
+
+    C code that is interrupted may fail of it by an error of its own.
+    """
+    while error is not None:
+        if not isinstance(error, Exception):
+            return error
+        error = error.__cause__ or error.__context__
+    return None

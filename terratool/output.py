@@ -47,26 +47,35 @@ def whole_file(
     path = Path(os.path.realpath(path))  # behind a link stands what is meant
     refuse_existing(path, overwrite, companions)
     refuse_missing_folder(path)
-    folder = (within or path.parent) / f"{PART}{_SELF}-{os.getpid()}-{uuid4().hex[:12]}.part"
+    with os_errors(path), stop_on_signals(), part_folder(within or path.parent) as folder:
+        yield folder / path.name
+        # what else there is goes first, as its reader comes by way of `path`
+        parts = sorted(folder.iterdir(), key=lambda part: part.name == path.name)
+        for part in parts:
+            with open(part, "rb+") as file:
+                os.fsync(file.fileno())
+        for part in parts:
+            refuse_existing(path.with_name(part.name), overwrite)
+        for old in _beside(path, companions):
+            old.unlink(missing_ok=True)
+        for part in parts:
+            part.replace(path.with_name(part.name))
+        _sync_folder(path.parent)
+
+
+@contextlib.contextmanager
+def part_folder(folder: Path) -> Iterator[Path]:
+    """A folder in another one for what is not yet whole; it is removed on leaving.
+
+    So are those that processes left there which are gone.
+    """
+    _remove_leftovers(folder)
+    part = folder / part_name()
     try:
-        with os_errors(path), stop_on_signals():
-            _remove_leftovers(folder.parent)
-            folder.mkdir()
-            yield folder / path.name
-            # what else there is goes first, as its reader comes by way of `path`
-            parts = sorted(folder.iterdir(), key=lambda part: part.name == path.name)
-            for part in parts:
-                with open(part, "rb+") as file:
-                    os.fsync(file.fileno())
-            for part in parts:
-                refuse_existing(path.with_name(part.name), overwrite)
-            for old in _beside(path, companions):
-                old.unlink(missing_ok=True)
-            for part in parts:
-                part.replace(path.with_name(part.name))
-            _sync_folder(path.parent)
+        part.mkdir()
+        yield part
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(part, ignore_errors=True)
 
 
 @contextlib.contextmanager
@@ -95,7 +104,18 @@ def _processes() -> str:
 
 
 _SELF = _processes()
-_temporary = re.compile(re.escape(f"{PART}{_SELF}-") + r"([0-9]+)-[0-9a-f]{12}\.part").fullmatch
+_temporary = re.compile(
+    re.escape(PART) + r"(?:tiles-)?" + re.escape(_SELF) + r"-([0-9]+)-[0-9a-f]{12}\.part"
+).fullmatch
+
+
+def part_name(of: str = "") -> str:
+    """A new name for what is not yet whole, which says what process makes it.
+
+    Args:
+        of: what it is of: "tiles-" or nothing.
+    """
+    return f"{PART}{of}{_SELF}-{os.getpid()}-{uuid4().hex[:12]}.part"
 
 
 def _remove_leftovers(folder: Path) -> None:

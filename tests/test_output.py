@@ -39,14 +39,17 @@ def leftovers(folder: Path) -> list[Path]:
 
 
 def test_leftovers_of_the_killed(tmp_path: Path, begun: subprocess.Popen[str]) -> None:
+    """Those that tiles of a mosaic are made in, too."""
     (folder,) = leftovers(tmp_path)
+    tiles = tmp_path / folder.name.replace(PART, f"{PART}tiles-")
+    tiles.mkdir()
     with whole_file(tmp_path / "b.txt") as part:
         part.write_text("b")
         assert folder in leftovers(tmp_path)  # its process still lives
-    assert leftovers(tmp_path) == [folder]
+    assert leftovers(tmp_path) == [folder, tiles]
     begun.kill()
     begun.communicate()
-    assert leftovers(tmp_path) == [folder]
+    assert leftovers(tmp_path) == [folder, tiles]
     with whole_file(tmp_path / "c.txt") as part:
         part.write_text("c")
     assert leftovers(tmp_path) == []

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import vehicle_from, vehicle_options
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import Status, called, say
 from terratool.text.display import counted
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def command(
         click.echo(json.dumps(as_dict(deformed, output, written), indent=2, ensure_ascii=False))
     else:
         for line in as_text(deformed, output, written):
-            click.echo(line)
+            say(line)
 
 
 def as_dict(deformed: Deformed, output: str, added_bytes: int) -> dict[str, Any]:

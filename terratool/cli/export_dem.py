@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import Names
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
     from terratool.raster.export import RasterReport, WrittenFile
@@ -161,7 +161,7 @@ def command(
         click.echo(json.dumps(as_dict(report, choice), indent=2, ensure_ascii=False))
     else:
         for line in as_text(report, choice):
-            click.echo(line)
+            say(line)
 
 
 def _refuse_odd(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
     from terratool.mesh.elevation import ElevationGridReport
@@ -214,9 +214,8 @@ def _export(request: _Request) -> None:
         click.echo(json.dumps(report.to_json(), indent=2, ensure_ascii=False))
         return
     place = " ".join(f"{number:.12g}" for number in report.origin)
-    click.echo(f"{lines[0]}\n{lines[1]}: zero is at {place}")
-    for line in lines[2:]:
-        click.echo(line)
+    for line in (lines[0], f"{lines[1]}: zero is at {place}", *lines[2:]):
+        say(line)
 
 
 def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:

@@ -85,7 +85,7 @@ def _names(given: str, failed: list[ReadError | WriteError], status: Status) -> 
 
 def _said(error: ReadError | WriteError, status: Status) -> ReadError | WriteError:
     status.clear()
-    click.echo(f"terratool: {printable(error.message)}\n  {error.hint}", err=True)
+    click.echo(f"terratool: {printable(error.message)}\n  {printable(error.hint)}", err=True)
     return error
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import options_of, source_options
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import Status, called, say
 
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive, PrimitiveRequest
@@ -183,11 +183,11 @@ def _deliver(
     if written is None:
         click.echo(primitives_text(imported.primitives()), nl=False)
     else:
-        click.echo(f"{written}: has {' and '.join(imported.names)} now")
+        say(f"{written}: has {' and '.join(imported.names)} now")
     lines = [*sentences(imported), *notes]
     if target is None or target.place is None:
         lines += [
             f"Element: {json.dumps(each, ensure_ascii=False)}" for each in imported.elements()
         ]
     for line in lines:
-        click.echo(line, err=written is None)
+        say(line, err=written is None)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import Names, options_of, source_options
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import Status, called, say
 from terratool.text.display import counted
 
 if TYPE_CHECKING:
@@ -59,6 +59,15 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     help=f"How to write the heights, once or several times: {', '.join(_METHODS)}.  "
     "[default: the smallest]",
 )
+@click.option(
+    "--cells",
+    type=Names(("pixels", "half-pixels")),
+    default="half-pixels",
+    show_default=True,
+    metavar="KIND",
+    help="What the cells of the tree are: half-pixels make the smallest file, in pixels own "
+    "elements are easily added.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
 def command(source: str, output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
@@ -67,7 +76,8 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     The terrain is within E of the DEM everywhere, which is bilinear between the centres of its
     pixels; that is measured before the file appears. What is nodata becomes a void surface.
     OUTPUT is compressed if its name ends in .json.gz. A SOURCE is whatever GDAL reads, or a mesh
-    (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl), which is looked at from above.
+    (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .x3d), which is
+    looked at from above.
     """
     from pathlib import Path
 
@@ -89,7 +99,11 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
             )
     methods = tuple(method for name in values.pop("methods") for method in methods_named(name))
     options = ImportOptions(
-        methods=methods, title=Path(source).name, allow_remote=chosen.allow_remote, **values
+        pixels=values.pop("cells") == "pixels",
+        methods=methods,
+        title=Path(source).name,
+        allow_remote=chosen.allow_remote,
+        **values,
     )
     with contextlib.ExitStack() as stack:
         with Status(f"reading {called(source)}"):
@@ -101,9 +115,9 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
         click.echo(json.dumps(as_dict(report, output), indent=2, ensure_ascii=False))
         return
     for note in report.notes:
-        click.echo(note, err=True)
+        say(note, err=True)
     for line in as_text(report, output):
-        click.echo(line)
+        say(line)
 
 
 def as_dict(report: ImportReport, output: str) -> dict[str, Any]:

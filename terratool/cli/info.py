@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.terminal import Status, load
+from terratool.text.display import printable
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -51,7 +52,7 @@ def _write_geojson(terrain: Terrain) -> None:
 
 def _text(s: dict[str, Any]) -> str:
     size, origin, height, tracks = s["size"], s["origin"], s["height"], s["tracks"]
-    lines = [s["descr"]] if s["descr"] else []
+    lines = [printable(s["descr"])] if s["descr"] else []
     lines += [
         f"size           {size[0]:g} × {size[1]:g}",
         f"origin         {origin[0]:.10g}, {origin[1]:.10g}",
@@ -81,10 +82,11 @@ def _text(s: dict[str, Any]) -> str:
 def _crs(crs: Any) -> str:
     if crs is None:
         return "none"
-    return json.dumps(crs) if isinstance(crs, dict) else str(crs)
+    return json.dumps(crs) if isinstance(crs, dict) else printable(str(crs))
 
 
 def _counts(title: str, counts: dict[str, int]) -> list[str]:
+    counts = {printable(name): count for name, count in counts.items()}
     width = max(map(len, counts), default=0)
     return [
         f"{'  ' + title if not i else '':15}{name:{width}}  {count:,}"

@@ -147,7 +147,7 @@ def _say(message: str, hint: str) -> None:
 
     click.echo(f"terratool: {printable(message)}", err=True)
     if hint:
-        click.echo(f"  {hint}", err=True)
+        click.echo(f"  {printable(hint)}", err=True)
 
 
 def _cannot_write(error: OSError) -> int:

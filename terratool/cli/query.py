@@ -16,7 +16,7 @@ import click
 
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
-from terratool.text.display import shown
+from terratool.text.display import printable, shown
 
 if TYPE_CHECKING:
     from terratool.field.terrain import PointSamples, Terrain
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "note")
 FORMAT_VERSION = 1
 _CHUNK = 65536
+_FORMULAS = ("=", "+", "-", "@", "'")
+"""What names begin with that get an apostrophe in CSV; one of their own included, so that it is
+known where to take it off."""
 
 Point = tuple[float, float]
 
@@ -50,6 +53,7 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
     a point does not have is an empty cell, null in JSON; the note says why: outside, or void.
+    Names that a spreadsheet would take for formulas have an apostrophe before them in CSV.
     """
     if (points is None) == (not coordinates):
         raise click.UsageError("Give points either as X Y pairs or with --points.")
@@ -57,12 +61,15 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
 
     terrain = load(file)
     source = iter(given) if given is not None else _from_csv(str(points))
-    write = _write_json if form == "json" else _write_csv
+    write, names = _write_json, list(terrain.surfaces)
+    if form == "csv":
+        write, names = _write_csv, list(map(_inert, names))
+    rows = _rows(terrain, names, source)
     if sys.stdout is not None and sys.stdout.isatty():
-        write(_rows(terrain, source))
+        write(rows)
     else:
         with Status("answering"):
-            write(_rows(terrain, source))
+            write(rows)
 
 
 def _from_arguments(coordinates: tuple[str, ...]) -> list[Point]:
@@ -146,10 +153,12 @@ def _number(text: str) -> float | None:
     return value if math.isfinite(value) and "_" not in text else None
 
 
-def _rows(terrain: Terrain, points: Iterator[Point]) -> Iterator[tuple[Any, ...]]:
+def _rows(
+    terrain: Terrain, surfaces: list[str], points: Iterator[Point]
+) -> Iterator[tuple[Any, ...]]:
     import numpy as np
 
-    names = [*terrain.surfaces, None]
+    names = [*surfaces, None]
     pointers: dict[int, str | None] = {}
     while chunk := list(islice(points, _CHUNK)):
         x, y = np.array(chunk).T
@@ -189,6 +198,12 @@ def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(COLUMNS)
     writer.writerows(chain(first, rows))
+
+
+def _inert(name: str) -> str:
+    """A name that is no formula of a spreadsheet, and no more than text on a terminal."""
+    text = printable(name)
+    return f"'{text}" if text.startswith(_FORMULAS) else text
 
 
 def _write_json(rows: Iterator[tuple[Any, ...]]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from terratool.cli.options import Names, vehicle_from, vehicle_options
-from terratool.cli.terminal import Status, load
+from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
     from terratool.traversability.conditions import Condition
@@ -184,7 +184,7 @@ def command(
             click.echo(document.as_json(report), nl=False)
         else:
             for line in tables.as_lines(report):
-                click.echo(line)
+                say(line)
     except BrokenPipeError:
         if not held:  # the conditions are named all the same
             raise

@@ -18,7 +18,7 @@ from msgspec import structs
 from terratool.cli.baseline import Known, read_baseline, write_baseline
 from terratool.cli.config import Config, find_config, read_config
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
-from terratool.cli.terminal import Status, called
+from terratool.cli.terminal import Status, called, say
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import RULES
@@ -389,7 +389,7 @@ def command(
             found.add(name, checked, options, known, plan.strict)
     if plan.form != "sarif" or update_baseline:
         for file in found.unreadable:
-            click.echo(f"terratool: {printable(file.message)}\n  {file.hint}", err=True)
+            click.echo(f"terratool: {printable(file.message)}\n  {printable(file.hint)}", err=True)
     if update_baseline and found.unreadable:
         raise ReadError(
             f"{plan.baseline}: was not written, as not all files could be read.",
@@ -398,7 +398,7 @@ def command(
     if update_baseline:
         assert plan.baseline is not None
         write_baseline(plan.baseline, found.lasting)
-        click.echo(f"{plan.baseline}: {counted(len(found.lasting), 'finding')} known now.")
+        say(f"{plan.baseline}: {counted(len(found.lasting), 'finding')} known now.")
         ctx.exit(0)
     report = found.report(plan.limit, statistics)
     for form, out in plan.outputs:

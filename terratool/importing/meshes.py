@@ -36,8 +36,8 @@ MAX_VALUES = 2**28
 _HEAD = 1 << 16
 """Bytes in which a header has to say how many faces there are."""
 
-MAX_ENTITIES = 20_000_000
-"""Blocks of DXF within blocks that come to more than these are refused."""
+MAX_ENTITIES = 40_000
+"""Blocks of DXF may come to so many entities, and one for each byte of the file besides."""
 
 _JSON, _MAGIC = 0x4E4F534A, b"glTF"
 _MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines", 6: "triangle fans"}
@@ -419,10 +419,11 @@ def read_dxf(path: Path) -> Triangles:
     drawing = ezdxf.readfile(path)
     corners: list[tuple[float, float, float]] = []
     others: Counter[str] = Counter()
+    most = MAX_ENTITIES + path.stat().st_size
     for count, entity in enumerate(recursive_decompose(drawing.modelspace())):
-        if count >= MAX_ENTITIES:
+        if count >= most:
             raise ReadError(
-                f"{path}: its blocks come to more than {MAX_ENTITIES:,} entities.",
+                f"{path}: its blocks come to more than {most:,} entities.",
                 "Explode and purge the drawing, and export the terrain alone.",
             )
         before = len(corners)

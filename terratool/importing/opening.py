@@ -24,7 +24,7 @@ from rasterio.errors import (
 from rasterio.io import DatasetReader
 
 from terratool.definition.crs import names_file
-from terratool.errors import ReadError
+from terratool.errors import ReadError, interruption
 from terratool.importing.guards import is_netcdf, probe, refuse_claims, refuse_surfer_claims
 
 DRIVERS = (
@@ -39,6 +39,7 @@ _PROBED = "netCDF"
 _PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
 _NETCDFS = (".nc", ".nc4", ".cdf")
 
+_LABELS = ("ISIS3", "PDS", "PDS4")
 _LOCAL = frozenset(["file", "gz", "gzip", "tar", "zip"])
 _ARCHIVES = ("vsizip/", "vsitar/", "vsigzip/", "vsi7z/", "vsirar/")
 _SIDECARS = (".msk", ".MSK", ".ovr", ".OVR")
@@ -51,9 +52,19 @@ _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _described = re.compile(rb"<\s*(?:VRTDataset|GDAL_|WM|WCS|Capabilities|OGR)", re.IGNORECASE).search
 _entities = re.compile(rb"<!(?:DOCTYPE|ENTITY)", re.IGNORECASE).search
 
+_label = re.compile(
+    rb"PDS_VERSION_ID|ODL_VERSION_ID|IsisCube|Product_Observational", re.IGNORECASE
+).search
+_comments = re.compile(rb"/\*.*?\*/", re.DOTALL)
+_pointers = re.compile(
+    rb"""\^[\w:]+[\s=({]*("[^"]*"|'[^']*'|[^\s,)}]*)|<(?:\w+:)?file_name\b[^>]*>([^<]*)"""
+).findall
+"""Files that a label of PDS, ISIS or PDS4 names, which may have the pixels."""
+
 _HEAD = 1 << 14
 """Bytes that GDAL's drivers look at, and more, to see what a file is."""
 _MAX_VRT = 256 << 20
+_MAX_LABEL = 16 << 20
 
 _PLAIN: dict[str, frozenset[str]] = {
     "VRTDataset": frozenset(["rasterXSize", "rasterYSize"]),
@@ -130,8 +141,11 @@ def gdal_errors(name: str) -> Iterator[None]:
         yield
     except (
         RasterioError, CPLE_BaseError, WarpOperationError, OSError, ValueError, RuntimeError,
-        AffineError, MemoryError,
+        AffineError, MemoryError, SystemError,
     ) as error:  # fmt: skip
+        stopped = interruption(error)
+        if stopped is not None:
+            raise stopped from None
         reason = str(error.__cause__ or error).strip().rstrip(".")
         reason = reason.removeprefix(f"{name}: ").removeprefix(f"'{name}' ")
         raise ReadError(
@@ -194,6 +208,9 @@ def _drivers_for(name: str) -> list[str]:
         _refuse_grids(path)
         with open(path, "rb") as file:
             head = file.read(_HEAD)
+            if _label(head):
+                _refuse_pointers(path, head + file.read(_MAX_LABEL))
+                file.seek(len(head))
             if not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<VRTDataset"):
                 return _drivers_by_head(name, head)
             text = head + file.read(_MAX_VRT)
@@ -213,12 +230,31 @@ def _drivers_by_head(name: str, head: bytes) -> list[str]:
 
 
 def _drivers_within(name: str) -> list[str]:
-    """The drivers that may open what is no file, but a part of an archive or of a netCDF."""
+    """The drivers that may open what is no file, but a part of an archive or of a netCDF.
+
+    Labels are not among them: what they name cannot be looked at before.
+    """
     packed = "!" in name or name.startswith("/vsi")
     if not name.upper().startswith("NETCDF:") and not (packed and name.lower().endswith(_NETCDFS)):
-        return list(_PLAIN_DRIVERS)
+        return [driver for driver in _PLAIN_DRIVERS if driver not in _LABELS]
     probe(name)
     return [_PROBED]
+
+
+def _refuse_pointers(path: Path, label: bytes) -> None:
+    """Refuse a label whose pixels lie out of its folder: GDAL opens them with it.
+
+    Raises:
+        ReadError: they may.
+    """
+    for parts in _pointers(_comments.sub(b" ", label)):
+        named = b"".join(parts)
+        if any(sign in named for sign in (b"/", b"\\", b"&", b"<")):
+            raise ReadError(
+                f"{path}: is a label that names {named.decode('utf-8', 'replace')[:60]!r}, which "
+                "may lie out of its folder.",
+                "Make a GeoTIFF of it with gdal_translate, or add --allow-remote.",
+            )
 
 
 def _refuse_sidecars(path: Path) -> None:

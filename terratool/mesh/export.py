@@ -353,12 +353,18 @@ def check_request(path: str | Path, overwrite: bool = False, world: bool = False
         world: whether coordinates are those of the world.
 
     Raises:
-        RequestError: no format has that suffix, it cannot hold coordinates of the world, or what
-            it needs is not installed.
+        RequestError: no format has that suffix, it cannot hold coordinates of the world, what it
+            needs is not installed, or it cannot name the files beside it.
         WriteError: `path` exists and is not to be overwritten, or its folder does not exist.
     """
     path = Path(os.path.realpath(path))
     form = mesh_format(path, world)
+    if form.companions and not path.name.isprintable():
+        raise RequestError(
+            f"{path}: has characters that cannot be seen, and a {path.suffix} names a file beside "
+            "it without quotes.",
+            "Choose another name.",
+        )
     refuse_existing(path, overwrite, form.companions)
     refuse_missing_folder(path)
     return form

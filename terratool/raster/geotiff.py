@@ -22,7 +22,7 @@ from rasterio.windows import Window as RasterioWindow
 
 from terratool import __version__
 from terratool.definition.crs import FORMS, CrsValue, authority_code, crs_problem, is_known
-from terratool.errors import DefinitionError, RequestError, WriteError
+from terratool.errors import DefinitionError, RequestError, WriteError, interruption
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 from terratool.raster.layers import LAYERS, Bands, SurfaceValues
@@ -323,6 +323,9 @@ def complaints(
     try:
         yield
     except (RasterioError, CPLE_BaseError, SystemError, ValueError) as error:
+        stopped = interruption(error)
+        if stopped is not None:
+            raise stopped from None
         # without the folder of the unfinished file
         reason = str(error.__cause__ or error).rstrip(".").replace(f"{path.parent}/", "")
         if isinstance(error, SystemError):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import errno
 import json
 import os
 import zlib
@@ -20,7 +21,7 @@ import msgspec
 import numpy as np
 
 from terratool.errors import WriteError
-from terratool.output import refuse_missing_folder
+from terratool.output import part_folder, refuse_missing_folder
 from terratool.raster.statistics import RasterStatistics
 from terratool.raster.tiles import (
     OWNED,
@@ -83,22 +84,40 @@ class Journal:
         """
         with _sentences(self._folder):
             self._folder.mkdir(exist_ok=True)
-            for left in self._folder.glob(f"{SCRATCH}*.part"):
-                remove_scratch(left)
             if overwrite or self.header is None:
                 self._clear()
-                if self._file is None:
-                    self._file = open(self._folder / NAME, "x+b")  # noqa: SIM115 # close() does
-                    _lock(self._file, self._folder)
-                self._end = 0
+                self._begin_anew()
             assert self._file is not None
             self._file.truncate(self._end)
             self._file.seek(self._end)
-            if not self._end:
-                self._add({"mosaic": self._request})
+            for left in self._folder.glob(f"{SCRATCH}*.part"):
+                remove_scratch(left)
             scratch = scratch_in(self._folder)
             scratch.mkdir()
         return scratch
+
+    def _begin_anew(self) -> None:
+        """Have a journal with its first line alone; it appears with that line whole."""
+        path, old = self._folder / NAME, self._file
+        line = _line_of({"mosaic": self._request})
+        with part_folder(self._folder) as part:
+            with open(part / NAME, "xb") as file:
+                file.write(line)
+                file.flush()
+                os.fsync(file.fileno())
+            if old is None:
+                _put_new(part / NAME, path)
+            else:
+                if os.name == "nt":  # where an open file cannot be replaced, and none is locked
+                    old.close()
+                (part / NAME).replace(path)
+        self._end = len(line)
+        self._file = open(path, "r+b")  # noqa: SIM115 # close() does
+        try:
+            _lock(self._file, self._folder)
+        finally:
+            if old is not None:  # it was locked until now
+                old.close()
 
     def _clear(self) -> None:
         for name, known in self.indexes.items():
@@ -127,10 +146,9 @@ class Journal:
             self._add({"index": name, "checksum": known})
 
     def _add(self, entry: dict[str, Any]) -> None:
-        text = json.dumps(entry, ensure_ascii=False)
         with _sentences(self._folder):
             assert self._file is not None
-            self._file.write(json.dumps([zlib.crc32(text.encode()), text]).encode() + b"\n")
+            self._file.write(_line_of(entry))
             self._file.flush()
             os.fsync(self._file.fileno())
 
@@ -161,6 +179,7 @@ def journal_of(folder: Path, request: dict[str, Any], overwrite: bool) -> Iterat
     try:
         if file is not None:
             _lock(file, folder)
+            _refuse_replaced(file, folder)
         journal = Journal(folder, file, request)
     except BaseException:
         if file is not None:
@@ -193,6 +212,28 @@ def owned(folder: Path) -> Iterator[Path]:
             for entry in entries:
                 if OWNED.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
                     yield folder / entry.name
+
+
+def _line_of(entry: dict[str, Any]) -> bytes:
+    """A line with an entry."""
+    text = json.dumps(entry, ensure_ascii=False)
+    return json.dumps([zlib.crc32(text.encode()), text]).encode() + b"\n"
+
+
+def _put_new(part: Path, path: Path) -> None:
+    """Have a file appear under a name that is free.
+
+    Raises:
+        FileExistsError: it is not.
+    """
+    try:
+        os.link(part, path)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without links
+        if path.exists():
+            raise FileExistsError(errno.EEXIST, "exists", str(path)) from None
+        part.replace(path)
 
 
 def _entry_of(line: bytes) -> dict[str, Any]:
@@ -241,6 +282,13 @@ def _lock(file: BinaryIO, folder: Path) -> None:
         ) from error
     except OSError:  # some network file systems have no locks
         return
+
+
+def _refuse_replaced(file: BinaryIO, folder: Path) -> None:
+    """Refuse a journal in whose place another one has come before it was locked."""
+    with _sentences(folder):
+        if not os.path.samestat(os.fstat(file.fileno()), os.stat(folder / NAME)):  # noqa: PTH116
+            raise FileExistsError(errno.EEXIST, "exists", str(folder))
 
 
 @contextlib.contextmanager

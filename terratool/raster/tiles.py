@@ -13,12 +13,11 @@ from functools import cached_property
 from pathlib import Path
 from socket import gethostname
 from typing import Any
-from uuid import uuid4
 
 from terratool import __version__
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.output import PART, whole_file
+from terratool.output import PART, part_name, whole_file
 from terratool.raster.export import COMPANIONS, fill_files, paths_of
 from terratool.raster.formats import RasterFormat
 from terratool.raster.geotiff import Compression
@@ -37,7 +36,8 @@ OWNED = re.compile(
 )
 """Names of tiles and of their indexes, and of what GDAL keeps beside them."""
 
-SCRATCH = f"{PART}tiles-"
+_OF = "tiles-"
+SCRATCH = f"{PART}{_OF}"
 """How the names of folders begin in which tiles are made."""
 
 
@@ -224,7 +224,7 @@ def remove_scratch(scratch: Path) -> None:
 
 def scratch_in(folder: Path) -> Path:
     """A new name for a folder in which the tiles of another folder are made."""
-    return folder / f"{SCRATCH}{uuid4().hex[:12]}.part"
+    return folder / part_name(_OF)
 
 
 def is_complete(path: Path, file: FileState) -> bool:

@@ -483,13 +483,30 @@ def test_blocks_that_multiply_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(meshes, "MAX_ENTITIES", 1000)
     drawing = ezdxf.new()
     drawing.blocks.new("B0").add_3dface([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
-    for level in range(1, 5):
+    for level in range(1, 6):
         block = drawing.blocks.new(f"B{level}")
         for n in range(10):
             block.add_blockref(f"B{level - 1}", (n, 0))
-    drawing.modelspace().add_blockref("B4", (0, 0))
-    drawing.saveas(tmp_path / "bomb.dxf")
-    assert "more than 1,000 entities" in refused(tmp_path / "bomb.dxf").message
+    drawing.modelspace().add_blockref("B5", (0, 0))
+    path = tmp_path / "bomb.dxf"
+    drawing.saveas(path)
+    assert f"more than {1000 + path.stat().st_size:,} entities" in refused(path).message
+
+
+def test_a_block_in_a_huge_grid_is_refused(tmp_path: Path) -> None:
+    """A few bytes that claim 2^31 columns; what is asked for in reason is read."""
+    ezdxf = pytest.importorskip("ezdxf", reason="ezdxf is not installed")
+    drawing = ezdxf.new()
+    drawing.blocks.new("B").add_3dface([(0, 0, 0), (1, 0, 0), (1, 1, 0)])
+    insert = drawing.modelspace().add_blockref("B", (0, 0))
+    insert.grid((3, 20), (2, 2))
+    drawing.saveas(tmp_path / "grid.dxf")
+    assert len(read_triangles(tmp_path / "grid.dxf").faces) == 60
+    insert.grid((2**15 - 1, 2**15 - 1), (2, 2))
+    path = tmp_path / "huge.dxf"
+    drawing.saveas(path)
+    most = 40_000 + path.stat().st_size
+    assert f"more than {most:,} entities" in refused(path).message
 
 
 def test_parts_of_a_scene_stand_as_often_as_they_are_placed(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import tempfile
 from pathlib import Path
 
@@ -82,24 +83,28 @@ def rough(rows: int, columns: int, seed: int, relief: float = 4.0) -> NDArray[np
     return ground
 
 
+@pytest.mark.parametrize("pixels", [False, True])
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("shape", [(77, 105), (1, 9), (9, 1), (2, 2), (65, 66), (130, 3), (3, 131)])
-def test_the_bound_holds_everywhere_by_every_method(tmp_path, name, shape):
+def test_the_bound_holds_everywhere_by_every_method(tmp_path, name, shape, pixels):
     source = samples(rough(*shape, seed=shape[0]))
-    terrain = imported(source, tmp_path / "t.json", methods=methods_named(name))
+    methods = methods_named(name)
+    terrain = imported(source, tmp_path / "t.json", methods=methods, pixels=pixels)
     x, y = anywhere(source)
     assert np.abs(terrain.height(x, y) - bilinear(source, x, y)).max() <= 0.05
     assert terrain.bounds == pytest.approx(source.grid.bounds, rel=1e-15)
 
 
+@pytest.mark.parametrize("pixels", [False, True])
 @pytest.mark.parametrize("name", NAMES)
-def test_unknown_heights_become_void_and_the_rest_is_kept(tmp_path, name):
+def test_unknown_heights_become_void_and_the_rest_is_kept(tmp_path, name, pixels):
     heights = rough(70, 90, seed=3)
     heights[10:20, 30:33] = np.nan
     heights[69, :] = heights[:, 0] = np.nan
     heights[33, 89] = np.nan
     source = samples(heights)
-    terrain = imported(source, tmp_path / "t.json", methods=methods_named(name))
+    methods = methods_named(name)
+    terrain = imported(source, tmp_path / "t.json", methods=methods, pixels=pixels)
     at = source.grid
     x, y = np.meshgrid(
         at.west + (np.arange(at.columns) + 0.5) * at.dx,
@@ -147,9 +152,12 @@ def test_reading_by_rows_makes_the_same_heights(tmp_path, monkeypatch):
     name=st.sampled_from(NAMES),
     holes=st.floats(0, 0.6),
     height=st.sampled_from([0.0, -400.0, 8848.0]),
+    pixels=st.booleans(),
 )
 @settings(max_examples=60)
-def test_the_bound_holds_for_any_dem(tmp_path_factory, shape, seed, log_error, name, holes, height):
+def test_the_bound_holds_for_any_dem(
+    tmp_path_factory, shape, seed, log_error, name, holes, height, pixels
+):
     rng = np.random.default_rng(seed)
     heights = rough(*shape, seed=seed) + height
     heights[rng.random(shape) < holes] = np.nan
@@ -158,7 +166,8 @@ def test_the_bound_holds_for_any_dem(tmp_path_factory, shape, seed, log_error, n
     if np.prod(shape) < 2 or np.isnan(heights).all():
         return
     path = tmp_path_factory.mktemp("any") / "t.json.gz"
-    terrain = imported(source, path, max_error=error, methods=methods_named(name))
+    methods = methods_named(name)
+    terrain = imported(source, path, max_error=error, methods=methods, pixels=pixels)
     x, y = anywhere(source, seed, 3000)
     wanted = bilinear(source, x, y)
     ours = terrain.height(x, y)
@@ -212,10 +221,11 @@ def test_the_smallest_method_is_taken(tmp_path):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("relief", [0.0, 4.0])
 @pytest.mark.parametrize("holes", [0, 5])
-def test_what_is_written_is_valid_and_clean(tmp_path, name, relief, holes):
+@pytest.mark.parametrize("pixels", [False, True])
+def test_what_is_written_is_valid_and_clean(tmp_path, name, relief, holes, pixels):
     heights = rough(40, 50, seed=5, relief=relief) * bool(relief)
     heights[3 : 3 + holes, 7:9] = np.nan
-    imported(samples(heights), tmp_path / "t.json", methods=methods_named(name))
+    imported(samples(heights), tmp_path / "t.json", methods=methods_named(name), pixels=pixels)
     checked = check(read_source(tmp_path / "t.json"), CheckOptions())
     assert checked.definition is not None
     assert [finding for finding in checked.findings if finding.code != "TT204"] == []
@@ -371,6 +381,98 @@ def test_structures_are_within_the_bound_everywhere(tmp_path, seed):
     x, y = anywhere(source, seed, 100_000)
     apart = np.abs(load(tmp_path / "t.json").height(x, y) - bilinear(source, x, y))
     assert apart.max() <= report.bound <= 0.05
+
+
+@pytest.mark.parametrize("walls", [False, True])
+@pytest.mark.parametrize("seed", range(2))
+def test_structures_in_cells_of_pixels(tmp_path, seed, walls):
+    """Those that have their edges there; without walls others are rows, and the bound holds."""
+    _, terrain = built(seed)
+    source = sampled(terrain)
+    options = ImportOptions(0.05, pixels=True, walls=walls)
+    report = import_terrain(source, tmp_path / "t.json", options)
+    assert (sum(report.structures.values()) > 10) == walls
+    at = source.grid
+    found = load(tmp_path / "t.json")
+    if walls:  # what lies between the centres is theirs
+        x, y = np.meshgrid(
+            at.west + (np.arange(at.columns) + 0.5) * at.dx,
+            at.south + (np.arange(at.rows) + 0.5) * at.dy,
+        )
+        assert np.abs(found.height(x, y) - source.values).max() <= 0.05
+    else:
+        x, y = anywhere(source, seed, 50_000)
+        assert np.abs(found.height(x, y) - bilinear(source, x, y)).max() <= report.bound <= 0.05
+
+
+WORDS = {
+    "rows": r"flat|row-\d+|(west|east)-edge(-every-\d+|-(south|north)-end)?",
+    "columns": r"flat|column-\d+|(south|north)-edge(-every-\d+|-(west|east)-end)?",
+    "hats": r"flat|hat(-\d+)?",
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("shape", [(65, 129), (77, 105)])
+def test_names_say_what_a_primitive_is(tmp_path, name, shape):
+    """An edge in the name is where the elements are, and a number is that of the pixels there."""
+    source = samples(rough(*shape, seed=2), west=0, south=0, dx=1, dy=1)
+    imported(source, tmp_path / "t.json", methods=methods_named(name))
+    text = json.loads((tmp_path / "t.json").read_text())
+    rows, columns = shape
+    pattern = WORDS[name.removeprefix("nodal-")]
+    assert all(re.fullmatch(pattern, one) for one in text["elemTypes"])
+    sides = {"west": (0, "cellX"), "east": (2 * columns - 1, "cellX")}
+    sides |= {"south": (0, "cellY"), "north": (2 * rows - 1, "cellY")}
+    edges = 0
+    for child in text["elemTree"]["children"]:
+        words = child["type"].split("-")
+        if words[1:2] == ["edge"]:
+            place, axis = sides[words[0]]
+            assert child[axis] == place
+            assert child.get("span", [1, 1])[axis == "cellY"] == 1
+            edges += 1
+            if words[-1] == "end":
+                end, other = sides[words[2]]
+                assert child[other] == end
+        elif words[0] in ("row", "column"):
+            begin = child["cellY" if words[0] == "row" else "cellX"]
+            length = child["span"][words[0] == "row"]
+            assert begin <= 2 * int(words[1]) + 1 <= begin + length
+    assert edges >= (0 if name == "hats" else 2)
+
+
+def test_cells_are_pixels_and_a_crater_is_added_by_hand(tmp_path):
+    """At known pixels: there the ground has it, its surface counts, and all else is as it was."""
+    heights = rough(77, 105, seed=11)
+    heights[40:44, 60:64] = np.nan
+    source = samples(heights)
+    before = imported(source, tmp_path / "t.json", pixels=True)
+    text = json.loads((tmp_path / "t.json").read_text())
+    tree = text["elemTree"]
+    assert tree["cells"] == [105, 77]
+    assert all("children" not in child for child in tree["children"])
+    text["elemTypes"]["crater"] = {"combine": "radial", "x": [0, 0.3, -1, -1, 0.3, 0]}
+    text["surfTypes"]["ejecta"] = {"preset": "lunar-nominal"}
+    place = {"cellX": 58, "cellY": 30, "span": [9, 12]}
+    tree["children"].append({"type": "crater", **place, "vScale": 2, "surface": "ejecta"})
+    (tmp_path / "t.json").write_text(json.dumps(text))
+    assert check(read_source(tmp_path / "t.json")).findings == ()
+    after = load(tmp_path / "t.json")
+    at = source.grid
+    x, y = anywhere(source, 4)
+    # a disc in the block of pixels from 58 to 66 and from 30 to 41
+    rho = np.hypot(
+        (x - at.west - 62.5 * at.dx) / (4.5 * at.dx), (y - at.south - 36 * at.dy) / (6 * at.dy)
+    )
+    profile = np.interp(0.5 + rho / 2, np.linspace(0, 1, 6), [0, 0.3, -1, -1, 0.3, 0])
+    inside = rho < 1 - 1e-6
+    assert inside.sum() > 100
+    known = ~np.isnan(before.height(x, y)) & (np.abs(rho - 1) > 1e-6)
+    wanted = before.height(x, y) + 2 * np.where(rho < 1, profile, 0)
+    assert np.abs(after.height(x, y) - wanted)[known].max() < 1e-9
+    assert set(after.surface(x, y)[inside].tolist()) == {"ejecta"}
+    assert not np.isnan(after.height(x, y)[inside]).any()  # it closes the void under it
 
 
 BORDERS = {

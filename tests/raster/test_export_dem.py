@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 
 from terratool import output
 from terratool.errors import DefinitionError, RequestError, WriteError
+from terratool.importing.opening import gdal_errors
 from terratool.raster import export, geotiff
 from terratool.raster.grid import Grid, Window, default_resolution, grid_over
 from tests.commands import call
@@ -231,6 +232,18 @@ class TestWholeOrNotAtAll:
         assert process.returncode == 128 + number
         assert "Traceback" not in told
         assert list(folder.iterdir()) == []
+
+    @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit])
+    @pytest.mark.parametrize("error", [SystemError, ValueError])
+    def test_an_interruption_within_gdal_is_one(
+        self, tmp_path: Path, kind: type[BaseException], error: type[Exception]
+    ) -> None:
+        """C code that a signal comes to ends by an error of its own."""
+        for block in (geotiff.complaints(tmp_path / "a.tif"), gdal_errors("a.tif")):
+            with pytest.raises(kind), block:
+                raise error("returned a result with an exception set") from kind(143)
+        with pytest.raises(WriteError), geotiff.complaints(tmp_path / "a.tif"):
+            raise error("no space") from RuntimeError()
 
     def test_a_full_disk_is_refused_early(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ import pytest
 import rasterio
 
 from terratool.errors import WriteError
+from terratool.output import PART
 from terratool.raster import export, tiles
 from terratool.raster.export import RasterReport
 from terratool.raster.geotiff import Compression
@@ -379,6 +382,56 @@ class TestAnother:
         ):
             mosaic(tmp_path / "a", overwrite=True)
         mosaic(tmp_path / "a")
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from terratool.raster.journal import NAME, journal_of
+folder, overwrite = Path(sys.argv[1]), bool(sys.argv[2])
+before = (folder / NAME).read_bytes() if overwrite else b""
+for last in range(1000):
+    (folder / NAME).unlink(missing_ok=True)
+    if overwrite:
+        (folder / NAME).write_bytes(before)
+    if not (child := os.fork()):
+        seen = 0
+        def hook(event, arguments):
+            global seen
+            seen += event.startswith(("open", "os.", "fcntl.", "shutil."))
+            if seen > last:
+                os._exit(9)
+        sys.addaudithook(hook)
+        with journal_of(folder, {"of": "anew"}, overwrite) as journal:
+            journal.begin(overwrite)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    print((folder / NAME).read_text() if (folder / NAME).exists() else "none", end="|")
+    if not status:
+        break
+"""
+
+
+class TestKilled:
+    """At whatever it did with files last, the journal has its first line, or is not there."""
+
+    @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on Windows")
+    @pytest.mark.parametrize("overwrite", [False, True])
+    def test_the_journal_is_whole(self, tmp_path: Path, overwrite: bool) -> None:
+        if overwrite:
+            with journal_of(tmp_path, {"of": "before"}, overwrite=False) as journal:
+                journal.begin(overwrite=False)
+        done = subprocess.run(
+            [sys.executable, "-c", KILLED, tmp_path, "1" * overwrite],
+            capture_output=True, text=True, env=ENVIRONMENT, check=True,
+        )  # fmt: skip
+        seen = done.stdout.split("|")[:-1]
+        told = [text and (text if text == "none" else json.loads(text)[1]) for text in seen]
+        assert len(told) > 5
+        anew = '{"mosaic": {"of": "anew"}}'
+        assert set(told) == {'{"mosaic": {"of": "before"}}' if overwrite else "none", anew}
+        assert told[-1] == anew
+        assert sorted(path.name for path in tmp_path.iterdir() if PART not in path.name) == [NAME]
 
 
 class TestWrong:

@@ -93,6 +93,7 @@ class ImportOptions:
         surfaces: name of a raster of classes, or None.
         title: the source, for the description.
         allow_remote: whether the raster of classes may lie on the net, or lead out of its folder.
+        pixels: whether the root's cells are the pixels, so that own elements are easily added.
     """
 
     max_error: float
@@ -103,6 +104,7 @@ class ImportOptions:
     surfaces: str | None = None
     title: str = ""
     allow_remote: bool = False
+    pixels: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -385,6 +387,8 @@ def _planned(source: HeightSource, summary: SourceSummary, options: ImportOption
 def _methods(heights: Floats | None, options: ImportOptions) -> tuple[Method, ...]:
     """What may be tried: all that was asked for, by rows alone what is not in memory."""
     wanted = options.methods or METHODS
+    if options.pixels:
+        wanted = tuple(replace(method, pixels=True) for method in wanted)
     if heights is not None:
         return wanted
     by_rows = tuple(method for method in wanted if method.kind == "rows")
@@ -421,6 +425,8 @@ def _is_promising(source: HeightSource, heights: Floats, options: ImportOptions)
 def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
     """The structures of a DEM, (rows, columns), row 0 the southernmost, NaN where unknown."""
     structures = find_structures(heights, options.max_error, options.walls)
+    if options.pixels:
+        structures = tuple(one for one in structures if _has_whole_pixels(one))
     if not structures:
         return _FoundStructures()
     shape = heights.shape[0], heights.shape[1]
@@ -436,13 +442,27 @@ def _find(heights: Floats, options: ImportOptions) -> _FoundStructures:
     return _FoundStructures(
         evaluate(structures, shape),
         float(off.max()),
-        _texts(structures),
+        _texts(structures, options.pixels),
         dict(sorted(Counter(one.kind for one in structures).items())),
     )
 
 
-def _texts(structures: tuple[Structure, ...]) -> list[ElementText]:
+def _has_whole_pixels(one: Structure) -> bool:
+    return not any(count % 2 for count in (one.column, one.row, *one.span))
+
+
+def _texts(structures: tuple[Structure, ...], pixels: bool) -> list[ElementText]:
     """Each element, and its primitive where that did not come before."""
+    if pixels:
+        structures = tuple(
+            replace(
+                one,
+                column=one.column // 2,
+                row=one.row // 2,
+                span=(one.span[0] // 2, one.span[1] // 2),
+            )
+            for one in structures
+        )
     encode = msgspec.json.encode
     primitives = {
         one.name: b"%s:%s" % (encode(one.name), encode(primitive_of(one))) for one in structures
@@ -479,12 +499,19 @@ def _written(
             transposed = plan.method.kind == "columns"
             added = found.heights.T if found.heights is not None and transposed else found.heights
             checker = Checker(
-                grid, plan.rounding.base, found.texts, added, transposed, deviation, error
+                grid,
+                plan.rounding.base,
+                found.texts,
+                added,
+                transposed,
+                deviation,
+                error,
+                options.pixels,
             )
             _write_heights(writer, source, summary, plan, checker, work)
             rows = writer.count - len(found.texts)
-            root = root_of(grid, plan.rounding.base)
-            writer.finish(summary.surface_types, root, summary.cover)
+            root = root_of(grid.rows, grid.columns, plan.rounding.base, options.pixels)
+            writer.finish(summary.surface_types, root, summary.cover, options.pixels)
         bound = error.largest + found.deviation
         if not bound <= options.max_error:
             raise BoundError(f"an error of {bound:g} came about")
@@ -535,7 +562,8 @@ def _write_heights(
         assert plan.rest is not None
         assert summary.heights is not None
         levels = hats_of(plan.rest, plan.rounding)
-        hats = list(hat_texts(levels, (rows, columns), plan.rounding.step))
+        step, pixels = plan.rounding.step, plan.method.pixels
+        hats = list(hat_texts(levels, (rows, columns), step, pixels))
         checker.check_whole(hats, summary.heights)
         writer.write(*hats)
         work(rows * columns)
@@ -552,4 +580,5 @@ def _write_heights(
         work((len(chunk.heights) - (chunk.first > 0)) * shape[1])
 
     written = write_rows(writer, read, shape, plan.method, plan.rounding, check)
-    checker.check_borders(written, plan.rounding.step)
+    if not checker.pixels:
+        checker.check_borders(written, plan.rounding.step)

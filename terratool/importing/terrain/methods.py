@@ -3,7 +3,8 @@
 All of them are linear between the centres of pixels along x and y, so that the sum is bilinear
 there, as the DEM between its pixels is said to be; in the outer half pixel the nearest centre's
 height goes on. The elements lie in a grid of half pixels, whose corners are the pixels' corners and
-centres.
+centres; or, for people who add their own, in one of pixels, and cover the half pixels beside them
+with zeros.
 
 Rows: an element carries one row of pixels. Every `spacing`-th row stands by itself (it is nodal):
 its element is a tent over the rows up to the neighbouring nodal ones. Every other row is midway
@@ -36,6 +37,7 @@ from terratool.importing.terrain.writing import (
     WrittenRows,
     curve,
     element,
+    root_of,
 )
 from terratool.kernels import importing as kernels
 
@@ -69,10 +71,12 @@ class Method:
     Attributes:
         kind: "rows", "columns" or "hats".
         spacing: from one nodal row to the next; 1 if all are.
+        pixels: whether the elements lie in a grid of whole pixels, not of half ones.
     """
 
     kind: str
     spacing: int = BLOCK
+    pixels: bool = False
 
     @property
     def sentence(self) -> str:
@@ -147,21 +151,58 @@ def cuts(rows: int, size: int) -> list[int]:
     return at
 
 
-def support(row: int, nodal: list[int], rows: int) -> tuple[str, int, int]:
-    """The curve of a nodal row across the rows, and the half pixels where it begins and ends."""
+@dataclass(frozen=True, slots=True)
+class Tent:
+    """How far a row, or a column, has an effect: up to its neighbours' middles.
+
+    Attributes:
+        begin, middle, end: in half pixels.
+        south, north: whether it goes on at its height to begin or end.
+    """
+
+    begin: int
+    middle: int
+    end: int
+    south: bool = False
+    north: bool = False
+
+    def curve(self, pixels: bool) -> str:
+        """As JSON, over what it covers; of whole pixels, if so `pixels`."""
+        if self.south and self.north:
+            return '"flat"'
+        first, count = self.cells(pixels)
+        if pixels:
+            first, count = 2 * first, 2 * count
+        else:
+            even = self.middle - self.begin == self.end - self.middle
+            if even and not self.south and not self.north:
+                return '"tent"'
+        knots = [(0.0, int(self.south)), (1.0, int(self.north))]
+        inner = ((self.begin, int(self.south)), (self.middle, 1), (self.end, int(self.north)))
+        knots[1:1] = [((at - first) / count, z) for at, z in inner if first < at < first + count]
+        return f"[{','.join(f'[{_number(t)},{z}]' for t, z in knots)}]"
+
+    def cells(self, pixels: bool) -> tuple[int, int]:
+        """The first cell that it covers, and how many."""
+        if not pixels:
+            return self.begin, self.end - self.begin
+        return self.begin // 2, (self.end + 1) // 2 - self.begin // 2
+
+
+def _number(t: float) -> str:
+    return repr(int(t)) if t == int(t) else repr(t)
+
+
+def support(row: int, nodal: list[int], rows: int) -> Tent:
+    """How far a nodal row has an effect."""
     place = bisect_left(nodal, row)
-    middle = 2 * row + 1
-    begin = 2 * nodal[place - 1] + 1 if place else 0
-    end = 2 * nodal[place + 1] + 1 if place + 1 < len(nodal) else 2 * rows
-    before, behind = middle - begin, end - middle
-    south, north = int(place == 0), int(place + 1 == len(nodal))
-    if south and north:
-        text = '"flat"'
-    elif before == behind and not south and not north:
-        text = '"tent"'
-    else:
-        text = f"[[0,{south}],[{before / (before + behind)!r},1],[1,{north}]]"
-    return text, begin, end
+    return Tent(
+        2 * nodal[place - 1] + 1 if place else 0,
+        2 * row + 1,
+        2 * nodal[place + 1] + 1 if place + 1 < len(nodal) else 2 * rows,
+        place == 0,
+        place + 1 == len(nodal),
+    )
 
 
 # --- rows ----------------------------------------------------------------------------------------
@@ -172,7 +213,7 @@ class RowElement:
     """One element with a primitive of its own, but for its scale, which all share.
 
     Attributes:
-        name: of the primitive.
+        name: of the primitive, as rows are called.
         x, y: its curves; whole numbers, or JSON; None for 1 everywhere.
         cell, span: columns and rows of half pixels.
     """
@@ -185,16 +226,27 @@ class RowElement:
 
     def text(self, transposed: bool, step: float) -> ElementText:
         """Primitive and element; with x and y exchanged if `transposed`."""
-        curves, cell, span = (self.x, self.y), self.cell, self.span
+        curves, cell, span, name = (self.x, self.y), self.cell, self.span, self.name
         if transposed:
             curves, cell, span = curves[::-1], cell[::-1], span[::-1]
+            name = "-".join(_TURNED.get(word, word) for word in name.split("-"))
         members = [
             b'"%s":%s' % (axis, curve(values))
             for axis, values in zip((b"x", b"y"), curves, strict=True)
             if values is not None
         ]
-        primitive = b'"%s":{%s}' % (self.name.encode(), b",".join(members))
-        return ElementText(primitive, element(self.name, cell, span, vScale=step))
+        primitive = b'"%s":{%s}' % (name.encode(), b",".join(members))
+        return ElementText(primitive, element(name, cell, span, vScale=step))
+
+
+_TURNED = {
+    "row": "column",
+    "west": "south",
+    "east": "north",
+    "south": "west",
+    "north": "east",
+}
+"""What is called so with rows, with columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,6 +288,8 @@ def write_rows(
     nodal = cuts(rows, method.spacing)
     ends, counts = np.empty((2, rows)), np.zeros((2, rows), np.int64)
     transposed = method.kind == "columns"
+    # in the middle between two pixels the heights are their mean, which has half steps
+    unit = rounding.step / 2 if method.pixels else rounding.step
     above = heights = None
     # neighbouring blocks share a row
     for first, last in reversed(list(pairwise(cuts(rows, BLOCK))) or [(0, 0)]):
@@ -243,12 +297,15 @@ def write_rows(
         new = read(first, last - first + (heights is None))
         heights = new if heights is None else np.concatenate([new, heights[:1]])
         block = _round_block(heights, first, method.spacing, rounding, above)
-        entries = _row_elements(block, nodal, rows)
-        chunk = Chunk(first, heights, [entry.text(transposed, rounding.step) for entry in entries])
+        entries = _row_elements(block, nodal, rows, method.pixels)
+        chunk = Chunk(first, heights, [entry.text(transposed, unit) for entry in entries])
         if check:
             check(chunk)
         writer.beyond |= bool(block.counts.min() < 0 or block.counts.max() > 1)
-        shared = b'"%d"' % last  # the row that the block to the north has written
+        shared = b'"%s-%d"' % (
+            b"column" if transposed else b"row",
+            last,
+        )  # the row that the block to the north has written
         writer.write(
             *(t for t in chunk.texts if above is None or not t.primitive.startswith(shared))
         )
@@ -256,8 +313,9 @@ def write_rows(
         counts[:, first : last + 1] = block.counts[:, [0, -1]].T
         above = block.counts[0]
     outer = [
-        entry.text(transposed, rounding.step)
+        entry.text(transposed, unit)
         for entry in _outer_elements(counts, nodal, method.spacing, columns)
+        if not method.pixels  # rows of whole pixels have them
     ]
     writer.write(*outer)
     return WrittenRows(ends, outer)
@@ -283,39 +341,56 @@ def _round_block(
     return RowBlock(first, size, counts, levels)
 
 
-def _row_elements(block: RowBlock, nodal: list[int], rows: int) -> Iterator[RowElement]:
+def _row_elements(
+    block: RowBlock, nodal: list[int], rows: int, pixels: bool
+) -> Iterator[RowElement]:
     """The elements of a block's rows that are not zero, the last row's included.
 
     Args:
         block: the rows.
         nodal: all nodal rows of the DEM, ascending.
         rows: how many rows the DEM has.
+        pixels: whether they cover whole pixels.
     """
     last = len(block.counts) - 1
-    if block.counts.shape[1] == 1:
+    if block.counts.shape[1] == 1 and not pixels:
         return  # there is nothing between the outer half pixels
 
-    def entry(row: int, y: str, begin: int, end: int) -> RowElement:
+    def entry(row: int, tent: Tent) -> RowElement:
         counts = block.counts[row]
         filled = np.flatnonzero(counts)
         # zeros at the ends are left out, but for one
         first, last = max(0, int(filled[0]) - 1), min(len(counts) - 1, int(filled[-1]) + 1)
         if len(counts) - (last - first) <= _FEW + len(counts) // 4:
             first, last = 0, len(counts) - 1
-        cell, span = (2 * first + 1, begin), (2 * (last - first), end - begin)
-        return RowElement(str(block.first + row), counts[first : last + 1], y, cell, span)
+        counts = counts[first : last + 1]
+        begin, height = tent.cells(pixels)
+        cell, span = (2 * first + 1, begin), (2 * (last - first), height)
+        if pixels:
+            cell, span = (first, begin), (last - first + 1, height)
+            counts = _with_middles(counts)
+        return RowElement(f"row-{block.first + row}", counts, tent.curve(pixels), cell, span)
 
     filled = np.asarray(block.counts.any(axis=1))
     for row in range(0, last + 1, block.spacing):
         if filled[row]:
-            yield entry(row, *support(block.first + row, nodal, rows))
+            yield entry(row, support(block.first + row, nodal, rows))
     size = block.spacing
     while size >= 2:
         for row in range(size // 2, last, size):
             if filled[row]:
                 middle = 2 * (block.first + row) + 1
-                yield entry(row, '"tent"', middle - size, middle + size)
+                yield entry(row, Tent(middle - size, middle, middle + size))
         size //= 2
+
+
+def _with_middles(counts: Ints) -> Ints:
+    """Twice the counts at the centres of pixels, and their sums between; the ends go on."""
+    values = np.empty(2 * len(counts) + 1, np.int64)
+    values[1::2] = 2 * counts
+    values[2:-1:2] = counts[:-1] + counts[1:]
+    values[0], values[-1] = values[1], values[-2]
+    return values
 
 
 def _outer_elements(
@@ -330,17 +405,21 @@ def _outer_elements(
         columns: how many columns the DEM has.
     """
     rows = counts.shape[1]
-    for side, numbers, column in zip("we", counts, (0, 2 * columns - 1), strict=True):
+    for part, numbers, column in zip(("west", "east"), counts, (0, 2 * columns - 1), strict=True):
+        side = f"{part}-edge"
         heights = numbers[nodal].tolist()
         if len(set(np.diff(nodal).tolist())) == 1:
             span = (1, 2 * (rows - 1))
             if any(heights):
                 yield RowElement(side, None, numbers[nodal], (column, 1), span)
             # what lies beyond the outermost rows
-            for name, height, row in (("s", heights[0], 0), ("n", heights[-1], 2 * rows - 1)):
+            for name, height, row in (
+                ("south", heights[0], 0),
+                ("north", heights[-1], 2 * rows - 1),
+            ):
                 if height:
                     one = np.array([height])
-                    yield RowElement(f"{side}-{name}", None, one, (column, row), (1, 1))
+                    yield RowElement(f"{side}-{name}-end", None, one, (column, row), (1, 1))
         elif any(heights):
             where = [(2 * row + 1) / (2 * rows) for row in nodal]
             knots = [(0.0, heights[0]), *zip(where, heights, strict=True), (1.0, heights[-1])]
@@ -352,7 +431,7 @@ def _outer_elements(
             between = np.zeros(2 * end // size + 1, np.int64)
             between[1::2] = numbers[size // 2 : end : size]
             if between.any():
-                yield RowElement(f"{side}-{size}", None, between, (column, 1), (1, 2 * end))
+                yield RowElement(f"{side}-every-{size}", None, between, (column, 1), (1, 2 * end))
             size //= 2
 
 
@@ -401,13 +480,16 @@ def hats_of(heights: Floats, rounding: Rounding) -> list[HatLevel]:
         axes = finer
 
 
-def hat_texts(levels: list[HatLevel], shape: tuple[int, int], step: float) -> Iterator[ElementText]:
+def hat_texts(
+    levels: list[HatLevel], shape: tuple[int, int], step: float, pixels: bool = False
+) -> Iterator[ElementText]:
     """The hats that are not 0 high as text.
 
     Args:
         levels: the hats, coarse ones first.
         shape: rows and columns of the DEM.
         step: what heights were rounded to.
+        pixels: whether they cover whole pixels.
 
     Yields:
         A primitive, empty where it came before, or one element or several with commas between.
@@ -415,21 +497,26 @@ def hat_texts(levels: list[HatLevel], shape: tuple[int, int], step: float) -> It
     names: dict[tuple[str, str], bytes] = {}
     for level in levels:
         rows, columns = level.rows.tolist(), level.columns.tolist()
-        ys = [support(row, rows, shape[0]) for row in rows]
-        xs = [support(column, columns, shape[1]) for column in columns]
+        ys, xs = (
+            [
+                (tent.curve(pixels), *tent.cells(pixels))
+                for tent in (support(place, axis, count) for place in axis)
+            ]
+            for axis, count in zip((rows, columns), shape, strict=True)
+        )
         for row in np.flatnonzero(level.counts.any(axis=1)).tolist():
-            y, south, north = ys[row]
+            y, south, height = ys[row]
             line: list[bytes] = []
             for column in np.flatnonzero(level.counts[row]).tolist():
-                x, west, east = xs[column]
+                x, west, width = xs[column]
                 if (x, y) not in names:
                     names[x, y] = b"hat-%d" % (len(names) + 1) if names else b"hat"
                     members = (names[x, y], x.encode(), y.encode())
                     yield ElementText(b'"%s":{"x":%s,"y":%s}' % members, b"")
-                height = int(level.counts[row, column]) * step
+                scale = int(level.counts[row, column]) * step
                 line.append(
                     b'{"type":"%s","cellX":%d,"cellY":%d,"span":[%d,%d],"vScale":%.15g}'
-                    % (names[x, y], west, south, east - west, north - south, height)
+                    % (names[x, y], west, south, width, height, scale)
                 )
             yield ElementText(b"", b",\n".join(line))
 
@@ -482,12 +569,12 @@ def size_of(heights: Floats, method: Method, rounding: Rounding, most: int = -1)
         least = _HAT_BYTES * sum(int(np.count_nonzero(level.counts)) for level in levels)
         if 0 <= most < least:
             return least
-        writer.write(*hat_texts(levels, (rows, columns), rounding.step))
+        writer.write(*hat_texts(levels, (rows, columns), rounding.step, method.pixels))
     else:
         part = np.ascontiguousarray(heights.T) if method.kind == "columns" else heights
         write_rows(writer, rows_of(part), (part.shape[0], part.shape[1]), method, rounding)
-    root = {"type": "flat", "vScale": rounding.base, "cells": [2 * columns, 2 * rows]}
-    writer.finish({}, root, Spool())
+    root = root_of(rows, columns, rounding.base, method.pixels)
+    writer.finish({}, root, Spool(), method.pixels)
     return counter.size
 
 

@@ -133,13 +133,16 @@ class Writer:
             if text.element:
                 self._elements.add(text.element)
 
-    def finish(self, surfaces: dict[str, Any], root: dict[str, Any], cover: Spool) -> None:
+    def finish(
+        self, surfaces: dict[str, Any], root: dict[str, Any], cover: Spool, pixels: bool = False
+    ) -> None:
         """Write surfaces and the tree: the root, its elements, and what covers them.
 
         Args:
             surfaces: by name.
             root: the root's members, but for its children.
             cover: elements in a grid of pixels, which decide the surface.
+            pixels: whether the root's grid is one of pixels, too.
         """
         sink = self._sink
         sink.write(b"\n },\n")
@@ -154,7 +157,7 @@ class Writer:
             codes = [code for code, is_so in warned.items() if is_so]
             sink.write(b' "x-ignore": %s,\n' % msgspec.json.encode(codes))
         sink.write(b' "elemTree": %s,"children":[\n' % msgspec.json.encode(root).removesuffix(b"}"))
-        if cover.count:
+        if cover.count and not pixels:
             columns, rows = root["cells"]
             group = element(
                 root["type"], (0, 0), (columns, rows), vScale=0, cells=[columns // 2, rows // 2]
@@ -162,9 +165,9 @@ class Writer:
             self._elements.add(group.removesuffix(b"}") + b',"children":[')
         self._elements.copy_to(sink)
         if cover.count:
-            sink.write(b"\n")
+            sink.write(b",\n" if pixels and self._elements.count else b"\n")
             cover.copy_to(sink)
-            sink.write(b"]}")
+            sink.write(b"" if pixels else b"]}")
         sink.write(b"]}\n}\n")
 
 
@@ -319,6 +322,7 @@ class Checker:
         deviation: how far structures may be from the DEM in the outer half pixels; None where they
             have upright walls, so that nothing is known of that.
         error: what was measured.
+        pixels: whether elements lie in a grid of pixels; then rows have the outer half pixels, too.
         last: rows from a first one on, and the last pixel of each, which the outer elements carry.
     """
 
@@ -329,6 +333,7 @@ class Checker:
     transposed: bool
     deviation: float | None
     error: MeasuredError
+    pixels: bool = False
     last: list[tuple[int, Floats]] = field(default_factory=list)
 
     def check_chunk(self, chunk: Chunk) -> None:
@@ -340,15 +345,17 @@ class Checker:
         # the next block to the south has the first row of this one, too
         skip = int(first > 0)
         wanted, first, count = wanted[skip:], first + skip, count - skip
-        self.last.append((first, wanted[:, -1].copy()))
-        across = wanted.shape[1] - 1
+        across = wanted.shape[1]
+        if not self.pixels:
+            self.last.append((first, wanted[:, -1].copy()))
+            across -= 1
         if not across:
             return
         if self.transposed:
             ours = self._painted(chunk.texts, 0, first, across, count).T
         else:
             ours = self._painted(chunk.texts, first, 0, count, across)
-        self._add(wanted[:, :-1], ours, first, 0)
+        self._add(wanted[:, :across], ours, first, 0)
 
     def check_borders(self, written: WrittenRows, step: float) -> None:
         """Measure the outer half pixels.
@@ -394,8 +401,9 @@ class Checker:
         return paint_pixels(self._compiled([*self.always, *texts]), shape, window)
 
     def _compiled(self, texts: list[ElementText]) -> Terrain:
-        head = msgspec.json.encode({"size": [self.grid.columns, self.grid.rows]})
-        root = msgspec.json.encode(root_of(self.grid, self.base))
+        grid = self.grid
+        head = msgspec.json.encode({"size": [grid.columns, grid.rows]})
+        root = msgspec.json.encode(root_of(grid.rows, grid.columns, self.base, self.pixels))
         types = dict.fromkeys(text.primitive for text in texts if text.primitive)
         text = b'%s,"elemTypes":{%s},"elemTree":%s,"children":[%s]}}' % (
             head.removesuffix(b"}"),
@@ -406,7 +414,7 @@ class Checker:
         return Terrain(msgspec.json.decode(text, type=Definition))
 
 
-def root_of(grid: PixelGrid, base: float) -> dict[str, Any]:
-    """The root: level ground, and a grid of half pixels."""
-    cells = [2 * grid.columns, 2 * grid.rows]
-    return {"type": "flat", "vScale": base, "cells": cells}
+def root_of(rows: int, columns: int, base: float, pixels: bool) -> dict[str, Any]:
+    """The root: level ground, and a grid of half pixels, or of whole ones."""
+    per_pixel = 1 if pixels else 2
+    return {"type": "flat", "vScale": base, "cells": [per_pixel * columns, per_pixel * rows]}

@@ -1,0 +1,291 @@
+"""Commands killed at random moments: every output is whole, as it was before, or not there.
+
+`python -m tests.kills` starts commands that write, ends each by SIGKILL, SIGTERM or SIGINT at some
+moment, and looks at the folder. Then the same command runs to its end: its outputs are those of a
+run that nobody disturbed, and nothing else is left.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from terratool.output import PART
+from terratool.raster.journal import NAME as JOURNAL
+from tests.commands import COMMAND, ENVIRONMENT, ROOT
+
+SAMPLES = ROOT / "samples"
+SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+Contents = dict[str, bytes]
+
+
+class Job(NamedTuple):
+    """A command that writes.
+
+    Attributes:
+        name: of the writer.
+        words: of the command; those with an @ are files of the folder that it runs in.
+        inputs: files that the folder has before: their names, and where they are copied from.
+        before: words of a run that leaves other outputs under the same names, in place of the
+            second, which names the source; none if the inputs are what is overwritten.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    inputs: tuple[tuple[str, str], ...] = ()
+    before: str = ""
+
+
+SITE, YARD = "samples/nested-site.json", "samples/stairs-and-kerbs.json"
+TRACKS = "samples/wheel-tracks.json"
+HUSKY = "samples/vehicles/husky-a200.json"
+_DEM = ("--resolution", "0.5", "--overwrite")
+_MESH = ("--max-error", "0.05", "--overwrite")
+_ALL = ("--layer", "height", "--layer", "surface", "--layer", "slope", "--layer", "color")
+
+
+def jobs() -> list[Job]:
+    """All writers."""
+    found = [
+        Job(f"dem {ending}", ("export-dem", SITE, f"@a.{ending}", *_DEM), before=YARD)
+        for ending in ("tif", "asc", "png", "npy", "xyz", "img")
+    ]
+    found.append(Job("dem cog", ("export-dem", SITE, "@a.tif", "--cog", *_DEM), before=YARD))
+    found.append(Job("dem layers", ("export-dem", SITE, "@a.tif", *_ALL, *_DEM), before=YARD))
+    tiles = ("--tile-size", "512", "--resolution", "0.1")
+    found.append(Job("dem tiles", ("export-dem", SITE, "--tiles", "@tiles", *_ALL, *tiles)))
+    found += [
+        Job(f"mesh {ending}", ("export-mesh", SITE, f"@a.{ending}", *_MESH), before=YARD)
+        for ending in ("obj", "wrl", "glb", "stl", "ply", "x3d", "usdc")
+    ]
+    grid = ("--elevation-grid", "--resolution", "0.5", "--overwrite")
+    hills = "samples/dunes.json"
+    found.append(Job("mesh grid", ("export-vrml", YARD, "@a.wrl", *grid), before=hills))
+    many = ("--tile-faces", "2000", *_MESH)
+    found.append(Job("mesh tiles", ("export-mesh", SITE, "@tiles.obj", *many)))
+    dems = (("dem.tif", SITE),)
+    terrain = ("--max-error", "0.5", "--overwrite")
+    for ending in ("json", "json.gz"):
+        words = ("import-terrain", "@dem.tif", f"@a.{ending}", *terrain)
+        found.append(Job(f"terrain {ending}", words, dems))
+    definition = (("a.json", SITE),)
+    new = ("--name", "new", "--window", "10", "10", "60", "40")
+    into = ("import-primitive", "@dem.tif", *new, "--into", "@a.json", "--overwrite")
+    found.append(Job("primitive into", into, (*dems, *definition)))
+    output = ("import-primitive", "@dem.tif", *new, "--output", "@p.json", "--overwrite")
+    found.append(Job("primitive", output, dems))
+    found.append(Job("format", ("format", "@a.json"), (("a.json", "minified"),)))
+    wrong = (("a.json", "samples/invalid/TT104-missing-in-element.json"),)
+    found.append(Job("fix", ("validate", "--fix", "@a.json"), (("a.json", "misspelt"),)))
+    known = ("validate", "@a.json", "--baseline", "@known.json", "--update-baseline")
+    found.append(Job("baseline", known, wrong))
+    reports = [f"--format={form}=@out.{form}" for form in ("json", "sarif", "junit", "gitlab")]
+    found.append(Job("findings", ("validate", "@a.json", *reports), wrong))
+    wheels = ("--vehicle", HUSKY, "--path", "@path.csv", "--output", "@a.json", "--overwrite")
+    found.append(Job("deform", ("deform", TRACKS, *wheels), (*definition, ("path.csv", "path"))))
+    outputs = ("--report", "@r.html", "--report", "@r.md", "--report", "@r.json", "--map", "@m.tif")
+    drive = ("--vehicle", HUSKY, "--resolution", "2", "--headings", "4", "--overwrite")
+    found.append(Job("map", ("traversability", SITE, *outputs, *drive), before=YARD))
+    return found
+
+
+@dataclass
+class Bench:
+    """A job, and what its folder holds before it and after it, if nobody disturbs it.
+
+    Attributes:
+        old: what is there before; a run begins with that or, if the job brings its own inputs
+            only, with those.
+        new: what is there afterwards.
+        seconds: that it takes.
+    """
+
+    job: Job
+    inputs: Contents
+    old: Contents
+    new: Contents
+    seconds: float
+
+
+@dataclass
+class Tally:
+    """What came of all kills."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    faults: list[str] = field(default_factory=list)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+
+def run(words: tuple[str, ...], folder: Path) -> subprocess.Popen[str]:
+    """Start a command in a folder, whose files have an @ before their names."""
+    placed = [str(ROOT / word) if word.startswith("samples/") else word for word in words]
+    return subprocess.Popen(
+        [*COMMAND, *(word.replace("@", "") for word in placed)],
+        cwd=folder, env=ENVIRONMENT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def finish(words: tuple[str, ...], folder: Path) -> str:
+    """Run a command to its end; what is wrong with that."""
+    process = run(words, folder)
+    _, told = process.communicate(timeout=120)
+    if process.returncode not in (0, 1) or "Traceback" in told:
+        return f"ends with {process.returncode}: {told}"
+    return ""
+
+
+def contents(folder: Path) -> Contents:
+    """The files of a folder; of a journal, whose lines come in no order, no more than that."""
+    return {
+        str(path.relative_to(folder)): b"" if path.name == JOURNAL else path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def put(folder: Path, files: Contents) -> None:
+    """Have a folder hold these files and nothing else."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for name, data in files.items():
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(data)
+
+
+def source(name: str, folder: Path) -> bytes:
+    """An input by its name."""
+    if name == "path":
+        return b"x,y\n5,6\n20,12\n34,17\n"
+    if name == "minified":
+        return json.dumps(json.loads((ROOT / SITE).read_text())).encode()
+    if name == "misspelt":
+        return (ROOT / SITE).read_bytes().replace(b'"vScale"', b'"vscale"')
+    return (ROOT / name).read_bytes()
+
+
+def bench(job: Job, folder: Path) -> Bench:
+    """Find out what a job does when nobody disturbs it."""
+    inputs: Contents = {}
+    folder.mkdir()
+    for name, origin in job.inputs:
+        if name == "dem.tif":
+            wrong = finish(("export-dem", origin, "@dem.tif", "--resolution", "1"), folder)
+            assert not wrong, wrong
+            inputs = contents(folder) | inputs
+        else:
+            inputs[name] = source(origin, folder)
+    put(folder, inputs)
+    if job.before:
+        wrong = finish((job.words[0], job.before, *job.words[2:]), folder)
+        assert not wrong, (job, wrong)
+    old = contents(folder)
+    put(folder, inputs)
+    began = time.monotonic()
+    wrong = finish(job.words, folder)
+    assert not wrong, (job, wrong)
+    seconds = time.monotonic() - began
+    new = contents(folder)
+    assert new != old, job
+    return Bench(job, inputs, old, new, seconds)
+
+
+def kill(one: Bench, folder: Path, rng: random.Random, tally: Tally) -> None:
+    """Kill a job at some moment, look, and have it run again."""
+    before = one.old if rng.random() < 0.6 else one.inputs
+    put(folder, before)
+    number = rng.choice(SIGNALS)
+    process = run(one.job.words, folder)
+    began = time.monotonic()
+    # half of them once something is being written, for which a start takes long
+    writing = rng.random() < 0.5
+    delay = rng.random() * one.seconds * (0.3 if writing else 1.1)
+    while writing and process.poll() is None and not list(folder.rglob(f"{PART}*")):
+        time.sleep(0.001)
+    time.sleep(delay if not writing else delay * rng.random())
+    process.send_signal(number)
+    _, told = process.communicate(timeout=60)
+    moment = f"{one.job.name}, {number.name} after {time.monotonic() - began:.3f} s"
+    wrong = looked_at(one, before, folder, number, told)
+    if again := finish(one.job.words, folder):
+        wrong.append(f"the next run {again}")
+    elif (found := contents(folder)) != one.new:
+        names = sorted(name for name in {*found, *one.new} if found.get(name) != one.new.get(name))
+        wrong.append(f"after the next run, {', '.join(names)} are not as they should be")
+    with tally.lock:
+        tally.counts["ended before" if process.returncode in (0, 1) else number.name] += 1
+        tally.faults += [f"{moment}: {what}" for what in wrong]
+
+
+def looked_at(
+    one: Bench, before: Contents, folder: Path, number: signal.Signals, told: str
+) -> list[str]:
+    """What is wrong in a folder where a job was killed."""
+    # Python prints one by itself where it is interrupted before terratool has begun
+    begun = ", in _run\n" in told
+    wrong = ["a traceback:\n" + told] if "Traceback" in told and begun else []
+    for name, data in contents(folder).items():
+        if name.startswith(PART) or f"/{PART}" in name:
+            if number != signal.SIGKILL:
+                wrong.append(f"{name} is left")
+        elif data not in (before.get(name), one.new.get(name)):
+            wrong.append(f"{name} is neither old nor new")
+    # what goes with another file may be gone for a moment, as that is new or old
+    main = {name for name in before if name in one.new and ".aux.xml" not in name}
+    companions = (".mtl", ".prj")
+    gone = sorted(name for name in main - {*contents(folder)} if not name.endswith(companions))
+    return wrong + [f"{name} is gone" for name in gone]
+
+
+def main() -> int:
+    """Parse, kill, print; 1 if a file was torn."""
+    parser = argparse.ArgumentParser(prog="python -m tests.kills", description=__doc__)
+    parser.add_argument("--kills", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--only", default="", help="writers whose names have this in them")
+    wanted = parser.parse_args()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # which the commands inherit
+    tally, began = Tally(), time.monotonic()
+    chosen = [job for job in jobs() if wanted.only in job.name]
+    with (
+        tempfile.TemporaryDirectory(prefix="terratool-kills-") as name,
+        ThreadPoolExecutor(wanted.processes) as pool,
+    ):
+        base = Path(name)
+        benches = list(pool.map(lambda job: bench(job, base / job.name), chosen))
+
+        def one(index: int) -> None:
+            rng = random.Random(f"{wanted.seed} {index}")
+            kill(benches[index % len(benches)], base / str(index), rng, tally)
+            shutil.rmtree(base / str(index), ignore_errors=True)
+
+        list(pool.map(one, range(wanted.kills)))
+    for fault in tally.faults:
+        print(fault)
+    print(f"{len(chosen)} writers in {time.monotonic() - began:.0f} s")
+    print("| kills | SIGKILL | SIGTERM | SIGINT | ended before | faults |")
+    print("|---:|---:|---:|---:|---:|---:|")
+    heads = ("SIGKILL", "SIGTERM", "SIGINT", "ended before")
+    counts = (wanted.kills, *(tally.counts[head] for head in heads), len(tally.faults))
+    print("| " + " | ".join(f"{number:,}" for number in counts) + " |")
+    return int(bool(tally.faults))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,184 @@
+"""A stranger's file has nothing read but itself, and the files beside it that the docs name.
+
+Two watchers: inotify sees whether a file elsewhere is opened, by GDAL and PROJ, too; an audit hook
+sees all that Python opens.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.commands import ENVIRONMENT, ROOT, call
+from tests.importing.test_opening import dem
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="inotify is of Linux")
+
+TERRAIN = {"size": [3, 2], "elemTypes": {"a": {"x": [0, 1]}}, "elemTree": {"type": "a"}}
+_OPENED, _READ = 0x20, 0x01
+
+Watch = Callable[[], list[str]]
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Iterator[tuple[Path, Watch]]:
+    """A folder with files of every kind that may be named, and what of them was opened lately."""
+    folder = tmp_path / "elsewhere"
+    dem(folder / "secret.tif")
+    for ending in ("prj", "json", "mtl", "bin", "gsb", "img", "wrl", "x3d", "png", "txt", "csv"):
+        (folder / f"secret.{ending}").write_bytes(b"0 0 0 0\n" * 9)
+    c = ctypes.CDLL(None, use_errno=True)
+    number = c.inotify_init1(os.O_NONBLOCK)
+    assert number >= 0
+    assert c.inotify_add_watch(number, os.fsencode(folder), _OPENED | _READ) >= 0
+
+    def opened() -> list[str]:
+        try:
+            events = os.read(number, 1 << 16)
+        except BlockingIOError:
+            return []
+        return sorted({name.decode() for name in events.split(b"\0") if b"secret" in name})
+
+    (folder / "secret.txt").read_bytes()
+    assert opened() == ["secret.txt"]  # it does see
+    yield folder, opened
+    os.close(number)
+
+
+def hostile(here: Path, path: str) -> Iterator[Path]:
+    """Files that name another one, wherever a format lets them."""
+
+    def put(name: str, text: str) -> Path:
+        (here / name).write_text(text)
+        return here / name
+
+    crses = [path, f"@{path}", f"+init={path}:1", f"+proj=longlat +nadgrids={path}", f"file://{path}",
+             f"+proj=pipeline +step +proj=gridshift +grids={path}"]  # fmt: skip
+    for number, crs in enumerate(crses):
+        yield put(f"crs{number}.json", json.dumps({**TERRAIN, "crs": crs, "$schema": path}))
+    source = """<VRTDataset rasterXSize="6" rasterYSize="4"><VRTRasterBand dataType="Float32" band="1">
+<SimpleSource><SourceFilename relativeToVRT="0">{}</SourceFilename><SourceBand>1</SourceBand>
+</SimpleSource></VRTRasterBand></VRTDataset>"""  # fmt: skip
+    yield put("plain.vrt", source.format(path))
+    yield put(
+        "relative.vrt", source.replace('VRT="0"', 'VRT="1"').format("../elsewhere/secret.tif")
+    )
+    entity = f'<!DOCTYPE a [<!ENTITY b SYSTEM "file://{path}">]>'
+    yield put("entity.vrt", entity + source.format("&b;"))
+    yield put("vrt.tif", source.format(path))
+    yield put("pds4.xml", _PDS4.format(path))
+    label = f"""PDS_VERSION_ID = PDS3\nRECORD_TYPE = FIXED_LENGTH\nRECORD_BYTES = 24\n^IMAGE = ("{path}", 1)
+OBJECT = IMAGE\nLINES = 4\nLINE_SAMPLES = 6\nSAMPLE_TYPE = PC_REAL\nSAMPLE_BITS = 32\nEND_OBJECT\nEND\n"""
+    yield put("label.lbl", label)
+    core = f"Object = IsisCube\n Object = Core\n  StartByte = 1\n  ^Core = {path}\n  Format = BandSequential\n"
+    yield put("cube.cub", core + "  Group = Dimensions\n   Samples = 6\n   Lines = 4\n   Bands = 1\n"
+              "  End_Group\n  Group = Pixels\n   Type = Real\n  End_Group\n End_Object\nEnd_Object\nEnd\n")  # fmt: skip
+    dem(here / "mask.tif")
+    put("mask.tif.msk", source.format(path))
+    yield here / "mask.tif"
+    dem(here / "system.tif")
+    put("system.prj", f'PROJCS["x",EXTENSION["PROJ4","+proj=longlat +nadgrids={path}"]]')
+    put("system.tif.aux.xml", f"<PAMDataset><SRS>+proj=longlat +nadgrids={path}</SRS></PAMDataset>")
+    yield here / "system.tif"
+    yield put("mesh.obj", f"mtllib {path}\nv 0 0 0\nv 1 0 1\nv 0 1 0\nusemtl a\nf 1 2 3\n")
+    yield put("scene.wrl", f'#VRML V2.0 utf8\nInline {{ url "{path}" }}\n'
+              f'Shape {{ appearance Appearance {{ texture ImageTexture {{ url "{path}" }} }} }}\n')  # fmt: skip
+    yield put("scene.x3d", f"{entity}<X3D><Scene><Inline url='\"{path}\"'/>&b;</Scene></X3D>")
+    gltf = {
+        "asset": {"version": "2.0"}, "buffers": [{"uri": path, "byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}], "images": [{"uri": path}],
+    }  # fmt: skip
+    yield put("scene.gltf", json.dumps(gltf))
+
+
+_PDS4 = """<?xml version="1.0" encoding="UTF-8"?>
+<Product_Observational xmlns="http://pds.nasa.gov/pds4/pds/v1"><File_Area_Observational>
+<File><file_name>{}</file_name></File><Array_2D_Image><offset unit="byte">0</offset>
+<axes>2</axes><axis_index_order>Last Index Fastest</axis_index_order><Element_Array>
+<data_type>IEEE754LSBSingle</data_type></Element_Array><Axis_Array><axis_name>Line</axis_name>
+<elements>4</elements><sequence_number>1</sequence_number></Axis_Array><Axis_Array>
+<axis_name>Sample</axis_name><elements>6</elements><sequence_number>2</sequence_number></Axis_Array>
+</Array_2D_Image></File_Area_Observational></Product_Observational>"""
+
+KINDS = ("tif", "prj", "gsb", "mtl", "bin", "img", "txt", "json")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("relative", [False, True])
+def test_nothing_elsewhere_is_opened(
+    kind: str, relative: bool, elsewhere: tuple[Path, Watch], tmp_path: Path
+) -> None:
+    folder, opened = elsewhere
+    (here := tmp_path / "here").mkdir()
+    path = f"../elsewhere/secret.{kind}" if relative else str(folder / f"secret.{kind}")
+    found = {}
+    for file in hostile(here, path):
+        opened()
+        if file.suffix == ".json":
+            call("validate", file)
+            call("export-dem", file, here / "out.tif", "--resolution", 1, "--overwrite")
+            call("export-mesh", file, here / "out.obj", "--overwrite")
+        else:
+            call("import-terrain", file, here / "out.json", "--max-error", 1, "--overwrite")
+            call("import-primitive", file, "--name", "x")
+        if seen := opened():
+            found[file.name] = seen
+    assert found == {}
+
+
+WATCHED = """
+import json, os, sys
+paths = set()
+def hook(event, arguments):
+    if event == "open" and isinstance(arguments[0], (str, bytes)):
+        paths.add(os.path.abspath(os.fsdecode(arguments[0])))
+sys.addaudithook(hook)
+from tests.commands import call
+codes = [call(*words).code for words in json.loads(sys.argv[1])]
+print(json.dumps([codes, sorted(paths)]))
+"""
+
+
+def test_what_python_opens(tmp_path: Path) -> None:
+    """The named file, settings on the way to it, outputs, and what Python and the system need."""
+    (here := tmp_path / "here").mkdir()
+    for name in ("site.json", "other.json", "rover.json", "site.csv"):
+        (here / name).write_text(json.dumps(TERRAIN))
+    dem(here / "dem.tif")
+    dem(here / "dem2.tif")
+    words = [
+        ["validate", "site.json", "--config", "none.toml"],
+        ["validate", "site.json"],
+        ["info", "site.json"],
+        ["query", "site.json", "1", "1"],
+        ["export-dem", "site.json", "out.asc", "--resolution", "1"],
+        ["export-mesh", "site.json", "out.obj"],
+        ["import-terrain", "dem.tif", "out.json", "--max-error", "1"],
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", WATCHED, json.dumps(words)],
+        cwd=here, env={**ENVIRONMENT, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    codes, paths = json.loads(done.stdout)
+    assert codes[1:] == [0] * 6
+    system = {sys.prefix, sys.base_prefix, "/proc", "/sys", "/dev", "/usr"}
+    system |= {str(ROOT / name) for name in ("terratool", "tests", "build", "schemas")}
+    others = [path for path in paths if not any(path.startswith(f"{one}/") for one in system)]
+    inside = {path for path in others if path.startswith(f"{here}/")}
+    # of outputs only what is in their temporary folder
+    names = {os.path.relpath(path, here) for path in inside if "/.terratool-" not in path}
+    assert names <= {"site.json", "dem.tif", ".", "none.toml", ".terratool.toml", "pyproject.toml"}
+    assert {"site.json"} <= names
+    others = [path for path in others if path not in inside and not path.endswith(".toml")]
+    assert set(others) <= {str(here)}  # folders are synced
