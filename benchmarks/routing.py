@@ -197,5 +197,5 @@ if __name__ == "__main__":
     line(
         "route, map and report of a rover against map and route each by itself",
         seconds["together"] / seconds["apart"],
-        "<= 0.2",
+        "<= 0.15",
     )

@@ -80,8 +80,8 @@ NUMBERS = Bands(
         Layer(name, (name,), unit, NUMBER)
         for name, unit in (
             ("headings that are go or caution", ""),
-            ("utilisation, best heading", ""),
-            ("utilisation, worst heading", ""),
+            ("utilisation, best heading", "1"),
+            ("utilisation, worst heading", "1"),
             ("slope along, best heading", "degree"),
             ("slope across, best heading", "degree"),
             ("slope along, worst heading", "degree"),

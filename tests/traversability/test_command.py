@@ -526,17 +526,6 @@ def test_the_example_of_the_help_runs() -> None:
     )  # its places lie on the terrain
 
 
-def test_the_example_of_the_page_says_what_it_says(tmp_path: Path) -> None:
-    """The first example of docs/traversability.md, up to its dots, word by word."""
-    page = (ROOT / "docs/traversability.md").read_text("utf-8")
-    command, wanted = re.search(r"```\n\$ terratool (.*?[^\\])\n(.*?)…\n```", page, re.S).groups()  # type: ignore[union-attr]
-    arguments = command.replace("\\\n", " ").split()
-    arguments = [tmp_path / word if word.startswith("yard.") else word for word in arguments]
-    ran = run(*arguments)
-    assert (ran.code, ran.err) == (0, "")
-    assert ran.out.startswith(wanted)
-
-
 @pytest.fixture
 def vehicle(saved: Saved) -> Vehicle:
     return load_vehicle(saved(VEHICLE, "v.json"))
