@@ -39,8 +39,8 @@ _HARMLESS = {"TT306", "TT307", "TT308"}
 """Warnings of a curve that do not say that it may be off."""
 
 
-_STEEP = 1e6
-"""Curves that rise by more make meshes without end."""
+_STEEP = 1e4
+"""Elements that rise by so many errors, or more, make meshes without end."""
 
 
 class WrongError(Exception):
@@ -238,8 +238,10 @@ def _write(case: Case, folder: Path, terrain: Terrain, draw: int) -> None:
     dem = ("dem.tif", "dem.asc", "dem.png", "dem.npy")[draw % 4]
     mesh = ("mesh.glb", "mesh.obj", "mesh.stl", "mesh.wrl", "mesh.x3d", "mesh.ply")[draw % 6]
     _call("export-dem", name, folder / dem, "--resolution", repr(size / 12), "--overwrite")
-    if np.abs(terrain.arrays.curves.pieces).max(initial=0) < _STEEP:
-        error = relief_of(terrain, None) / 20 or 1
+    error = relief_of(terrain, None) / 20 or 1
+    arrays = terrain.arrays
+    largest = np.abs(arrays.curves.pieces).max(initial=0) * np.abs(arrays.elements["scale"]).max()
+    if largest < _STEEP * error:
         _call("export-mesh", name, folder / mesh, "--max-error", repr(error), "--overwrite")
     _call("info", name, "--json")
     for path in folder.iterdir():
