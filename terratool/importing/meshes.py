@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import logging
+import os
 import re
 import struct
 import warnings
@@ -378,7 +379,13 @@ def _gltf_header(path: Path) -> dict[str, Any]:
                 raise _old_gltf(path)
             if magic != _MAGIC or kind != _JSON:
                 raise ValueError("it does not begin like a GLB")
-            text = _exactly(file.read(length), length)
+            size = path.stat().st_size
+            text = _exactly(file.read(min(length, size)), length)
+            while head := file.read(8):  # chunks of what trimesh reads at once
+                (length,) = struct.unpack("<I", _exactly(head, 8)[:4])
+                if length > size - file.tell():
+                    raise ValueError("it is cut short")
+                file.seek(length, os.SEEK_CUR)
     header = json.loads(text)
     if not isinstance(header, dict):
         raise ValueError("its header is no object")

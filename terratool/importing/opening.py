@@ -28,7 +28,7 @@ from terratool.errors import ReadError, interruption
 from terratool.importing.guards import is_netcdf, probe, refuse_claims, refuse_surfer_claims
 
 DRIVERS = (
-    "AAIGrid", "BMP", "BT", "DTED", "EHdr", "ENVI", "GIF", "GPKG", "GRIB", "GS7BG", "GSAG", "GSBG",
+    "AAIGrid", "BMP", "BT", "DTED", "EHdr", "ENVI", "GIF", "GPKG", "GS7BG", "GSAG", "GSBG",
     "GTiff", "HF2", "HFA", "ISIS3", "JP2OpenJPEG", "JPEG", "LCP", "netCDF", "NWT_GRD", "PDS",
     "PDS4", "PNG", "PNM", "ROI_PAC", "RST", "SAGA", "SDTS", "SGI", "SIGDEM", "SRTMHGT", "Terragen",
     "USGSDEM", "VICAR", "WEBP", "XYZ", "ZMap",
