@@ -75,9 +75,9 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
 
     The terrain is within E of the DEM everywhere, which is bilinear between the centres of its
     pixels; that is measured before the file appears. What is nodata becomes a void surface.
-    OUTPUT is compressed if its name ends in .json.gz. A SOURCE is whatever GDAL reads, or a mesh
-    (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .x3d), which is
-    looked at from above.
+    OUTPUT is compressed if its name ends in .json.gz. A SOURCE is a raster that GDAL reads, or a
+    mesh (.obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .x3d, .x3dv), which is looked at
+    from above.
     """
     from pathlib import Path
 

@@ -179,6 +179,8 @@ def command(
         for part, render in zip(parts, renderers, strict=True):
             part.write_text(render(report), encoding="utf-8", newline="\n")
     held = [(check.text, why) for check in checks if (why := check.held(report))]
+    lost = not all(route.holds for route in report.routes)
+    code = int(bool(held or lost or (report.reach is not None and report.reach.note)))
     try:
         if as_json:
             click.echo(document.as_json(report), nl=False)
@@ -186,12 +188,11 @@ def command(
             for line in tables.as_lines(report):
                 say(line)
     except BrokenPipeError:
-        if not held:  # the conditions are named all the same
+        if not code:  # a "no" is one, whether somebody reads on or not
             raise
     for text, why in held:
         click.echo(f"terratool: --fail-on {printable(text.strip())}: {why}.", err=True)
-    lost = not all(route.holds for route in report.routes)
-    return 1 if held or lost or (report.reach is not None and report.reach.note) else 0
+    return code
 
 
 def _refuse_unasked(

@@ -23,9 +23,13 @@ _RAW_DRIVERS = frozenset(
 )  # fmt: skip
 _PACKED_FILES = (".gz", ".jp2", ".tif", ".tiff", ".zip")
 
+_INDEX_BYTES = 6
+"""Of each block of a TIFF there are at least so many: its place, and how long it is."""
+
 _PROBED_PIXELS = 1 << 24
 _PROBE_BYTES = 400 << 20
 _PROBE_SECONDS = 60
+_CLASSIC = b"CDF"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HINT = "Check the file with gdalinfo -checksum, or fetch it again."
 
@@ -47,16 +51,30 @@ def refuse_claims(name: str, file: Any) -> None:
     sizes = [Path(part).stat().st_size for part in file.files if Path(part).is_file()]
     if not sizes:  # in an archive
         return
-    raw = file.driver in _RAW_DRIVERS and not any(
-        part.lower().endswith(_PACKED_FILES) for part in file.files
-    )
-    most = max(HARMLESS, sum(sizes) * (RAW if raw else PACKED))
-    if file.width * file.height > most:
+    if file.width * file.height > _most_pixels(file, sum(sizes)):
         raise ReadError(
             f"{name}: claims {file.width:,} × {file.height:,} pixels, but has {sum(sizes):,} "
             "bytes.",
             _HINT,
         )
+
+
+def _most_pixels(file: Any, size: int) -> int:
+    """The pixels that a raster may have whose files have so many bytes."""
+    raw = file.driver in _RAW_DRIVERS and not any(
+        part.lower().endswith(_PACKED_FILES) for part in file.files
+    )
+    most = max(HARMLESS, size * (RAW if raw else PACKED))
+    if file.driver == "netCDF":
+        with open(file.files[0], "rb") as begin:
+            if begin.read(8).startswith(_CLASSIC):
+                return size  # it has all of its numbers
+    if file.driver == "GTiff":
+        # blocks may be missing, but not from the index; one is read at a time
+        rows, columns = file.block_shapes[0] if file.count else (1, 1)
+        if rows * columns <= most:
+            most = max(most, size // _INDEX_BYTES * rows * columns)
+    return most
 
 
 def refuse_surfer_claims(name: str, head: bytes) -> None:
@@ -78,7 +96,7 @@ def refuse_surfer_claims(name: str, head: bytes) -> None:
 
 def is_netcdf(head: bytes) -> bool:
     """Whether a file that begins like this is for the netCDF driver."""
-    return head.startswith((b"CDF", _HDF5)) or head[512:520] == _HDF5
+    return head.startswith((_CLASSIC, _HDF5)) or head[512:520] == _HDF5
 
 
 def probe(name: str) -> None:
@@ -112,6 +130,10 @@ def main() -> None:
     _limit_memory()
     try:
         with rasterio.Env(), DatasetReader(_parse_path(sys.argv[1]), driver=["netCDF"]) as file:
+            try:
+                refuse_claims(sys.argv[1], file)
+            except ReadError:
+                return  # as it will be said where it is opened for good
             rows = min(file.height, max(1, _PROBED_PIXELS // file.width)) if file.count else 0
             if file.width * rows <= 2 * _PROBED_PIXELS:
                 step = max(1, (1 << 20) // file.width)

@@ -1,4 +1,4 @@
-"""Rasters as sources: whatever GDAL opens, as heights or as classes, by rows from the south."""
+"""Rasters as sources, opened by GDAL, as heights or as classes, by rows from the south."""
 
 from __future__ import annotations
 

@@ -135,7 +135,8 @@ def _choose_corners(plan: MeshPlan, finer: float) -> float:
     slope = 0.5 * axes["inner_slope"] * weight
     share = finer * np.where(axes["ringed"] != 0, _RINGED_SHARE, _SHARE)
     inside = share * plan.error / np.maximum(slope, share * radius)
-    corners = math.pi / np.arccos(1.0 - np.minimum(inside, 1.0))
+    with np.errstate(divide="ignore"):  # of what is far below a radius
+        corners = math.pi / np.arccos(1.0 - np.minimum(inside, 1.0))
     corners = np.clip(4 * np.ceil(corners / 4), *CORNERS)
     # discs of one cell share their polygon; no sickle is left between two of them
     _, cell = np.unique(np.hstack([low, high]), axis=0, return_inverse=True)

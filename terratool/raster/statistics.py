@@ -91,7 +91,8 @@ def band_statistics(pixels: NDArray[Any], directions: bool = False) -> BandStati
     sums = np.zeros((5, _COLUMNS))
     sums[1:3] = [[math.inf], [-math.inf]]
     kernels.gather(pixels, shift, sums)
-    count, total, square = (float(sums[row].sum()) for row in (0, 3, 4))
+    with np.errstate(invalid="ignore", over="ignore"):  # heights beyond float32 are infinite
+        count, total, square = (float(sums[row].sum()) for row in (0, 3, 4))
     if not count:
         return BandStatistics()
     mean = total / count

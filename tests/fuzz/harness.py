@@ -116,7 +116,7 @@ def attempt(target: Target, case: Case, folder: Path) -> tuple[str, Fault | None
         complaints.append(f"unraisable {unraisable.exc_value!r}")
 
     before, sys.unraisablehook = sys.unraisablehook, overheard
-    size, peak, begin = _said(), _peak(), time.process_time()
+    size, peak, begin = _said(), _peak(), _seconds()
     outcome, kind, where, detail = "refused", "", "", ""
     try:
         with warnings.catch_warnings(record=True) as warned:
@@ -132,7 +132,7 @@ def attempt(target: Target, case: Case, folder: Path) -> tuple[str, Fault | None
     finally:
         sys.unraisablehook = before
     complaints += [f"{one.category.__name__}: {one.message}" for one in warned]
-    if not kind and (seconds := time.process_time() - begin) > SECONDS:
+    if not kind and (seconds := _seconds() - begin) > SECONDS:
         kind, where, detail = "slow", "", f"{seconds:.1f} s"
     if not kind and (taken := _peak() - peak) > BYTES:
         kind, where, detail = "large", "", f"{taken >> 20} MB"
@@ -152,7 +152,15 @@ def _place(error: BaseException) -> str:
 
 
 def _peak() -> int:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
+    """The most memory so far, in bytes, of this process or one that it started."""
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return max(own, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss) << 10
+
+
+def _seconds() -> float:
+    """Of processors, those of processes that were started and have ended included."""
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system
 
 
 def _said() -> int:

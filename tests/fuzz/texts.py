@@ -241,7 +241,7 @@ def _write(case: Case, folder: Path, terrain: Terrain, draw: int) -> None:
     error = relief_of(terrain, None) / 20 or 1
     arrays = terrain.arrays
     largest = np.abs(arrays.curves.pieces).max(initial=0) * np.abs(arrays.elements["scale"]).max()
-    if largest < _STEEP * error:
+    if largest < min(_STEEP * error, 1e30):
         _call("export-mesh", name, folder / mesh, "--max-error", repr(error), "--overwrite")
     _call("info", name, "--json")
     for path in folder.iterdir():

@@ -54,17 +54,17 @@ def geokeys(*keys: int, count: int | None = None) -> Tags:
     return {34735: (3, [1, 1, 0, len(keys) // 4 if count is None else count, *keys])}
 
 
-def netcdf(dimensions: int = 2, attributes: int = 1, length: int = 6) -> bytes:
+def netcdf(dimensions: int = 2, attributes: int = 1, length: int = 6, rows: int = 4) -> bytes:
     """HEIGHTS as a classic netCDF; the counts in its header may be others than there are."""
 
     def name(text: str) -> bytes:
         return struct.pack(">I", len(text)) + text.encode().ljust(-(-len(text) // 4) * 4, b"\0")
 
     head = b"CDF\1" + struct.pack(">III", 0, 10, dimensions)
-    head += name("y") + struct.pack(">I", 4) + name("x") + struct.pack(">I", length)
+    head += name("y") + struct.pack(">I", rows) + name("x") + struct.pack(">I", length)
     head += struct.pack(">II", 12, attributes) + name("title") + struct.pack(">II", 2, 4) + b"dem "
     head += struct.pack(">II", 11, 1) + name("z") + struct.pack(">III", 2, 0, 1) + bytes(8)
-    head += struct.pack(">III", 5, (16 * length) % 2**32, len(head) + 12)
+    head += struct.pack(">III", 5, (4 * rows * length) % 2**32, len(head) + 12)
     return head + HEIGHTS.astype(">f4").tobytes()
 
 
@@ -246,6 +246,7 @@ class TestClaims:
         sizes = {}
         for name, options in {
             "level": {"compress": "zstd"}, "sparse": {"sparse_ok": True, "blockxsize": 256},
+            "empty": {"sparse_ok": True, "width": 60000, "height": 40000, "nodata": -1},
         }.items():  # fmt: skip
             profile: dict[str, Any] = {
                 "driver": "GTiff", "count": 1, "width": 6000, "height": 4000, "dtype": "float32",
@@ -255,12 +256,17 @@ class TestClaims:
                 if name == "level":
                     file.write(np.full((1, 4000, 6000), 7, np.float32))
                 else:
-                    file.write(np.full((1, 2000, 6000), 7, np.float32),
-                               window=rasterio.windows.Window(0, 2000, 6000, 2000))  # fmt: skip
+                    window = rasterio.windows.Window(0, file.height - 2000, 6000, 2000)
+                    file.write(np.full((1, 2000, 6000), 7, np.float32), window=window)
             sizes[name] = (tmp_path / f"{name}.tif").stat().st_size
             with open_source(str(tmp_path / f"{name}.tif")) as source:
                 assert source.read(0, 1)[0, 0] == 7
         assert sizes["level"] * PACKED > 2 * 6000 * 4000
+
+    def test_a_classic_netcdf_has_all_of_its_numbers(self, tmp_path: Path) -> None:
+        """Rows without a byte are not even counted through."""
+        with pytest.raises(ReadError, match=r"claims 1 × 4,000,000 pixels, but has \d\d\d bytes"):
+            read(saved(tmp_path / "a.nc", netcdf(length=1, rows=4_000_000)))
 
     def test_pixels_that_become_too_many(self, tmp_path: Path) -> None:
         """Reprojected, a needle over half of the earth is a square."""

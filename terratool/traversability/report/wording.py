@@ -42,7 +42,7 @@ _PHRASES = {
     GroundClass.CAUTION: "is caution",
     GroundClass.NO_GO: "is no-go",
     GroundClass.UNKNOWN: "is unknown",
-    GroundClass.ONE_WAY: "can only be driven one way",
+    GroundClass.ONE_WAY: "can be reached, but not left again",
     GroundClass.CUT_OFF: "is cut off",
     GroundClass.EDGE: "lies at the edge, where the vehicle would stand over it",
 }
