@@ -36,10 +36,11 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.route.graph import Preference, check_preference, drivable
-from terratool.traversability.route.paths import cell_of, check_ground, check_inside
+from terratool.traversability.route.graph import Preference, check_preference
+from terratool.traversability.route.paths import cell_of, check_inside
 from terratool.traversability.route.routes import (
     MOST_STATES,
+    can_stand,
     check_route,
     plan_route,
     reach_of,
@@ -174,9 +175,6 @@ def prepare_assessment(
     part = clip_bounds(terrain, request.bounds)
     for what, place in _places(request):
         check_inside(terrain, what, place, part, "the bounds that were asked for")
-        # waypoints after the first may lie where nothing drives: that is what bars the way
-        if not what.startswith("Waypoint") or what == "Waypoint 1":
-            check_ground(terrain, what, place)
     grid, routes, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
         refuse_map(terrain, grid, Path(map_path), overwrite)
@@ -234,9 +232,9 @@ def first_look(prepared: PreparedRequest) -> Iterator[str]:
     for x0, y0, x1, y1 in prepared.request.routes if tiles else ():
         assert tiles is not None
         for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
-            row, column = cell_of(tiles.survey.grid, *place)
-            survey = tiles.complete([row], [column])
-            if not drivable(survey, np.s_[row, column]).any():
+            cell = cell_of(tiles.survey.grid, *place)
+            survey = tiles.complete(*np.array([cell]).T)
+            if not can_stand(prepared.terrain, survey, place, cell):
                 yield (
                     f"The vehicle cannot stand at the route's {what}, {place[0]:.12g} "
                     f"{place[1]:.12g}, whatever its heading: there is no such route."

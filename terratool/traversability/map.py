@@ -448,8 +448,12 @@ def stream_map(
 
 
 def begin_of(builder: MapBuilder, start: tuple[float, float] | None) -> Bits | None:
-    """All headings at the pixel of a start; None for none."""
-    return None if start is None else begin_at(builder.bits, cell_of(builder.grid, *start))
+    """All headings at the pixel of a start, none where it has no ground; None for no start."""
+    if start is None:
+        return None
+    if math.isnan(builder.terrain.height(*start)):
+        return np.zeros_like(builder.bits)
+    return begin_at(builder.bits, cell_of(builder.grid, *start))
 
 
 def refuse_map(terrain: Terrain, grid: Grid, path: Path, overwrite: bool) -> None:

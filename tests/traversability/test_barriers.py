@@ -237,7 +237,6 @@ def test_start_where_nothing_can_stand_is_a_result(x: float, reason: Reason, mes
 @pytest.mark.parametrize(
     ("x", "message"),
     [
-        (9.6, r"[st1].*, 9.6 3, is on no ground"),
         (12.5, r"[st1].*, 12.5 3, lies outside the terrain. Give x and y within .* 0 0 12 6\."),
         (float("nan"), r"[st1].*, nan 3, lies outside the terrain"),
     ],
@@ -249,19 +248,30 @@ def test_start_that_is_no_place_is_refused(x: float, message: str) -> None:
         plan_route(terrain, ROVER, survey, (x, 3), (2, 3))
     with pytest.raises(RequestError, match=message):
         reach(terrain, survey, (x, 3))
-    if x != 9.6:  # what bars waypoints may be missing ground
-        with pytest.raises(RequestError, match=message):
-            check_route(terrain, ROVER, survey, [(x, 3), (2, 3)])
-
-
-@pytest.mark.parametrize(
-    ("goal", "message"),
-    [((9.6, 3.0), "goal, 9.6 3, is on no ground"), ((2.0, -0.1), "goal, 2 -0.1, lies outside")],
-)
-def test_goal_without_ground_is_refused(goal: tuple[float, float], message: str) -> None:
-    terrain = yard(block(9, 2, 1, 2, surface="hole"))
     with pytest.raises(RequestError, match=message):
-        plan_route(terrain, ROVER, surveyed(terrain), (2, 3), goal)
+        check_route(terrain, ROVER, survey, [(x, 3), (2, 3)])
+
+
+def test_goal_outside_is_refused() -> None:
+    terrain = yard()
+    with pytest.raises(RequestError, match=r"goal, 2 -0.1, lies outside"):
+        plan_route(terrain, ROVER, surveyed(terrain), (2, 3), (2.0, -0.1))
+
+
+@pytest.mark.parametrize("x", [9.6, 9.02])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_places_without_ground_are_results(x: float, backwards: bool) -> None:
+    """A void, in its midst and in a cell whose middle has ground."""
+    terrain = yard(block(9, 2, 1, 2, surface="hole"))
+    survey = surveyed(terrain)
+    ends = [(2.0, 3.0), (x, 3.0)][:: -1 if backwards else 1]
+    route = plan_route(terrain, ROVER, survey, *ends)
+    assert not route.found and route.verdict == Verdict.NO_GO
+    assert f"cannot stand at the {'start' if backwards else 'goal'}" in route.note
+    assert 'no ground, by /elemTree/children/0 (surface "hole")' in route.note
+    assert route.barriers[-1].reason == Reason.NO_GROUND
+    reached = reach(terrain, survey, (x, 3.0))
+    assert reached.share == 0.0 and "cannot stand" in reached.note
 
 
 def test_waypoints_through_a_wall_are_barred_there() -> None:

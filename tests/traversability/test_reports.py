@@ -546,7 +546,7 @@ class TestConclusion:
             (
                 {GroundClass.ONE_WAY: 1, GroundClass.NO_GO: 3},
                 Verdict.NO_GO,
-                "25 % can only be driven one",
+                "25 % can be reached, but not",
             ),
             ({}, Verdict.UNKNOWN, "no ground"),
         ],

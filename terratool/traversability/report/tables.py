@@ -292,8 +292,8 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
         line = printable(wording.route_line(route))
         if line not in printable(wording.conclusion(report)):
             yield from _wrapped(f"{route.verdict.label}: {line}")
-    if report.reach:
-        yield from _wrapped(printable(wording.reach_line(report.reach)))
+    if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
+        yield from _wrapped(printable(line))
     mends = list(wording.mending(report))
     if mends:
         lacks = wording.lacking(report)

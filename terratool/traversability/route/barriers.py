@@ -221,7 +221,8 @@ def why_not(on: Site, place: Point, cell: Cell) -> tuple[Reason, str]:
     survey = on.survey
     used = np.nan_to_num(survey.utilisation[:, *cell], nan=np.inf, posinf=np.inf)
     heading = int(np.argmin(used))
-    reason = Reason(int(survey.reason[heading, *cell]))
+    void = math.isnan(on.terrain.height(*place))
+    reason = Reason.NO_GROUND if void else Reason(int(survey.reason[heading, *cell]))
     angle = 2.0 * math.pi * heading / survey.headings
     by = bars(on.terrain, on.vehicle, reason, Pose(*place, angle), survey.grid.resolution)
     return reason, reason.label if reason == Reason.EDGE else f"{reason.label}, by {by}"

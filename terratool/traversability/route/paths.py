@@ -273,17 +273,3 @@ def check_inside(
                 f"{what}, {x:.12g} {y:.12g}, lies outside {name}.",
                 f"Give x and y within west south east north {sides}.",
             )
-
-
-def check_ground(terrain: Terrain, what: str, place: tuple[float, float]) -> None:
-    """Refuse a place without ground.
-
-    Raises:
-        RequestError: there is none.
-    """
-    x, y = place
-    if math.isnan(terrain.height(x, y)):
-        raise RequestError(
-            f"{what}, {x:.12g} {y:.12g}, is on no ground.",
-            "Give a place that is not in the void.",
-        )

@@ -43,7 +43,6 @@ from terratool.traversability.route.graph import (
 from terratool.traversability.route.paths import (
     Path,
     cell_of,
-    check_ground,
     check_inside,
     driving_cost,
     find_extreme,
@@ -130,13 +129,13 @@ def plan_route(
     Of a survey by tiles those are made that the search comes to, and its result is that of all.
 
     Raises:
-        RequestError: start or goal is outside the terrain or the survey, or on no ground; there is
-            no such preference.
+        RequestError: start or goal is outside the terrain or the survey; there is no such
+            preference.
     """
     check_preference(prefer)
     tiles = SurveyTiles.of(survey)
     ends = [
-        _cell(terrain, tiles.survey, place, f"The route's {what}")
+        _inside(terrain, tiles.survey, place, f"The route's {what}")
         for what, place in (("start", start), ("goal", goal))
     ]
     tiles.complete(*np.array(ends).T)
@@ -144,7 +143,9 @@ def plan_route(
         location_at(terrain, *start), location_at(terrain, *goal), False, True, Verdict.NO_GO
     )
     on = Site(terrain, vehicle, tiles)
-    stands = [drivable(tiles.survey, np.s_[row, column]).any() for row, column in ends]
+    stands = [
+        can_stand(terrain, tiles.survey, *end) for end in zip((start, goal), ends, strict=True)
+    ]
     note = " ".join(
         f"The vehicle cannot stand at the {what}, whatever its heading: "
         f"{why_not(on, place, end)[1]}."
@@ -154,14 +155,26 @@ def plan_route(
         if not can
     )
     if not stands[0]:
-        reason, why = why_not(on, start, ends[0])
-        by = why.partition(", by ")[2]
-        return _barred(route, (Barrier(route.start, reason, by, 0.0),), None, note)
+        return _barred(route, (_barrier_at(on, route.start, ends[0]),), None, note)
     found = _search(on, prefer, *ends)
-    if len(found.states):
+    if len(found.states) and stands[1]:
         return _driven(route, graph_path(found.states, tiles.survey), on)
     nearest = _nearest(terrain, tiles.survey, found.reached, ends[1])
-    return _barred(route, barriers(on, _least_resistance(on, *ends)), nearest, note)
+    between = barriers(on, _least_resistance(on, *ends))
+    # a cell may be driven to, and the very place in it be on no ground
+    bars = between or (_barrier_at(on, route.goal, ends[1]),)
+    return _barred(route, bars, nearest, note)
+
+
+def can_stand(terrain: Terrain, survey: Survey, place: Point, cell: Cell) -> bool:
+    """Whether a place has ground, and the vehicle can be at its cell with any heading."""
+    return not math.isnan(terrain.height(*place)) and bool(drivable(survey, np.s_[cell]).any())
+
+
+def _barrier_at(on: Site, at: Location, cell: Cell) -> Barrier:
+    """What does not let the vehicle stand somewhere."""
+    reason, why = why_not(on, (at.x, at.y), cell)
+    return Barrier(at, reason, why.partition(", by ")[2], 0.0)
 
 
 def check_route(
@@ -216,12 +229,15 @@ def reach(terrain: Terrain, survey: Survey | SurveyTiles, start: Point) -> Reach
     """What can be reached from a start by the moves of `plan_route`, and what can be returned from.
 
     Raises:
-        RequestError: the start is outside the terrain or the survey, or on no ground.
+        RequestError: the start is outside the terrain or the survey.
     """
     seen = SurveyTiles.of(survey).complete()
-    cell = _cell(terrain, seen, start, "The place to start from")
+    cell = _inside(terrain, seen, start, "The place to start from")
     bits = heading_bits(drivable(seen))
-    found = connected(bits, seen.headings, begin_at(bits, cell))
+    begin = begin_at(bits, cell)
+    if math.isnan(terrain.height(*start)):
+        begin[:] = 0
+    found = connected(bits, seen.headings, begin)
     return reach_of(terrain, start, found, np.isfinite(seen.heights))
 
 
@@ -374,10 +390,3 @@ def _inside(terrain: Terrain, survey: Survey, place: Point, what: str) -> Cell:
     part = "the part of the terrain that is looked at"
     check_inside(terrain, what, place, survey.grid.bounds, part)
     return cell_of(survey.grid, *place)
-
-
-def _cell(terrain: Terrain, survey: Survey, place: Point, what: str) -> Cell:
-    """The cell of a place; refuses what lies outside or on no ground."""
-    cell = _inside(terrain, survey, place, what)
-    check_ground(terrain, what, place)
-    return cell
