@@ -52,11 +52,7 @@ def refuse_claims(name: str, file: Any) -> None:
     if not sizes:  # in an archive
         return
     if file.width * file.height > _most_pixels(file, sum(sizes)):
-        raise ReadError(
-            f"{name}: claims {file.width:,} × {file.height:,} pixels, but has {sum(sizes):,} "
-            "bytes.",
-            _HINT,
-        )
+        raise _claim(name, file.width, file.height, sum(sizes))
 
 
 def _most_pixels(file: Any, size: int) -> int:
@@ -88,10 +84,13 @@ def refuse_surfer_claims(name: str, head: bytes) -> None:
         counts = [int(word) if word.isdigit() else 0 for word in words[1:3]]
         size = Path(name).stat().st_size
         if counts[0] * counts[1] > max(HARMLESS, RAW * size):
-            raise ReadError(
-                f"{name}: claims {counts[0]:,} × {counts[1]:,} pixels, but has {size:,} bytes.",
-                _HINT,
-            )
+            raise _claim(name, counts[0], counts[1], size)
+
+
+def _claim(name: str, width: int, height: int, size: int) -> ReadError:
+    return ReadError(
+        f"{name}: claims {width:,} × {height:,} pixels, but has {size:,} bytes.", _HINT
+    )
 
 
 def is_netcdf(head: bytes) -> bool:

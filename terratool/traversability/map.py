@@ -46,11 +46,10 @@ from terratool.traversability.results import (
     Reason,
     Verdict,
 )
-from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.reach import (
     Bits,
     Connected,
-    begin_at,
+    begin_from,
     begin_in_largest,
     can_turn_back,
     connected,
@@ -448,12 +447,8 @@ def stream_map(
 
 
 def begin_of(builder: MapBuilder, start: tuple[float, float] | None) -> Bits | None:
-    """All headings at the pixel of a start, none where it has no ground; None for no start."""
-    if start is None:
-        return None
-    if math.isnan(builder.terrain.height(*start)):
-        return np.zeros_like(builder.bits)
-    return begin_at(builder.bits, cell_of(builder.grid, *start))
+    """The states from which the vehicle sets out; None for no start."""
+    return None if start is None else begin_from(builder.bits, builder.terrain, builder.grid, start)
 
 
 def refuse_map(terrain: Terrain, grid: Grid, path: Path, overwrite: bool) -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
+from terratool.raster.grid import Grid
 from terratool.traversability.route.graph import moves_of
+from terratool.traversability.route.paths import cell_of
 
 Bits = NDArray[np.uint8]
 """(height, width, bytes): headings of each cell as bits, the first eight in the first byte."""
@@ -61,6 +65,13 @@ def begin_at(bits: Bits, cell: tuple[int, int]) -> Bits:
     begin = np.zeros_like(bits)
     begin[cell] = bits[cell]
     return begin
+
+
+def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, float]) -> Bits:
+    """All headings at the cell of a place; none where the place has no ground."""
+    if math.isnan(terrain.height(*start)):
+        return np.zeros_like(bits)
+    return begin_at(bits, cell_of(grid, *start))
 
 
 def begin_in_largest(bits: Bits, headings: int) -> Bits:

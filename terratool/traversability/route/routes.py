@@ -56,6 +56,7 @@ from terratool.traversability.route.paths import (
 from terratool.traversability.route.reach import (
     Connected,
     begin_at,
+    begin_from,
     connected,
     heading_bits,
     spread,
@@ -232,12 +233,9 @@ def reach(terrain: Terrain, survey: Survey | SurveyTiles, start: Point) -> Reach
         RequestError: the start is outside the terrain or the survey.
     """
     seen = SurveyTiles.of(survey).complete()
-    cell = _inside(terrain, seen, start, "The place to start from")
+    _inside(terrain, seen, start, "The place to start from")
     bits = heading_bits(drivable(seen))
-    begin = begin_at(bits, cell)
-    if math.isnan(terrain.height(*start)):
-        begin[:] = 0
-    found = connected(bits, seen.headings, begin)
+    found = connected(bits, seen.headings, begin_from(bits, terrain, seen.grid, start))
     return reach_of(terrain, start, found, np.isfinite(seen.heights))
 
 
