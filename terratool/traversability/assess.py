@@ -317,7 +317,7 @@ def _mapped(
     else:
         stream_map(prepared.surveyor, builder, files, threads, progress)
     if progress:
-        progress.say("finding out what hangs together")
+        progress.say("finding what can be reached")
     classes, found = builder.classes(begin_of(builder, start), prepared.vehicle.area)
     if files:
         files.finish(classes)

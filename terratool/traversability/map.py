@@ -270,7 +270,7 @@ class MapBuilder:
         )
 
     def classes(self, begin: Bits | None, area: float) -> tuple[NDArray[np.uint8], Connected]:
-        """What each pixel is, (height, width) uint8 `GroundClass`, and what hangs together.
+        """What each pixel is, (height, width) uint8 `GroundClass`, and what is connected.
 
         Args:
             begin: states from which the vehicle sets out; the largest part of the ground if None,

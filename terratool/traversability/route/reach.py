@@ -1,4 +1,4 @@
-"""What hangs together: where a vehicle gets to by its moves, from where, and back."""
+"""Where a vehicle gets to by its moves, from where, and back."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def heading_bits(states: NDArray[np.bool_]) -> Bits:
 
 @dataclass(frozen=True, slots=True)
 class Connected:
-    """Cells that hang together, (height, width) bool each.
+    """Cells that are connected by moves, (height, width) bool each.
 
     Attributes:
         reached: those that can be driven to from where it begins.
@@ -77,7 +77,7 @@ def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, flo
 def begin_in_largest(bits: Bits, headings: int) -> Bits:
     """A state of the largest part of the ground, by the number of states; none if there is none.
 
-    A part is what hangs together by moves that can each be made back at once, by backing up or
+    A part is what is connected by moves that can each be made back at once, by backing up or
     by turning round. What is reached from it and returns to it by other ways belongs to it, too,
     but does not count.
     """
