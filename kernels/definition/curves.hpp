@@ -282,7 +282,9 @@ inline Series power(const Series& x, const Series& y) {
         return z;
     }
     if (x.is_number() && x[0].low == 0.0)
-        return y[0].low > 0.0 ? Series::constant({0.0, 0.0}) : Series::rough(UNKNOWN);
+        return y[0].low > 0.0 ? Series::constant({0.0, 0.0})
+            : y[0].low == 0.0 ? Series::rough({0.0, 1.0})
+                              : Series::rough(UNKNOWN);
     if (x[0].high < 0.0) return Series::rough(UNKNOWN);
     if (x[0].low <= 0.0 && y[0].low >= 0.0) {
         Interval most = rising([&](double v) { return std::pow(x[0].high, v); }, y[0]);
@@ -385,9 +387,9 @@ struct Effort {
 };
 
 // How well pieces can keep to a formula on t from 0 to 1.
-// Returns how many pieces it needs; how far off those of the finest length may be, at most,
-// infinity where the formula grows without limit; the t where that is; and how many `places` were
-// found at which it does what evenly spaced ones may not see.
+// Returns how much of its values rounding may take away; how far off pieces of the finest length
+// may be, at most, infinity where the formula grows without limit; the t where that is; and how
+// many `places` were found at which it does what evenly spaced ones may not see.
 inline std::tuple<double, double, double, i64> survey(
     Span<const u8> operations, In operands, In limits, Out places
 ) {
@@ -409,6 +411,18 @@ inline std::tuple<double, double, double, i64> survey(
         pieces += needed;
         if (length < effort.checked && found < count_of(places)) places[found++] = middle;
     };
+    // over a single t the interval is what rounding leaves open; aside of ends and halves, where
+    // a formula may have steps
+    constexpr i64 LOOKS = 64;
+    Miss rounded;
+    for (i64 k = 0; k < LOOKS; ++k) {
+        double t = (double(k) + 0.3819660112501051) / LOOKS, width = formula.over({t, t})[0].width();
+        if (width < INF) rounded.note(width, t);
+    }
+    if (rounded.error > effort.enough) {  // there is nothing to be kept to below that
+        effort.tolerance = rounded.error;
+        worst = rounded;
+    }
     std::vector<Interval> intervals{{0.0, 1.0}}, next;
     while (!intervals.empty()) {
         next.clear();
@@ -445,7 +459,7 @@ inline std::tuple<double, double, double, i64> survey(
         std::swap(intervals, next);
     }
     if (pieces > effort.most && coarse.error > worst.error) worst = coarse;
-    return {pieces, worst.error, worst.where, found};
+    return {rounded.error, worst.error, worst.where, found};
 }
 
 }  // namespace terratool::definition

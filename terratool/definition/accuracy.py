@@ -43,21 +43,33 @@ class Survey(NamedTuple):
     """What is known of the pieces that keep to a formula.
 
     Attributes:
-        tolerance: what they are cut for.
+        promised: how close they are to keep to it.
         error: how far off they may be, at most; infinite where the formula grows without limit.
         t: where.
+        rounding: how much of the values rounding takes away, at most.
         places: t at which it bends or runs so fast that even spacing would miss it.
     """
 
-    tolerance: float
+    promised: float
     error: float
     t: float
+    rounding: float
     places: tuple[float, ...]
+
+    @property
+    def is_rounded(self) -> bool:
+        """Whether rounding alone takes away more than is promised."""
+        return self.rounding > SLACK * self.promised
+
+    @property
+    def tolerance(self) -> float:
+        """What the pieces are cut for: noise is not kept to."""
+        return self.rounding if self.is_rounded else self.promised
 
     @property
     def is_kept(self) -> bool:
         """Whether the pieces are as good as is promised of them."""
-        return self.error <= SLACK * self.tolerance
+        return self.error <= SLACK * self.promised
 
 
 @lru_cache(maxsize=256)
@@ -66,12 +78,12 @@ def survey(expression: Expression) -> Survey:
     from terratool.kernels import definition as kernels
 
     values = checked_values(expression)
-    tolerance = TOLERANCE + RELATIVE * max(map(abs, values))
+    promised = TOLERANCE + RELATIVE * max(map(abs, values))
     program = expression.program
     places = array("d", bytes(8 * _PLACES))
     finest, checked = 1 / MAX_PIECES, 1 / (CHECK_POINTS - 1)
-    limits = (tolerance, SLACK * tolerance, MAX_PIECES, finest, _NARROWEST, checked, _STEPS)
-    _, error, t, count = kernels.survey(
+    limits = (promised, SLACK * promised, MAX_PIECES, finest, _NARROWEST, checked, _STEPS)
+    rounding, error, t, count = kernels.survey(
         bytes(_CODES[name] for name, _ in program),  # type: ignore[arg-type]  # as are arrays
         array("d", [operand or 0.0 for _, operand in program]),  # type: ignore[arg-type]
         array("d", limits),  # type: ignore[arg-type]
@@ -79,4 +91,4 @@ def survey(expression: Expression) -> Survey:
     )
     if error > 2 * MAX_VALUE:  # beyond that everything is cut off
         error = float("inf")
-    return Survey(tolerance, error, t, tuple(places[:count]))
+    return Survey(promised, error, t, rounding, tuple(places[:count]))

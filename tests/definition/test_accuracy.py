@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -12,8 +14,10 @@ from hypothesis import strategies as st
 from terratool.definition import expression
 from terratool.definition.accuracy import SLACK, Survey, survey
 from terratool.definition.expression import ExpressionError, check, evaluate, parse
+from terratool.definition.curves import FormulaCurve
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.definition.reader import check as check_source
+from terratool.field.pieces import pieces_of
 from terratool.text.source import Source
 from tests.conftest import terrain_of
 from tests.definition.test_expression import EXPRESSIONS, formulas
@@ -49,6 +53,34 @@ def test_what_is_too_fast_is_off_by_what_is_said(text: str) -> None:
     t = np.random.default_rng(5).random(100_000)
     found = float(misses(text, t).max())
     assert 1e-3 < found <= known(text).error <= WILD[text]
+
+
+@pytest.mark.parametrize(
+    ("text", "exact", "most"),
+    [
+        ("t + 9e9 - 9e9", lambda t: t, 1e-5),
+        ("(t/(2*9e9) - t)/2**-10 - 9e9 + 9e9", lambda t: (t / (2 * 9 * 10**9) - t) * 1024, 1e-5),
+        ("(t + 7e9)/3 - 7e9/3 + t*t", lambda t: t / 3 + t * t, 1e-5),
+    ],
+)
+def test_what_rounding_takes_away_is_said_and_not_kept_to(
+    text: str, exact: Callable[[Fraction], Fraction], most: float
+) -> None:
+    """The exact value, in fractions, is within the bound, which is no idle one."""
+    t = np.random.default_rng(7).random(2000)
+    wanted = np.array([float(exact(Fraction(value))) for value in t])
+    terrain = terrain_of(
+        {"size": 1, "elemTypes": {"a": {"x": text}}, "elemTree": {"type": "a", "vScale": 1}}
+    )
+    found = float(np.abs(terrain.height(t, 0.5) - wanted).max())
+    assert SLACK * known(text).promised < found <= 2 * known(text).error <= 2 * most
+    assert not known(text).is_kept
+
+
+def test_pieces_do_not_keep_to_noise() -> None:
+    """A cosine of which no digit is left has as many pieces as it needs to be between -1 and 1."""
+    assert len(pieces_of(FormulaCurve(parse("cos(9e99*t)"))).coefficients) <= 2048
+    assert known("cos(9e99*t)").error >= 2.0
 
 
 @pytest.mark.parametrize("frequency", [9_000, 13_000, 20_000, 40_000])

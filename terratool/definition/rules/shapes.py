@@ -127,16 +127,21 @@ def zero_primitive(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT309", "inexact-curve", "warning")
 def inexact_curve(subject: Subject) -> Iterator[Remark]:
-    """An expression varies faster than a terrain can follow, or grows without limit.
+    """An expression varies faster than a terrain can follow, grows without limit, or is rounded.
 
     An expression is kept within 1e-8 by up to 65,536 pieces of cubics, and its value is looked at
     in 4,097 places before. One that needs more pieces is off by so much at most as the finding
     says, in units of the curve; how far is found from its derivatives, with interval arithmetic.
-    One that grows without limit between these places has no height there.
+    One that grows without limit between these places has no height there. One that adds and takes
+    away large numbers loses its digits to rounding, by which heights may differ elsewhere.
 
     Fails:
 
         {"size": 10, "elemTypes": {"w": {"x": "0.5+0.5*sin(1e6*t)"}}, "elemTree": {"type": "w"}}
+
+    Fails:
+
+        {"size": 10, "elemTypes": {"w": {"x": "t + 9e9 - 9e9"}}, "elemTree": {"type": "w"}}
 
     Fails:
 
@@ -147,7 +152,7 @@ def inexact_curve(subject: Subject) -> Iterator[Remark]:
         {"size": 10, "elemTypes": {"w": {"x": "0.5+0.5*sin(90*t)"}}, "elemTree": {"type": "w"}}
 
     To mend: let it vary less quickly, or spread it over several elements; keep what is divided by
-    away from 0, and tan away from its poles.
+    away from 0, and tan away from its poles; leave out large numbers that cancel.
     """
     for name in subject.summaries:
         primitive = subject.definition.primitives[name]
@@ -158,6 +163,9 @@ def inexact_curve(subject: Subject) -> Iterator[Remark]:
             at = f"t = {known.t:.5g}"
             what = f"varies too fast: its curve may be up to {known.error:.2g} off, as at {at}"
             hint = "Let it vary less quickly, or spread it over several elements."
+            if known.is_rounded:
+                what = f"loses its digits: rounding may move it by {known.error:.2g}, as at {at}"
+                hint = "Leave out large numbers that cancel, and turns of sin and cos without end."
             if math.isinf(known.error):
                 what = f"may grow without limit at {at}, between the places that are checked"
                 hint = "Keep what is divided by away from 0, and tan away from its poles."
