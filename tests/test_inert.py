@@ -284,6 +284,10 @@ def as_csv(folder: Path) -> Any:
     printable(text)
     rows = list(csv.reader(io.StringIO(text)))
     assert not [cell for row in rows[1:] for cell in row[3:5] if cell[:1] in tuple("=+-@\t\r")]
+    name = next(iter(json.loads((folder / "site.json").read_text())["surfTypes"]))
+    cell = rows[2][3]
+    if cell.isascii():  # escapes are those of Python, and can be undone
+        assert cell.encode("ascii").decode("unicode_escape") in (name, f"'{name}")
     return [len(row) for row in rows]
 
 

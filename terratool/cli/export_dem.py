@@ -262,7 +262,7 @@ def _file_as_dict(written: WrittenFile, pixels: int) -> dict[str, Any]:
         "offset": written.coding.offset,
         "nodata_value": _plain_number(written.coding.nodata),
         "difference": written.difference,
-        "overviews": list(written.overviews),
+        "overviews": list(written.overviews or ()),
         "bands": bands,
     }
 
@@ -287,7 +287,10 @@ def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
         none = ""
         if coding.exact and coding.nodata is not None and coding.nodata == coding.nodata:
             none = f", {coding.nodata:.9g} for none"
-        coarser = f", {counted(len(written.overviews), 'overview')}" if written.overviews else ""
+        coarser = ""
+        if written.overviews is not None:
+            coarser = f", {counted(len(written.overviews), 'overview')}"
+            coarser = coarser if written.overviews else ", one tile, which needs no overviews"
         yield f"{written.path}: {coding.dtype.name}{none}{coarser}"
         for index, name in enumerate(written.bands.names):
             yield f"  band {index + 1}: {_band(written, index, name)}"

@@ -201,8 +201,11 @@ def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
 
 
 def _inert(name: str) -> str:
-    """A name that is no formula of a spreadsheet, and no more than text on a terminal."""
-    text = printable(name)
+    """A name that is no formula of a spreadsheet, and no more than text on a terminal.
+
+    A backslash is doubled, so that what is escaped can be told from what is written.
+    """
+    text = printable(name.replace("\\", "\\\\"))
     return f"'{text}" if text.startswith(_FORMULAS) else text
 
 

@@ -64,11 +64,9 @@ class FindingGroup(Struct, frozen=True):
         """A sentence on the other places, empty if there are none."""
         if not self.others:
             return ""
-        lines = ", ".join(str(finding.line) for finding in self.others[:_LISTED])
+        places = ", ".join(f"{other.line}:{other.column}" for other in self.others[:_LISTED])
         more = ", …" if len(self.others) > _LISTED else ""
-        noun = "line" if len(self.others) == 1 else "lines"
-        places = counted(len(self.others), "more place")
-        return f"The same in {places}: {noun} {lines}{more}."
+        return f"The same in {counted(len(self.others), 'more place')}: {places}{more}."
 
 
 class ValidationReport(Struct, frozen=True):

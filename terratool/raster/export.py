@@ -50,7 +50,8 @@ class WrittenFile:
         statistics: of its bands; none for surfaces and colours.
         coding: how its numbers became pixels.
         difference: how far its numbers may be from those that were painted.
-        overviews: by how much each of its overviews is coarser.
+        overviews: by how much each of its overviews is coarser; none where it is one tile, None
+            where they were not wanted.
     """
 
     path: Path
@@ -58,7 +59,7 @@ class WrittenFile:
     statistics: tuple[BandStatistics, ...]
     coding: Coding
     difference: float
-    overviews: tuple[int, ...] = ()
+    overviews: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +234,7 @@ def export_dem(
     companions = (*COMPANIONS, *form.companions)
     for name, bands in zip(paths, files, strict=True):
         refuse_existing(name, request.overwrite, companions)
-        check_fit(form, name, bands, terrain, grid)
+        check_fit(form, name, bands, terrain, grid, request.nodata)
     crs_of(terrain)
     refuse_full_disk(path, grid, files, form, overviews=overviews)
 
@@ -254,7 +255,7 @@ def export_dem(
             statistics,
             coding or plain_coding(bands),
             difference,
-            tuple(factors(grid.width, grid.height)) if overviews else (),
+            tuple(factors(grid.width, grid.height)) if overviews else None,
         )
         for name, bands, statistics, coding, difference in zip(
             paths, files, filled.statistics.statistics, codings, filled.differences, strict=True

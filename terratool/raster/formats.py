@@ -146,15 +146,25 @@ def raster_format(path: Path, cog: bool = False) -> RasterFormat:
     return RasterFormat(driver, {"write_gdal_history": "no"} if driver == "netCDF" else {})
 
 
-def check_fit(form: RasterFormat, path: Path, bands: Bands, terrain: Terrain, grid: Grid) -> None:
-    """Refuse what a format cannot hold.
+def check_fit(
+    form: RasterFormat,
+    path: Path,
+    bands: Bands,
+    terrain: Terrain,
+    grid: Grid,
+    nodata: float | None,
+) -> None:
+    """Refuse what a format cannot hold; `nodata` is what was asked for.
 
     Raises:
         RequestError: it cannot.
     """
-    if form.bits and bands.content == "number" and not math.isnan(bands.empty):
+    asked = nodata is not None and bands.content == "number"
+    lacks_nan = math.isnan(bands.empty) and not math.isnan(form.nodata)
+    if asked and (form.bits or lacks_nan):
+        held = "whole numbers" if form.bits else "no NaN"
         raise RequestError(
-            f"{path.name}: a {path.suffix} holds whole numbers, {form.nodata:g} for none.",
+            f"{path.name}: a {path.suffix} holds {held}, {form.nodata:g} for none.",
             "Leave out --nodata, or ask for a .tif.",
         )
     if (

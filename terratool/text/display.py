@@ -58,6 +58,16 @@ def columns_of(char: str) -> int:
     return 2 if unicodedata.east_asian_width(char) in "WF" else 1
 
 
+def _swapped(name: str, other: str) -> bool:
+    """Whether two neighbouring letters have changed places."""
+    if len(name) != len(other):
+        return False
+    apart = [k for k, pair in enumerate(zip(name, other, strict=True)) if pair[0] != pair[1]]
+    return apart[1:] == [k + 1 for k in apart[:1]] and (
+        name[apart[0]] + name[apart[1]] == other[apart[1]] + other[apart[0]]
+    )
+
+
 def only_answer(name: str, close: Sequence[str]) -> str:
     """The one name that another one must have meant, as JSON; empty where there are two or none.
 
@@ -69,6 +79,7 @@ def only_answer(name: str, close: Sequence[str]) -> str:
     from difflib import get_close_matches
 
     near = [other for other in close if other.lower() == name.lower()]
+    near = near or [other for other in close if _swapped(name, other)]
     near = near or get_close_matches(name, close, 2, _NEAR)
     # rock10 is not meant by rock1
     if any(_digits(other) != _digits(name) for other in near):

@@ -229,7 +229,9 @@ def test_like_findings_are_one(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     out = call("validate", path).out
     assert out.count("warning TT210") == 1
-    assert "The same in 22 more places: lines 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, …." in out
+    column = 1 + len('{"type":"b","cellX":1,"cellY":0,"vScale":')
+    places = ", ".join(f"{line}:{column}" for line in range(3, 15))
+    assert f"The same in 22 more places: {places}, …." in out
     assert out.endswith("1 file checked, no errors, 23 warnings.\n")
     (finding,) = json.loads(call("validate", path, "--format", "json").out)["findings"]
     assert [place["line"] for place in finding["more"]] == list(range(3, 25))
@@ -286,6 +288,15 @@ def test_fix_leaves_what_has_more(tmp_path: Path, text: str) -> None:
     assert path.read_text("utf-8") == text
 
 
+@pytest.mark.parametrize("wrong", ["snad", "asnd", "sadn"])
+def test_fix_puts_letters_back(tmp_path: Path, wrong: str) -> None:
+    path = tmp_path / "a.json"
+    text = '{"size":1,"elemTypes":{"sand":{"x":[1]},"send":{"x":[1]}},"elemTree":{"type":"%s"}}'
+    path.write_text(text % wrong, encoding="utf-8")
+    call("validate", path, "--fix")
+    assert path.read_text("utf-8") == text % "sand"
+
+
 def test_fix_needs_a_file() -> None:
     ran = call("validate", "-", "--fix", stdin=BROKEN)
     assert ran.code == 2 and "standard input" in ran.err
@@ -332,6 +343,9 @@ def test_a_baseline_needs_all_files(project: Path) -> None:
             '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vscale":1,"VScale":2}}',
             None,
         ),
+        # letters that changed places have one answer; digits have none
+        ('{"size":1,"elemTypes":{"sand":{"x":[1]}},"elemTree":{"type":"SNAD"}}', None),
+        ('{"size":1,"elemTypes":{"b12":{"x":[1]}},"elemTree":{"type":"b21"}}', None),
         ('{"Size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}', "Size"),
     ],
 )

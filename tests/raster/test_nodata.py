@@ -46,6 +46,16 @@ def test_a_number_stands_for_none(tmp_path: Path, name: str) -> None:
     assert report.nodata == np.isnan(plain).sum()
 
 
+@pytest.mark.parametrize("name", ["a.asc", "a.xyz", "a.png"])
+def test_not_a_number_where_a_format_has_none(tmp_path: Path, name: str) -> None:
+    """What cannot be held is refused, and not written as something else."""
+    terrain = terrain_of(SITE)
+    with pytest.raises(RequestError, match="for none"):
+        export_dem(terrain, grid_over(terrain, 0.1), tmp_path / name, nodata=float("nan"))
+    assert not list(tmp_path.iterdir())
+    export_dem(terrain, grid_over(terrain, 0.1), tmp_path / "a.tif", nodata=float("nan"))
+
+
 def test_of_mosaics_and_cloud_optimised_files(tmp_path: Path) -> None:
     terrain = terrain_of(SITE)
     grid = grid_over(terrain, 0.01)

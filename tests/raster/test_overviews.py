@@ -173,7 +173,7 @@ def test_who_has_them(tmp_path: Path) -> None:
     ):  # fmt: skip
         report = export_dem(terrain, grid, tmp_path / "a.tif", overwrite=True, **options)
         with rasterio.open(tmp_path / "a.tif") as file:
-            assert len(file.overviews(1)) == wanted == len(report.files[0].overviews)
+            assert len(file.overviews(1)) == wanted == len(report.files[0].overviews or ())
         assert [path.name for path in tmp_path.iterdir()] == ["a.tif"]
 
 
@@ -191,6 +191,9 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
                                   "elemTree": {"type": "a"}}))  # fmt: skip
     ran = call("export-dem", sample, "--tiles", tmp_path / "m", "--overviews")
     assert ran.code == 2 and "gdaladdo" in ran.err
+    ran = call("export-dem", sample, tmp_path / "one.tif", "--overviews")
+    assert "one.tif: float32, one tile, which needs no overviews\n" in ran.out
+    assert "overviews" not in call("export-dem", sample, tmp_path / "two.tif").out
 
 
 def test_all_else_is_the_same(tmp_path: Path) -> None:
