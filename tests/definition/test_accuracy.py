@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from terratool.definition import expression
 from terratool.definition.accuracy import SLACK, Survey, survey
-from terratool.definition.expression import ExpressionError, check, evaluate, parse
 from terratool.definition.curves import FormulaCurve
+from terratool.definition.expression import ExpressionError, check, evaluate, parse
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.definition.reader import check as check_source
 from terratool.field.pieces import pieces_of
