@@ -71,7 +71,7 @@ _READ_AS = {
 _HEAD = 1 << 16
 """Bytes that have the head of an X3D file."""
 
-_UNPACKED, _TIMES = 1 << 28, 50
+_UNPACKED, _TIMES = 1 << 22, 100
 """A text may have so many bytes, or so many times as many as its file, whichever is more."""
 
 _WIDE = {
