@@ -120,6 +120,8 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
     drivers = None
     place = _place(name)
     environment["CPL_VSIL_GZIP_WRITE_PROPERTIES"] = "NO"
+    # by several threads GDAL prints that a tile of a JPEG 2000 is broken, and reads on
+    environment["GDAL_NUM_THREADS"] = "1"
     if not allow_remote:
         drivers = _drivers_for(name, place)
         environment |= {"CPL_VSIL_CURL_ALLOWED_FILENAME": "-", "GDAL_VRT_ENABLE_PYTHON": "NO"}

@@ -159,6 +159,25 @@ class TestBroken:
             ran = call("import-terrain", path, out, "--max-error", 1, *more)
             assert ran.code in (0, 3) and out.exists() == (ran.code == 0)
 
+    def test_tiles_of_a_jpeg_2000_that_are_broken(
+        self, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        """No heights are made up for them, and GDAL prints nothing itself."""
+        heights = np.random.default_rng(5).integers(0, 4000, (192, 256)).astype(np.int16)
+        geotiff(tmp_path / "a.tif", heights)
+        path = tmp_path / "a.jp2"
+        options = {"BLOCKXSIZE": 64, "BLOCKYSIZE": 64, "QUALITY": 100, "REVERSIBLE": "YES"}
+        rasterio.shutil.copy(tmp_path / "a.tif", path, driver="JP2OpenJPEG", **options)
+        assert np.array_equal(read(path), heights)
+        data = bytearray(path.read_bytes())
+        # behind the head of a part of a tile (ISO/IEC 15444-1, A.4.2)
+        at = data.index(b"\xff\x90\0\x0a", len(data) // 2)
+        data[at + 12 : at + 40] = b"\xff" * 28
+        capfd.readouterr()
+        with pytest.raises(ReadError, match="cannot be read as a raster"):
+            read(saved(path, bytes(data)))
+        assert capfd.readouterr().err == ""
+
     def test_places_and_scales_that_are_no_numbers(self, tmp_path: Path) -> None:
         raw = HEIGHTS.astype("<f4").tobytes()
         header = "BYTEORDER I\nNROWS 4\nNCOLS 6\nNBITS 32\nPIXELTYPE FLOAT\nULXMAP 0\nULYMAP 0\n"

@@ -21,7 +21,8 @@ from rasterio.transform import Affine
 
 from terratool.errors import ReadError, RequestError
 from terratool.importing.opening import DRIVERS, gdal_errors, refuse_remote
-from terratool.importing.sources import SourceOptions, open_source
+from terratool.importing.rasters import open_classes
+from terratool.importing.sources import PixelGrid, SourceOptions, open_source
 from tests.commands import ROOT, call
 from tests.conftest import terrain_of
 from tests.mosaics import SITE
@@ -310,6 +311,25 @@ def test_labels_that_name_other_folders(tmp_path: Path) -> None:
     path.write_text(label.replace("../raw/", ""))
     (path.parent / "a.img").write_bytes((tmp_path / "raw" / "a.img").read_bytes())
     assert heights(path).max() == 23
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['<!DOCTYPE a [<!ENTITY b "c">]><PAMDataset><PAMRasterBand/></PAMDataset>', "<PAMDataset>", ""],
+)
+def test_names_of_classes_that_cannot_be_read(tmp_path: Path, text: str) -> None:
+    with rasterio.open(
+        tmp_path / "a.tif", "w", driver="GTiff", width=6, height=4, count=1, dtype="uint8",
+        transform=Affine(1, 0, 0, 0, -1, 4),
+    ) as file:  # fmt: skip
+        file.write(np.ones((1, 4, 6), np.uint8))
+    (tmp_path / "a.tif.aux.xml").write_text(text, encoding="utf-8")
+    with (
+        pytest.raises(ReadError, match=r"aux\.xml: cannot be read as XML") as caught,
+        open_classes(str(tmp_path / "a.tif"), PixelGrid(0, 0, 1, 1, 6, 4)),
+    ):
+        pass
+    assert "move it elsewhere" in caught.value.hint
 
 
 GRIDS = 'GEOGCS["x",DATUM["y",SPHEROID["z",6378137,298],EXTENSION["PROJ4_GRIDS","{}"]]]'
