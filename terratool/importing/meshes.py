@@ -400,7 +400,8 @@ def _gltf_header(path: Path) -> dict[str, Any]:
 
 def _old_gltf(path: Path) -> ReadError:
     return ReadError(
-        f"{path}: is glTF 1.0, and version 2.0 is read.", "Export the scene as glTF 2.0, or convert it."
+        f"{path}: is glTF 1.0, and version 2.0 is read.",
+        "Export the scene as glTF 2.0, or convert it.",
     )
 
 
