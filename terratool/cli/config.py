@@ -114,7 +114,7 @@ def read_config(path: Path) -> Config | None:
     try:
         table: Any = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise RequestError(f"{path}: is no TOML ({error}).", "Mend it.") from error
+        raise RequestError(f"{path}: is no TOML ({error}).", "Correct the file there.") from error
     if shared:
         tool = table.get("tool")
         table = tool.get("terratool") if isinstance(tool, dict) else None

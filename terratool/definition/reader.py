@@ -98,7 +98,7 @@ def _why(code: Any) -> tuple[str, str]:
     if all(rule.severity == "error" for rule in meant):
         return (
             f"{shown(code)} is an error, which cannot be ignored.",
-            "Mend it, and remove the code.",
+            "Correct the error, and remove its code from x-ignore.",
         )
     return f"{shown(code)} silences nothing here.", "Remove it."
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import NoReturn
+from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 
@@ -32,6 +33,22 @@ def hardened(separator: str | None = None) -> expat.XMLParserType:
     parser.ExternalEntityRefHandler = _entity
     parser.SkippedEntityHandler = _entity
     return parser
+
+
+def tree_of(text: bytes) -> Element:
+    """The elements of a text, without comments.
+
+    Raises:
+        EntityError: it declares or uses entities.
+        ExpatError: it is no XML.
+    """
+    builder = TreeBuilder()
+    parser = hardened()
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.Parse(text, True)
+    return builder.close()
 
 
 def _doctype(_name: str, _system: str | None, _public: str | None, has_content: bool) -> None:

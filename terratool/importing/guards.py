@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+
+from affine import Affine
 
 from terratool.errors import ReadError
 
@@ -32,6 +35,14 @@ _PROBE_SECONDS = 60
 _CLASSIC = b"CDF"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HINT = "Check the file with gdalinfo -checksum, or fetch it again."
+_STORE_ALL = (
+    "If it really has so many, store all of them: "
+    "gdal_translate -co COMPRESS=NONE -co BIGTIFF=IF_SAFER OLD NEW.tif."
+)
+_CUT_SHORT = "It may be cut short: fetch it again, or write it again with all of its pixels."
+UNPACK = "If it is right, unpack the archive and name the raster itself."
+
+_systems = re.compile(r"/vsi[a-z0-9]+/\{?(?:/?vsi[a-z0-9]+/\{?)*").match
 
 
 def refuse_claims(name: str, file: Any) -> None:
@@ -44,33 +55,60 @@ def refuse_claims(name: str, file: Any) -> None:
     Raises:
         ReadError: it does; or its place or its values are no numbers.
     """
-    if not all(map(math.isfinite, file.transform)) or file.transform.determinant == 0:
+    transform = transform_of(file)
+    if not all(map(math.isfinite, transform)) or transform.determinant == 0:
         raise ReadError(f"{name}: its pixels have no size, or lie nowhere.", _HINT)
     if not all(map(math.isfinite, (*file.scales, *file.offsets))):
         raise ReadError(f"{name}: its values have a scale or an offset that is no number.", _HINT)
-    sizes = [Path(part).stat().st_size for part in file.files if Path(part).is_file()]
-    if not sizes:  # in an archive
+    parts = set(filter(None, map(_on_disk, file.files)))
+    if not parts:  # on the net
         return
-    if file.width * file.height > _most_pixels(file, sum(sizes)):
-        raise _claim(name, file.width, file.height, sum(sizes))
+    size = sum(part.stat().st_size for part in parts)
+    archived = not any(Path(part).is_file() for part in file.files)
+    most, hint = _most_pixels(file, size, archived)
+    if file.width * file.height > most:
+        raise _claim(name, file.width, file.height, size, UNPACK if archived else hint)
 
 
-def _most_pixels(file: Any, size: int) -> int:
-    """The pixels that a raster may have whose files have so many bytes."""
-    raw = file.driver in _RAW_DRIVERS and not any(
-        part.lower().endswith(_PACKED_FILES) for part in file.files
+def transform_of(file: Any) -> Affine:
+    """From columns and rows of what rasterio opened to the world, or to pixels without a place.
+
+    Without a world file GDAL's driver of PNM fills in nothing, and leaves what memory had.
+    """
+    path = Path(file.name)
+    if file.driver != "PNM" or any(map(Path.is_file, map(path.with_suffix, (".wld", ".WLD")))):
+        placed: Affine = file.transform
+        return placed
+    return Affine.identity()
+
+
+def _on_disk(name: str) -> Path | None:
+    """The file in which something lies that GDAL names: itself, or the outermost archive."""
+    found = _systems(name)
+    if found is None:
+        return Path(name) if Path(name).is_file() else None
+    inner = Path(name[found.end() :].replace("}", ""))
+    return next((path for path in (inner, *inner.parents) if path.is_file()), None)
+
+
+def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
+    """The pixels that a raster may have whose files have so many bytes, and what else to do."""
+    raw = (
+        file.driver in _RAW_DRIVERS
+        and not archived
+        and not any(part.lower().endswith(_PACKED_FILES) for part in file.files)
     )
     most = max(HARMLESS, size * (RAW if raw else PACKED))
-    if file.driver == "netCDF":
+    if file.driver == "netCDF" and not archived:
         with open(file.files[0], "rb") as begin:
             if begin.read(8).startswith(_CLASSIC):
-                return size  # it has all of its numbers
+                return size, _CUT_SHORT  # it has all of its numbers
     if file.driver == "GTiff":
         # blocks may be missing, but not from the index; one is read at a time
         rows, columns = file.block_shapes[0] if file.count else (1, 1)
         if rows * columns <= most:
             most = max(most, size // _INDEX_BYTES * rows * columns)
-    return most
+    return most, _CUT_SHORT if raw else _STORE_ALL
 
 
 def refuse_surfer_claims(name: str, head: bytes) -> None:
@@ -84,13 +122,11 @@ def refuse_surfer_claims(name: str, head: bytes) -> None:
         counts = [int(word) if word.isdigit() else 0 for word in words[1:3]]
         size = Path(name).stat().st_size
         if counts[0] * counts[1] > max(HARMLESS, RAW * size):
-            raise _claim(name, counts[0], counts[1], size)
+            raise _claim(name, counts[0], counts[1], size, _CUT_SHORT)
 
 
-def _claim(name: str, width: int, height: int, size: int) -> ReadError:
-    return ReadError(
-        f"{name}: claims {width:,} × {height:,} pixels, but has {size:,} bytes.", _HINT
-    )
+def _claim(name: str, width: int, height: int, size: int, hint: str) -> ReadError:
+    return ReadError(f"{name}: claims {width:,} × {height:,} pixels, but has {size:,} bytes.", hint)
 
 
 def is_netcdf(head: bytes) -> bool:
@@ -139,7 +175,8 @@ def main() -> None:
                 for row in range(0, rows, step):
                     file.read(1, window=Window(0, row, file.width, min(step, rows - row)))
     except Exception as error:
-        sys.stdout.write(str(error.__cause__ or error).rstrip("."))
+        short = f"it takes more than {_PROBE_BYTES >> 20} MB" if type(error) is MemoryError else ""
+        sys.stdout.write(short or str(error.__cause__ or error).rstrip("."))
         sys.stdout.flush()
         os._exit(1)
 

@@ -81,8 +81,8 @@ def read_triangles(path: str | Path, up: str | None = None, scale: float = 1.0) 
     Nothing is merged, repaired or reordered. Scenes are put together, with every part in its place.
 
     Args:
-        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .wrz, .x3d or .x3dv
-            file.
+        path: an .obj, .stl, .ply, .glb, .gltf, .off, .3mf, .dxf, .wrl, .wrz, .x3d, .x3dz, .x3dv or
+            .x3dvz file.
         up: the axis that points up, "y" or "z"; what the format is known for, if None: y for glTF,
             VRML and X3D, unless the file says otherwise as those that we write do, and z for all
             others. With y, (x, y, z) becomes (x, -z, y).
@@ -331,7 +331,7 @@ def check_gltf(path: Path) -> tuple[str, ...]:
     if made_up > MAX_VALUES:
         raise ReadError(
             f"{path}: its header asks for {made_up:,} values that the file does not hold.",
-            "Export it again.",
+            "Export it with all values in the file: each accessor with a bufferView.",
         )
     left: dict[str, int] = {}
     for mesh in header.get("meshes", []):
@@ -400,7 +400,8 @@ def _gltf_header(path: Path) -> dict[str, Any]:
 
 def _old_gltf(path: Path) -> ReadError:
     return ReadError(
-        f"{path}: is glTF 1.0, and version 2.0 is read.", "Export it anew, or convert it."
+        f"{path}: is glTF 1.0, and version 2.0 is read.",
+        "Export the scene as glTF 2.0, or convert it.",
     )
 
 
@@ -503,6 +504,8 @@ READERS = {
     ".wrl": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
     ".wrz": Reader("VRML", read_vrml, up=lambda path: stated_up(path) or UP),
     ".x3d": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
+    ".x3dz": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
     ".x3dv": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
+    ".x3dvz": Reader("X3D", read_vrml, up=lambda path: stated_up(path) or UP),
 }
 """Formats of meshes by suffix."""

@@ -9,11 +9,11 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.parsers.expat import ExpatError
 
 import rasterio
 from affine import AffineError
-from rasterio._err import CPLE_BaseError
+from rasterio._err import CPLE_BaseError, CPLE_OutOfMemoryError
 from rasterio._path import _parse_path
 from rasterio.errors import (
     NodataShadowWarning,
@@ -25,7 +25,14 @@ from rasterio.io import DatasetReader
 
 from terratool.definition.crs import names_file
 from terratool.errors import ReadError, interruption
-from terratool.importing.guards import is_netcdf, probe, refuse_claims, refuse_surfer_claims
+from terratool.importing.expat import EntityError, tree_of
+from terratool.importing.guards import (
+    UNPACK,
+    is_netcdf,
+    probe,
+    refuse_claims,
+    refuse_surfer_claims,
+)
 
 DRIVERS = (
     "AAIGrid", "BMP", "BT", "DTED", "EHdr", "ENVI", "GIF", "GPKG", "GS7BG", "GSAG", "GSBG",
@@ -39,18 +46,20 @@ _PROBED = "netCDF"
 _PLAIN_DRIVERS = tuple(driver for driver in DRIVERS if driver != _PROBED)
 _NETCDFS = (".nc", ".nc4", ".cdf")
 
-_LABELS = ("ISIS3", "PDS", "PDS4")
+_NOT_ARCHIVED = ("GSAG", "ISIS3", "PDS", "PDS4")
+"""What these claim, or name, is looked up in the file before: not in an archive."""
 _LOCAL = frozenset(["file", "gz", "gzip", "tar", "zip"])
 _ARCHIVES = ("vsizip/", "vsitar/", "vsigzip/", "vsi7z/", "vsirar/")
 _SIDECARS = (".msk", ".MSK", ".ovr", ".OVR")
 
+_archived = re.compile(r"(zip|tar)(?:\+file)?://([^!]+)!/?(.+)", re.IGNORECASE).fullmatch
 _scheme = re.compile(r"([a-z0-9.+-]+)://", re.IGNORECASE).match
 _address = re.compile(r"(?:https?|ftp|s3|gs|az|adls?|oss|swift|hdfs|dap):/", re.IGNORECASE).search
-_virtual = re.compile(r"(?<=/)vsi[a-z0-9_]+[/?]", re.IGNORECASE).findall
+_virtual = re.compile(r"(?<=[/{])vsi[a-z0-9_]+[/?]", re.IGNORECASE).findall
 
+_ZIP, _GZIP, _TAR = b"PK\3\4", b"\x1f\x8b", b"ustar"
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _described = re.compile(rb"<\s*(?:VRTDataset|GDAL_|WM|WCS|Capabilities|OGR)", re.IGNORECASE).search
-_entities = re.compile(rb"<!(?:DOCTYPE|ENTITY)", re.IGNORECASE).search
 
 _label = re.compile(
     rb"PDS_VERSION_ID|ODL_VERSION_ID|IsisCube|Product_Observational", re.IGNORECASE
@@ -109,8 +118,12 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         ReadError: it cannot be opened, or leads where it may not.
     """
     drivers = None
+    place = _place(name)
+    environment["CPL_VSIL_GZIP_WRITE_PROPERTIES"] = "NO"
+    # by several threads GDAL prints that a tile of a JPEG 2000 is broken, and reads on
+    environment["GDAL_NUM_THREADS"] = "1"
     if not allow_remote:
-        drivers = _drivers_for(name)
+        drivers = _drivers_for(name, place)
         environment |= {"CPL_VSIL_CURL_ALLOWED_FILENAME": "-", "GDAL_VRT_ENABLE_PYTHON": "NO"}
         if not Path(name).exists():  # in an archive, or not at all: its neighbours are not asked
             environment["GDAL_DISABLE_READDIR_ON_OPEN"] = "EMPTY_DIR"
@@ -122,7 +135,7 @@ def open_local(name: str, *, allow_remote: bool, **environment: Any) -> Iterator
         warnings.simplefilter("ignore", NodataShadowWarning)
         with gdal_errors(name):
             # rasterio.open takes one driver, this several
-            file = stack.enter_context(DatasetReader(_parse_path(name), driver=drivers))
+            file = stack.enter_context(DatasetReader(_parse_path(place), driver=drivers))
             files = [] if allow_remote else file.files
         _refuse_files(name, files)
         with gdal_errors(name):
@@ -135,7 +148,8 @@ def gdal_errors(name: str) -> Iterator[None]:
     """GDAL's errors as ours.
 
     Raises:
-        ReadError: GDAL, or rasterio, raised what it raises for files that it cannot read.
+        ReadError: GDAL, or rasterio, raised what it raises for files that it cannot read; or there
+            is too little memory.
     """
     try:
         yield
@@ -146,12 +160,50 @@ def gdal_errors(name: str) -> Iterator[None]:
         stopped = interruption(error)
         if stopped is not None:
             raise stopped from None
+        if isinstance(error, MemoryError) or isinstance(error.__cause__, CPLE_OutOfMemoryError):
+            raise ReadError(
+                f"{name}: does not fit into memory.",
+                "Take a part of it with --bounds, or close other programs.",
+            ) from error
+        if isinstance(error, (ValueError, RuntimeError)) and not _of_gdal(error):
+            raise
         reason = str(error.__cause__ or error).strip().rstrip(".")
         reason = reason.removeprefix(f"{name}: ").removeprefix(f"'{name}' ")
         raise ReadError(
             f"{name}: cannot be read as a raster ({reason or type(error).__name__}).",
-            "Check the path, and the file with gdalinfo -checksum.",
+            _way_out(name, reason),
         ) from error
+
+
+def _of_gdal(error: BaseException) -> bool:
+    """Whether an error is one of rasterio's or of affine's, or came to be within them."""
+    modules = [type(error).__module__]
+    trace = error.__traceback__
+    while trace is not None:
+        modules.append(trace.tb_frame.f_globals.get("__name__", ""))
+        trace = trace.tb_next
+    return any(module.partition(".")[0] in ("rasterio", "affine") for module in modules)
+
+
+def _way_out(name: str, reason: str) -> str:
+    """What to do about a raster that cannot be read."""
+    scheme = _scheme(name)
+    if name.startswith("/vsi") or (scheme and scheme[1].lower() in ("gzip", "tar", "zip")):
+        return f"Check the name within the archive. {UNPACK}"
+    with contextlib.suppress(OSError, ValueError), open(name, "rb") as file:
+        head = file.read(_HEAD)
+        if head.startswith(_ZIP):
+            return f"Name the raster in the archive, as in zip://{name}!dem.tif."
+        if head[257:262] == _TAR:
+            return f"Name the raster in the archive, as in tar://{name}!dem.tif."
+        if head.startswith(_GZIP):
+            return f"Unpack it, or name what is in it: /vsigzip/{name}."
+    if "not recognized" in reason:
+        return (
+            "Make a GeoTIFF of it with gdal_translate; docs/import.md lists the formats that are "
+            "read."
+        )
+    return "Check the path, and the file with gdalinfo -checksum."
 
 
 @contextlib.contextmanager
@@ -193,17 +245,24 @@ def refuse_remote(name: str) -> None:
         raise ReadError(f"{name[:40]}: is no name of a file.", "Name a raster or a mesh.")
 
 
-def _drivers_for(name: str) -> list[str]:
-    """The drivers that may open a file.
+def _place(name: str) -> str:
+    """A name as GDAL has it: of a file in an archive, by any path to it."""
+    found = _archived(name)
+    return f"/vsi{found[1].lower()}/{{{found[2]}}}/{found[3]}" if found else name
+
+
+def _drivers_for(name: str, place: str) -> list[str]:
+    """The drivers that may open a file, by its name and by that which GDAL gets.
 
     Raises:
         ReadError: it leads to the net, or out of its folder.
     """
     refuse_remote(name)
+    refuse_remote(place)
     path = Path(name)
     try:
         if not path.is_file():
-            return _drivers_within(name)
+            return _drivers_within(place)
         _refuse_sidecars(path)
         _refuse_grids(path)
         with open(path, "rb") as file:
@@ -234,9 +293,9 @@ def _drivers_within(name: str) -> list[str]:
 
     Labels are not among them: what they name cannot be looked at before.
     """
-    packed = "!" in name or name.startswith("/vsi")
+    packed = name.startswith("/vsi")
     if not name.upper().startswith("NETCDF:") and not (packed and name.lower().endswith(_NETCDFS)):
-        return [driver for driver in _PLAIN_DRIVERS if driver not in _LABELS]
+        return [driver for driver in _PLAIN_DRIVERS if driver not in _NOT_ARCHIVED]
     probe(name)
     return [_PROBED]
 
@@ -295,12 +354,12 @@ def _refuse_sources(path: Path, text: bytes) -> None:
         ReadError: it is not.
     """
     hint = "Make a GeoTIFF of it with gdal_translate, or add --allow-remote."
-    if len(text) > _MAX_VRT or _entities(text):
-        raise ReadError(f"{path}: is a VRT that is too large, or has entities.", hint)
+    if len(text) > _MAX_VRT:
+        raise ReadError(f"{path}: is a VRT that is too large.", hint)
     try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise ReadError(f"{path}: is no XML ({error}).", hint) from error
+        root = tree_of(text)
+    except (ExpatError, EntityError) as error:
+        raise ReadError(f"{path}: is no plain XML ({error}).", hint) from error
     for element in root.iter():
         known = _PLAIN.get(element.tag)
         plain = known is not None and known.issuperset(element.attrib)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.parsers.expat import ExpatError
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ from rasterio.windows import Window
 
 from terratool.definition.crs import crs_problem
 from terratool.errors import ReadError, RequestError
-from terratool.importing.guards import HARMLESS
+from terratool.importing.expat import EntityError, tree_of
+from terratool.importing.guards import HARMLESS, transform_of
 from terratool.importing.opening import gdal_errors, open_local
 from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
 from terratool.raster.geotiff import read_crs
@@ -259,13 +260,13 @@ def _heights(
     about: list[str],
 ) -> RasterHeights:
     """The pixels that are wanted of a band."""
-    transform = file.transform
+    transform = transform_of(file)
     hint = "Add --crs with a reference system, to have it resampled north up."
     _refuse_turned(name, transform, 1e-9, hint)
     south_up, east_first = transform.e > 0, transform.a < 0
     dx, dy = abs(transform.a), abs(transform.e)
-    west, east = sorted((file.bounds.left, file.bounds.right))
-    south, north = sorted((file.bounds.bottom, file.bounds.top))
+    west, east = sorted((transform.c, transform.c + transform.a * file.width))
+    south, north = sorted((transform.f + transform.e * file.height, transform.f))
     if file.crs is None and transform.is_identity:
         about.append("The raster does not say where it lies: a pixel is taken as 1 × 1.")
         south, north = 0.0, float(file.height)
@@ -380,7 +381,7 @@ class ClassRaster:
         at = self.grid
         x = at.west + (np.arange(at.columns) + 0.5) * at.dx
         y = at.south + (np.arange(first, first + count) + 0.5) * at.dy
-        inverse = ~self.file.transform
+        inverse = ~transform_of(self.file)
         columns = _indices(inverse.a, inverse.c, x, self.file.width)
         rows = _indices(inverse.e, inverse.f, y, self.file.height)
         in_x, in_y = columns >= 0, rows >= 0
@@ -454,7 +455,7 @@ def open_classes(name: str, grid: PixelGrid, allow_remote: bool = False) -> Iter
                     add_alpha=file.nodata is None,
                 )
                 file = stack.enter_context(warped)
-        _refuse_turned(name, file.transform, 0.0, "Resample it north up, as with gdalwarp.")
+        _refuse_turned(name, transform_of(file), 0.0, "Resample it north up, as with gdalwarp.")
         yield ClassRaster(name, file, grid, surfaces)
 
 
@@ -483,11 +484,14 @@ def _table(path: Path) -> dict[int, SurfaceEntry]:
     if not path.is_file():
         return {}
     try:
-        band = ElementTree.parse(path).getroot().find("PAMRasterBand")
-    except (ElementTree.ParseError, OSError) as error:
+        band = tree_of(path.read_bytes()).find("PAMRasterBand")
+    except (ExpatError, EntityError) as error:
         raise ReadError(
-            f"{path}: cannot be read as XML ({error}).", "Mend it, or move it away."
+            f"{path}: cannot be read as XML ({error}).",
+            "Correct the file, or move it elsewhere; then the classes have no names.",
         ) from error
+    except OSError as error:
+        raise ReadError.of(path, error) from error
     if band is None:
         return {}
     names = [(item.text or "").strip() for item in band.findall("CategoryNames/Category")]

@@ -17,7 +17,7 @@ from terratool.field.terrain import refuse_empty
 
 MESHES = (
     ".obj", ".stl", ".ply", ".glb", ".gltf", ".off", ".3mf", ".dxf", ".wrl", ".wrz", ".x3d",
-    ".x3dv",
+    ".x3dv", ".x3dvz", ".x3dz",
 )  # fmt: skip
 """Endings of the files that are read as meshes; all others are for GDAL."""
 

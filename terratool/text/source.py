@@ -16,6 +16,7 @@ from terratool.errors import ReadError
 from terratool.output import is_same_file, whole_file
 
 MAX_BYTES = 2 * 1024**3
+_SPLIT = "Split the terrain, or describe it by primitives rather than by points."
 _GZIP = b"\x1f\x8b"
 _BOM = b"\xef\xbb\xbf"
 
@@ -41,8 +42,13 @@ class Source(Struct, frozen=True):
         return len(self.data)
 
 
-def read_source(path: str | Path) -> Source:
+def read_source(path: str | Path, most: int = MAX_BYTES, hint: str = _SPLIT) -> Source:
     """Read a file, or standard input for ``-``.
+
+    Args:
+        path: of the file.
+        most: bytes of its text, unpacked.
+        hint: what to do about a file that holds more.
 
     Raises:
         ReadError: the file is missing, unreadable, too large or broken gzip.
@@ -52,19 +58,19 @@ def read_source(path: str | Path) -> Source:
         if name == "-":
             if sys.stdin is None:  # as it is where it was closed
                 raise OSError("it is closed")
-            data = sys.stdin.buffer.read(MAX_BYTES + 1)
+            data = sys.stdin.buffer.read(most + 1)
             name = "<stdin>"
         else:
             with open(path, "rb") as file:
-                data = file.read(MAX_BYTES + 1)
+                data = file.read(most + 1)
     except OSError as error:
         raise ReadError.of(name, error) from error
     except ValueError as error:
         raise ReadError(f"{name!r}: is no name of a file.", "Check the path.") from error
-    data = _within_limit(name, data)
+    data = _within_limit(name, data, most, hint)
     packed = data.startswith(_GZIP)
     if packed:
-        data = _within_limit(name, _gunzip(name, data))
+        data = _within_limit(name, _gunzip(name, data, most), most, hint)
     return Source(name, data.removeprefix(_BOM), packed, data.startswith(_BOM))
 
 
@@ -113,25 +119,23 @@ def sources(name: str, endings: tuple[str, ...] = ALL) -> Iterator[str]:
         )
 
 
-def _within_limit(name: str, data: bytes) -> bytes:
-    if len(data) > MAX_BYTES:
-        raise ReadError(
-            f"{name}: holds more than {MAX_BYTES // 1024**3} GiB of text.",
-            "Split the terrain, or describe it by primitives rather than by points.",
-        )
+def _within_limit(name: str, data: bytes, most: int, hint: str) -> bytes:
+    if len(data) > most:
+        size = f"{most >> 20:,} MiB" if most % 1024**3 else f"{most >> 30} GiB"
+        raise ReadError(f"{name}: holds more than {size} of text.", hint)
     return data
 
 
-def _gunzip(name: str, data: bytes) -> bytes:
+def _gunzip(name: str, data: bytes, most: int) -> bytes:
     parts = []
     size = 0
     try:
         while data:
             stream = zlib.decompressobj(wbits=31)
-            part = stream.decompress(data, MAX_BYTES + 1 - size)
+            part = stream.decompress(data, most + 1 - size)
             parts.append(part)
             size += len(part)
-            if size > MAX_BYTES:
+            if size > most:
                 break
             if not stream.eof:
                 raise zlib.error("the stream ends too early")

@@ -154,6 +154,11 @@ def meshes() -> list[Files]:
         for suffix in (".obj", ".stl", ".ply", ".glb", ".wrl", ".x3d"):
             exported(terrain_of(YARD), folder / f"case{suffix}", 0.5)
             found.append(_files(folder, folder / f"case{suffix}"))
+            if suffix == ".x3d":
+                text = found[-1][0][1]
+                found.append((("case.x3dz", gzip.compress(text, mtime=0)),))
+                wide = text.decode().replace("UTF-8", "UTF-16").encode("utf-16")
+                found.append((("case.x3d", wide),))
         packed = gzip.compress(_SCENE.encode(), mtime=0)
         found += [(("case.wrl", _SCENE.encode()),), (("case.wrz", packed),)]
         found.append((("case.x3dv", _SCENE.replace("VRML V2.0", "X3D V3.0").encode()),))
@@ -196,8 +201,9 @@ def _packed(files: list[tuple[str, bytes]]) -> bytes:
 
 def _mutated(rng: random.Random, name: str, data: bytes, other: bytes) -> bytes:
     """A file with a mistake: within what it packs, in its header, its text or its bytes."""
-    with contextlib.suppress(ValueError, OSError, zipfile.BadZipFile, zlib.error, EOFError):
-        if name.endswith(".wrz") and rng.random() < 0.8:
+    broken = (ValueError, OSError, zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)
+    with contextlib.suppress(*broken):  # by a mistake before
+        if name.endswith((".wrz", ".x3dz")) and rng.random() < 0.8:
             return gzip.compress(mutate_text(rng, gzip.decompress(data), other), mtime=0)
         if name.endswith(".3mf") and rng.random() < 0.8:
             return _mutated_archive(rng, data, other)
@@ -252,7 +258,7 @@ def try_raster(case: Case, folder: Path) -> str:
     """Read its heights; some become a terrain, some are read as classes."""
     draw = zlib.crc32(case.data)
     with _put(case, folder) as path:
-        name = str(path)
+        name = _archived(path, draw) if draw % 8 == 3 else str(path)
         with open_source(name, SourceOptions(crs="EPSG:3857" if draw % 16 == 1 else None)) as found:
             _read(found, folder, draw)
             grid = found.grid
@@ -260,6 +266,17 @@ def try_raster(case: Case, folder: Path) -> str:
             with open_classes(name, grid) as classes:
                 classes.read(0, 1)
     return "read"
+
+
+def _archived(path: Path, draw: int) -> str:
+    """The name of a file within an archive of all that are beside it, whose bytes may be broken."""
+    archive = path.with_name("case.zip")
+    members = [(each.name, each.read_bytes()) for each in sorted(path.parent.iterdir())]
+    data = _packed(members)
+    if draw % 16 == 3:
+        data = mutate_bytes(random.Random(draw), data, data)
+    archive.write_bytes(data)
+    return f"zip://{archive}!{path.name}"
 
 
 def _read(found: sources.HeightSource, folder: Path, draw: int) -> None:

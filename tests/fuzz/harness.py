@@ -315,7 +315,10 @@ def run(target: Target, count: int, seed: int, seconds: float, processes: int) -
                 ended, number = False, 0
                 if worker in ready:
                     told, ended = worker.hear()
-                    for cases, outcomes, fault in told:
+                    for one in told:
+                        if isinstance(one, str):  # a fault of ours, outside of a case
+                            raise RuntimeError(one)
+                        cases, outcomes, fault = one
                         tally.cases += cases
                         tally.outcomes.update(outcomes)
                         if fault is not None:

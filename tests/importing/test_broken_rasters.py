@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import io
 import json
 import math
 import struct
@@ -15,10 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+import rasterio.shutil
 from rasterio.transform import Affine
 
 from terratool.errors import ReadError
-from terratool.importing.guards import PACKED
+from terratool.importing.guards import HARMLESS, PACKED
 from terratool.importing.sources import SourceOptions, open_source
 from tests.commands import ENVIRONMENT, call, run
 from tests.rasters import geotiff
@@ -79,7 +82,15 @@ def saved(path: Path, data: bytes | str) -> Path:
     return path
 
 
-def memory_for(path: Path) -> tuple[str, int]:
+def zipped(name: str, data: bytes) -> bytes:
+    """An archive of one file."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(name, data)
+    return packed.getvalue()
+
+
+def memory_for(path: Path | str) -> tuple[str, int]:
     """What a process that opens a source says, and the most memory, in MB, that it or one of its
     own has had, besides what it takes to read a good one."""
     code = (
@@ -147,6 +158,25 @@ class TestBroken:
             out = tmp_path / f"o{len(more)}.json"
             ran = call("import-terrain", path, out, "--max-error", 1, *more)
             assert ran.code in (0, 3) and out.exists() == (ran.code == 0)
+
+    def test_tiles_of_a_jpeg_2000_that_are_broken(
+        self, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        """No heights are made up for them, and GDAL prints nothing itself."""
+        heights = np.random.default_rng(5).integers(0, 4000, (192, 256)).astype(np.int16)
+        geotiff(tmp_path / "a.tif", heights)
+        path = tmp_path / "a.jp2"
+        options = {"BLOCKXSIZE": 64, "BLOCKYSIZE": 64, "QUALITY": 100, "REVERSIBLE": "YES"}
+        rasterio.shutil.copy(tmp_path / "a.tif", path, driver="JP2OpenJPEG", **options)
+        assert np.array_equal(read(path), heights)
+        data = bytearray(path.read_bytes())
+        # behind the head of a part of a tile (ISO/IEC 15444-1, A.4.2)
+        at = data.index(b"\xff\x90\0\x0a", len(data) // 2)
+        data[at + 12 : at + 40] = b"\xff" * 28
+        capfd.readouterr()
+        with pytest.raises(ReadError, match="cannot be read as a raster"):
+            read(saved(path, bytes(data)))
+        assert capfd.readouterr().err == ""
 
     def test_places_and_scales_that_are_no_numbers(self, tmp_path: Path) -> None:
         raw = HEIGHTS.astype("<f4").tobytes()
@@ -225,7 +255,7 @@ class TestNetCDF:
 class TestClaims:
     """More pixels than bytes can hold."""
 
-    @pytest.mark.parametrize(
+    HEADS = (
         ("name", "head"),
         [
             ("a.bt", b"binterr1.3" + struct.pack("<IIhhhh4d", 2**29, 13, 4, 1, 1, 33, 0, 9, 0, 9)),
@@ -236,17 +266,65 @@ class TestClaims:
             ("a.pgm", b"P5\n1000000 1000000\n255\n" + bytes(99)),
         ],
     )  # fmt: skip
+
+    @pytest.mark.parametrize(*HEADS)
     def test_of_small_files(self, tmp_path: Path, name: str, head: bytes) -> None:
         said, memory = memory_for(saved(tmp_path / name, head.ljust(400, b"\0")))
         assert name in said and said != "read"
         assert memory < 500
+
+    @pytest.mark.parametrize(*HEADS)
+    @pytest.mark.parametrize("archive", ["zip", "gz", "zip of zip"])
+    def test_of_small_files_in_archives(
+        self, tmp_path: Path, name: str, head: bytes, archive: str
+    ) -> None:
+        """They are held against the archive, which is what there is."""
+        data, place = head.ljust(400, b"\0"), f"{tmp_path}/a.zip/{name}"
+        if archive == "gz":
+            saved(tmp_path / f"{name}.gz", gzip.compress(data))
+            place = f"/vsigzip/{tmp_path}/{name}.gz"
+        else:
+            saved(tmp_path / "a.zip", zipped(name, data))
+            place = f"/vsizip/{place}"
+        if archive == "zip of zip":
+            saved(tmp_path / "b.zip", zipped("a.zip", (tmp_path / "a.zip").read_bytes()))
+            (tmp_path / "a.zip").unlink()
+            place = f"/vsizip/{{/vsizip/{{{tmp_path}/b.zip}}/a.zip}}/{name}"
+        said, memory = memory_for(place)
+        assert name in said and said != "read"
+        assert memory < 500
+
+    def test_bombs(self, tmp_path: Path) -> None:
+        """Of level heights in two archives, a million times as many as there are bytes."""
+        side = 16384
+        tags: Tags = {258: (3, [16]), 339: (3, [2]), 278: (4, [1]),
+                      273: (4, [8] * side), 279: (4, [2 * side] * side)}  # fmt: skip
+        inner = zipped("a.tif", tiff(bytes(2 * side * 64), tags, side, side))
+        saved(tmp_path / "b.zip", zipped("a.zip", inner))
+        place = f"/vsizip/{{/vsizip/{{{tmp_path}/b.zip}}/a.zip}}/a.tif"
+        with pytest.raises(ReadError, match=f"claims {side:,} × {side:,} pixels, but") as caught:
+            read(place)
+        assert "unpack the archive" in caught.value.hint
+        said, memory = memory_for(place)
+        assert "claims" in said and memory < 500
+
+    def test_what_is_packed_well_is_read_from_its_archive(self, tmp_path: Path) -> None:
+        """A hundred level pixels a byte, which a raw file could not have."""
+        columns = 2500
+        row = b"7 " * columns + b"\n"
+        head = f"ncols {columns}\nnrows 2000\nxllcorner 3\nyllcorner 4\ncellsize 1\n".encode()
+        saved(tmp_path / "a.zip", zipped("a.asc", head + row * 1999 + b"9" + row[1:]))
+        assert (tmp_path / "a.zip").stat().st_size * 100 < 2000 * columns
+        with open_source(f"zip://{tmp_path}/a.zip!a.asc") as source:
+            assert (source.grid.columns, source.grid.rows) == (columns, 2000)
+            assert source.read(0, 1)[0, :2].tolist() == [9, 7]
 
     def test_what_is_sparse_or_level_is_read(self, tmp_path: Path) -> None:
         """Tiles that were never written, and such as compress well."""
         sizes = {}
         for name, options in {
             "level": {"compress": "zstd"}, "sparse": {"sparse_ok": True, "blockxsize": 256},
-            "empty": {"sparse_ok": True, "width": 60000, "height": 40000, "nodata": -1},
+            "empty": {"sparse_ok": True, "width": 10240, "height": 9984, "compress": "zstd"},
         }.items():  # fmt: skip
             profile: dict[str, Any] = {
                 "driver": "GTiff", "count": 1, "width": 6000, "height": 4000, "dtype": "float32",
@@ -255,13 +333,40 @@ class TestClaims:
             with rasterio.open(tmp_path / f"{name}.tif", "w", **profile) as file:
                 if name == "level":
                     file.write(np.full((1, 4000, 6000), 7, np.float32))
-                else:
+                elif name == "sparse":
                     window = rasterio.windows.Window(0, file.height - 2000, 6000, 2000)
                     file.write(np.full((1, 2000, 6000), 7, np.float32), window=window)
+                else:  # one tile
+                    window = rasterio.windows.Window(0, file.height - 256, 256, 256)
+                    file.write(np.full((1, 256, 256), 7, np.float32), window=window)
             sizes[name] = (tmp_path / f"{name}.tif").stat().st_size
             with open_source(str(tmp_path / f"{name}.tif")) as source:
                 assert source.read(0, 1)[0, 0] == 7
         assert sizes["level"] * PACKED > 2 * 6000 * 4000
+        # the last has fewer bytes than its pixels need, but the index of all tiles
+        assert 10240 * 9984 > PACKED * sizes["empty"] > HARMLESS
+
+    def test_what_is_claimed_and_true_has_a_way_out(self, tmp_path: Path) -> None:
+        """What the hint names is done, by GDAL as gdal_translate does it, and read."""
+        path, stored = tmp_path / "a.tif", tmp_path / "b.tif"
+        heights = np.full((3900, 4100), 7, np.int16)
+        heights[3, 5] = 9
+        geotiff(path, heights, compress="zstd", blockysize=3900)
+        assert path.stat().st_size * PACKED < heights.size
+        with pytest.raises(ReadError, match="claims 4,100 × 3,900 pixels, but has") as caught:
+            read(path)
+        assert "gdal_translate -co COMPRESS=NONE" in caught.value.hint
+        rasterio.shutil.copy(path, stored, driver="GTiff", COMPRESS="NONE", BIGTIFF="IF_SAFER")
+        assert np.array_equal(read(stored), heights)
+
+    @pytest.mark.parametrize("name", ["a.pgm", "a.grd", "a.nc"])
+    def test_what_cannot_be_true_is_cut_short(self, tmp_path: Path, name: str) -> None:
+        """Where all pixels are stored, to store them again does not help."""
+        data = {"a.pgm": b"P5\n1000000 1000000\n255\n" + bytes(99), "a.nc": netcdf(rows=4_000_000),
+                "a.grd": b"DSAA\n17 2147483647\n0 1\n0 1\n0 1\n1 2 3\n"}[name]  # fmt: skip
+        with pytest.raises(ReadError, match="claims") as caught:
+            read(saved(tmp_path / name, data))
+        assert "cut short" in caught.value.hint and "gdal_translate" not in caught.value.hint
 
     def test_a_classic_netcdf_has_all_of_its_numbers(self, tmp_path: Path) -> None:
         """Rows without a byte are not even counted through."""

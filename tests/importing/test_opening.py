@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import gzip
+import io
 import os
+import re
+import tarfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
 import rasterio
+from rasterio._err import CPLE_OutOfMemoryError
+from rasterio.errors import RasterioIOError
 from rasterio.transform import Affine
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.opening import DRIVERS, refuse_remote
-from terratool.importing.sources import SourceOptions, open_source
-from tests.commands import call
+from terratool.importing.opening import DRIVERS, gdal_errors, refuse_remote
+from terratool.importing.rasters import open_classes
+from terratool.importing.sources import PixelGrid, SourceOptions, open_source
+from tests.commands import ROOT, call
 from tests.conftest import terrain_of
 from tests.mosaics import SITE
 
@@ -61,6 +68,8 @@ def heights(path: object, **options: bool) -> np.ndarray:
         "/vsizip//vsicurl/http://a/b.zip/c.tif", "/vsizip/vsis3/a/b.zip",
         "/vsicached?file=a.tif",
         "/vsisubfile/0_9,a.tif", "/vsimem/a.tif", "WMS:http://a/wms", "WCS:https://a/wcs",
+        "/vsizip/{vsis3/a/b.zip}/c.tif", "/vsizip/{/vsis3/a/b.zip}/c.tif", "zip://vsis3/a/b.zip!c.tif",
+        "zip:///vsis3/a/b.zip!c.tif", "tar+file://vsicurl/x!c.tif",
         "NETCDF:http://a/b.nc:z", "<GDAL_WMS></GDAL_WMS>", '{"type":"Feature"}',
     ],
 )  # fmt: skip
@@ -79,6 +88,130 @@ def test_names_that_lead_to_the_net(name: str, tmp_path: Path) -> None:
 )  # fmt: skip
 def test_names_of_files(name: str) -> None:
     refuse_remote(name)
+
+
+@pytest.fixture
+def archives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
+    """A DEM in archives of several kinds, in the folder where we are; and its heights."""
+    monkeypatch.chdir(tmp_path)
+    data = dem(tmp_path / "a.tif").read_bytes()
+    expected = heights("a.tif")
+    (tmp_path / "a.tif").unlink()
+    for name in ("a.zip", "packed.data"):
+        with zipfile.ZipFile(name, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("a.tif", data)
+            archive.writestr("in it/b c.tif", data)
+    for name, mode in (("a.tar", "w"), ("a.tar.gz", "w:gz")):
+        with tarfile.open(name, mode) as archive:
+            member = tarfile.TarInfo("in it/a.tif")
+            member.size = len(data)
+            archive.addfile(member, io.BytesIO(data))
+    Path("a.tif.gz").write_bytes(gzip.compress(data))
+    return expected
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["zip://a.zip!a.tif", "zip://a.zip!/in it/b c.tif", "zip://{here}/a.zip!a.tif",
+     "ZIP+file://a.zip!a.tif", "zip://packed.data!a.tif", "/vsizip/a.zip/a.tif",
+     "/vsizip/{here}/a.zip/in it/b c.tif", "/vsizip//{here}/a.zip/a.tif",
+     "/vsizip/{{packed.data}}/a.tif", "tar://a.tar!in it/a.tif", "tar://a.tar.gz!in it/a.tif",
+     "/vsitar/a.tar.gz/in it/a.tif", "/vsigzip/a.tif.gz", "gzip://a.tif.gz"],
+)  # fmt: skip
+@pytest.mark.parametrize("allow_remote", [False, True])
+def test_rasters_in_archives(
+    name: str, allow_remote: bool, archives: np.ndarray, tmp_path: Path
+) -> None:
+    """As rasterio and as GDAL name them; nothing is left beside the archive."""
+    before = sorted(tmp_path.iterdir())
+    found = heights(name.format(here=tmp_path), allow_remote=allow_remote)
+    assert np.array_equal(found, archives)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("a.zip", "Name the raster in the archive, as in zip://a.zip!dem.tif."),
+        ("a.tar", "Name the raster in the archive, as in tar://a.tar!dem.tif."),
+        ("a.tif.gz", "Unpack it, or name what is in it: /vsigzip/a.tif.gz."),
+        ("zip://a.zip!b.tif", "unpack the archive"),
+        ("/vsizip/a.zip", "unpack the archive"),
+        ("/vsizip/a.zip/surfer.grd", "unpack the archive"),
+        ("a.grib", "Make a GeoTIFF of it with gdal_translate"),
+        ("file:none.tif", "Check the path"),
+    ],
+)
+def test_what_to_do_where_nothing_is_read(name: str, hint: str, archives: np.ndarray) -> None:
+    with zipfile.ZipFile("a.zip", "a") as archive:
+        archive.writestr("surfer.grd", b"DSAA\n2 2\n0 1\n0 1\n0 1\n1 2\n3 4\n")
+    Path("a.grib").write_bytes(b"GRIB\0\0\0\2" + bytes(100) + b"7777")
+    with pytest.raises(ReadError) as caught:
+        heights(name)
+    assert hint in caught.value.hint
+    for word in re.findall(r"\S+a\.(?:zip|tar)!|/vsigzip/\S+(?=\.$)", caught.value.hint):
+        inside = {"zip://a.zip!": "a.tif", "tar://a.tar!": "in it/a.tif"}.get(word, "")
+        assert np.array_equal(heights(word + inside), archives)
+
+
+@pytest.mark.parametrize(
+    "error", [KeyError, TypeError, ValueError, RuntimeError, NotImplementedError, AttributeError]
+)
+def test_faults_of_the_program_are_not_told_as_those_of_a_raster(error: type[Exception]) -> None:
+    with pytest.raises(error, match="own"), gdal_errors("a.tif"):
+        raise error("own")
+
+
+def _color_table(path: Path) -> None:
+    with rasterio.open(path) as file:
+        file.colormap(1)  # a ValueError of rasterio's
+
+
+def _inverse(_: Path) -> None:
+    ~Affine(0, 0, 0, 0, 0, 0)
+
+
+def _reference_system(_: Path) -> None:
+    rasterio.crs.CRS.from_string("EPSG:99")
+
+
+def _vanished(path: Path) -> None:
+    path.with_name("b").stat()
+
+
+@pytest.mark.parametrize("fails", [_color_table, _inverse, _reference_system, _vanished])
+def test_errors_of_rasterio_are_told_as_those_of_a_raster(
+    fails: Callable[[Path], None], tmp_path: Path
+) -> None:
+    path = dem(tmp_path / "a.tif")
+    with pytest.raises(ReadError, match=r"a\.tif: cannot be read as a"), gdal_errors("a.tif"):
+        fails(path)
+
+
+def test_too_little_memory_is_told_as_such(tmp_path: Path) -> None:
+    """By Python, by NumPy within rasterio, and by GDAL."""
+    path = dem(tmp_path / "a.tif")
+
+    def by_rasterio() -> None:
+        with rasterio.open(path) as file:
+            file.read(1, out_shape=(1 << 24, 1 << 24))
+
+    def by_gdal() -> None:
+        raise RasterioIOError("read failed") from CPLE_OutOfMemoryError(2, 2, "cannot allocate")
+
+    for fails in (lambda: np.empty(1 << 56), by_rasterio, by_gdal):
+        with pytest.raises(ReadError) as caught, gdal_errors("a.tif"):
+            fails()
+        assert caught.value.message == "a.tif: does not fit into memory."
+        assert "--bounds" in caught.value.hint
+
+
+def test_the_documentation_lists_the_drivers() -> None:
+    """Those that are asked, and the known ones that are not."""
+    text = " ".join((ROOT / "docs" / "import.md").read_text("utf-8").split())
+    listed = text.partition("These drivers of GDAL are asked: ")[2].partition(".")[0]
+    assert sorted(listed.split(", ")) == sorted(DRIVERS)
+    assert "GRIB is not" in text and "GRIB" not in DRIVERS
 
 
 def test_a_mosaic_in_its_folder(tmp_path: Path) -> None:
@@ -178,6 +311,25 @@ def test_labels_that_name_other_folders(tmp_path: Path) -> None:
     path.write_text(label.replace("../raw/", ""))
     (path.parent / "a.img").write_bytes((tmp_path / "raw" / "a.img").read_bytes())
     assert heights(path).max() == 23
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['<!DOCTYPE a [<!ENTITY b "c">]><PAMDataset><PAMRasterBand/></PAMDataset>', "<PAMDataset>", ""],
+)
+def test_names_of_classes_that_cannot_be_read(tmp_path: Path, text: str) -> None:
+    with rasterio.open(
+        tmp_path / "a.tif", "w", driver="GTiff", width=6, height=4, count=1, dtype="uint8",
+        transform=Affine(1, 0, 0, 0, -1, 4),
+    ) as file:  # fmt: skip
+        file.write(np.ones((1, 4, 6), np.uint8))
+    (tmp_path / "a.tif.aux.xml").write_text(text, encoding="utf-8")
+    with (
+        pytest.raises(ReadError, match=r"aux\.xml: cannot be read as XML") as caught,
+        open_classes(str(tmp_path / "a.tif"), PixelGrid(0, 0, 1, 1, 6, 4)),
+    ):
+        pass
+    assert "move it elsewhere" in caught.value.hint
 
 
 GRIDS = 'GEOGCS["x",DATUM["y",SPHEROID["z",6378137,298],EXTENSION["PROJ4_GRIDS","{}"]]]'

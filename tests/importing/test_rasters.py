@@ -15,7 +15,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.transform import Affine
 
 from terratool.errors import ReadError, RequestError
-from terratool.importing.sources import SourceOptions, open_source
+from terratool.importing.sources import PixelGrid, SourceOptions, open_source
 from tests import rasters
 
 ROWS, COLUMNS = 5, 7
@@ -332,3 +332,18 @@ def test_meshes_that_are_not_read_are_named(tmp_path, suffix):
     with pytest.raises(ReadError, match="not read") as caught:
         read(str(tmp_path / f"mesh{suffix}"))
     assert ".glb" in caught.value.hint
+
+
+def test_portable_graymaps_with_and_without_a_place(tmp_path: Path) -> None:
+    """GDAL's driver leaves the place to chance where no world file gives it."""
+    heights = np.arange(24).reshape(4, 6)
+    path = tmp_path / "a.pgm"
+    path.write_bytes(b"P5\n6 4\n65535\n" + heights.astype(">u2").tobytes())
+    with open_source(str(path)) as source:
+        assert source.grid == PixelGrid(0, 0, 1, 1, 6, 4)
+        assert np.array_equal(source.read(0, 4)[::-1], heights)
+        assert any("does not say where it lies" in note for note in source.notes)
+    path.with_suffix(".wld").write_text("2\n0\n0\n-3\n11\n7.5\n")  # centre of the first pixel
+    with open_source(str(path)) as source:
+        assert source.grid == PixelGrid(10, -3, 2, 3, 6, 4)
+        assert np.array_equal(source.read(0, 4)[::-1], heights)

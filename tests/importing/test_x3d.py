@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import re
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 
 from terratool.errors import ReadError
 from terratool.importing.meshes import read_triangles
+from terratool.importing.sources import SourceOptions, open_source
 from terratool.importing.vrml.scene import read_vrml, stated_up
 from terratool.mesh.export import write_mesh
 from tests.commands import ROOT, SAMPLE, run
@@ -402,12 +405,74 @@ def test_every_beginning_of_a_file(tmp_path: Path) -> None:
 def test_other_encodings(tmp_path: Path) -> None:
     """XML says in which it is."""
     data = scene(f"<!-- Löß -->{SHAPE}").decode()
-    for encoding in ("utf-16", "iso-8859-1"):
+    wanted = read(tmp_path, data.encode())
+    for encoding in ("utf-16", "iso-8859-1", "utf-16-le", "utf-16-be"):
         other = data.replace("UTF-8", encoding).encode(encoding)
-        if encoding == "utf-16":
-            assert "begins neither" in refusal(tmp_path, other)
+        assert np.array_equal(read(tmp_path, other), wanted)
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_texts_in_utf_16(encoding: str, mark: str, tmp_path: Path) -> None:
+    """What they say of themselves is read, faults are where an editor has them."""
+    head = "<head><meta name='up' content='z'/></head>"
+    data = scene(SHAPE, head).decode().replace("UTF-8", "UTF-16")
+    path = tmp_path / "t.x3d"
+    path.write_bytes((mark + data).encode(encoding))
+    assert stated_up(path) == "z"
+    fault = data.replace("0 0 5", "0 0 O").replace("<Scene>", "<Scene>\n<!-- Löß 🚜 --> ")
+    said = refusal(tmp_path, (mark + fault).encode(encoding))
+    assert said.startswith("4:") and 'in "point" "O" is no number' in said
+    laughs = '<!DOCTYPE X3D [<!ENTITY a "b">]><X3D/>'
+    assert "declares or uses entities" in refusal(tmp_path, (mark + laughs).encode(encoding))
+    for broken in (b"\0", "\ud800".encode(encoding, "surrogatepass")):
+        said = refusal(tmp_path, (mark + data).encode(encoding) + broken)
+        assert "begins as UTF-16, and is none" in said and "UTF-8" in said
+    words = f"{mark}#X3D V3.3 utf8\n{TRIANGLE}".encode(encoding)
+    if mark:
+        assert len(read(tmp_path, words, "t.x3dv")) == 1
+    else:
+        assert "begins neither" in refusal(tmp_path, words, "t.x3dv")
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [("t.x3dz", scene(SHAPE)), ("t.x3dvz", b"#X3D V3.0 utf8\n" + TRIANGLE.encode())],
+)
+def test_packed_files(name: str, data: bytes, tmp_path: Path) -> None:
+    """By gzip, as its standard has it (ISO/IEC 19776-3); they are sources of imports."""
+    plain = tmp_path / name.removesuffix("z")
+    plain.write_bytes(data)
+    path = tmp_path / name
+    path.write_bytes(gzip.compress(data, mtime=0))
+    assert np.array_equal(read_triangles(path).vertices, read_triangles(plain).vertices)
+    up = SourceOptions(up="z")
+    with open_source(str(path), up) as source, open_source(str(plain), up) as other:
+        assert np.array_equal(
+            source.read(0, source.grid.rows), other.read(0, other.grid.rows), equal_nan=True
+        )
+    path.write_bytes(gzip.compress(data)[:-9])
+    assert "broken gzip" in refusal(tmp_path, path.read_bytes(), name)
+
+
+def test_packed_texts_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bomb is given up at the bound, before it fills the memory; long lists of zeros are not."""
+    bound = 1 << 20
+    monkeypatch.setattr("terratool.importing.vrml.scene._UNPACKED", bound)
+    whole = scene(SHAPE)
+    for size in (bound, bound + 1):
+        data = gzip.compress(whole.replace(b"</Scene>", b"</Scene>" + b" " * (size - len(whole))))
+        assert len(data) * 100 < bound
+        if size == bound:
+            assert len(read(tmp_path, data, "t.x3dz")) == 1
         else:
-            assert len(read(tmp_path, other)) == 1
+            said = refusal(tmp_path, data, "t.x3dz")
+            assert "holds more than 1 MiB of text. Unpack the file" in said
+    bomb = gzip.compress(b"\0" * (1 << 27))
+    tracemalloc.start()
+    refusal(tmp_path, bomb, "t.wrz")
+    assert tracemalloc.get_traced_memory()[1] < 1 << 25
+    tracemalloc.stop()
 
 
 PARTS = [

@@ -74,7 +74,7 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
 
 
 class _Heights:
-    """What the elements of a terrain make of their vScale."""
+    """The vScale of each element of a terrain, and the heights that follow from it."""
 
     def __init__(self, subject: Subject) -> None:
         definition, tree = subject.definition, subject.tree

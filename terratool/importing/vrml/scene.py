@@ -32,7 +32,7 @@ from terratool.importing.vrml.shapes import (
 from terratool.importing.vrml.text import PlacedText, VrmlText, short
 from terratool.importing.vrml.xml import parse_xml
 from terratool.kernels import importing as kernels
-from terratool.text.source import read_source
+from terratool.text.source import MAX_BYTES, Source, read_source
 
 REPEATED = 25_000_000
 """Steps that USE and PROTO may take beyond what was written, of some 20 ns each …"""
@@ -71,6 +71,15 @@ _READ_AS = {
 _HEAD = 1 << 16
 """Bytes that have the head of an X3D file."""
 
+_UNPACKED, _TIMES = 1 << 22, 100
+"""A text may have so many bytes, or so many times as many as its file, whichever is more."""
+
+_WIDE = {
+    b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be",
+    b"<\0": "utf-16-le", b"\0<": "utf-16-be",
+}  # fmt: skip
+"""Beginnings of texts in UTF-16."""
+
 _KINDS = 5
 """Kinds of nodes that are named before there are too many."""
 
@@ -82,6 +91,7 @@ _xml = re.compile(rb"\s*<").match
 _stated_in_xml = re.compile(
     rb"<meta\s+name\s*=\s*[\"']up[\"']\s+content\s*=\s*[\"']([xyz])[\"']"
 ).search
+_declared = re.compile(r"""(\A<\?xml\s[^>]*?)(encoding\s*=\s*["'][^"'>]*["'])""").sub
 _stated = re.compile(rb"(?:#[^\r\n]*+[\r\n]++)*?#[ \t]*([xyz]) is up[ \t]*[\r\n]").match
 
 
@@ -490,9 +500,35 @@ def read_vrml(path: str | Path) -> Triangles:
         ReadError: the file is missing, unreadable, neither of the two, or has no surface; or needs
             others.
     """
-    source = read_source(path)
+    source = _unpacked(path)
     scene, text = _scene_of(source.name, source.data)
     return walk(scene, text)
+
+
+def _unpacked(path: str | Path) -> Source:
+    """The text of a file, in UTF-8 where it is in UTF-16; of gzip no more than may be meant.
+
+    Raises:
+        ReadError: it cannot be read, or is too large.
+    """
+    try:
+        size = Path(path).stat().st_size
+    except (OSError, ValueError):
+        size = 0  # as it is said where the file is read
+    most = min(MAX_BYTES, max(_UNPACKED, _TIMES * size))
+    source = read_source(path, most, "Unpack the file, or export a smaller part.")
+    encoding = next((name for begin, name in _WIDE.items() if source.data.startswith(begin)), "")
+    if not encoding:
+        return source
+    try:
+        text = source.data.decode(encoding).removeprefix("\ufeff")
+        # what it says of its encoding is no longer true; all else stays where it is
+        text = _declared(lambda found: found[1] + " " * len(found[2]), text, count=1)
+        return Source(source.name, text.encode())
+    except UnicodeError as error:
+        raise ReadError(
+            f"{path}: begins as UTF-16, and is none.", "Save it as UTF-8, or export it again."
+        ) from error
 
 
 def _scene_of(name: str, data: bytes) -> tuple[Scene, PlacedText]:
@@ -517,7 +553,7 @@ def stated_up(path: str | Path) -> str | None:
     Raises:
         ReadError: the file cannot be read.
     """
-    data = read_source(path).data
+    data = _unpacked(path).data
     head = data[:_HEAD].partition(b"<Scene")[0]
     match = _stated_in_xml(head) if _xml(data) else _stated(data)
     return match[1].decode() if match else None
