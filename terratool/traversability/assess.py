@@ -70,11 +70,11 @@ Point = tuple[float, float]
 class Progress(Protocol):
     """Who is told how far it is."""
 
-    def __call__(self, more: int, /) -> object:
-        """So many more pixels were judged."""
+    def __call__(self, more: float, /) -> object:
+        """So many more pixels are done."""
 
-    def say(self, what: str, /) -> object:
-        """Something else is being done now."""
+    def say(self, what: str, total: int | None = None, /) -> object:
+        """Something else is being done now, of so many pixels if that is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,10 +316,15 @@ def _mapped(
                 files.write(window, builder.bands(window))
     else:
         stream_map(prepared.surveyor, builder, files, threads, progress)
+    tell: Callable[[float], object] | None = None
     if progress:
-        progress.say("finding what can be reached")
-    classes, found = builder.classes(begin_of(builder, start), prepared.vehicle.area)
+        pixels, told = builder.ground.size, progress
+        told.say("finding what can be reached", pixels)
+        tell = lambda more: told(more * pixels)  # noqa: E731
+    classes, found = builder.classes(begin_of(builder, start), prepared.vehicle.area, tell)
     if files:
+        if progress:
+            progress.say("writing the map")
         files.finish(classes)
     reach = None if start is None else reach_of(terrain, start, found, builder.ground)
     return _Mapped(builder.summary(classes, start), reach, builder.preview(classes))

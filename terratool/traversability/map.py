@@ -51,6 +51,7 @@ from terratool.traversability.route.reach import (
     Connected,
     begin_from,
     begin_in_largest,
+    bits_type,
     can_turn_back,
     connected,
     heading_bits,
@@ -221,7 +222,7 @@ class MapBuilder:
         self.verdict, self.worst = np.zeros((2, *flat), np.uint8)
         self.ground = np.zeros(flat, np.bool_)
         self.surfaces = np.zeros(flat, id_type(terrain))
-        self.bits = np.zeros((*flat, -(-headings // 8)), np.uint8)
+        self.bits = np.zeros(flat, bits_type(headings))
         self._stride = -(-max(flat) // PICTURE)
         self._heights = np.full(
             tuple(-(-side // self._stride) for side in flat), np.nan, np.float32
@@ -269,20 +270,23 @@ class MapBuilder:
             "" if self.terrain.crs is None else shown_crs(self.terrain.crs).strip('"'),
         )
 
-    def classes(self, begin: Bits | None, area: float) -> tuple[NDArray[np.uint8], Connected]:
+    def classes(
+        self, begin: Bits | None, area: float, progress: Callable[[float], object] | None = None
+    ) -> tuple[NDArray[np.uint8], Connected]:
         """What each pixel is, (height, width) uint8 `GroundClass`, and what is connected.
 
         Args:
             begin: states from which the vehicle sets out; the largest part of the ground if None,
                 unless it is smaller than the vehicle.
             area: of the vehicle, seen from above, m².
+            progress: is told what share more of the pixels is done.
         """
-        found = connected(
-            self.bits, self.headings,
-            begin_in_largest(self.bits, self.headings) if begin is None else begin,
-        )  # fmt: skip
+        floods = 3 if begin is None else 2
+        tell = (lambda more: progress(more / floods)) if progress else None
+        first = begin_in_largest(self.bits, self.headings, tell) if begin is None else begin
+        found = connected(self.bits, self.headings, first, tell)
         classes = self.verdict.copy()
-        drives = self.bits.any(axis=2)
+        drives = self.bits != 0
         least = area / self.grid.resolution**2
         if begin is None and np.count_nonzero(found.returned) < max(least, 2.0):
             nothing = np.zeros_like(drives)

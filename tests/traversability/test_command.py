@@ -535,13 +535,19 @@ class Told:
     """Counts what it is told of."""
 
     def __init__(self) -> None:
-        self.pixels, self.said = 0, [""]
+        self.pixels, self.said = 0.0, [""]
+        self.shares: dict[str, list[float]] = {}
 
-    def __call__(self, more: int) -> None:
-        self.pixels += more
+    def __call__(self, more: float) -> None:
+        if self.said[-1] in self.shares:
+            self.shares[self.said[-1]].append(more)
+        else:
+            self.pixels += more
 
-    def say(self, what: str) -> None:
+    def say(self, what: str, total: int | None = None) -> None:
         self.said.append(what)
+        if total is not None:
+            self.shares[what] = [-total]
 
 
 def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
@@ -602,6 +608,20 @@ class TestAssess:
         assert (seen == 1).all()
         assert report.preview is not None and report.preview.grid == planned.grid
         assert told.pixels <= planned.pixels == 40 * 60
+
+    @pytest.mark.parametrize("start", [None, (102.0, 51.0)])
+    def test_says_what_share_of_the_reach_is_found(
+        self, vehicle: Vehicle, start: tuple[float, float] | None
+    ) -> None:
+        """Share by share up to all of the pixels, whatever is looked for."""
+        told = Told()
+        request = Request(start=start, resolution=0.2)
+        assess(prepare_assessment(terrain_of(WALLED), vehicle, request), progress=told)
+        total, *shares = told.shares["finding what can be reached"]
+        assert total == -40 * 60
+        assert len(shares) > 10
+        assert min(shares) >= 0.0 and max(shares) < 0.5 * 40 * 60
+        assert sum(shares) == pytest.approx(40 * 60)
 
     def test_pixels_too_fine_for_routes_are_for_the_map_alone(
         self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch

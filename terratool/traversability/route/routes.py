@@ -338,7 +338,7 @@ def _returns(path: Path, on: Site) -> bool:
     part = np.s_[top : top + own.shape[0], left : left + own.shape[1]]
     bits = heading_bits(drivable(survey, part) & own)
     begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
-    return bool(spread(bits, survey.headings, begin)[rows[0], columns[0]].any())
+    return bool(spread(bits, survey.headings, begin)[rows[0], columns[0]])
 
 
 def _barred(
