@@ -41,6 +41,7 @@ from terratool.traversability.results import (
     COLORS,
     RANKS,
     GroundClass,
+    LargestPart,
     MapSummary,
     Preview,
     Reason,
@@ -55,6 +56,7 @@ from terratool.traversability.route.reach import (
     can_turn_back,
     connected,
     heading_bits,
+    place_in,
 )
 from terratool.traversability.survey import Surveyor, WindowMeasures, coarsest_resolution
 from terratool.traversability.tiles import part_of
@@ -188,9 +190,10 @@ def default_resolution(
     resolution, coarsest = longest / most, coarsest_resolution(vehicle)
     if resolution > coarsest:
         raise RequestError(
-            f"{longest:.6g} is too long for a map of {most} pixels: wheels of radius "
-            f"{vehicle.wheel.radius:g} take pixels of at most {coarsest:.6g}.",
-            "Look at a part of it by bounds, or give a resolution.",
+            f"The ground is {longest:.12g} m long, too long for the {most} pixels that a map has "
+            f"by default: they would be {resolution:.4g} m, and wheels of radius "
+            f"{vehicle.wheel.radius:g} m take at most {coarsest:.4g} m.",
+            "Look at a part of it with --bounds W S E N, or choose the pixels with --resolution.",
         )
     return min(resolution, shortest), f"{most} pixels on the longer side"
 
@@ -300,10 +303,21 @@ class MapBuilder:
         classes[edge] = GroundClass.EDGE
         return classes, found
 
+    def largest(self, found: Connected) -> LargestPart | None:
+        """The part that was found; None where there is none."""
+        if not found.returned.any():
+            return None
+        row, column = place_in(self.bits, self.headings, found)
+        window = Window(row, column, 1, 1)
+        x, y = self.grid.columns(window)[0], self.grid.rows(window)[0]
+        share = np.count_nonzero(found.returned) / np.count_nonzero(self.ground)
+        return LargestPart((float(x), float(y)), share)
+
     def summary(
-        self, classes: NDArray[np.uint8], start: tuple[float, float] | None = None
-    ) -> MapSummary:
-        """The pixels with ground, counted."""
+        self, classes: NDArray[np.uint8], found: Connected,
+        start: tuple[float, float] | None = None,
+    ) -> MapSummary:  # fmt: skip
+        """The pixels with ground, counted, and what is connected to a start, or largest."""
         ground, names = self.ground, ("", *self.terrain.surfaces)
         here, judged = classes[ground], classes <= GroundClass.NO_GO
         worst = np.where(judged, self.worst, classes)[ground]
@@ -320,6 +334,7 @@ class MapBuilder:
             {Reason(n): number for n, number in enumerate(reasons) if number},
             {name: _by_ground(row) for name, row in zip(names, count, strict=True) if row.any()},
             start,
+            self.largest(found) if start is None else None,
         )
 
 
@@ -417,10 +432,10 @@ def write_map(
         if path is not None:
             files = MapFiles(opened, terrain, grid, Path(path), overwrite, threads)
         stream_map(surveyor, builder, files, threads, progress)
-        classes, _ = builder.classes(begin_of(builder, start), surveyor.vehicle.area)
+        classes, found = builder.classes(begin_of(builder, start), surveyor.vehicle.area)
         if files:
             files.finish(classes)
-    return builder.summary(classes, start)
+    return builder.summary(classes, found, start)
 
 
 def stream_map(

@@ -9,7 +9,7 @@ from typing import Any
 import networkx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import RequestError
@@ -24,10 +24,12 @@ from terratool.traversability.route.graph import (
 )
 from terratool.traversability.route.reach import (
     Bits,
+    begin_at,
     begin_in_largest,
     can_turn_back,
     connected,
     heading_bits,
+    place_in,
     spread,
 )
 
@@ -256,6 +258,39 @@ def test_headings_are_bits_from_the_lowest_on(headings: int) -> None:
         (1, 3): 1 + 2 ** (headings - 1),
         (0, 4): 4,
     }
+
+
+@settings(max_examples=100, deadline=None)
+@CASES
+def test_a_place_in_the_largest_part_stands_for_all_of_it(
+    seed: int, shape: tuple[int, int], headings: int, share: float
+) -> None:
+    """Whoever sets out there reaches the same cells, if it can turn to all that it can drive."""
+    _, can, _, _ = drawn_case(seed, shape, headings, share)
+    bits = heading_bits(can)
+    found = connected(bits, headings, begin_in_largest(bits, headings))
+    assume(found.returned.any())
+    cell = place_in(bits, headings, found)
+    assert found.returned[cell]
+    turns = np.count_nonzero(can & ~np.roll(can, 1, axis=0), axis=0) <= 1
+    if (turns & found.returned).any():
+        assert turns[cell]
+        again = connected(bits, headings, begin_at(bits, cell))
+        assert np.array_equal(again.reached, found.reached)
+        assert np.array_equal(again.returned, found.returned)
+
+
+def test_a_place_in_the_largest_part_is_near_its_middle() -> None:
+    """Of two yards the larger, east of a wall; oblong, so that no axis is taken for the other."""
+    can = np.ones((8, 9, 40), np.bool_)
+    can[:, :, 12] = False
+    bits = heading_bits(can)
+    found = connected(bits, 8, begin_in_largest(bits, 8))
+    assert place_in(bits, 8, found) in {(4, 26), (4, 25)}
+    can[:, 3:6, 20:32] = False  # a block in the middle: beside it
+    bits = heading_bits(can)
+    row, column = place_in(bits, 8, connected(bits, 8, begin_in_largest(bits, 8)))
+    assert row in {2, 6} and 20 <= column < 32
 
 
 def test_eight_headings_point_to_the_neighbours_clockwise_from_north() -> None:

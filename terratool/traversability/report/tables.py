@@ -311,6 +311,8 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
         yield from _aligned(_map(report.summary))
         if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
             yield from _wrapped(f"What binds: {binding}")
+        if (counted := wording.counted_from(report)) not in wording.conclusion(report):
+            yield from _wrapped(counted)
         yield ""
     for name, warning in warnings(report):
         yield from _wrapped(f"{cut(name, _NAME)}: {warning}")

@@ -135,3 +135,31 @@ def can_turn_back(bits: Bits, headings: int) -> NDArray[np.bool_]:
     """Cells with a heading whose opposite can be driven, too: (height, width)."""
     half = headings // 2
     return np.asarray(bits & (bits >> half) & ((1 << half) - 1) != 0)
+
+
+def place_in(bits: Bits, headings: int, found: Connected) -> tuple[int, int]:
+    """A cell of what is connected, near its middle, and if there is one without dead ends.
+
+    From a cell at which all headings that can be driven can be turned to, all of the part can be
+    reached, and nothing else.
+    """
+    before = ((bits << 1) | (bits >> (headings - 1))) & bits.dtype.type((1 << headings) - 1)
+    first = bits & ~before
+    turns = found.returned & (first & (first - (first != 0)) == 0)
+    inside = turns if turns.any() else found.returned
+    middle = [
+        float(np.average(np.arange(len(count)), weights=count))
+        for count in (np.count_nonzero(inside, axis=1), np.count_nonzero(inside, axis=0))
+    ]
+    least, best = math.inf, (0, 0)
+    for row in sorted(range(len(inside)), key=lambda row: abs(row - middle[0])):
+        if abs(row - middle[0]) > least:
+            break
+        columns = np.flatnonzero(inside[row])
+        if not len(columns):
+            continue
+        column = int(columns[np.argmin(abs(columns - middle[1]))])
+        far = math.hypot(row - middle[0], column - middle[1])
+        if far < least:
+            least, best = far, (row, column)
+    return best
