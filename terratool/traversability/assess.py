@@ -209,7 +209,7 @@ def _grids(
         grid, why = _map_grid(terrain, vehicle, request, written)
     elif request.resolution is None:
         routes, note = _route_grid(terrain, vehicle, request)
-        grid, why = routes, "as routes want it; --resolution gives another"
+        grid, why = routes, "chosen for the routes; --resolution chooses another"
     else:
         grid, why = _map_grid(terrain, vehicle, request, written)
         routes = grid
@@ -419,8 +419,8 @@ def _looked_at(prepared: PreparedRequest) -> Iterator[str]:
     if share >= _NEARLY_ALL:
         return
     yield (
-        f"Only the ground that matters to routes was looked at, {share:.0%} of {grid.width} × "
-        f"{grid.height} pixels; --map, --report and --from judge all of it."
+        f"Only the ground that matters to routes was looked at, {100.0 * share:.0f} % of "
+        f"{grid.width} × {grid.height} pixels; --map, --report and --from judge all of it."
     )
 
 

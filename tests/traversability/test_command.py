@@ -20,6 +20,7 @@ import shapely.ops
 from rio_cogeo.cogeo import cog_validate
 
 import terratool
+from terratool.cli.terminal import Status
 from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
@@ -279,6 +280,24 @@ def test_a_start_that_cannot_be_stood_on_is_a_result(site: tuple[str, ...], tmp_
     assert document["map"]["best_heading"]["go"] > 0
 
 
+def test_tells_of_the_files_that_it_writes(
+    site: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until they have taken their places, which takes long where they are large."""
+    map_, said, there = tmp_path / "m.tif", [], []
+    leave = Status.__exit__
+
+    def noted(self: Status, *error: Any) -> None:
+        there.append(map_.is_file())
+        leave(self, *error)
+
+    monkeypatch.setattr(Status, "say", lambda self, what, total=None: said.append(what))
+    monkeypatch.setattr(Status, "__exit__", noted)
+    assert drive(*site, "--map", map_).code == 0
+    assert said == ["finding what can be reached", "writing the map", "writing files"]
+    assert there == [False, True]
+
+
 MUDDY: dict[str, Any] = WALLED | {
     "surfTypes": {
         **WALLED["surfTypes"],
@@ -419,7 +438,7 @@ def test_the_top_of_a_rack_is_cut_off(saved: Saved, tmp_path: Path) -> None:
     x, y = part["place"]
     counted = (
         f"What can be reached is counted from the largest connected part of the ground, "
-        f"{100 * part['share']:.1f} % of it, which holds ({x:g}, {y:g})."
+        f"{100 * part['share']:.1f} % of it, as with --from {x:g} {y:g}."
     )
     assert counted in sentence and counted in (tmp_path / "r.md").read_text("utf-8")
     for start, place in (
@@ -746,7 +765,7 @@ class TestAssess:
         report = assess(prepare_assessment(terrain, vehicle, request))
         assert report.routes[0].found and report.summary is report.preview is None
         assert max(window.column + window.width for window in seen) <= 128
-        assert "10% of" in report.notes[-1]
+        assert "10 % of" in report.notes[-1]
         near = Request(routes=((102, 51, 110, 52),), resolution=0.2, mapped=False)
         all_of_it = assess(prepare_assessment(terrain_of(WALLED), vehicle, near))
         assert not any("Only the ground" in note for note in all_of_it.notes)

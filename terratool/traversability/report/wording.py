@@ -256,10 +256,10 @@ def counted_from(report: TraversabilityReport) -> str:
         return ""
     if not any(summary.fraction(ground) for ground in (GroundClass.ONE_WAY, GroundClass.CUT_OFF)):
         return ""
-    part = summary.largest
+    x, y = (f"{round(value, 3) + 0.0:.12g}" for value in summary.largest.place)
     return (
         "What can be reached is counted from the largest connected part of the ground, "
-        f"{share(part.share)} of it, which holds {point(part.place)}."
+        f"{share(summary.largest.share)} of it, as with --from {x} {y}."
     )
 
 
