@@ -325,7 +325,8 @@ def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
     if most < SHORT:
         found.append(
             "The wheel touches so little of this hard ground that even at slip 1 only "
-            f"{100.0 * most:.0f} % of its strength acts; with sinkage 0 it counts as rigid, and all of it does."
+            f"{100.0 * most:.0f} % of its strength acts; with sinkage 0 it counts as rigid, and "
+            "all of it does."
         )
     return tuple(found)
 
