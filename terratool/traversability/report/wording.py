@@ -246,6 +246,8 @@ def reach_line(reach: Reach) -> str:
     line = f"From {coordinates(reach.start)} {share(reach.share)} of the ground can be reached"
     if reach.returnable == reach.share:
         return f"{line}, and left again."
+    if share(reach.returnable) == share(reach.share):
+        return f"{line}, and left again from nearly all of that."
     return f"{line}, and left again from {share(reach.returnable)}."
 
 
