@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from measure import line, medians
+from scipy.ndimage import label
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -31,6 +32,7 @@ from terratool.traversability.route.graph import (
     rates,
     turning_arc,
 )
+from terratool.traversability.route.reach import begin_in_largest, connected, heading_bits
 from terratool.traversability.route.routes import MOST_STATES, plan_route, route_grid
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import survey as survey_all
@@ -189,6 +191,19 @@ if __name__ == "__main__":
         f"{len(survey.heights)}² cells with {HEADINGS} headings against a plain grid of them",
         seconds["headings"] / (seconds["plain"] + seconds["searched"]),
         f"<= {2 * HEADINGS}",
+    )
+    bits = heading_bits(drivable(site(600 if quick else 1200)))
+    seconds = medians(
+        {
+            "reach": lambda: connected(bits, HEADINGS, begin_in_largest(bits, HEADINGS)),
+            "label": lambda: label(bits != 0, np.ones((3, 3))),
+        },
+        5,
+    )
+    line(
+        f"what can be reached on {len(bits)}² cells against scipy.ndimage.label",
+        seconds["reach"] / seconds["label"],
+        "<= 20",
     )
     ground = mesa(30 if quick else 105)
     seconds = medians(

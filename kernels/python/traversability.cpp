@@ -195,12 +195,13 @@ void bind_traversability(nb::module_ m) {
     def<&Search::way>(m, "way", "The states of the way, the goal first.", {"search"});
     def<&Search::mark>(m, "mark", "Mark the cells that were reached.", {"search", "out[_,_]"});
     def<&flood>(
-        m, "flood", "Spread over what can be driven.",
-        {"moves", "direction", "can[h,w,b]", "fresh[h,w,b]", "reached[h,w,b]"}
+        m, "flood", "Spread over what can be driven; over how many states, fewer once all is done.",
+        {"moves", "direction", "can[h,w]", "fresh[h,w]", "reached[h,w]", "states"}
     );
-    def<&largest_part>(
-        m, "largest_part", "Find a state of the largest part that can be driven both ways.",
-        {"moves", "can[h,w,b]", "fresh[h,w,b]", "reached[h,w,b]"}
+    def<&find_parts>(
+        m, "find_parts",
+        "Find the largest part that can be driven both ways; over how many states this went.",
+        {"moves", "can[h,w]", "fresh[h,w]", "reached[h,w]", "parts[2,3]", "states"}
     );
 }
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <queue>
+#include <variant>
 
 #include "../core.hpp"
 
@@ -28,6 +29,11 @@ template <class Visit> void visit_arguments(Moves& m, Visit visit) {
 struct Cell {
     i64 row, column;
 };
+
+template <class T> INLINE bool inside(Cell cell, const Matrix<T>& cells) {
+    return 0 <= cell.row && cell.row < cells.rows() && 0 <= cell.column
+        && cell.column < cells.columns();
+}
 
 // The cell that a move leads to; `sign` is -1 to back up.
 INLINE Cell moved(const Moves& moves, i64 heading, Cell from, i64 sign) {
@@ -160,10 +166,6 @@ private:
         i64 cells = costs_.heights.size(), at = state % cells, width = costs_.rate.columns();
         return {state / cells, {at / width, at % width}};
     }
-    bool inside(Cell cell) const {
-        return 0 <= cell.row && cell.row < costs_.rate.rows() && 0 <= cell.column
-            && cell.column < costs_.rate.columns();
-    }
     i64 unknown_tile(Cell cell) const {
         i64 row = cell.row / costs_.tile, column = cell.column / costs_.tile;
         return costs_.known(row, column) ? -1 : row * costs_.known.columns() + column;
@@ -203,7 +205,7 @@ private:
         for (i64 k = 0; k < 2; ++k) {
             i64 sign = k ? -1 : 1;
             Cell to = moved(moves, heading, cell, sign);
-            if (!inside(to)) continue;
+            if (!inside(to, costs_.heights)) continue;
             i64 tile = unknown_tile(to);
             visit_passed(moves, heading, cell, sign, [&](Cell near, Cell other) {
                 if (tile < 0) tile = unknown_tile(near);
@@ -271,140 +273,181 @@ template <class Visit> void visit_enumerators(Direction, Visit visit) {
     visit("ALONG", ALONG), visit("AGAINST", AGAINST), visit("BOTH", BOTH);
 }
 
-// The headings of cells as bits, (height, width, bytes), the first eight in the first byte.
-template <class T> class HeadingBits {
-public:
-    HeadingBits(const Cube<T>& bits) : bits_(bits) {}
-    INLINE u64 at(i64 cell) const {
-        u64 bits = 0;
-        for (i64 n = 0; n < bits_.columns(); ++n)
-            bits |= u64(bits_.data()[cell * bits_.columns() + n]) << (8 * n);
-        return bits;
-    }
-    INLINE void put(i64 cell, u64 bits) const {
-        for (i64 n = 0; n < bits_.columns(); ++n)
-            bits_.data()[cell * bits_.columns() + n] = u8(bits >> (8 * n));
-    }
-    i64 height() const { return bits_.layers(); }
-    i64 width() const { return bits_.rows(); }
-    i64 cells() const { return height() * width(); }
-
-private:
-    Cube<T> bits_;
-};
-
-using Drivable = HeadingBits<const u8>;
-using Marked = HeadingBits<u8>;
+// The headings of cells as bits, the first in the lowest; the smallest type that has enough.
+using Drivable =
+    std::variant<Matrix<const u8>, Matrix<const u16>, Matrix<const u32>, Matrix<const u64>>;
+using Marked = std::variant<Matrix<u8>, Matrix<u16>, Matrix<u32>, Matrix<u64>>;
 
 // Spreads over what can be driven, cell by cell, with all headings of a cell at a time.
-class Flood {
+template <class Bits> class Flood {
 public:
-    // `fresh` has what is reached and not yet spread from, `reached` what has been.
-    Flood(const Moves& moves, Direction direction, Drivable can, Marked fresh, Marked reached)
-        : moves_(moves), direction_(direction), can_(can), fresh_(fresh), reached_(reached) {}
-
-    // Let headings at a cell be reached.
-    void add(i64 cell, u64 bits) {
-        u64 fresh = fresh_.at(cell), more = bits & can_.at(cell) & ~reached_.at(cell) & ~fresh;
-        if (!more) return;
-        if (!fresh) next_.push_back(cell);
-        fresh_.put(cell, fresh | more);
+    // `fresh` has what is reached and not yet spread from, `reached` all that is reached.
+    Flood(
+        const Moves& moves, Direction direction, Matrix<const Bits> can, Matrix<Bits> fresh,
+        Matrix<Bits> reached
+    )
+        : last_(int(moves.headings()) - 1), can_(can), fresh_(fresh), reached_(reached) {
+        for (i64 heading = 0; heading < moves.headings(); ++heading) {
+            auto bit = [](i64 n) { return Bits(u64(1) << n); };
+            auto offset = moves.offsets[heading];
+            Way way{bit(heading), bit(moves.opposite(heading))};
+            way.row = offset[0], way.column = offset[1], way.cells = number({way.row, way.column});
+            // against the moves, a move ahead comes from the cell behind
+            Bits both = way.ahead | way.back;
+            way.for_ahead = direction == Direction::ALONG ? way.ahead : both;
+            way.for_back = direction == Direction::AGAINST ? way.back : both;
+            visit_passed(moves, heading, {0, 0}, 1, [&](Cell near, Cell other) {
+                way.passed.insert(way.passed.end(), {number(near), number(other)});
+                return true;
+            });
+            ways_.push_back(way);
+            farthest_ = max(farthest_, max(abs(way.row), abs(way.column)));
+        }
     }
 
-    // Spread from what was added; how many states that reaches.
-    i64 spread() {
+    // Go on from what is in `fresh`.
+    void resume() {
+        for (i64 row = 0; row < can_.rows(); ++row) {
+            Bits any = 0;
+            for (Bits bits : fresh_[row]) any |= bits;
+            for (i64 column = 0; any && column < can_.columns(); ++column)
+                if (Bits bits = fresh_(row, column)) {
+                    fresh_(row, column) = 0;
+                    if (bits &= can_(row, column)) add({row, column}, bits);
+                }
+        }
+    }
+
+    // Let headings at a cell be reached, and those that it can turn to.
+    INLINE void add(Cell cell, Bits bits) {
+        i64 at = number(cell);
+        Bits& reached = reached_.data()[at];
+        Bits& fresh = fresh_.data()[at];
+        bits = turned(bits, can_.data()[at]);
+        if (!fresh) next_.push_back(cell);
+        fresh |= bits, reached |= bits;
+    }
+
+    // Spread until about so many states have been spread from. How many these were.
+    i64 spread(i64 states) {
         i64 count = 0;
-        while (!next_.empty()) {
-            here_.clear();
-            std::swap(here_, next_);
-            for (i64 cell : here_) count += expand(cell);
+        while (count < states && !(here_.empty() && next_.empty())) {
+            if (here_.empty()) std::swap(here_, next_);
+            Cell cell = here_.back();
+            here_.pop_back();
+            count += expand(cell);
         }
         return count;
     }
 
 private:
-    const Moves& moves_;
-    Direction direction_;
-    Drivable can_;
-    Marked fresh_, reached_;
-    std::vector<i64> here_, next_;
+    // What one direction is to a cell: it is driven ahead with one heading, backed up with another.
+    struct Way {
+        Bits ahead, back;           // the two headings
+        Bits for_ahead, for_back;   // what each needs at all cells
+        i64 row, column, cells;     // to the cell that it leads to
+        std::vector<i64> passed{};  // to those that it passes
+    };
 
-    bool inside(Cell cell) const {
-        return 0 <= cell.row && cell.row < can_.height() && 0 <= cell.column
-            && cell.column < can_.width();
-    }
-    i64 number(Cell cell) const { return cell.row * can_.width() + cell.column; }
+    int last_;
+    i64 farthest_ = 0;
+    std::vector<Way> ways_;
+    Matrix<const Bits> can_;
+    Matrix<Bits> fresh_, reached_;
+    std::vector<Cell> here_, next_;
+
+    INLINE i64 number(Cell cell) const { return cell.row * can_.columns() + cell.column; }
 
     // The headings to which it can turn.
-    u64 turned(u64 bits, u64 can) const {
-        i64 last = moves_.headings() - 1;
-        for (u64 before = 0; before != bits;) {
+    INLINE Bits turned(Bits bits, Bits can) const {
+        for (Bits before = 0; before != bits && bits != can;) {
             before = bits;
-            bits |= ((bits << 1) | (bits >> last) | (bits >> 1) | ((bits & 1) << last)) & can;
+            bits |= (Bits(bits << 1) | Bits(bits >> last_) | Bits(bits >> 1)
+                     | Bits((bits & 1) << last_))
+                & can;
         }
         return bits;
     }
 
-    i64 expand(i64 at) {
-        u64 can = can_.at(at), bits = turned(fresh_.at(at), can) & ~reached_.at(at);
-        fresh_.put(at, 0);
-        reached_.put(at, reached_.at(at) | bits);
-        Cell cell{at / can_.width(), at % can_.width()};
-        for (u64 rest = bits; rest; rest &= rest - 1) {
-            i64 heading = std::countr_zero(rest);
-            u64 one = u64(1) << heading, both = one | u64(1) << moves_.opposite(heading);
-            for (i64 sign : {1, -1}) {
-                // against the moves, a move ahead comes from the cell behind
-                bool ahead = (sign > 0) == (direction_ != Direction::AGAINST);
-                u64 needed = direction_ == Direction::BOTH || !ahead ? both : one;
-                Cell to = moved(moves_, heading, cell, sign);
-                if (!inside(to) || (can & needed) != needed) continue;
-                if ((can_.at(number(to)) & needed) != needed) continue;
-                bool passes = visit_passed(moves_, heading, cell, sign, [&](Cell near, Cell other) {
-                    u64 between = can_.at(number(near)) & can_.at(number(other));
-                    return (between & needed) == needed;
-                });
-                if (passes) add(number(to), one);
-            }
+    i64 expand(Cell cell) {
+        i64 at = number(cell);
+        const Bits *can = can_.data() + at, bits = fresh_.data()[at];
+        const Bits* reached = reached_.data() + at;
+        fresh_.data()[at] = 0;
+        bool amid = farthest_ <= min(cell.row, cell.column)
+            && max(cell.row - can_.rows(), cell.column - can_.columns()) < -farthest_;
+        for (const Way& way : ways_) {
+            Cell to{cell.row + way.row, cell.column + way.column};
+            if (!amid && !inside(to, can_)) continue;
+            Bits wanted = bits & (way.ahead | way.back) & can[way.cells] & ~reached[way.cells];
+            if (!wanted) continue;
+            Bits free = *can & can[way.cells];
+            for (i64 passed : way.passed) free &= can[passed];
+            Bits more = 0;
+            if ((free & way.for_ahead) == way.for_ahead) more |= way.ahead;
+            if ((free & way.for_back) == way.for_back) more |= way.back;
+            if (more &= wanted) add(to, more);
         }
         return std::popcount(bits);
     }
 };
 
-// Spread from the states in `fresh` over those that can be driven, into `reached`; `fresh` is empty
-// afterwards.
-inline void flood(
-    const Moves& moves, i64 direction, Cube<const u8> can, Cube<u8> fresh, Cube<u8> reached
+// Spread on from the states in `fresh`, which are in `reached`, too, over what can be driven until
+// about so many states have been spread from. How many these were; if they are fewer, all is done.
+inline i64 flood(
+    const Moves& moves, i64 direction, const Drivable& can, const Marked& fresh,
+    const Marked& reached, i64 states
 ) {
-    Marked begin(fresh);
-    Flood spreading(moves, Direction(direction), can, begin, reached);
-    for (i64 cell = 0; cell < begin.cells(); ++cell) {
-        u64 bits = begin.at(cell);
-        begin.put(cell, 0);
-        if (bits) spreading.add(cell, bits);
-    }
-    spreading.spread();
+    return std::visit(
+        [&]<class Bits>(Matrix<const Bits> drivable) {
+            Flood<Bits> spreading(
+                moves, Direction(direction), drivable, std::get<Matrix<Bits>>(fresh),
+                std::get<Matrix<Bits>>(reached)
+            );
+            spreading.resume();
+            return spreading.spread(states);
+        },
+        can
+    );
 }
 
-// Put one state of the largest part in which each move can be made back at once into `fresh`.
-// Of equally large ones it is the first. How many states the part has: 0 where nothing can be
-// driven. `fresh` and `reached` are 0 at first; `reached` has all that can be driven afterwards.
-inline i64 largest_part(const Moves& moves, Cube<const u8> can, Cube<u8> fresh, Cube<u8> reached) {
-    Drivable drivable(can);
-    Marked begin(fresh), found(reached);
-    Flood spreading(moves, Direction::BOTH, drivable, begin, found);
-    i64 best = -1, most = 0;
-    u64 seed = 0;
-    for (i64 cell = 0; cell < drivable.cells(); ++cell) {
-        for (u64 rest; (rest = drivable.at(cell) & ~found.at(cell));) {
-            u64 first = rest & (~rest + 1);
-            spreading.add(cell, first);
-            i64 count = spreading.spread();
-            if (count > most) most = count, best = cell, seed = first;
-        }
-    }
-    if (best >= 0) begin.put(best, seed);
-    return most;
+// Go through the parts in which each move can be made back at once, until about so many states have
+// been gone through. How many these were; if they are fewer, all is done. The rows of `parts`, 0 at
+// first, are the part that is gone through and the largest up to now, of equally large ones the
+// first: cell and heading of its first state, and how many states it has.
+inline i64 find_parts(
+    const Moves& moves, const Drivable& can, const Marked& fresh, const Marked& reached,
+    Matrix<i64> parts, i64 states
+) {
+    return std::visit(
+        [&]<class Bits>(Matrix<const Bits> drivable) {
+            auto found = std::get<Matrix<Bits>>(reached);
+            Flood<Bits> spreading(
+                moves, Direction::BOTH, drivable, std::get<Matrix<Bits>>(fresh), found
+            );
+            spreading.resume();
+            enum { CELL, HEADING, STATES };
+            auto part = parts[0], largest = parts[1];
+            i64& cell = part[CELL];
+            i64 count = 0;
+            for (;;) {
+                i64 more = spreading.spread(states - count);
+                count += more, part[STATES] += more;
+                if (count >= states) return count;
+                if (part[STATES] > largest[STATES])
+                    std::copy(part.begin(), part.end(), largest.begin());
+                part[STATES] = 0;
+                Bits rest = 0;
+                for (; cell < drivable.size(); ++cell)
+                    if ((rest = drivable.data()[cell] & ~found.data()[cell])) break;
+                if (!rest) return count;
+                part[HEADING] = std::countr_zero(rest);
+                i64 width = drivable.columns();
+                spreading.add({cell / width, cell % width}, Bits(rest & (~rest + 1)));
+            }
+        },
+        can
+    );
 }
 
 }  // namespace terratool::traversability

@@ -41,20 +41,21 @@ class Status:
 
     def __init__(self, what: str, total: int | None = None, then: str = "finishing") -> None:
         self._what, self._total, self._then = printable(what), total, then
-        self._done = 0
+        self._done = 0.0
         self._stream: TextIO | None = sys.stderr  # None where it was closed
         self._width = 0
         self._writing = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._tell, daemon=True)
 
-    def __call__(self, more: int) -> None:
+    def __call__(self, more: float) -> None:
         """So much more is done."""
         self._done += more
 
-    def say(self, what: str) -> None:
-        """Something else is being done now."""
-        self._what, self._total = printable(what), None
+    def say(self, what: str, total: int | None = None) -> None:
+        """Something else is being done now, of which there is so much, if that is known."""
+        self._what, self._total, self._done = printable(what), total, 0.0
+        self._since = time.monotonic()
 
     def clear(self) -> None:
         """Take the line off the terminal, as something else is to be said."""
@@ -63,7 +64,7 @@ class Status:
             self._width = 0
 
     def __enter__(self) -> Status:
-        self._begin = time.monotonic()
+        self._begin = self._since = time.monotonic()
         if self._stream is not None:
             self._thread.start()
         return self
@@ -103,8 +104,8 @@ class Status:
         from tqdm import tqdm
 
         meter: str = tqdm.format_meter(
-            self._done, self._total, elapsed, ncols=columns, prefix=self._what, unit="px",
-            unit_scale=True,
+            self._done, self._total, time.monotonic() - self._since, ncols=columns,
+            prefix=self._what, unit="px", unit_scale=True,
         )  # fmt: skip
         return meter
 

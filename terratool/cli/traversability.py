@@ -164,18 +164,19 @@ def command(
     )
     planned = prepare_assessment(load(file), vehicle, request, map_path=map_, overwrite=overwrite)
 
-    with contextlib.ExitStack() as stack:
-        # every file is complete before the first one takes its place
+    doing = "judging" if planned.pixels else "looking for ways"
+    # every file is complete before the first one takes its place
+    with Status(doing, planned.pixels) as progress, contextlib.ExitStack() as stack:
         parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
         for line in first_look(planned):
+            progress.clear()
             click.echo(f"terratool: {printable(line)}", err=True)
-        with Status(
-            "judging" if planned.pixels else "looking for ways", planned.pixels
-        ) as progress:
-            report = assess(
-                planned, name=Path(file).name, map_path=map_, overwrite=overwrite,
-                progress=progress, stack=stack,
-            )  # fmt: skip
+        report = assess(
+            planned, name=Path(file).name, map_path=map_, overwrite=overwrite, progress=progress,
+            stack=stack,
+        )  # fmt: skip
+        if parts or map_:
+            progress.say("writing files")
         for part, render in zip(parts, renderers, strict=True):
             part.write_text(render(report), encoding="utf-8", newline="\n")
     held = [(check.text, why) for check in checks if (why := check.held(report))]

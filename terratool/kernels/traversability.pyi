@@ -254,21 +254,27 @@ def mark(search: Search, out: NDArray[np.bool_]) -> None:
 def flood(
     moves: Any,
     direction: int,
-    can: NDArray[np.uint8],
-    fresh: NDArray[np.uint8],
-    reached: NDArray[np.uint8],
-) -> None:
-    """
-    Spread over what can be driven.
-
-    Shapes: can[h,w,b], fresh[h,w,b], reached[h,w,b].
-    """
-
-def largest_part(
-    moves: Any, can: NDArray[np.uint8], fresh: NDArray[np.uint8], reached: NDArray[np.uint8]
+    can: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
+    fresh: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
+    reached: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
+    states: int,
 ) -> int:
     """
-    Find a state of the largest part that can be driven both ways.
+    Spread over what can be driven; over how many states, fewer once all is done.
 
-    Shapes: can[h,w,b], fresh[h,w,b], reached[h,w,b].
+    Shapes: can[h,w], fresh[h,w], reached[h,w].
+    """
+
+def find_parts(
+    moves: Any,
+    can: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
+    fresh: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
+    reached: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
+    parts: NDArray[np.int64],
+    states: int,
+) -> int:
+    """
+    Find the largest part that can be driven both ways; over how many states this went.
+
+    Shapes: can[h,w], fresh[h,w], reached[h,w], parts[2,3].
     """

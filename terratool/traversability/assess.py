@@ -15,7 +15,7 @@ from terratool.definition.findings import Bounds
 from terratool.field.footprints import geojson_head
 from terratool.field.terrain import Terrain, clip_bounds
 from terratool.raster.export import checked_threads
-from terratool.raster.grid import DEFAULT_PIXELS, Grid, grid_over
+from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
 from terratool.raster.prefetch import TILE
 from terratool.traversability.map import (
     MapBuilder,
@@ -36,8 +36,10 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.route.graph import Preference, check_preference
+from terratool.traversability.route.barriers import Site, cannot_stand
+from terratool.traversability.route.graph import Preference, check_preference, drivable
 from terratool.traversability.route.paths import cell_of, check_inside
+from terratool.traversability.route.reach import begin_in_largest, connected, heading_bits
 from terratool.traversability.route.routes import (
     MOST_STATES,
     can_stand,
@@ -49,11 +51,16 @@ from terratool.traversability.route.routes import (
 )
 from terratool.traversability.soil import ASSUMPTIONS, surface_figures
 from terratool.traversability.survey import Surveyor
-from terratool.traversability.tiles import SurveyTiles
+from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 from terratool.traversability.vehicle import Vehicle
 
 MOST_PIXELS = 1024
 """The longer side of a map that goes into no file has at most so many pixels by default."""
+
+_AROUND = 32
+"""Pixels on each side of a place where the vehicle cannot stand, among which another is found."""
+_NEARLY_ALL = 0.9
+"""That only some of the ground was looked at is not said from this share on."""
 
 _MAP = (
     "The map judges the vehicle at rest with its middle at each pixel's centre and each of the "
@@ -70,11 +77,11 @@ Point = tuple[float, float]
 class Progress(Protocol):
     """Who is told how far it is."""
 
-    def __call__(self, more: int, /) -> object:
-        """So many more pixels were judged."""
+    def __call__(self, more: float, /) -> object:
+        """So many more pixels are done."""
 
-    def say(self, what: str, /) -> object:
-        """Something else is being done now."""
+    def say(self, what: str, total: int | None = None, /) -> object:
+        """Something else is being done now, of so many pixels if that is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,18 +205,17 @@ def _grids(
     They are one where the routes' is not too fine for the map.
     """
     routes, note = None, ""
-    if request.travels:
-        routes, note = route_grid(
-            terrain, vehicle, headings=request.headings, bounds=request.bounds
-        )
-    if request.resolution is None and routes is not None:
-        grid, why = routes, "as routes want it; --resolution gives another"
+    if not request.travels:
+        grid, why = _map_grid(terrain, vehicle, request, written)
+    elif request.resolution is None:
+        routes, note = _route_grid(terrain, vehicle, request)
+        grid, why = routes, "chosen for the routes; --resolution chooses another"
     else:
         grid, why = _map_grid(terrain, vehicle, request, written)
-        if routes is not None and grid.width * grid.height * request.headings <= MOST_STATES:
-            routes, note = grid, ""
-        elif routes is not None and not request.maps:
-            grid = routes
+        routes = grid
+        if grid.width * grid.height * request.headings > MOST_STATES:
+            routes, note = _route_grid(terrain, vehicle, request)
+            grid = grid if request.maps else routes
     size = f"{grid.width} × {grid.height} pixels of {grid.resolution:.4g} m"
     notes = [f"The map has {size} ({why}), each looked at with {request.headings} headings."]
     if not request.maps:
@@ -228,17 +234,59 @@ def _grids(
 
 def first_look(prepared: PreparedRequest) -> Iterator[str]:
     """Sentences on what cannot be found, as far as a look at starts and goals shows it."""
-    tiles = prepared.tiles
-    for x0, y0, x1, y1 in prepared.request.routes if tiles else ():
-        assert tiles is not None
+    start = prepared.request.start
+    for x0, y0, x1, y1 in prepared.request.routes:
         for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
-            cell = cell_of(tiles.survey.grid, *place)
-            survey = tiles.complete(*np.array([cell]).T)
-            if not can_stand(prepared.terrain, survey, place, cell):
-                yield (
-                    f"The vehicle cannot stand at the route's {what}, {place[0]:.12g} "
-                    f"{place[1]:.12g}, whatever its heading: there is no such route."
-                )
+            why = _cannot_stand(prepared, f"the route's {what}", place, prepared.tiles)
+            if why:
+                yield f"There is no such route. {why}"
+    if start is not None and (why := _no_start(prepared, start)):
+        yield f"Nothing can be reached. {why}"
+
+
+def _no_start(prepared: PreparedRequest, start: Point) -> str:
+    """Why the vehicle cannot stand at the place to start from; empty where it can."""
+    tiles = prepared.tiles if prepared.shared else None
+    return _cannot_stand(prepared, "the place to start from", start, tiles)
+
+
+def _cannot_stand(
+    prepared: PreparedRequest, what: str, place: Point, tiles: SurveyTiles | None
+) -> str:
+    """Why the vehicle cannot stand at a place, and where it can nearby; empty where it can.
+
+    That is looked for in the tile that holds the place; without tiles, around it on the map's
+    pixels. It lies in the largest part there, not on top of the wall that bars it.
+    """
+    terrain = prepared.terrain
+    if tiles is not None:
+        row, column = cell_of(tiles.survey.grid, *place)
+        tiles.complete([row], [column])
+        window = tiles.tile_of((row, column))
+    else:
+        row, column = cell_of(prepared.grid, *place)
+        top, left = max(row - _AROUND, 0), max(column - _AROUND, 0)
+        window = Window(
+            top, left, min(row + _AROUND + 1, prepared.grid.height) - top,
+            min(column + _AROUND + 1, prepared.grid.width) - left,
+        )  # fmt: skip
+        tiles = SurveyTiles.of(survey_window(prepared.surveyor, window))
+        row, column = row - top, column - left
+        window = tiles.survey.grid.whole
+    if can_stand(terrain, tiles.survey, place, (row, column)):
+        return ""
+    why = cannot_stand(Site(terrain, prepared.vehicle, tiles), what, place, (row, column))
+    bits = heading_bits(drivable(tiles.survey, part_of(window)))
+    headings = tiles.survey.headings
+    part = connected(bits, headings, begin_in_largest(bits, headings)).returned
+    if not part.any():
+        return why
+    rows, columns = np.nonzero(part)
+    far = np.hypot(rows + window.row - row, columns + window.column - column)
+    nearest = int(np.argmin(far))
+    x = float(tiles.survey.grid.columns(window)[columns[nearest]])
+    y = float(tiles.survey.grid.rows(window)[rows[nearest]])
+    return f"{why} It can stand and move at {round(x, 3):.12g} {round(y, 3):.12g}, near there."
 
 
 def assess(
@@ -316,13 +364,21 @@ def _mapped(
                 files.write(window, builder.bands(window))
     else:
         stream_map(prepared.surveyor, builder, files, threads, progress)
+    tell: Callable[[float], object] | None = None
     if progress:
-        progress.say("finding what can be reached")
-    classes, found = builder.classes(begin_of(builder, start), prepared.vehicle.area)
+        pixels, told = builder.ground.size, progress
+        told.say("finding what can be reached", pixels)
+        tell = lambda more: told(more * pixels)  # noqa: E731
+    classes, found = builder.classes(begin_of(builder, start), prepared.vehicle.area, tell)
     if files:
+        if progress:
+            progress.say("writing the map")
         files.finish(classes)
-    reach = None if start is None else reach_of(terrain, start, found, builder.ground)
-    return _Mapped(builder.summary(classes, start), reach, builder.preview(classes))
+    reach = None
+    if start is not None:
+        note = "" if found.reached.any() else _no_start(prepared, start)
+        reach = reach_of(terrain, start, found, builder.ground, note)
+    return _Mapped(builder.summary(classes, found, start), reach, builder.preview(classes))
 
 
 def _routed(prepared: PreparedRequest, progress: Progress | None) -> tuple[Route, ...]:
@@ -360,9 +416,11 @@ def _looked_at(prepared: PreparedRequest) -> Iterator[str]:
         return
     known, grid = prepared.tiles.known, prepared.grid
     share = np.count_nonzero(known) / known.size
+    if share >= _NEARLY_ALL:
+        return
     yield (
-        f"Only the ground that matters to routes was looked at, {share:.0%} of {grid.width} × "
-        f"{grid.height} pixels; --map, --report and --from judge all of it."
+        f"Only the ground that matters to routes was looked at, {100.0 * share:.0f} % of "
+        f"{grid.width} × {grid.height} pixels; --map, --report and --from judge all of it."
     )
 
 
@@ -383,6 +441,10 @@ def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
     if inner & {GroundClass.GO, GroundClass.CAUTION}:
         return Verdict.CAUTION
     return Verdict.UNKNOWN if inner <= {GroundClass.UNKNOWN} else Verdict.NO_GO
+
+
+def _route_grid(terrain: Terrain, vehicle: Vehicle, request: Request) -> tuple[Grid, str]:
+    return route_grid(terrain, vehicle, headings=request.headings, bounds=request.bounds)
 
 
 def _map_grid(

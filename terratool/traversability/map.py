@@ -41,6 +41,7 @@ from terratool.traversability.results import (
     COLORS,
     RANKS,
     GroundClass,
+    LargestPart,
     MapSummary,
     Preview,
     Reason,
@@ -51,9 +52,11 @@ from terratool.traversability.route.reach import (
     Connected,
     begin_from,
     begin_in_largest,
+    bits_type,
     can_turn_back,
     connected,
     heading_bits,
+    place_in,
 )
 from terratool.traversability.survey import Surveyor, WindowMeasures, coarsest_resolution
 from terratool.traversability.tiles import part_of
@@ -187,9 +190,10 @@ def default_resolution(
     resolution, coarsest = longest / most, coarsest_resolution(vehicle)
     if resolution > coarsest:
         raise RequestError(
-            f"{longest:.6g} is too long for a map of {most} pixels: wheels of radius "
-            f"{vehicle.wheel.radius:g} take pixels of at most {coarsest:.6g}.",
-            "Look at a part of it by bounds, or give a resolution.",
+            f"The ground is {longest:.12g} m long, too long for the {most} pixels that a map has "
+            f"by default: they would be {resolution:.4g} m, and wheels of radius "
+            f"{vehicle.wheel.radius:g} m take at most {coarsest:.4g} m.",
+            "Look at a part of it with --bounds W S E N, or choose the pixels with --resolution.",
         )
     return min(resolution, shortest), f"{most} pixels on the longer side"
 
@@ -221,7 +225,7 @@ class MapBuilder:
         self.verdict, self.worst = np.zeros((2, *flat), np.uint8)
         self.ground = np.zeros(flat, np.bool_)
         self.surfaces = np.zeros(flat, id_type(terrain))
-        self.bits = np.zeros((*flat, -(-headings // 8)), np.uint8)
+        self.bits = np.zeros(flat, bits_type(headings))
         self._stride = -(-max(flat) // PICTURE)
         self._heights = np.full(
             tuple(-(-side // self._stride) for side in flat), np.nan, np.float32
@@ -269,20 +273,23 @@ class MapBuilder:
             "" if self.terrain.crs is None else shown_crs(self.terrain.crs).strip('"'),
         )
 
-    def classes(self, begin: Bits | None, area: float) -> tuple[NDArray[np.uint8], Connected]:
+    def classes(
+        self, begin: Bits | None, area: float, progress: Callable[[float], object] | None = None
+    ) -> tuple[NDArray[np.uint8], Connected]:
         """What each pixel is, (height, width) uint8 `GroundClass`, and what is connected.
 
         Args:
             begin: states from which the vehicle sets out; the largest part of the ground if None,
                 unless it is smaller than the vehicle.
             area: of the vehicle, seen from above, m².
+            progress: is told what share more of the pixels is done.
         """
-        found = connected(
-            self.bits, self.headings,
-            begin_in_largest(self.bits, self.headings) if begin is None else begin,
-        )  # fmt: skip
+        floods = 3 if begin is None else 2
+        tell = (lambda more: progress(more / floods)) if progress else None
+        first = begin_in_largest(self.bits, self.headings, tell) if begin is None else begin
+        found = connected(self.bits, self.headings, first, tell)
         classes = self.verdict.copy()
-        drives = self.bits.any(axis=2)
+        drives = self.bits != 0
         least = area / self.grid.resolution**2
         if begin is None and np.count_nonzero(found.returned) < max(least, 2.0):
             nothing = np.zeros_like(drives)
@@ -296,10 +303,21 @@ class MapBuilder:
         classes[edge] = GroundClass.EDGE
         return classes, found
 
+    def largest(self, found: Connected) -> LargestPart | None:
+        """The part that was found; None where there is none."""
+        if not found.returned.any():
+            return None
+        row, column = place_in(self.bits, self.headings, found)
+        window = Window(row, column, 1, 1)
+        x, y = self.grid.columns(window)[0], self.grid.rows(window)[0]
+        share = np.count_nonzero(found.returned) / np.count_nonzero(self.ground)
+        return LargestPart((float(x), float(y)), share)
+
     def summary(
-        self, classes: NDArray[np.uint8], start: tuple[float, float] | None = None
-    ) -> MapSummary:
-        """The pixels with ground, counted."""
+        self, classes: NDArray[np.uint8], found: Connected,
+        start: tuple[float, float] | None = None,
+    ) -> MapSummary:  # fmt: skip
+        """The pixels with ground, counted, and what is connected to a start, or largest."""
         ground, names = self.ground, ("", *self.terrain.surfaces)
         here, judged = classes[ground], classes <= GroundClass.NO_GO
         worst = np.where(judged, self.worst, classes)[ground]
@@ -316,6 +334,7 @@ class MapBuilder:
             {Reason(n): number for n, number in enumerate(reasons) if number},
             {name: _by_ground(row) for name, row in zip(names, count, strict=True) if row.any()},
             start,
+            self.largest(found) if start is None else None,
         )
 
 
@@ -413,10 +432,10 @@ def write_map(
         if path is not None:
             files = MapFiles(opened, terrain, grid, Path(path), overwrite, threads)
         stream_map(surveyor, builder, files, threads, progress)
-        classes, _ = builder.classes(begin_of(builder, start), surveyor.vehicle.area)
+        classes, found = builder.classes(begin_of(builder, start), surveyor.vehicle.area)
         if files:
             files.finish(classes)
-    return builder.summary(classes, start)
+    return builder.summary(classes, found, start)
 
 
 def stream_map(

@@ -369,6 +369,19 @@ class Reach:
 
 
 @dataclass(frozen=True, slots=True)
+class LargestPart:
+    """The largest connected part of the ground.
+
+    Attributes:
+        place: x and y of a place in it, from which all of it can be reached.
+        share: of all pixels with ground, those that can be reached, and left again to it.
+    """
+
+    place: tuple[float, float]
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
 class MapSummary:
     """A map in numbers.
 
@@ -381,6 +394,7 @@ class MapSummary:
         reasons: pixels that are caution or no-go at their best heading by `Reason`.
         by_surface: for each surface's name ("" for none) its counts by `GroundClass`.
         start: where what can be reached begins; None for the largest part of the ground.
+        largest: that part; None where there is a start, or no part.
     """
 
     grid: Grid
@@ -390,6 +404,7 @@ class MapSummary:
     reasons: dict[Reason, int]
     by_surface: dict[str, dict[GroundClass, int]]
     start: tuple[float, float] | None = None
+    largest: LargestPart | None = None
 
     @property
     def pixels(self) -> int:

@@ -55,6 +55,45 @@ def survey(
     return SurveyTiles(Surveyor(terrain, vehicle, grid, headings), threads=threads).complete()
 
 
+def survey_window(surveyor: Surveyor, window: Window) -> Survey:
+    """As `survey`, of a window of a surveyor's grid alone."""
+    whole, side = surveyor.grid, surveyor.grid.resolution
+    grid = Grid(
+        whole.west + window.column * side,
+        whole.south + (whole.height - window.row - window.height) * side,
+        side, window.height, window.width,
+    )  # fmt: skip
+    found = _blank(surveyor, grid)
+    for inner in surveyor.windows(window):
+        local = Window(
+            inner.row - window.row, inner.column - window.column, inner.height, inner.width
+        )
+        _put(found, part_of(local), surveyor.measure(inner))
+    return found
+
+
+def _blank(surveyor: Surveyor, grid: Grid) -> Survey:
+    """A survey of nothing; memory that is 0 is not taken until it is written to."""
+    flat = (grid.height, grid.width)
+    deep = (surveyor.headings, *flat)
+    return Survey(
+        grid,
+        np.zeros(flat, np.float32),
+        np.zeros(flat, id_type(surveyor.terrain)),
+        np.zeros(deep, np.uint8),
+        np.zeros(deep, np.uint8),
+        **{name: np.zeros(deep, np.float32) for name in _PLANES},
+    )
+
+
+def _put(survey: Survey, part: Any, found: WindowMeasures) -> None:
+    """Put what was found out about a window into a survey."""
+    survey.heights[part], survey.surfaces[part] = found.heights, found.surfaces
+    survey.verdict[:, *part], survey.reason[:, *part] = found.verdict, found.reason
+    for name, plane in _PLANES.items():
+        getattr(survey, name)[:, *part] = found.numbers[:, plane]
+
+
 class SurveyTiles:
     """A survey of which only what was asked for is known; its other cells mean nothing.
 
@@ -76,22 +115,12 @@ class SurveyTiles:
     def __init__(
         self, surveyor: Surveyor, *, threads: int | None = None, take: Take | None = None
     ) -> None:
-        grid, headings = surveyor.grid, surveyor.headings
-        flat = (grid.height, grid.width)
-        deep = (headings, *flat)
+        grid = surveyor.grid
         self._surveyor, self._threads, self._take = surveyor, checked_threads(threads), take
         self.side = TILE
         self.progress: Callable[[int], object] | None = None
         self.known = np.zeros((-(-grid.height // TILE), -(-grid.width // TILE)), np.bool_)
-        # memory that is 0 is not taken until it is written to
-        self.survey = Survey(
-            grid,
-            np.zeros(flat, np.float32),
-            np.zeros(flat, id_type(surveyor.terrain)),
-            np.zeros(deep, np.uint8),
-            np.zeros(deep, np.uint8),
-            **{name: np.zeros(deep, np.float32) for name in _PLANES},
-        )
+        self.survey = _blank(surveyor, grid)
 
     @classmethod
     def of(cls, survey: Survey | SurveyTiles) -> SurveyTiles:
@@ -109,6 +138,10 @@ class SurveyTiles:
         """The cells of a tile, by its index row by row."""
         row, column = divmod(tile, self.known.shape[1])
         return self._window(row, column, 1)
+
+    def tile_of(self, cell: tuple[int, int]) -> Window:
+        """The cells of the tile that holds one."""
+        return self._window(cell[0] // self.side, cell[1] // self.side, 1)
 
     def _window(self, row: int, column: int, count: int) -> Window:
         grid = self.survey.grid
@@ -176,11 +209,8 @@ class SurveyTiles:
 
     def _measured(self, window: Window) -> Window:
         """Make a window; windows do not overlap, so that threads do not meet."""
-        found, survey, part = self._surveyor.measure(window), self.survey, part_of(window)
-        survey.heights[part], survey.surfaces[part] = found.heights, found.surfaces
-        survey.verdict[:, *part], survey.reason[:, *part] = found.verdict, found.reason
-        for name, plane in _PLANES.items():
-            getattr(survey, name)[:, *part] = found.numbers[:, plane]
+        found = self._surveyor.measure(window)
+        _put(self.survey, part_of(window), found)
         if self._take is not None:
             self._take(window, found)
         return window

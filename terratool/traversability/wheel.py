@@ -324,8 +324,9 @@ def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
     most = float(mobilised(here.half_angle, soil.shear_modulus, 1.0, wheel.radius)[1])
     if most < SHORT:
         found.append(
-            f"The wheel touches so little of this hard ground that even at slip 1 only {most:.0%} "
-            "of its strength acts; with sinkage 0 it counts as rigid, and all of it does."
+            "The wheel touches so little of this hard ground that even at slip 1 only "
+            f"{100.0 * most:.0f} % of its strength acts; with sinkage 0 it counts as rigid, and "
+            "all of it does."
         )
     return tuple(found)
 

@@ -87,6 +87,17 @@ class TestATerminal:
         lines = re.split("\r", err.getvalue())
         assert max(map(len, lines)) < 60
 
+    def test_counts_anew_what_comes_next(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        err = stream(monkeypatch, True)
+        with Status("judging", 4000) as status:
+            status(3000)
+            status.say("reaching", 800)
+            while "reaching:   0%|" not in err.next():
+                pass
+            status(200.0)
+            while "reaching:  25%|" not in err.next():
+                pass
+
     def test_says_nothing_after_an_error(self, monkeypatch: pytest.MonkeyPatch) -> None:
         err = stream(monkeypatch, True)
         with pytest.raises(KeyError), Status("reading"):

@@ -13,7 +13,10 @@ from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.results import Reason, Survey, Verdict
 from terratool.traversability.route.barriers import Pose, bars
+from terratool.traversability.route.graph import drivable
+from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.routes import check_route, plan_route, reach
+from terratool.traversability.tiles import survey
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level, stood
 
@@ -272,6 +275,30 @@ def test_places_without_ground_are_results(x: float, backwards: bool) -> None:
     assert route.barriers[-1].reason == Reason.NO_GROUND
     reached = reach(terrain, survey, (x, 3.0))
     assert reached.share == 0.0 and "cannot stand" in reached.note
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_a_void_that_its_cell_does_not_show(end: str) -> None:
+    """A hole between the points at which the ground is looked at, where all headings can be."""
+    hole = {
+        "type": "slab", "surface": "hole", "cellX": 703, "cellY": 317, "span": [1, 1], "vScale": 0,
+    }  # fmt: skip
+    floor = {"type": "slab", "vScale": 0, "surface": "floor", "cells": [1200, 600]}
+    terrain = terrain_of(
+        {"size": [12, 6], "surfTypes": SOILS, "elemTypes": {"slab": {"x": "flat"}},
+         "elemTree": {**floor, "children": [hole]}}
+    )  # fmt: skip
+    at, far = (7.035, 3.175), (2.0, 3.0)
+    seen = survey(terrain, ROVER, grid_over(terrain, 0.2))
+    cell = cell_of(seen.grid, *at)
+    assert np.isnan(terrain.height(*at)) and drivable(seen)[:, *cell].all()
+    ends = (at, far) if end == "start" else (far, at)
+    route = plan_route(terrain, ROVER, seen, *ends)
+    assert not route.found and route.verdict == Verdict.NO_GO
+    assert f"cannot stand at the {end}, whatever its heading: no ground" in route.note
+    (barrier,) = route.barriers
+    assert barrier.reason == Reason.NO_GROUND
+    assert (barrier.place.x, barrier.place.y) == at
 
 
 def test_waypoints_through_a_wall_are_barred_there() -> None:

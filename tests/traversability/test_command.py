@@ -20,6 +20,7 @@ import shapely.ops
 from rio_cogeo.cogeo import cog_validate
 
 import terratool
+from terratool.cli.terminal import Status
 from terratool.cli.traversability import PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
@@ -266,8 +267,9 @@ def test_a_start_that_cannot_be_stood_on_is_a_result(site: tuple[str, ...], tmp_
     ran = drive(*site, "--route", 105.95, 51, 110, 52, "--map", outputs[0], *reports_)
     assert ran.code == 1
     assert ran.err == (
-        "terratool: The vehicle cannot stand at the route's start, 105.95 51, whatever its "
-        "heading: there is no such route.\n"
+        "terratool: There is no such route. The vehicle cannot stand at the route's start, 105.95 "
+        '51, whatever its heading: roughness, by /elemTree/children/0 (surface "<brick>"). It '
+        "can stand and move at 105.55 50.95, near there.\n"
     )
     assert ran.out.startswith("no-go: There is no way from (105.95, 51) to (110, 52)")
     assert all(path.is_file() for path in outputs)
@@ -276,9 +278,98 @@ def test_a_start_that_cannot_be_stood_on_is_a_result(site: tuple[str, ...], tmp_
     (route,) = document["routes"]
     assert "cannot stand at the start" in route["note"] and route["verdict"] == "no-go"
     assert document["map"]["best_heading"]["go"] > 0
-    nowhere = drive(*site, "--from", 105.95, 51)
-    assert nowhere.code == 1
-    assert "cannot stand at the place to start from" in nowhere.out
+
+
+def test_tells_of_the_files_that_it_writes(
+    site: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until they have taken their places, which takes long where they are large."""
+    map_, said, there = tmp_path / "m.tif", [], []
+    leave = Status.__exit__
+
+    def noted(self: Status, *error: Any) -> None:
+        there.append(map_.is_file())
+        leave(self, *error)
+
+    monkeypatch.setattr(Status, "say", lambda self, what, total=None: said.append(what))
+    monkeypatch.setattr(Status, "__exit__", noted)
+    assert drive(*site, "--map", map_).code == 0
+    assert said == ["finding what can be reached", "writing the map", "writing files"]
+    assert there == [False, True]
+
+
+MUDDY: dict[str, Any] = WALLED | {
+    "surfTypes": {
+        **WALLED["surfTypes"],
+        "mud": {"cohesion": 0.1, "fricAngle": 12, "sinkage": 2},
+        "untold": {},
+        "scree": {"cohesion": 0, "fricAngle": 35, "sinkage": 0},
+    },
+    "elemTypes": {**WALLED["elemTypes"], "ramp": {"x": "t"}},
+    "elemTree": {
+        **WALLED["elemTree"],
+        "children": [
+            *WALLED["elemTree"]["children"],
+            {"type": "flat", "surface": "mud", "cellX": 0, "cellY": 4, "span": [2, 4]},
+            {"type": "flat", "surface": "untold", "cellX": 8, "cellY": 0, "span": [3, 3]},
+            {"type": "ramp", "surface": "scree", "cellX": 8, "cellY": 4, "span": [3, 4],
+             "vScale": 3},
+        ],
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "why"),
+    [
+        (105.95, 51, r'(?:roughness|step), by /elemTree/children/0 \(surface "<brick>"\).*'),
+        (111.5, 50.5, r'no ground, by /elemTree/children/1 \(surface "hole"\)'),
+        (100.05, 52, "edge of the terrain"),
+        (101, 56, r'(?:traction|sinkage|slip), by /elemTree/children/2 \(surface "mud"\)'),
+        (109.5, 51.5, r'soil unknown, by /elemTree/children/3 \(surface "untold"\)'),
+        (109.5, 56, r'.*, by /elemTree/children/4 \(surface "scree"\), on a slope of 45°'),
+    ],
+)
+def test_a_place_to_start_from_is_looked_at_first(
+    saved: Saved, monkeypatch: pytest.MonkeyPatch, x: float, y: float, why: str
+) -> None:
+    """Why it cannot stand there is said before much is judged, and a place that will do."""
+    seen: list[int] = []
+    measure = Surveyor.measure
+
+    def noted(self: Surveyor, window: Window) -> Any:
+        seen.append(window.width * window.height)
+        return measure(self, window)
+
+    monkeypatch.setattr(Surveyor, "measure", noted)
+    terrain, vehicle = terrain_of(MUDDY), load_vehicle(saved(VEHICLE, "v.json"))
+    planned = prepare_assessment(terrain, vehicle, Request(start=(x, y), resolution=0.05))
+    (line,) = first_look(planned)
+    assert sum(seen) <= 65 * 65 < 160 * 240
+    near = re.fullmatch(
+        rf"Nothing can be reached. The vehicle cannot stand at the place to start from, {x} {y}, "
+        rf"whatever its heading: {why}. It can stand and move at (\S+) (\S+), near there\.",
+        line,
+    )
+    assert near
+    report = assess(planned)
+    assert report.verdict == Verdict.NO_GO and report.reach is not None
+    assert line == f"Nothing can be reached. {report.reach.note}"
+    assert conclusion(report) == report.reach.note
+    better = Request(start=(float(near[1]), float(near[2])), resolution=0.05)
+    there = prepare_assessment(terrain, vehicle, better)
+    assert not list(first_look(there))
+    reached = assess(there).reach
+    assert reached is not None and reached.share > 0.0
+
+
+def test_where_it_cannot_start_is_a_result(site: tuple[str, ...], tmp_path: Path) -> None:
+    """Exit 1, and the map and the report are there."""
+    outputs = [tmp_path / name for name in ("m.tif", "r.json")]
+    ran = drive(*site, "--from", 105.95, 51, "--map", outputs[0], "--report", outputs[1])
+    assert ran.code == 1 and all(path.is_file() for path in outputs)
+    assert ran.err.startswith("terratool: Nothing can be reached. The vehicle cannot stand at ")
+    assert "cannot stand at the place to start from" in ran.out
 
 
 MUD = {"cohesion": 1.0, "fricAngle": 22, "sinkage": 0.08, "shearModulus": 0.02}
@@ -341,13 +432,30 @@ def test_the_top_of_a_rack_is_cut_off(saved: Saved, tmp_path: Path) -> None:
     file = saved({**WALLED, "elemTree": tree})
     common = (file, "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.1)
     counts = {}
-    for start, place in (("floor", ()), ("rack", ("--from", 107, 52.5))):
+    found_in = drive(*common, "--json", "--report", tmp_path / "r.md")
+    sentence, part = (json.loads(found_in.out)[key] for key in ("sentence", "map"))
+    part = part["largest_part"]
+    x, y = part["place"]
+    counted = (
+        f"What can be reached is counted from the largest connected part of the ground, "
+        f"{100 * part['share']:.1f} % of it, as with --from {x:g} {y:g}."
+    )
+    assert counted in sentence and counted in (tmp_path / "r.md").read_text("utf-8")
+    for start, place in (
+        ("floor", ()), ("rack", ("--from", 107, 52.5)), ("there", ("--from", x, y))
+    ):  # fmt: skip
         path = tmp_path / f"{start}.tif"
         ran = drive(*common, *place, "--map", path, "--json")
         assert ran.code == 0
         document = json.loads(ran.out)
         counts[start] = document["map"]["best_heading"]
         assert document["map"]["from"] == (list(place[1:]) or None)
+        assert (document["map"]["largest_part"] is None) == bool(place)
+        assert (counted in document["sentence"]) == (not place)
+        if start == "there":
+            assert counts["there"] == counts["floor"]
+            assert document["reach"]["returnable"] == part["share"]
+            continue
         with rasterio.open(path) as map_:
             top, floor, rim, foot = (
                 GroundClass(int(next(map_.sample([at]))[0]))
@@ -535,13 +643,19 @@ class Told:
     """Counts what it is told of."""
 
     def __init__(self) -> None:
-        self.pixels, self.said = 0, [""]
+        self.pixels, self.said = 0.0, [""]
+        self.shares: dict[str, list[float]] = {}
 
-    def __call__(self, more: int) -> None:
-        self.pixels += more
+    def __call__(self, more: float) -> None:
+        if self.said[-1] in self.shares:
+            self.shares[self.said[-1]].append(more)
+        else:
+            self.pixels += more
 
-    def say(self, what: str) -> None:
+    def say(self, what: str, total: int | None = None) -> None:
         self.said.append(what)
+        if total is not None:
+            self.shares[what] = [-total]
 
 
 def assessed(terrain: Terrain, vehicle: Vehicle, request: Request) -> TraversabilityReport:
@@ -603,6 +717,20 @@ class TestAssess:
         assert report.preview is not None and report.preview.grid == planned.grid
         assert told.pixels <= planned.pixels == 40 * 60
 
+    @pytest.mark.parametrize("start", [None, (102.0, 51.0)])
+    def test_says_what_share_of_the_reach_is_found(
+        self, vehicle: Vehicle, start: tuple[float, float] | None
+    ) -> None:
+        """Share by share up to all of the pixels, whatever is looked for."""
+        told = Told()
+        request = Request(start=start, resolution=0.2)
+        assess(prepare_assessment(terrain_of(WALLED), vehicle, request), progress=told)
+        total, *shares = told.shares["finding what can be reached"]
+        assert total == -40 * 60
+        assert len(shares) > 10
+        assert min(shares) >= 0.0 and max(shares) < 0.5 * 40 * 60
+        assert sum(shares) == pytest.approx(40 * 60)
+
     def test_pixels_too_fine_for_routes_are_for_the_map_alone(
         self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -637,7 +765,10 @@ class TestAssess:
         report = assess(prepare_assessment(terrain, vehicle, request))
         assert report.routes[0].found and report.summary is report.preview is None
         assert max(window.column + window.width for window in seen) <= 128
-        assert "10% of" in report.notes[-1]
+        assert "10 % of" in report.notes[-1]
+        near = Request(routes=((102, 51, 110, 52),), resolution=0.2, mapped=False)
+        all_of_it = assess(prepare_assessment(terrain_of(WALLED), vehicle, near))
+        assert not any("Only the ground" in note for note in all_of_it.notes)
         full = assess(prepare_assessment(terrain, vehicle, replace(request, mapped=True)))
         assert formats.as_dict(full)["routes"] == formats.as_dict(report)["routes"]
 

@@ -230,9 +230,9 @@ class TestResolution:
 
     def test_too_large_for_one_map(self) -> None:
         """Nobody asked for the resolution that would be too coarse; bounds help."""
-        with pytest.raises(RequestError, match="204800 is too long") as caught:
+        with pytest.raises(RequestError, match="204800 m long, too long for the 4096") as caught:
             default_resolution(yard(size=[204800, 1000]), ROVER)
-        assert "bounds" in caught.value.hint
+        assert "--bounds" in caught.value.hint and "--resolution" in caught.value.hint
 
     def test_coarse_grids_see_what_lies_between_centres(self) -> None:
         """A wall between two pixels 1.2 m apart, narrower than they are, is found."""

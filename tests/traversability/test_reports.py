@@ -37,6 +37,7 @@ from terratool.traversability.results import (
     GroundClass,
     MapSummary,
     Preview,
+    Reach,
     Reason,
     RouteProfile,
     TraversabilityReport,
@@ -599,3 +600,19 @@ def test_a_wheel_by_itself_has_a_load_and_no_body() -> None:
     assert wheel["load"] == "100 N"
     assert wheel["largest torque of a wheel"] == "no limit"
     assert not {"mass", "track", "clearance"} & set(wheel)
+
+
+@pytest.mark.parametrize(
+    ("returnable", "end"),
+    [
+        (0.96904, "and left again."),
+        (0.96902, "and left again from nearly all of that."),
+        (0.5, "and left again from 50 %."),
+    ],
+)
+def test_what_can_be_left_again_is_told_apart_where_the_digits_are_alike(
+    returnable: float, end: str
+) -> None:
+    found = Reach(reports.place(3.0, 4.0), 0.96904, returnable, reports.best_cells())
+    line = wording.reach_line(found)
+    assert line == f"From (3, 4) 96.9 % of the ground can be reached, {end}"

@@ -9,7 +9,7 @@ from typing import Any
 import networkx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import RequestError
@@ -23,10 +23,13 @@ from terratool.traversability.route.graph import (
     heading_offsets,
 )
 from terratool.traversability.route.reach import (
+    Bits,
+    begin_at,
     begin_in_largest,
     can_turn_back,
     connected,
     heading_bits,
+    place_in,
     spread,
 )
 
@@ -105,6 +108,11 @@ def costs_of(rate: Any, can: Any, heights: Any, tile: int = 0) -> Costs:
 def states_at(can: Any, cell: tuple[int, int]) -> np.ndarray[Any, Any]:
     headings = np.flatnonzero(can[:, *cell]).tolist()
     return np.array([(heading, *cell) for heading in headings], np.int64).reshape(-1, 3)
+
+
+def states_of(bits: Bits, headings: int) -> list[tuple[int, ...]]:
+    planes = [bits >> heading & 1 for heading in range(headings)]
+    return [tuple(state) for state in np.argwhere(planes).tolist()]
 
 
 CASES = given(
@@ -205,10 +213,11 @@ def test_floods_reach_what_the_moves_reach(
     bits, first = heading_bits(can), heading_bits(begin)
     for against, one in ((False, graph), (True, graph.reverse())):
         wanted = set().union(seeds, *(networkx.descendants(one, state) for state in seeds))
-        found = np.unpackbits(
-            spread(bits, headings, first, against), axis=2, count=headings, bitorder="little"
-        )
-        assert {(h, r, c) for r, c, h in np.argwhere(found).tolist()} == wanted
+        told: list[float] = []
+        found = spread(bits, headings, first, against, told.append)
+        assert set(states_of(found, headings)) == wanted
+        assert min(told) >= 0.0
+        assert sum(told) == pytest.approx(1.0)
     both = connected(bits, headings, first)
     there = set().union(seeds, *(networkx.descendants(graph, state) for state in seeds))
     back = {state for state in there if seeds & ({state} | networkx.descendants(graph, state))}
@@ -227,19 +236,61 @@ def test_the_largest_part_is_that_of_moves_that_go_both_ways(
     mutual.add_nodes_from(graph)
     mutual.add_edges_from((a, b) for a, b in graph.edges if graph.has_edge(b, a))
     parts = sorted(map(len, networkx.connected_components(mutual)))
-    begin = begin_in_largest(heading_bits(can), headings)
-    states = [
-        (h, r, c)
-        for r, c, h in np.argwhere(
-            np.unpackbits(begin, axis=2, count=headings, bitorder="little")
-        ).tolist()
-    ]
+    told: list[float] = []
+    states = states_of(begin_in_largest(heading_bits(can), headings, told.append), headings)
+    assert sum(told) == pytest.approx(1.0)
     assert len(states) == bool(parts)
     if parts:
         (state,) = states
         assert len(networkx.node_connected_component(mutual, state)) == parts[-1]
     pairs = can & np.roll(can, headings // 2, axis=0)
     assert np.array_equal(can_turn_back(heading_bits(can), headings), pairs.any(axis=0))
+
+
+@pytest.mark.parametrize("headings", [8, 16, 20, 64])
+def test_headings_are_bits_from_the_lowest_on(headings: int) -> None:
+    """Each in the smallest type that has room, on an oblong ground."""
+    can = np.zeros((headings, 2, 5), np.bool_)
+    can[0, 1, 3] = can[headings - 1, 1, 3] = can[2, 0, 4] = True
+    bits = heading_bits(can)
+    assert bits.dtype.itemsize == {8: 1, 16: 2, 20: 4, 64: 8}[headings]
+    assert {cell: int(bits[cell]) for cell in np.ndindex(2, 5) if bits[cell]} == {
+        (1, 3): 1 + 2 ** (headings - 1),
+        (0, 4): 4,
+    }
+
+
+@settings(max_examples=100, deadline=None)
+@CASES
+def test_a_place_in_the_largest_part_stands_for_all_of_it(
+    seed: int, shape: tuple[int, int], headings: int, share: float
+) -> None:
+    """Whoever sets out there reaches the same cells, if it can turn to all that it can drive."""
+    _, can, _, _ = drawn_case(seed, shape, headings, share)
+    bits = heading_bits(can)
+    found = connected(bits, headings, begin_in_largest(bits, headings))
+    assume(found.returned.any())
+    cell = place_in(bits, headings, found)
+    assert found.returned[cell]
+    turns = np.count_nonzero(can & ~np.roll(can, 1, axis=0), axis=0) <= 1
+    if (turns & found.returned).any():
+        assert turns[cell]
+        again = connected(bits, headings, begin_at(bits, cell))
+        assert np.array_equal(again.reached, found.reached)
+        assert np.array_equal(again.returned, found.returned)
+
+
+def test_a_place_in_the_largest_part_is_near_its_middle() -> None:
+    """Of two yards the larger, east of a wall; oblong, so that no axis is taken for the other."""
+    can = np.ones((8, 9, 40), np.bool_)
+    can[:, :, 12] = False
+    bits = heading_bits(can)
+    found = connected(bits, 8, begin_in_largest(bits, 8))
+    assert place_in(bits, 8, found) in {(4, 26), (4, 25)}
+    can[:, 3:6, 20:32] = False  # a block in the middle: beside it
+    bits = heading_bits(can)
+    row, column = place_in(bits, 8, connected(bits, 8, begin_in_largest(bits, 8)))
+    assert row in {2, 6} and 20 <= column < 32
 
 
 def test_eight_headings_point_to_the_neighbours_clockwise_from_north() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from itertools import pairwise
 
@@ -354,6 +355,19 @@ def test_grid_of_a_part_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     assert grid.resolution == pytest.approx(0.56 / 6)
     with pytest.raises(RequestError, match="miss the terrain"):
         route_grid(terrain, ROVER, bounds=(1000, 20, 1040, 30))
+
+
+def test_ground_that_is_too_large_says_what_helps() -> None:
+    """Nobody asked for the resolution that would be too coarse."""
+    with pytest.raises(RequestError) as caught:
+        route_grid(level(200_000, 150_000), ROVER)
+    assert re.fullmatch(
+        r"The ground of 200000 by 150000 m is too large to look for routes: their grid would have "
+        r"pixels of 200 m, and wheels of radius 0.1 m take at most 3.25 m.",
+        caught.value.args[0],
+    )
+    assert "--bounds" in caught.value.hint
+    assert route_grid(level(200_000, 150_000), ROVER, bounds=(0, 0, 90, 60))[0].resolution < 0.1
 
 
 def test_grid_of_a_narrow_part() -> None:

@@ -22,6 +22,7 @@ from terratool.traversability.results import (
     Extreme,
     Figures,
     GroundClass,
+    LargestPart,
     Location,
     MapSummary,
     Reach,
@@ -62,6 +63,7 @@ _KEYS: dict[type, str] = {
     RouteProfile: "x y heading_deg distance_m z sinkage_m pitch_deg roll_deg slip utilisation "
     "verdict binding surface element",
     Reach: "start share returnable note",
+    LargestPart: "place share",
 }
 """Keys of records: names of members, and units where they have one."""
 
@@ -181,6 +183,7 @@ def _summary(summary: MapSummary) -> dict[str, Any]:
         "bounds": _plain(grid.bounds),
         "headings": summary.headings,
         "from": _plain(summary.start),
+        "largest_part": _plain(summary.largest),
         "pixels": summary.pixels,
         "best_heading": _counts(summary.counts),
         "worst_heading": _counts(summary.worst_counts),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,9 @@ from terratool.traversability.vehicle import Axle, Vehicle
 WIDTH = 80
 _NAME = 16
 """Columns for names of surfaces; longer ones are cut."""
+
+_SPACE = re.compile(r"\s+(?!%)")
+"""Where a line may be broken; not between a number and its "%"."""
 
 Cell = str | Verdict | GroundClass
 
@@ -299,7 +303,7 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
         lacks = wording.lacking(report)
         if lacks not in wording.conclusion(report):
             yield from _wrapped(printable(lacks))
-        yield "A soil mends that, as this one; docs/format.md has others:"
+        yield "Give them a soil, for example this one; docs/format.md has others:"
         for place, line in mends:
             yield f"  {printable(line)}"
             yield f"    {printable(place)}"
@@ -311,6 +315,8 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
         yield from _aligned(_map(report.summary))
         if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
             yield from _wrapped(f"What binds: {binding}")
+        if (counted := wording.counted_from(report)) not in wording.conclusion(report):
+            yield from _wrapped(counted)
         yield ""
     for name, warning in warnings(report):
         yield from _wrapped(f"{cut(name, _NAME)}: {warning}")
@@ -388,7 +394,7 @@ def _width(text: str) -> int:
 def _wrapped(text: str, indent: str = "  ", width: int = WIDTH) -> Iterator[str]:
     """Lines of words; the module `textwrap` does not know that some letters take two columns."""
     line = ""
-    for word in text.split():
+    for word in _SPACE.split(text.strip()):
         longer = f"{line} {word}" if line else word
         if line and _width(longer) > width:
             yield line

@@ -242,11 +242,27 @@ def returning(route: Route) -> str:
 def reach_line(reach: Reach) -> str:
     """What can be reached, in a sentence."""
     if reach.note:
-        return f"{reach.note} That is {coordinates(reach.start)}."
+        return reach.note
     line = f"From {coordinates(reach.start)} {share(reach.share)} of the ground can be reached"
     if reach.returnable == reach.share:
         return f"{line}, and left again."
+    if share(reach.returnable) == share(reach.share):
+        return f"{line}, and left again from nearly all of that."
     return f"{line}, and left again from {share(reach.returnable)}."
+
+
+def counted_from(report: TraversabilityReport) -> str:
+    """From where it is counted what can be reached, in a sentence; nothing where it is all."""
+    summary = report.summary
+    if summary is None or summary.largest is None:
+        return ""
+    if not any(summary.fraction(ground) for ground in (GroundClass.ONE_WAY, GroundClass.CUT_OFF)):
+        return ""
+    x, y = (f"{round(value, 3) + 0.0:.12g}" for value in summary.largest.place)
+    return (
+        "What can be reached is counted from the largest connected part of the ground, "
+        f"{share(summary.largest.share)} of it, as with --from {x} {y}."
+    )
 
 
 def lacking(report: TraversabilityReport) -> str:
@@ -326,5 +342,5 @@ def conclusion(report: TraversabilityReport) -> str:
     if known:
         most = max(known, key=lambda reason: (known[reason], -reason))
         text += f"; what binds most is {most.label}, on {share(known[most] / summary.pixels)}"
-    lacks = f" {lacking(report)}" if GroundClass.UNKNOWN in counts else ""
-    return f"{text}.{lacks}".rstrip()
+    lacks = lacking(report) if GroundClass.UNKNOWN in counts else ""
+    return " ".join(filter(None, (f"{text}.", counted_from(report), lacks)))

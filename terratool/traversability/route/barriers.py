@@ -73,12 +73,12 @@ def barriers(on: Site, path: Path) -> tuple[Barrier, ...]:
         x, y = float(path.x[first]), float(path.y[first])
         heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
         name = bars(terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution)
-        slope = _slope(survey, path, first) if reason in _SLOPES else 0.0
+        at = int(path.judged[first]), int(path.row[first]), int(path.column[first])
         found.append(
             Barrier(
                 location_at(terrain, x, y),
                 reason,
-                f"{name}, on a slope of {slope:.0f}°" if slope >= _LEVEL else name,
+                name + _slope(survey, reason, at),
                 float(width[first:end].sum()),
             )
         )
@@ -120,11 +120,11 @@ def bars(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose, cell: f
     return f"{terrain.pointer(element)} ({name})" + size * (reason == Reason.STEP)
 
 
-def _slope(survey: Survey, path: Path, sample: int) -> float:
-    """How far the vehicle is tilted, degrees, whichever way; 0 where it cannot stand."""
-    at = path.judged[sample], path.row[sample], path.column[sample]
+def _slope(survey: Survey, reason: Reason, at: tuple[int, int, int]) -> str:
+    """How far the vehicle is tilted, whichever way, where that matters; else nothing."""
     tilt = math.hypot(math.tan(float(survey.pitch[at])), math.tan(float(survey.roll[at])))
-    return 0.0 if math.isnan(tilt) else math.degrees(math.atan(tilt))
+    slope = math.degrees(math.atan(tilt))
+    return f", on a slope of {slope:.0f}°" if reason in _SLOPES and slope >= _LEVEL else ""
 
 
 def _rectangle(
@@ -225,4 +225,13 @@ def why_not(on: Site, place: Point, cell: Cell) -> tuple[Reason, str]:
     reason = Reason.NO_GROUND if void else Reason(int(survey.reason[heading, *cell]))
     angle = 2.0 * math.pi * heading / survey.headings
     by = bars(on.terrain, on.vehicle, reason, Pose(*place, angle), survey.grid.resolution)
-    return reason, reason.label if reason == Reason.EDGE else f"{reason.label}, by {by}"
+    if reason == Reason.EDGE:
+        return reason, reason.label
+    return reason, f"{reason.label}, by {by}{_slope(survey, reason, (heading, *cell))}"
+
+
+def cannot_stand(on: Site, what: str, place: Point, cell: Cell) -> str:
+    """That a vehicle cannot stand at a place, and why, in a sentence."""
+    x, y = place
+    why = why_not(on, place, cell)[1]
+    return f"The vehicle cannot stand at {what}, {x:.12g} {y:.12g}, whatever its heading: {why}."

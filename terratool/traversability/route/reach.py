@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,15 +16,29 @@ from terratool.raster.grid import Grid
 from terratool.traversability.route.graph import moves_of
 from terratool.traversability.route.paths import cell_of
 
-Bits = NDArray[np.uint8]
-"""(height, width, bytes): headings of each cell as bits, the first eight in the first byte."""
+Bits = NDArray[np.unsignedinteger[Any]]
+"""(height, width) uint8, 16, 32 or 64: headings of each cell as bits, the first in the lowest."""
+
+Progress = Callable[[float], object]
+"""Is told what share more of the states has been gone through."""
+
+_TURNS = 25
+"""It is told about so many times."""
+
+
+def bits_type(headings: int) -> np.dtype[Any]:
+    """The smallest type that has a bit for each heading, its lowest byte first."""
+    size = next(size for size in (1, 2, 4, 8) if headings <= 8 * size)
+    return np.dtype(f"<u{size}")
 
 
 def heading_bits(states: NDArray[np.bool_]) -> Bits:
     """States, (headings, height, width), as bits of the cells."""
-    return np.ascontiguousarray(
-        np.packbits(states, axis=0, bitorder="little").transpose(1, 2, 0), np.uint8
-    )
+    packed = np.packbits(states, axis=0, bitorder="little")
+    dtype = bits_type(len(states))
+    out = np.zeros((*states.shape[1:], dtype.itemsize), np.uint8)
+    out[..., : len(packed)] = packed.transpose(1, 2, 0)
+    return np.asarray(out.view(dtype)[..., 0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,25 +54,47 @@ class Connected:
     returned: NDArray[np.bool_]
 
 
-def spread(bits: Bits, headings: int, begin: Bits, against: bool = False) -> Bits:
+def spread(
+    bits: Bits, headings: int, begin: Bits, against: bool = False, progress: Progress | None = None
+) -> Bits:
     """All states that moves lead to from those that begin; with `against`, that lead to these."""
     fresh, reached = begin & bits, np.zeros_like(bits)
     direction = kernels.AGAINST if against else kernels.ALONG
-    kernels.flood(moves_of(headings), direction, bits, fresh, reached)
+    moves = moves_of(headings)
+    _in_turns(
+        bits.size * headings,
+        lambda states: kernels.flood(moves, direction, bits, fresh, reached, states),
+        progress,
+    )
     return reached
 
 
-def connected(bits: Bits, headings: int, begin: Bits) -> Connected:
+def _in_turns(states: int, go_on: Callable[[int], int], progress: Progress | None) -> None:
+    """Go through at most so many states, a part at a time, so that one can be told, or stop it."""
+    part, left = max(states // _TURNS, 1), 1.0
+    while (done := go_on(part)) >= part:
+        if progress:
+            more = min(done / states, left)
+            left -= more
+            progress(more)
+    if progress:
+        progress(left)
+
+
+def connected(
+    bits: Bits, headings: int, begin: Bits, progress: Progress | None = None
+) -> Connected:
     """What can be reached from states, and left again to any of them.
 
     Args:
         bits: what can be driven.
         headings: their number.
         begin: the states, alike; those that cannot be driven count for nothing.
+        progress: goes to 1 for each of the two.
     """
-    there = spread(bits, headings, begin)
-    back = there & spread(bits, headings, begin, against=True)
-    return Connected(np.asarray(there.any(axis=2)), np.asarray(back.any(axis=2)))
+    there = spread(bits, headings, begin, progress=progress)
+    back = there & spread(bits, headings, begin, against=True, progress=progress)
+    return Connected(there != 0, back != 0)
 
 
 def begin_at(bits: Bits, cell: tuple[int, int]) -> Bits:
@@ -74,21 +111,55 @@ def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, flo
     return begin_at(bits, cell_of(grid, *start))
 
 
-def begin_in_largest(bits: Bits, headings: int) -> Bits:
+def begin_in_largest(bits: Bits, headings: int, progress: Progress | None = None) -> Bits:
     """A state of the largest part of the ground, by the number of states; none if there is none.
 
     A part is what is connected by moves that can each be made back at once, by backing up or
     by turning round. What is reached from it and returns to it by other ways belongs to it, too,
     but does not count.
     """
-    begin = np.zeros_like(bits)
-    kernels.largest_part(moves_of(headings), bits, begin, np.zeros_like(bits))
+    moves, parts = moves_of(headings), np.zeros((2, 3), np.int64)
+    begin, reached = np.zeros_like(bits), np.zeros_like(bits)
+    _in_turns(
+        bits.size * headings,
+        lambda states: kernels.find_parts(moves, bits, begin, reached, parts, states),
+        progress,
+    )
+    cell, heading, states = parts[1].tolist()
+    if states:
+        begin.flat[cell] = 1 << heading
     return begin
 
 
 def can_turn_back(bits: Bits, headings: int) -> NDArray[np.bool_]:
     """Cells with a heading whose opposite can be driven, too: (height, width)."""
     half = headings // 2
-    states = np.unpackbits(bits, axis=2, count=headings, bitorder="little")
-    pairs: Any = states[..., :half] & states[..., half:]
-    return np.asarray(pairs.any(axis=2))
+    return np.asarray(bits & (bits >> half) & ((1 << half) - 1) != 0)
+
+
+def place_in(bits: Bits, headings: int, found: Connected) -> tuple[int, int]:
+    """A cell of what is connected, near its middle, and if there is one without dead ends.
+
+    From a cell at which all headings that can be driven can be turned to, all of the part can be
+    reached, and nothing else.
+    """
+    before = ((bits << 1) | (bits >> (headings - 1))) & bits.dtype.type((1 << headings) - 1)
+    first = bits & ~before
+    turns = found.returned & (first & (first - (first != 0)) == 0)
+    inside = turns if turns.any() else found.returned
+    middle = [
+        float(np.average(np.arange(len(count)), weights=count))
+        for count in (np.count_nonzero(inside, axis=1), np.count_nonzero(inside, axis=0))
+    ]
+    least, best = math.inf, (0, 0)
+    for row in sorted(range(len(inside)), key=lambda row: abs(row - middle[0])):
+        if abs(row - middle[0]) > least:
+            break
+        columns = np.flatnonzero(inside[row])
+        if not len(columns):
+            continue
+        column = int(columns[np.argmin(abs(columns - middle[1]))])
+        far = math.hypot(row - middle[0], column - middle[1])
+        if far < least:
+            least, best = far, (row, column)
+    return best

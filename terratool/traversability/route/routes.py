@@ -61,6 +61,7 @@ from terratool.traversability.route.reach import (
     heading_bits,
     spread,
 )
+from terratool.traversability.survey import coarsest_resolution
 from terratool.traversability.tiles import SurveyTiles, part_of
 from terratool.traversability.vehicle import Vehicle
 
@@ -89,7 +90,7 @@ def route_grid(
         The grid, and a sentence where its pixels are wider than a third of the vehicle; else empty.
 
     Raises:
-        RequestError: the bounds are empty or miss the terrain.
+        RequestError: the bounds are empty or miss the terrain; or so many states are too few.
     """
     width = max(2.0 * vehicle.rectangle[2], vehicle.wheel.radius)
     if bounds is not None:
@@ -102,11 +103,19 @@ def route_grid(
     while headings * grid.height * grid.width > MOST_STATES and resolution < shorter:
         resolution = min(_COARSER * resolution, shorter)
         grid = grid_over(terrain, resolution, bounds)
+    coarsest = coarsest_resolution(vehicle)
+    if resolution > coarsest:
+        raise RequestError(
+            f"The ground of {east - west:.12g} by {north - south:.12g} m is too large to look for "
+            f"routes: their grid would have pixels of {resolution:.4g} m, and wheels of radius "
+            f"{vehicle.wheel.radius:g} m take at most {coarsest:.4g} m.",
+            "Look at a part of it with --bounds W S E N.",
+        )
     note = ""
     if resolution > width / _COARSE:
         note = (
             f"The route's grid has pixels of {resolution:.3g} m for a vehicle {width:.3g} m wide: "
-            "narrow passages may seem closed; smaller bounds would make it finer."
+            "narrow passages may seem closed. A smaller part, with --bounds, makes it finer."
         )
     return grid, note
 
@@ -239,12 +248,19 @@ def reach(terrain: Terrain, survey: Survey | SurveyTiles, start: Point) -> Reach
     return reach_of(terrain, start, found, np.isfinite(seen.heights))
 
 
-def reach_of(terrain: Terrain, start: Point, found: Connected, ground: NDArray[np.bool_]) -> Reach:
-    """What is connected to a start, in shares of the cells with ground."""
+def reach_of(
+    terrain: Terrain, start: Point, found: Connected, ground: NDArray[np.bool_], note: str = ""
+) -> Reach:
+    """What is connected to a start, in shares of the cells with ground.
+
+    `note` is a sentence that says why nothing is; one without reasons if it is empty.
+    """
     whole = max(int(np.count_nonzero(ground)), 1)
-    note = ""
-    if not found.reached.any():
-        note = "The vehicle cannot stand at the place to start from, whatever its heading."
+    if not found.reached.any() and not note:
+        place = f"{start[0]:.12g} {start[1]:.12g}"
+        note = (
+            f"The vehicle cannot stand at the place to start from, {place}, whatever its heading."
+        )
     return Reach(
         location_at(terrain, *start),
         np.count_nonzero(found.reached) / whole,
@@ -338,7 +354,7 @@ def _returns(path: Path, on: Site) -> bool:
     part = np.s_[top : top + own.shape[0], left : left + own.shape[1]]
     bits = heading_bits(drivable(survey, part) & own)
     begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
-    return bool(spread(bits, survey.headings, begin)[rows[0], columns[0]].any())
+    return bool(spread(bits, survey.headings, begin)[rows[0], columns[0]])
 
 
 def _barred(
