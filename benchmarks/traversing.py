@@ -14,8 +14,7 @@ from terratool.field.terrain import Terrain
 from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.grid import grid_over
 from terratool.text.source import Source
-from terratool.traversability.map import write_map
-from terratool.traversability.survey import Surveyor
+from terratool.traversability.assess import Request, assess, prepare_assessment
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
 VEHICLE = Vehicle(
@@ -30,6 +29,12 @@ VEHICLE = Vehicle(
 """The size of a common research rover."""
 
 
+def mapped(terrain: Terrain, request: Request, out: Path | None = None) -> None:
+    """Judge every pixel, and write the map if that is wanted."""
+    prepared = prepare_assessment(terrain, VEHICLE, request, map_path=out, overwrite=True)
+    assess(prepared, map_path=out, overwrite=True)
+
+
 def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -> None:
     """Measure one terrain."""
     grid = grid_over(terrain, 100 / pixels)
@@ -37,9 +42,9 @@ def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -
     seconds = medians(
         {
             "heights": lambda: export_dem(terrain, grid, out, request),
-            "map": lambda: write_map(Surveyor(terrain, VEHICLE, grid), out, overwrite=True),
-            "one": lambda: write_map(Surveyor(terrain, VEHICLE, grid), None, threads=1),
-            "two": lambda: write_map(Surveyor(terrain, VEHICLE, grid), None, threads=2),
+            "map": lambda: mapped(terrain, Request(resolution=grid.resolution), out),
+            "one": lambda: mapped(terrain, Request(resolution=grid.resolution, threads=1)),
+            "two": lambda: mapped(terrain, Request(resolution=grid.resolution, threads=2)),
         },
         runs,
     )

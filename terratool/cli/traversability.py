@@ -229,7 +229,7 @@ def _refuse_outputs(
     from terratool.errors import RequestError, WriteError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.raster.export import COMPANIONS
-    from terratool.traversability.map import map_paths
+    from terratool.traversability.map_files import map_paths
 
     outputs: dict[str, str] = {}
     names: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reports]

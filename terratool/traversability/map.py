@@ -1,14 +1,10 @@
-"""A traversability map: GeoTIFFs with a verdict for each pixel, and what adds up of it."""
+"""A traversability map: a verdict for each pixel, and what adds up of it."""
 
 from __future__ import annotations
 
-import contextlib
 import math
-import operator
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any, NamedTuple
-from xml.etree import ElementTree
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,28 +13,14 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import traversability as kernels
-from terratool.output import refuse_existing, whole_file
-from terratool.raster.export import COMPANIONS, checked_threads, refuse_full_disk
-from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import (
-    Compression,
-    GeoTiff,
-    RasterExtent,
-    cog_options,
-    crs_of,
-    geotiff,
-    name_categories,
     shown_crs,
-    xml_bytes,
 )
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window
-from terratool.raster.layers import Bands, Layer
 from terratool.raster.painter import id_type
 from terratool.raster.prefetch import TILE, prefetch
-from terratool.raster.statistics import BandStatistics, band_statistics
-from terratool.raster.writers import copied
+from terratool.traversability.map_files import MapBands, MapFiles, empty_bands
 from terratool.traversability.results import (
-    COLORS,
     RANKS,
     GroundClass,
     LargestPart,
@@ -62,65 +44,13 @@ from terratool.traversability.survey import Surveyor, WindowMeasures, coarsest_r
 from terratool.traversability.tiles import part_of
 from terratool.traversability.vehicle import Vehicle
 
-CLASS, NUMBER = "class", "number"
-
 MOST = 10.0
 """Shares of limits beyond that are written as that."""
-
-VERDICT = Bands(
-    (Layer("verdict", ("verdict, best heading",), "", CLASS, mean=""),), np.dtype(np.uint8)
-)
-CLASSES = Bands(
-    tuple(
-        Layer(name, (name,), "", CLASS, mean="")
-        for name in ("verdict, worst heading", "reason, best heading", "reason, worst heading")
-    ),
-    np.dtype(np.uint8),
-)
-NUMBERS = Bands(
-    tuple(
-        Layer(name, (name,), unit, NUMBER)
-        for name, unit in (
-            ("headings that are go or caution", ""),
-            ("utilisation, best heading", "1"),
-            ("utilisation, worst heading", "1"),
-            ("slope along, best heading", "degree"),
-            ("slope across, best heading", "degree"),
-            ("slope along, worst heading", "degree"),
-            ("slope across, worst heading", "degree"),
-            ("step, highest", "m"),
-            ("roughness, largest", "m"),
-            ("clearance, least", "m"),
-            ("room under overhangs, least", "m"),
-            ("sinkage, deepest", "m"),
-            ("drawbar pull left, least", "N"),
-            ("tip-over margin, least", "degree"),
-        )
-    ),
-    np.dtype(np.float32),
-)
-"""Slopes are positive nose up and left side up."""
 
 PICTURE = 1600
 """The longer side of a map for a picture has at most so many pixels."""
 
-_FILES = (VERDICT, CLASSES, NUMBERS)
-_SUFFIXES = ("", "-classes", "-numbers")
 _WHEEL_PART = 4
-
-
-class MapBands(NamedTuple):
-    """A window of a map, (bands, height, width) each.
-
-    Attributes:
-        verdict: uint8 `Verdict`, of `VERDICT` before it is known where the vehicle gets to.
-        classes: uint8, of `CLASSES`.
-        numbers: float32, of `NUMBERS`, NaN for what is not known or has no limit.
-    """
-
-    verdict: NDArray[Any]
-    classes: NDArray[Any]
-    numbers: NDArray[Any]
 
 
 def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
@@ -198,12 +128,6 @@ def default_resolution(
     return min(resolution, shortest), f"{most} pixels on the longer side"
 
 
-def map_paths(path: str | Path) -> list[Path]:
-    """The files of a map: verdicts of the best headings, other classes, numbers."""
-    path = Path(path)
-    return [path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in _SUFFIXES]
-
-
 class MapBuilder:
     """Gathers a map from windows, which several threads may bring in any order.
 
@@ -220,7 +144,7 @@ class MapBuilder:
     def __init__(self, terrain: Terrain, grid: Grid, headings: int, keep: bool) -> None:
         flat = (grid.height, grid.width)
         self.terrain, self.grid, self.headings = terrain, grid, headings
-        self.kept = _empty_bands(flat) if keep else None
+        self.kept = empty_bands(flat) if keep else None
         self.reason = np.zeros(flat, np.uint8)
         self.verdict, self.worst = np.zeros((2, *flat), np.uint8)
         self.ground = np.zeros(flat, np.bool_)
@@ -342,102 +266,6 @@ def _by_ground(counts: NDArray[np.int64]) -> dict[GroundClass, int]:
     return dict(zip(GroundClass, counts.tolist(), strict=True))
 
 
-def _empty_bands(flat: tuple[int, int]) -> MapBands:
-    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
-
-
-class MapFiles:
-    """The files of a map while they are written; they take their places when the stack ends well.
-
-    Args:
-        stack: of what is written.
-        terrain: the ground.
-        grid: the pixels.
-        path: a .tif, of the verdicts.
-        overwrite: whether the files may be there already.
-        threads: that compress them.
-
-    Raises:
-        RequestError: the file is no .tif.
-        WriteError: a file exists, cannot be written or does not fit on the disk.
-        DefinitionError: the CRS of the terrain is unknown.
-    """
-
-    def __init__(
-        self, stack: contextlib.ExitStack, terrain: Terrain, grid: Grid, path: Path,
-        overwrite: bool, threads: int,
-    ) -> None:  # fmt: skip
-        refuse_map(terrain, grid, path, overwrite)
-        extent = RasterExtent(terrain, grid)
-        parts = [
-            stack.enter_context(whole_file(name, overwrite, COMPANIONS)) for name in map_paths(path)
-        ]
-        self._files = [
-            stack.enter_context(_cog(part, extent, bands, threads))
-            for part, bands in zip(parts, _FILES, strict=True)
-        ]
-        self._statistics = [BandStatistics()] * NUMBERS.count
-
-    def write(self, window: Window, bands: MapBands) -> None:
-        """Write all of a window but what it takes to know the whole map for; windows in order."""
-        for file, pixels in zip(self._files[1:], bands[1:], strict=True):
-            file.write(window, pixels)
-        found = map(band_statistics, bands.numbers)
-        self._statistics = list(map(operator.add, self._statistics, found))
-
-    def finish(self, classes: NDArray[np.uint8]) -> None:
-        """Write what each pixel is."""
-        for window in self._files[0].extent.cut(TILE, TILE):
-            self._files[0].write(window, classes[None, *part_of(window)])
-        self._files[-1].finish(self._statistics)
-
-
-def write_map(
-    surveyor: Surveyor,
-    path: str | Path | None,
-    *,
-    start: tuple[float, float] | None = None,
-    threads: int | None = None,
-    overwrite: bool = False,
-    progress: Callable[[int], object] | None = None,
-    stack: contextlib.ExitStack | None = None,
-) -> MapSummary:
-    """Judge a vehicle at every pixel of a grid, and write the results as GeoTIFFs.
-
-    `path` gets what each pixel is, with a colour table; beside it NAME-classes.tif has the verdict
-    of the worst heading and what binds, and NAME-numbers.tif the measures. All are
-    cloud-optimised. Pixels beyond the terrain are nodata. Memory is that of a `MapBuilder`, and
-    of some tiles.
-
-    Args:
-        surveyor: of a vehicle on a terrain, on the pixels of the map.
-        path: a .tif; None to count only.
-        start: x and y of where the vehicle sets out; the largest part of the ground if None.
-        threads: number of threads; as many as there are processors if None.
-        overwrite: whether the files may be there already.
-        progress: called with the number of pixels of each tile that is done.
-        stack: the files take their places when it ends, together with what else is in it; when
-            they are complete if None.
-
-    Raises:
-        RequestError: the file is no .tif, or the number of threads makes no sense.
-        WriteError: a file exists, cannot be written or does not fit on the disk.
-        DefinitionError: the CRS of the terrain is unknown.
-    """
-    terrain, grid = surveyor.terrain, surveyor.grid
-    builder = MapBuilder(terrain, grid, surveyor.headings, keep=False)
-    threads = checked_threads(threads)
-    with contextlib.nullcontext(stack) if stack else contextlib.ExitStack() as opened:
-        files = None
-        if path is not None:
-            files = MapFiles(opened, terrain, grid, Path(path), overwrite, threads)
-        stream_map(surveyor, builder, files, threads, progress)
-        classes, found = builder.classes(begin_of(builder, start), surveyor.vehicle.area)
-        if files:
-            files.finish(classes)
-    return builder.summary(classes, found, start)
-
-
 def stream_map(
     surveyor: Surveyor,
     builder: MapBuilder,
@@ -448,7 +276,7 @@ def stream_map(
     """Judge tile by tile, write what is known of each, and keep what is needed in the end."""
 
     def made(window: Window) -> tuple[Window, MapBands]:
-        whole = _empty_bands((window.height, window.width))
+        whole = empty_bands((window.height, window.width))
         for inner in surveyor.windows(window):
             bands = builder.take(inner, surveyor.measure(inner))
             local = Window(
@@ -468,47 +296,3 @@ def stream_map(
 def begin_of(builder: MapBuilder, start: tuple[float, float] | None) -> Bits | None:
     """The states from which the vehicle sets out; None for no start."""
     return None if start is None else begin_from(builder.bits, builder.terrain, builder.grid, start)
-
-
-def refuse_map(terrain: Terrain, grid: Grid, path: Path, overwrite: bool) -> None:
-    """Refuse a map that cannot be written.
-
-    Raises:
-        RequestError: the file is no .tif.
-        WriteError: a file exists, cannot be written or does not fit on the disk.
-        DefinitionError: the CRS of the terrain is unknown.
-    """
-    if raster_format(path).driver != "GTiff":
-        raise RequestError(f"{path.name}: a map is a GeoTIFF.", "Give a name that ends in .tif.")
-    for name in map_paths(path):
-        refuse_existing(name, overwrite, COMPANIONS)
-    crs_of(terrain)
-    refuse_full_disk(path, grid, _FILES, raster_format(path, cog=True))
-
-
-@contextlib.contextmanager
-def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterator[GeoTiff]:
-    """A cloud-optimised GeoTIFF: a plain one first, which is copied when it is complete."""
-    first, plain = path.with_name(f"{path.stem}.first.tif"), Compression()
-    with geotiff(first, extent, bands, plain, threads) as file:
-        if bands is VERDICT:
-            file.file.write_colormap(1, {int(key): (*c, 255) for key, c in COLORS.items()})
-        yield file
-    names = first.with_name(f"{first.name}.aux.xml")
-    if bands is not NUMBERS:
-        names.write_bytes(_class_names(bands))
-    copied(first, path, "COG", cog_options(bands, plain), threads)
-    first.unlink()
-    names.unlink(missing_ok=True)
-
-
-def _class_names(bands: Bands) -> bytes:
-    """The text of an .aux.xml file that names the classes of each band."""
-    root = ElementTree.Element("PAMDataset")
-    for number, name in enumerate(bands.names, 1):
-        band = ElementTree.SubElement(root, "PAMRasterBand", band=str(number))
-        classes: type[GroundClass | Verdict | Reason] = GroundClass if bands is VERDICT else Verdict
-        if name.startswith("reason"):
-            classes = Reason
-        name_categories(band, [value.label for value in classes])
-    return xml_bytes(root)

@@ -15,12 +15,40 @@ from rasterio.enums import ColorInterp
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
-from terratool.traversability.map import default_resolution, map_paths, write_map
-from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
+from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.map import default_resolution
+from terratool.traversability.map_files import map_paths
+from terratool.traversability.results import COLORS, GroundClass, MapSummary, Reason, Verdict
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import survey
 from tests.conftest import terrain_of
 from tests.traversability.test_map import ROVER
+
+
+def write_map(
+    terrain: Terrain, resolution: float, path: Path | None, *,
+    threads: int | None = None, progress: Any = None,
+) -> MapSummary:  # fmt: skip
+    """The map of the rover on a terrain."""
+    request = Request(resolution=resolution, threads=threads)
+    prepared = prepare_assessment(terrain, ROVER, request, map_path=path)
+    summary = assess(prepared, map_path=path, progress=progress).summary
+    assert summary is not None
+    return summary
+
+
+class Told:
+    """What progress is told."""
+
+    def __init__(self) -> None:
+        self.pixels: dict[str, float] = {}
+        self.what = ""
+
+    def __call__(self, more: float) -> None:
+        self.pixels[self.what] = self.pixels.get(self.what, 0) + more
+
+    def say(self, what: str, _total: int | None = None) -> None:
+        self.what = what
 
 
 def yard(**more: Any) -> Terrain:
@@ -58,9 +86,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Any:
     terrain = yard()
     grid = grid_over(terrain, 0.16)
     path = tmp_path_factory.mktemp("map") / "yard.tif"
-    done: list[int] = []
-    summary = write_map(Surveyor(terrain, ROVER, grid), path, progress=done.append)
-    assert sum(done) == grid.width * grid.height
+    told = Told()
+    summary = write_map(terrain, 0.16, path, progress=told)
+    assert told.pixels[""] == grid.width * grid.height
+    assert told.pixels["finding what can be reached"] == pytest.approx(told.pixels[""])
     return terrain, grid, path, summary
 
 
@@ -163,8 +192,8 @@ class TestFiles:
 
     def test_threads_and_no_file_make_no_difference(self, made: Any, tmp_path: Path) -> None:
         terrain, grid, path, summary = made
-        assert write_map(Surveyor(terrain, ROVER, grid), None, threads=1) == summary
-        write_map(Surveyor(terrain, ROVER, grid), tmp_path / "yard.tif", threads=1)
+        assert write_map(terrain, grid.resolution, None, threads=1) == summary
+        write_map(terrain, grid.resolution, tmp_path / "yard.tif", threads=1)
         for one, other in zip(map_paths(path), map_paths(tmp_path / "yard.tif"), strict=True):
             assert one.read_bytes() == other.read_bytes()
 
@@ -175,7 +204,7 @@ class TestRefusals:
     def test_no_tif(self, tmp_path: Path) -> None:
         terrain = yard()
         with pytest.raises(RequestError, match=r"a map is a GeoTIFF"):
-            write_map(Surveyor(terrain, ROVER, grid_over(terrain, 0.5)), tmp_path / "map.png")
+            write_map(terrain, 0.5, tmp_path / "map.png")
         assert not list(tmp_path.iterdir())
 
     def test_exists(self, tmp_path: Path) -> None:
@@ -183,28 +212,25 @@ class TestRefusals:
         terrain = yard()
         (tmp_path / "map-numbers.tif").write_text("mine")
         with pytest.raises(WriteError, match=r"map-numbers\.tif: exists already"):
-            write_map(Surveyor(terrain, ROVER, grid_over(terrain, 0.5)), tmp_path / "map.tif")
+            write_map(terrain, 0.5, tmp_path / "map.tif")
         assert [p.name for p in tmp_path.iterdir()] == ["map-numbers.tif"]
 
     def test_interrupted(self, tmp_path: Path) -> None:
         """Nothing half-written."""
         terrain = yard()
 
-        def stop(_: int) -> None:
-            raise KeyboardInterrupt
+        class Stop(Told):
+            def __call__(self, _: float) -> None:
+                raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            write_map(
-                Surveyor(terrain, ROVER, grid_over(terrain, 0.5)),
-                tmp_path / "map.tif",
-                progress=stop,
-            )
+            write_map(terrain, 0.5, tmp_path / "map.tif", progress=Stop())
         assert not list(tmp_path.iterdir())
 
     def test_unknown_crs_leaves_nothing(self, tmp_path: Path) -> None:
         terrain = yard(crs="EPSG:1")
         with pytest.raises(Exception, match="unknown"):
-            write_map(Surveyor(terrain, ROVER, grid_over(terrain, 0.5)), tmp_path / "map.tif")
+            write_map(terrain, 0.5, tmp_path / "map.tif")
         assert not list(tmp_path.iterdir())
 
 
@@ -256,7 +282,7 @@ class TestResolution:
 def test_the_origin_makes_no_difference() -> None:
     """Neither does the reference system."""
     plain = yard(crs="EPSG:32632", origin=[0, 0])
-    summary = write_map(Surveyor(plain, ROVER, grid_over(plain, 0.32)), None)
+    summary = write_map(plain, 0.32, None)
     moved = yard()
-    there = write_map(Surveyor(moved, ROVER, grid_over(moved, 0.32)), None)
+    there = write_map(moved, 0.32, None)
     assert summary.counts == there.counts

@@ -1,0 +1,190 @@
+"""The files of a traversability map: GeoTIFFs, their bands, and the names of their classes."""
+
+from __future__ import annotations
+
+import contextlib
+import operator
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
+from terratool.output import refuse_existing, whole_file
+from terratool.raster.export import COMPANIONS, refuse_full_disk
+from terratool.raster.formats import raster_format
+from terratool.raster.geotiff import (
+    Compression,
+    GeoTiff,
+    RasterExtent,
+    cog_options,
+    crs_of,
+    geotiff,
+    name_categories,
+    xml_bytes,
+)
+from terratool.raster.grid import Grid, Window
+from terratool.raster.layers import Bands, Layer
+from terratool.raster.prefetch import TILE
+from terratool.raster.statistics import BandStatistics, band_statistics
+from terratool.raster.writers import copied
+from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
+from terratool.traversability.tiles import part_of
+
+CLASS, NUMBER = "class", "number"
+
+VERDICT = Bands(
+    (Layer("verdict", ("verdict, best heading",), "", CLASS, mean=""),), np.dtype(np.uint8)
+)
+CLASSES = Bands(
+    tuple(
+        Layer(name, (name,), "", CLASS, mean="")
+        for name in ("verdict, worst heading", "reason, best heading", "reason, worst heading")
+    ),
+    np.dtype(np.uint8),
+)
+NUMBERS = Bands(
+    tuple(
+        Layer(name, (name,), unit, NUMBER)
+        for name, unit in (
+            ("headings that are go or caution", ""),
+            ("utilisation, best heading", "1"),
+            ("utilisation, worst heading", "1"),
+            ("slope along, best heading", "degree"),
+            ("slope across, best heading", "degree"),
+            ("slope along, worst heading", "degree"),
+            ("slope across, worst heading", "degree"),
+            ("step, highest", "m"),
+            ("roughness, largest", "m"),
+            ("clearance, least", "m"),
+            ("room under overhangs, least", "m"),
+            ("sinkage, deepest", "m"),
+            ("drawbar pull left, least", "N"),
+            ("tip-over margin, least", "degree"),
+        )
+    ),
+    np.dtype(np.float32),
+)
+"""Slopes are positive nose up and left side up."""
+
+_FILES = (VERDICT, CLASSES, NUMBERS)
+_SUFFIXES = ("", "-classes", "-numbers")
+
+
+class MapBands(NamedTuple):
+    """A window of a map, (bands, height, width) each.
+
+    Attributes:
+        verdict: uint8 `Verdict`, of `VERDICT` before it is known where the vehicle gets to.
+        classes: uint8, of `CLASSES`.
+        numbers: float32, of `NUMBERS`, NaN for what is not known or has no limit.
+    """
+
+    verdict: NDArray[Any]
+    classes: NDArray[Any]
+    numbers: NDArray[Any]
+
+
+def empty_bands(flat: tuple[int, int]) -> MapBands:
+    """Room for the pixels of rows and columns."""
+    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
+
+
+def map_paths(path: str | Path) -> list[Path]:
+    """The files of a map: verdicts of the best headings, other classes, numbers."""
+    path = Path(path)
+    return [path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in _SUFFIXES]
+
+
+class MapFiles:
+    """The files of a map while they are written; they take their places when the stack ends well.
+
+    Args:
+        stack: of what is written.
+        terrain: the ground.
+        grid: the pixels.
+        path: a .tif, of the verdicts.
+        overwrite: whether the files may be there already.
+        threads: that compress them.
+
+    Raises:
+        RequestError: the file is no .tif.
+        WriteError: a file exists, cannot be written or does not fit on the disk.
+        DefinitionError: the CRS of the terrain is unknown.
+    """
+
+    def __init__(
+        self, stack: contextlib.ExitStack, terrain: Terrain, grid: Grid, path: Path,
+        overwrite: bool, threads: int,
+    ) -> None:  # fmt: skip
+        refuse_map(terrain, grid, path, overwrite)
+        extent = RasterExtent(terrain, grid)
+        parts = [
+            stack.enter_context(whole_file(name, overwrite, COMPANIONS)) for name in map_paths(path)
+        ]
+        self._files = [
+            stack.enter_context(_cog(part, extent, bands, threads))
+            for part, bands in zip(parts, _FILES, strict=True)
+        ]
+        self._statistics = [BandStatistics()] * NUMBERS.count
+
+    def write(self, window: Window, bands: MapBands) -> None:
+        """Write all of a window but what it takes to know the whole map for; windows in order."""
+        for file, pixels in zip(self._files[1:], bands[1:], strict=True):
+            file.write(window, pixels)
+        found = map(band_statistics, bands.numbers)
+        self._statistics = list(map(operator.add, self._statistics, found))
+
+    def finish(self, classes: NDArray[np.uint8]) -> None:
+        """Write what each pixel is."""
+        for window in self._files[0].extent.cut(TILE, TILE):
+            self._files[0].write(window, classes[None, *part_of(window)])
+        self._files[-1].finish(self._statistics)
+
+
+def refuse_map(terrain: Terrain, grid: Grid, path: Path, overwrite: bool) -> None:
+    """Refuse a map that cannot be written.
+
+    Raises:
+        RequestError: the file is no .tif.
+        WriteError: a file exists, cannot be written or does not fit on the disk.
+        DefinitionError: the CRS of the terrain is unknown.
+    """
+    if raster_format(path).driver != "GTiff":
+        raise RequestError(f"{path.name}: a map is a GeoTIFF.", "Give a name that ends in .tif.")
+    for name in map_paths(path):
+        refuse_existing(name, overwrite, COMPANIONS)
+    crs_of(terrain)
+    refuse_full_disk(path, grid, _FILES, raster_format(path, cog=True))
+
+
+@contextlib.contextmanager
+def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterator[GeoTiff]:
+    """A cloud-optimised GeoTIFF: a plain one first, which is copied when it is complete."""
+    first, plain = path.with_name(f"{path.stem}.first.tif"), Compression()
+    with geotiff(first, extent, bands, plain, threads) as file:
+        if bands is VERDICT:
+            file.file.write_colormap(1, {int(key): (*c, 255) for key, c in COLORS.items()})
+        yield file
+    names = first.with_name(f"{first.name}.aux.xml")
+    if bands is not NUMBERS:
+        names.write_bytes(_class_names(bands))
+    copied(first, path, "COG", cog_options(bands, plain), threads)
+    first.unlink()
+    names.unlink(missing_ok=True)
+
+
+def _class_names(bands: Bands) -> bytes:
+    """The text of an .aux.xml file that names the classes of each band."""
+    root = ElementTree.Element("PAMDataset")
+    for number, name in enumerate(bands.names, 1):
+        band = ElementTree.SubElement(root, "PAMRasterBand", band=str(number))
+        classes: type[GroundClass | Verdict | Reason] = GroundClass if bands is VERDICT else Verdict
+        if name.startswith("reason"):
+            classes = Reason
+        name_categories(band, [value.label for value in classes])
+    return xml_bytes(root)
