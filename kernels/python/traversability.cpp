@@ -63,11 +63,23 @@ public:
     Search search;
 };
 
-Drive drive(const Layout& layout, In load, const Soils& soil, double pull, const Wheel& wheel) {
+Drive drive(const Layout& layout, In load, const Soils& soil, double pull, double slip, Out sinkage) {
     auto wheels = wheels_on(layout, soil[0]);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
-    sink_wheels(wheels, wheel);
-    return drive_wheels(wheels, pull, wheel);
+    Drive found = drive_wheels(wheels, pull, slip);
+    for (std::size_t n = 0; n < load.size(); ++n) sinkage[n] = wheels[n].contact.sinkage;
+    return found;
+}
+
+// What single wheels need to push, and at which slip.
+void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Span<Demand> out) {
+    for (std::size_t n = 0; n < load.size(); ++n) {
+        std::array<LoadedWheel, 1> one{{{true, wheel, soils[n], load[n], 0.0, {}}}};
+        one[0].wheel.max_torque = INF;
+        Drive need = drive_wheels(one, pull[n], wheel.max_slip);
+        double torque = need.power > 0.0 ? need.torque : 0.0 - need.torque;  // a brake
+        out[n] = {torque, need.utilisation, need.slip, one[0].contact.sinkage};
+    }
 }
 
 }  // namespace
@@ -113,11 +125,12 @@ void bind_traversability(nb::module_ m) {
     );
 
     def<&contacts>(
-        m, "contacts", "Sinkage, half angle, effective area.", {"load[n]", "sinkage[n]", "wheel"}
+        m, "contacts", "Sinkage, entry angle, effective area, shear length and area.",
+        {"load[n]", "sinkage[n]", "slip[n]", "wheel"}
     );
     def<&mobilisations>(
-        m, "mobilisations", "Shear displacement, share of strength mobilised.",
-        {"half[n]", "shear_modulus[n]", "slip[n]", "radius"}
+        m, "mobilisations", "Share of strength mobilised.",
+        {"length[n]", "shear_modulus[n]", "slip[n]"}
     );
     def<&tractions>(
         m, "tractions", "What driven wheels can do at a slip.",
@@ -133,11 +146,11 @@ void bind_traversability(nb::module_ m) {
     def<&grips>(m, "grips", "What holds wheels that do not turn.", {"load[n]", "soils", "wheel"});
     def<&measured_forces>(
         m, "measured_forces", "Load, torque and drawbar pull.",
-        {"normal[n]", "shear[n]", "half[n]", "wheel"}
+        {"normal[n]", "shear[n]", "entry[n]", "wheel"}
     );
     def<&measured_stresses>(
         m, "measured_stresses", "Normal and shear stress.",
-        {"load[n]", "torque[n]", "half[n]", "wheel"}
+        {"load[n]", "torque[n]", "entry[n]", "wheel"}
     );
 
     def<&wheel_loads>(
@@ -146,11 +159,11 @@ void bind_traversability(nb::module_ m) {
     );
     def<&drive>(
         m, "drive", "What it asks of a vehicle's wheels to push.",
-        {"layout", "load[w]", "soil", "pull", "wheel"}
+        {"layout", "load[w]", "soil", "pull", "slip", "sinkage[w]"}
     );
     def<&steepest>(
         m, "steepest", "The largest slope on a soil, and the reason that limits it.",
-        {"across", "layout", "weight", "soil", "slip", "wheel"}
+        {"across", "layout", "weight", "soil", "slip"}
     );
     def<&judge>(
         m, "judge", "Verdict, reason and largest share of measures.",

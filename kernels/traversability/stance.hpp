@@ -18,21 +18,16 @@ namespace terratool::traversability {
 // What a plane slope and a soil ask of a vehicle.
 struct SlopeState {
     double share;    // of the soil's strength
-    double torque;   // of a wheel, N m
+    double torque;   // the largest share of a motor's
     double slip;     // 0 where it is not known
     double energy;   // for a metre of ground, J
     double drawbar;  // pull that is left, N
     double deepest;  // sinkage, m
+    double sunk;     // the largest share of a wheel's radius
     double sliding;  // share of the slope on which it slides
     double tipping;  // share of the slope on which it tips over
     double reserve;  // how much more it may lean until it tips over, rad
 };
-
-// The share that a size takes of a limit.
-INLINE double share_of(double size, double limit) {
-    if (size <= 0.0) return 0.0;
-    return limit > 0.0 ? size / limit : INF;
-}
 
 // An angle that has a tangent.
 INLINE double below_upright(double angle) {
@@ -44,40 +39,42 @@ INLINE double below_upright(double angle) {
 // `across`, to its left. Loads and contacts of the wheels are worked out.
 inline SlopeState slope_state(const Vehicle& v, double along, double across, LoadedWheels wheels) {
     SlopeState out;
-    auto load_and_sink = [&](const Gravity& g) {
+    auto drive_on = [&](const Gravity& g) {
         load_wheels(wheels, v.layout, v.weight, g);
-        return sink_wheels(wheels, v.wheel);
+        return drive_wheels(wheels, -v.weight * g.forward, v.slip);
+    };
+    auto held_on = [&](const Gravity& g) {
+        load_wheels(wheels, v.layout, v.weight, g);
+        sink_wheels(wheels);
+        return held(wheels);
     };
     Gravity g = gravity(along, across);
-    Sinkage sunk = load_and_sink(g);
-    double pull = -v.weight * g.forward;
-    Drive drive = drive_wheels(wheels, pull, v.wheel);
-    bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque <= v.wheel.max_torque;
-    out.energy = moves ? max(0.0, drive.torques) / (v.wheel.radius * (1.0 - drive.slip)) : INF;
-    out.deepest = sunk.deepest;
+    Drive drive = drive_on(g);
+    bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque_used <= 1.0;
+    out.energy = moves ? drive.power : INF;
+    out.deepest = 0.0, out.sunk = deepest_share(wheels);
     double tilt_along = along, tilt_across = across;
     for (i64 n = 0; n < count_of(wheels); ++n) {
-        const LoadedWheel& f = wheels[n];
-        tilt_along -= v.fit_along[n] * f.soil.sinkage * f.load;
-        tilt_across -= v.fit_across[n] * f.soil.sinkage * f.load;
+        double sinkage = wheels[n].contact.sinkage;
+        out.deepest = max(out.deepest, sinkage);
+        tilt_along -= v.fit_along[n] * sinkage;
+        tilt_across -= v.fit_across[n] * sinkage;
     }
-    double mobile = least_mobilised(wheels, v.wheel, v.wheel.max_slip);
-    out.drawbar =
-        pulls(wheels, mobile, v.wheel, v.wheel.max_torque).force - resistances(wheels) - pull;
-    double slope = hypot(along, across), held = sunk.held;
+    double holding = held_on(g), towing = resistances(wheels);
+    double mobile = least_mobilised(wheels, v.slip);
+    out.drawbar = pulls(wheels, mobile, true).force - towing + v.weight * g.forward;
+    double slope = hypot(along, across);
     if (v.slope_margin > 0.0) {
         // what it must be able to do is that on slopes steeper by so much
         double steeper = atan(along) + v.slope_margin * (along >= 0.0 ? 1.0 : -1.0);
-        g = gravity(tan(below_upright(steeper)), across);
-        load_and_sink(g);
-        drive = drive_wheels(wheels, -v.weight * g.forward, v.wheel);
+        drive = drive_on(gravity(tan(below_upright(steeper)), across));
         double steepest = tan(below_upright(atan(slope) + v.slope_margin));
         double east = slope > 0.0 ? along / slope : 0.0, north = slope > 0.0 ? across / slope : 1.0;
-        held = load_and_sink(gravity(steepest * east, steepest * north)).held;
+        holding = held_on(gravity(steepest * east, steepest * north));
         slope = steepest;
     }
-    out.share = drive.utilisation, out.torque = drive.torque, out.slip = drive.slip;
-    out.sliding = share_of(v.weight * sin(atan(slope)), held);
+    out.share = drive.utilisation, out.torque = drive.torque_used, out.slip = drive.slip;
+    out.sliding = share_of(v.weight * sin(atan(slope)), holding);
     g = gravity(tilt_along, tilt_across);
     out.tipping = tipping(v.layout, g);
     out.reserve = tip_reserve(v.layout, g);
@@ -87,7 +84,7 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
 // The states of a vehicle on a soil, by slope.
 class SlopeTable {
 public:
-    SlopeTable(const Vehicle& v, const Soil& soil) : max_torque_(v.wheel.max_torque) {
+    SlopeTable(const Vehicle& v, const Soil& soil) {
         auto wheels = wheels_on(v.layout, soil);
         for (int i = 0; i < SIDE; ++i)
             for (int j = 0; j <= HALF; ++j)
@@ -122,7 +119,7 @@ public:
         SlopeState out;
         for (auto n :
              {&SlopeState::share, &SlopeState::torque, &SlopeState::slip, &SlopeState::energy,
-              &SlopeState::drawbar, &SlopeState::deepest, &SlopeState::sliding,
+              &SlopeState::drawbar, &SlopeState::deepest, &SlopeState::sunk, &SlopeState::sliding,
               &SlopeState::tipping, &SlopeState::reserve})
             out.*n = between(between(one.*n, two.*n, t), between(three.*n, four.*n, t), s);
         if (regime == STUCK) {
@@ -139,11 +136,10 @@ private:
     static constexpr double SMOOTH = 0.08;  // shares or slips that differ by more are not smooth
     enum Regime { MOVES, STUCK, ENDLESS };  // it does, does not, or what it takes is not finite
 
-    double max_torque_;
     std::vector<SlopeState> states_;  // (SIDE, HALF + 1)
 
     Regime regime_of(const SlopeState& s) const {
-        if (s.share < 1.0 && s.slip < 1.0 && s.torque <= max_torque_) return MOVES;
+        if (s.share < 1.0 && s.slip < 1.0 && s.torque <= 1.0) return MOVES;
         return abs(s.share + s.torque + s.sliding + s.tipping) < INF ? STUCK : ENDLESS;
     }
 };
@@ -250,8 +246,8 @@ void judge_points(
                 const Soil& soil = on.soils[under[n][j]];
                 known = known && !isnan(soil.cohesion);
                 alike = alike && under[n][j] == under[0][j];
-                vague =
-                    vague || (wheels[n].driven && soil.sinkage > 0.0 && soil.shear_modulus == 0.0);
+                bool slips = wheels[n].wheel.slips && soil.shear_modulus > 0.0;
+                vague = vague || (wheels[n].driven && !slips);
                 limit = min(limit, on.steps[under[n][j]]);
             }
             SlopeState need{};
@@ -288,10 +284,8 @@ void judge_points(
             if (known) {
                 judged.add(Reason::TRACTION, need.share, v.go_traction, true);
                 judged.add(Reason::SLIP, need.slip / v.slip, v.go_slip, true);
-                judged.add(
-                    Reason::TORQUE, share_of(need.torque, v.wheel.max_torque), v.go_torque, false
-                );
-                judged.add(Reason::SINKAGE, sunk / v.wheel.radius, shape, true);
+                judged.add(Reason::TORQUE, need.torque, v.go_torque, false);
+                judged.add(Reason::SINKAGE, need.sunk, shape, true);
                 judged.add(Reason::SIDE_SLIP, need.sliding, shape, false);
                 number(SINKAGE) = float(sunk), number(SLIP) = float(vague ? NaN : need.slip);
                 number(ENERGY) = float(need.energy), number(DRAWBAR) = float(need.drawbar);

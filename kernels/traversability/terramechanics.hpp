@@ -1,39 +1,50 @@
-// Wheel and soil: each formula of the model, and then over arrays.
+// Wheel and soil: each formula of the two models, and then over arrays.
 //
-// The model is that of Iagnemma, Shibly and Dubowsky, "On-line terrain parameter estimation for
-// planetary rovers", ICRA 2002: a rigid wheel enters the soil at the angle θ1 = 2h from the
-// downward vertical and leaves it at 0; normal stress σ and shear stress τ rise and fall linearly
-// with their peaks in the middle, at h. Slip mobilises strength as in Janosi and Hanamoto 1961.
+// A wheel enters the soil at the angle θ1 from the downward vertical and leaves it at θ2. Normal
+// stress σ and shear stress τ rise and fall linearly with their peaks in the middle, at θm
+// (Iagnemma, Shibly and Dubowsky, "On-line terrain parameter estimation for planetary rovers", ICRA
+// 2002). Their sums act at θm, across and along the wheel's rim.
 //
-// Everything is in N, m, Pa and rad. Ground into which a wheel sinks less than `RIGID` is rigid:
-// h = 0, and only friction acts. Of wheels that sink deeper than to their axles the model says
-// nothing; forces are then those at that depth, h = π/4.
+// The model `paper` is that of Shipovalov and Pryanichnikov 2016, 3.6: z = k W, θ2 = 0, and all of
+// Coulomb's strength acts, whatever the slip. In the model `slip` the wheel leaves the soil behind
+// its axle, θ2 = −a θ1; it sinks in further as it slips, z = k W (1 + s)/(1 − s/2) (Lyasko, "Slip
+// sinkage effect in soil–vehicle mechanics", Journal of Terramechanics 47, 2010); and slip mobilises
+// strength along the shear length l, A = 1 − (1 − exp(−x))/x with x = s l/K (Janosi and Hanamoto
+// 1961, for a flat patch as in Wong, Theory of Ground Vehicles). l belongs to the wheel: it does
+// not depend on the sinkage, so that harder ground never holds a wheel less.
+//
+// Everything is in N, m, Pa and rad. Of wheels that sink deeper than to their axles the models say
+// nothing; forces are then those at that depth.
 #pragma once
 
 #include "../core.hpp"
 
 namespace terratool::traversability {
 
+using std::acos;
 using std::asin;
 using std::atan;
 using std::atan2;
 using std::cos;
 using std::expm1;
 using std::hypot;
-using std::log1p;
 using std::sin;
 using std::tan;
 
-constexpr double RIGID = 1e-6;  // m of sinkage below which ground is rigid
-
 struct Wheel {
     double radius, width;
+    double shear_length = 0.0;    // l of a wheel without load, m
+    double patch_pressure = INF;  // Pa: that of a tyre on hard ground, which makes l longer
+    double exit_ratio = 0.0;      // a = −θ2/θ1
     double max_torque = INF, max_slip = 1.0;
+    bool slips = true;  // the model `slip`; else `paper`
 };
 
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
     visit("radius", w.radius), visit("width", w.width);
-    visit("max_torque", w.max_torque), visit("max_slip", w.max_slip);
+    visit("shear_length", w.shear_length), visit("patch_pressure", w.patch_pressure);
+    visit("exit_ratio", w.exit_ratio);
+    visit("max_torque", w.max_torque), visit("max_slip", w.max_slip), visit("slips", w.slips);
 }
 
 struct Soil {
@@ -45,98 +56,114 @@ struct Soil {
 
 // Where a wheel touches the soil, and what all formulas take from it.
 struct Contact {
-    double sinkage;                   // z
-    double half;                      // h
-    double sine, cosine, entry_sine;  // sin h, cos h, sin θ1
-    double area;  // Q: W = Q (σm cos h + τm sin h) and DP = Q (τm cos h − σm sin h)
-
-    bool is_rigid() const { return half == 0.0; }
+    double sinkage;       // z
+    double entry;         // θ1
+    double sine, cosine;  // of θm
+    double area;        // Q: W = Q (σm cos θm + τm sin θm) and DP = Q (τm cos θm − σm sin θm)
+    double arm;         // torque for each newton along the rim, m
+    double length;      // of what is sheared, m
+    double shear_area;  // on which cohesion acts, m²
 };
 
-// Q, m².
-INLINE double effective_area(double half, const Wheel& wheel) {
-    if (half == 0.0) return 0.0;
-    return 4.0 * wheel.radius * wheel.width * square(sin(0.5 * half)) / half;
+// The contact of a wheel that enters the soil at `entry` and leaves it at −`exit_ratio` · `entry`.
+INLINE Contact contact_at(double entry, double exit_ratio, const Wheel& wheel, double sinkage) {
+    double peak = 0.5 * (1.0 - exit_ratio) * entry, half = 0.5 * (1.0 + exit_ratio) * entry;
+    // (1 − cos w)/w, and w²/(2 (1 − cos w)), as they are for small w
+    double quarter = sin(0.5 * half);
+    double area = half > 0.0 ? 4.0 * wheel.radius * wheel.width * square(quarter) / half : 0.0;
+    double arm = half > 0.0 ? wheel.radius * square(0.5 * half / quarter) : wheel.radius;
+    double length = wheel.radius * sin(entry);
+    return {sinkage, entry, sin(peak), cos(peak), area, arm, length, area};
 }
 
-// The contact of a wheel that enters the soil at 2h.
-INLINE Contact contact_at(double half, const Wheel& wheel, double sinkage = 0.0) {
-    return {sinkage, half, sin(half), cos(half), sin(2.0 * half), effective_area(half, wheel)};
+// l, the length along which a wheel shears the ground.
+INLINE double shear_length(double load, const Wheel& wheel) {
+    return max(wheel.shear_length, load / (wheel.width * wheel.patch_pressure));
 }
 
-// Sinkage z = k·W, and half of the entry angle, h: sin h = √(z/D).
-INLINE Contact contact_under(double load, double rate, const Wheel& wheel) {
-    double sinkage = rate * load;
-    if (sinkage < RIGID) return {0.0, 0.0, 0.0, 1.0, 0.0, 0.0};
-    return contact_at(asin(sqrt(min(sinkage / (2.0 * wheel.radius), 0.5))), wheel, sinkage);
+// The contact of a wheel under a load, at a slip.
+INLINE Contact contact_under(double load, double rate, const Wheel& wheel, double slip = 0.0) {
+    slip = wheel.slips ? min(slip, 1.0) : 0.0;
+    double sinkage = rate * load * (1.0 + slip) / (1.0 - 0.5 * slip);
+    double depth = min(sinkage / (2.0 * wheel.radius), 0.5);
+    double entry = 2.0 * asin(sqrt(depth));
+    Contact at = contact_at(entry, wheel.slips ? wheel.exit_ratio : 0.0, wheel, sinkage);
+    if (wheel.slips) at.length = shear_length(load, wheel), at.shear_area = wheel.width * at.length;
+    return at;
 }
 
-// Displacement j at the peak, m: r [h − (1 − s)(sin θ1 − sin h)].
-INLINE double shear_displacement(const Contact& at, double radius, double slip) {
-    return radius * (at.half - (1.0 - slip) * (at.entry_sine - at.sine));
+// A = 1 − (1 − exp(−x))/x, the share of the strength that a slip mobilises, x = s l/K; 1 where K is
+// not known.
+INLINE double mobilised(double length, double modulus, double slip) {
+    if (modulus == 0.0) return 1.0;
+    double x = max(slip, 0.0) * length / modulus;
+    if (x < 1e-4) return x * (0.5 - x / 6.0);
+    return x < INF ? 1.0 + expm1(-x) / x : 1.0;
 }
 
-// A = 1 − exp(−j/K), the share of the strength that slip mobilises; 1 where K is not known.
-INLINE double mobilised(const Contact& at, double radius, double modulus, double slip) {
-    if (modulus == 0.0 || at.is_rigid()) return 1.0;
-    return -expm1(-max(shear_displacement(at, radius, slip), 0.0) / modulus);
+// x that mobilises a share A of the strength; infinity from 1 on.
+INLINE double displacement_for(double share) {
+    if (share <= 0.0) return 0.0;
+    if (share >= 1.0) return INF;
+    if (share < 1e-4) return 2.0 * share * (1.0 + share * (2.0 / 3.0));
+    double x = share * (2.0 - share) / (1.0 - share);  // right at both ends
+    for (int n = 0; n < 5; ++n) {                      // Newton
+        double fall = expm1(-x);
+        double slope = (-fall - x * (1.0 + fall)) / (x * x);
+        x = max(x - (1.0 + fall / x - share) / slope, 0.5 * x);
+    }
+    return x;
 }
 
-// Slip s that mobilises a share of the strength; above 1 where no slip does.
-// 0 where K is not known, and on rigid ground, whatever the share.
-INLINE double slip_for(const Contact& at, double radius, double modulus, double utilisation) {
-    if (modulus == 0.0 || at.is_rigid()) return 0.0;
-    if (utilisation >= 1.0) return INF;
-    double displacement = -modulus * log1p(-max(utilisation, 0.0));
-    double arc = at.entry_sine - at.sine;
-    return max(0.0, 1.0 - (at.half - displacement / radius) / arc);
+// Slip s at a displacement x; above 1 where no slip does. 0 where K is not known.
+INLINE double slip_at(double displacement, double length, double modulus) {
+    if (modulus == 0.0 || displacement == 0.0) return 0.0;
+    return length > 0.0 ? displacement * modulus / length : INF;
 }
 
 struct Stresses {
     double normal, shear;  // σm and τm
 };
 
-// σm and τm where a share of the strength acts: τm = A (c + σm tan φ), and W is borne.
-// Where cohesion alone would bear more than W, no more of it acts than that: σm is not below 0.
-INLINE Stresses stresses(double load, const Contact& at, const Soil& soil, double share) {
-    double normal = load / at.area - share * soil.cohesion * at.sine;
-    if (normal <= 0.0) return {0.0, load / (at.area * at.sine)};
-    normal /= at.cosine + share * soil.tan_friction * at.sine;
-    return {normal, share * (soil.cohesion + normal * soil.tan_friction)};
-}
+// What acts at θm across and along the rim, N.
+struct RimForces {
+    double across, along;
 
-// T = ½ r² b θ1 τm, N m.
-INLINE double torque_of(double shear, const Contact& at, const Wheel& wheel) {
-    return wheel.radius * wheel.radius * wheel.width * at.half * shear;
-}
-
-// σm and τm from the load and the torque: τm = 2 T/(r² b θ1), σm = (W/Q − τm sin h)/cos h.
-INLINE Stresses stresses_under(double load, double torque, const Contact& at, const Wheel& wheel) {
-    double shear = torque / (wheel.radius * wheel.radius * wheel.width * at.half);
-    return {(load / at.area - shear * at.sine) / at.cosine, shear};
-}
-
-struct Forces {
-    double load, thrust, resistance;  // DP = thrust − resistance
+    // DP = along cos θm − across sin θm.
+    double thrust(const Contact& at) const { return along * at.cosine; }
+    double resistance(const Contact& at) const { return across * at.sine; }
+    // σm and τm; 0 on ground that does not yield, where there are none.
+    Stresses stresses(const Contact& at) const {
+        return at.area > 0.0 ? Stresses{across / at.area, along / at.area} : Stresses{0.0, 0.0};
+    }
 };
 
-// W = Q (σm cos h + τm sin h); of DP, thrust Q τm cos h and resistance Q σm sin h; N.
-INLINE Forces forces(const Stresses& of, const Contact& at) {
-    return {
-        at.area * (of.normal * at.cosine + of.shear * at.sine), at.area * of.shear * at.cosine,
-        at.area * of.normal * at.sine
-    };
+// The forces where a share of the strength acts, and the load is borne.
+// Where cohesion alone would bear more than the load, no more of it acts than that.
+INLINE RimForces forces_at(double load, const Contact& at, const Soil& soil, double share) {
+    double held = share * soil.cohesion * at.shear_area, rough = share * soil.tan_friction;
+    double across = load - held * at.sine;
+    if (across <= 0.0) return {0.0, at.sine > 0.0 ? load / at.sine : held};
+    across /= at.cosine + rough * at.sine;
+    return {across, held + rough * across};
 }
 
-// What a wheel without torque resists: R = W tan h, N.
-INLINE double towed(double load, const Contact& at) { return load * tan(at.half); }
+// The forces of a wheel under a load and a torque.
+INLINE RimForces forces_under(double load, double torque, const Contact& at) {
+    double along = torque / at.arm;
+    return {(load - along * at.sine) / at.cosine, along};
+}
+
+// What a wheel without torque resists: R = W tan θm, N.
+INLINE double towed(double load, const Contact& at) { return load * at.sine / at.cosine; }
 
 // A driven wheel at its limit.
 struct Traction {
     double mobilised;                    // share of the soil's strength
-    double normal_stress, shear_stress;  // 0 on rigid ground
+    double normal_stress, shear_stress;  // 0 on ground that does not yield
     double thrust, resistance, drawbar;  // N
     double torque;                       // N m
+    double sinkage;                      // m, as it slips
     bool motor;                          // whether it is the motor that limits
 };
 
@@ -144,30 +171,21 @@ template <class Visit> void visit_members(Traction& t, Visit visit) {
     visit("mobilised", t.mobilised);
     visit("normal_stress", t.normal_stress), visit("shear_stress", t.shear_stress);
     visit("thrust", t.thrust), visit("resistance", t.resistance), visit("drawbar", t.drawbar);
-    visit("torque", t.torque), visit("motor", t.motor);
+    visit("torque", t.torque), visit("sinkage", t.sinkage), visit("motor", t.motor);
 }
 
 // A driven wheel at its limit, of a share of the soil's strength or of its motor.
-INLINE Traction traction(
-    double load, const Contact& at, const Soil& soil, double share, const Wheel& wheel,
-    double max_torque
-) {
-    if (at.is_rigid() || load == 0.0) {
-        double thrust = load * soil.tan_friction * share;
-        bool motor = max_torque < wheel.radius * thrust;
-        if (motor) thrust = max_torque / wheel.radius;
-        return {share, 0.0, 0.0, thrust, 0.0, thrust, wheel.radius * thrust, motor};
-    }
-    Stresses stress = stresses(load, at, soil, share);
-    double torque = torque_of(stress.shear, at, wheel);
+INLINE Traction
+traction(double load, const Contact& at, const Soil& soil, double share, double max_torque) {
+    if (load == 0.0) return {share, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, at.sinkage, false};
+    RimForces rim = forces_at(load, at, soil, share);
+    double torque = rim.along * at.arm;
     bool motor = max_torque < torque;
-    if (motor) {
-        torque = max_torque;
-        stress = stresses_under(load, torque, at, wheel);
-    }
-    auto [_, thrust, resistance] = forces(stress, at);
+    if (motor) rim = forces_under(load, torque = max_torque, at);
+    Stresses stress = rim.stresses(at);
+    double thrust = rim.thrust(at), resistance = rim.resistance(at);
     return {share,      stress.normal,       stress.shear, thrust,
-            resistance, thrust - resistance, torque,       motor};
+            resistance, thrust - resistance, torque,       at.sinkage, motor};
 }
 
 // What a wheel asks of motor and soil.
@@ -182,27 +200,21 @@ template <class Visit> void visit_members(Demand& d, Visit visit) {
     visit("slip", d.slip), visit("sinkage", d.sinkage);
 }
 
-// What a wheel that pushes with `pull` asks of motor and soil; below 0 it is held back.
-// U is infinity where no strength would do; slip is not looked for.
-INLINE Demand
-demand(double load, const Contact& at, const Soil& soil, double pull, const Wheel& wheel) {
-    if (at.is_rigid() || load == 0.0) {
-        double strength = load * soil.tan_friction, torque = wheel.radius * pull;
-        double used = pull == 0.0 ? 0.0 : strength > 0.0 ? abs(pull) / strength : INF;
-        return {torque, used, 0.0, at.sinkage};
-    }
-    double along = pull * at.cosine + load * at.sine;
-    double across = load * at.cosine - pull * at.sine;
-    double torque = wheel.radius * along * square(0.5 * at.half / sin(0.5 * at.half));
-    if (along == 0.0) return {torque, 0.0, 0.0, at.sinkage};
-    double strength = soil.cohesion + across / at.area * soil.tan_friction;
+// What a wheel that does not slip asks to push with `pull`, or to be held back by it if that is
+// below 0. U is infinity where no strength would do.
+INLINE Demand hold(double load, const Contact& at, const Soil& soil, double pull) {
+    double along = pull * at.cosine + load * at.sine, across = load * at.cosine - pull * at.sine;
+    double strength = soil.cohesion * at.shear_area + across * soil.tan_friction;
+    if (load == 0.0) strength = 0.0;
     bool none = across < 0.0 || strength <= 0.0;
-    return {torque, none ? INF : abs(along) / at.area / strength, 0.0, at.sinkage};
+    return {along * at.arm, along == 0.0 ? 0.0 : none ? INF : abs(along) / strength, 0.0,
+            at.sinkage};
 }
 
-// What holds a wheel that does not turn: c b l + W tan φ, l = r sin θ1, N.
+// What holds a wheel that does not turn: c b l + W tan φ, N.
 INLINE double grip(double load, const Contact& at, const Soil& soil, const Wheel& wheel) {
-    return soil.cohesion * wheel.width * wheel.radius * at.entry_sine + load * soil.tan_friction;
+    if (load == 0.0) return 0.0;
+    return soil.cohesion * wheel.width * at.length + load * soil.tan_friction;
 }
 
 // The formulas over arrays.
@@ -230,21 +242,18 @@ template <class One> auto each(std::size_t count, One one) {
     return out;
 }
 
-// Sinkage, half angle, effective area.
-inline Rows<double, 3> contacts(In load, In rate, const Wheel& wheel) {
+// Sinkage, θ1, Q, l and the area that is sheared.
+inline Rows<double, 5> contacts(In load, In rate, In slip, const Wheel& wheel) {
     return each(load.size(), [&](std::size_t n) {
-        Contact at = contact_under(load[n], rate[n], wheel);
-        return std::array{at.sinkage, at.half, at.area};
+        Contact at = contact_under(load[n], rate[n], wheel, slip[n]);
+        return std::array{at.sinkage, at.entry, at.area, at.length, at.shear_area};
     });
 }
 
-// Shear displacement, share of the strength that is mobilised.
-inline Rows<double, 2> mobilisations(In half, In modulus, In slip, double radius) {
-    return each(half.size(), [&](std::size_t n) {
-        Contact at = contact_at(half[n], {radius, 0.0});
-        return std::array{
-            shear_displacement(at, radius, slip[n]), mobilised(at, radius, modulus[n], slip[n])
-        };
+// Share of the strength that is mobilised along a length.
+inline std::vector<double> mobilisations(In length, In modulus, In slip) {
+    return each(length.size(), [&](std::size_t n) {
+        return mobilised(length[n], modulus[n], slip[n]);
     });
 }
 
@@ -254,22 +263,11 @@ inline void tractions(
 ) {
     for (std::size_t n = 0; n < load.size(); ++n) {
         Soil soil = soils[n];
-        Contact at = contact_under(load[n], soil.sinkage, wheel);
-        double share = mobilised(at, wheel.radius, soil.shear_modulus, slip[n]);
-        out[n] = traction(load[n], at, soil, share, wheel, max_torque[n]);
-    }
-}
-
-// What wheels need to push, and at which slip.
-inline void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Span<Demand> out) {
-    for (std::size_t n = 0; n < load.size(); ++n) {
-        Soil soil = soils[n];
-        Contact at = contact_under(load[n], soil.sinkage, wheel);
-        Demand need = demand(load[n], at, soil, pull[n], wheel);
-        // a wheel that is held back does not slip
-        double used = need.torque > 0.0 || need.utilisation >= 1.0 ? need.utilisation : 0.0;
-        need.slip = slip_for(at, wheel.radius, soil.shear_modulus, used);
-        out[n] = need;
+        Contact at = contact_under(load[n], soil.sinkage, wheel, slip[n]);
+        double modulus = wheel.slips ? soil.shear_modulus : 0.0;
+        out[n] = traction(
+            load[n], at, soil, mobilised(at.length, modulus, slip[n]), max_torque[n]
+        );
     }
 }
 
@@ -288,19 +286,23 @@ inline std::vector<double> grips(In load, const Soils& soils, const Wheel& wheel
     });
 }
 
-// Load, torque and drawbar pull of measured stresses.
-inline Rows<double, 3> measured_forces(In normal, In shear, In half, const Wheel& wheel) {
-    return each(half.size(), [&](std::size_t n) {
-        Contact at = contact_at(half[n], wheel);
-        auto [load, thrust, resistance] = forces({normal[n], shear[n]}, at);
-        return std::array{load, torque_of(shear[n], at, wheel), thrust - resistance};
+// Load, torque and drawbar pull of measured stresses, where a wheel enters the soil at `entry`.
+inline Rows<double, 3> measured_forces(In normal, In shear, In entry, const Wheel& wheel) {
+    return each(entry.size(), [&](std::size_t n) {
+        Contact at = contact_at(entry[n], wheel.exit_ratio, wheel, 0.0);
+        RimForces rim{normal[n] * at.area, shear[n] * at.area};
+        return std::array{
+            rim.across * at.cosine + rim.along * at.sine, rim.along * at.arm,
+            rim.thrust(at) - rim.resistance(at)
+        };
     });
 }
 
 // Normal and shear stress of measured loads and torques.
-inline Rows<double, 2> measured_stresses(In load, In torque, In half, const Wheel& wheel) {
-    return each(half.size(), [&](std::size_t n) {
-        auto found = stresses_under(load[n], torque[n], contact_at(half[n], wheel), wheel);
+inline Rows<double, 2> measured_stresses(In load, In torque, In entry, const Wheel& wheel) {
+    return each(entry.size(), [&](std::size_t n) {
+        Contact at = contact_at(entry[n], wheel.exit_ratio, wheel, 0.0);
+        Stresses found = forces_under(load[n], torque[n], at).stresses(at);
         return std::array{found.normal, found.shear};
     });
 }

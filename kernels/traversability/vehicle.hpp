@@ -7,22 +7,43 @@
 
 namespace terratool::traversability {
 
+// Wheels, member by member.
+struct Wheels {
+    In radius, width, shear_length, patch_pressure, exit_ratio, max_torque;
+    bool slips;
+
+    Wheel operator[](std::size_t n) const {
+        return {
+            radius[n], width[n], shear_length[n], patch_pressure[n], exit_ratio[n], max_torque[n],
+            1.0, slips
+        };
+    }
+};
+
+template <class Visit> void visit_arguments(Wheels& w, Visit visit) {
+    visit("radius[w]", w.radius), visit("width[w]", w.width);
+    visit("shear_length[w]", w.shear_length), visit("patch_pressure[w]", w.patch_pressure);
+    visit("exit_ratio[w]", w.exit_ratio), visit("max_torque[w]", w.max_torque);
+    visit("slips", w.slips);
+}
+
 // The wheels of a vehicle; terratool/traversability/limits.py says what it means.
 struct Layout {
     Matrix<const double> shares;
     Span<const bool> driven;
     Matrix<const double> edges;
+    Wheels wheels;
 };
 
 template <class Visit> void visit_arguments(Layout& l, Visit visit) {
     visit("shares[w,3]", l.shares), visit("driven[w]", l.driven), visit("edges[_,3]", l.edges);
+    visit("wheels", l.wheels);
 }
 
 // A vehicle in SI units, its margins taken off; terratool/traversability/survey.py.
 struct Vehicle {
     Layout layout;
     In fit_along, fit_across;
-    Wheel wheel;
     double weight, slip, slope_margin, clearance, front, rear, roughness;
     double go_traction, go_slip, go_torque, go_geometry;
 };
@@ -30,7 +51,7 @@ struct Vehicle {
 template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
     visit("layout", v.layout);
     visit("fit_along[w]", v.fit_along), visit("fit_across[w]", v.fit_across);
-    visit("wheel", v.wheel), visit("weight", v.weight), visit("slip", v.slip);
+    visit("weight", v.weight), visit("slip", v.slip);
     visit("slope_margin", v.slope_margin), visit("clearance", v.clearance);
     visit("front", v.front), visit("rear", v.rear), visit("roughness", v.roughness);
     visit("go_traction", v.go_traction), visit("go_slip", v.go_slip);
@@ -76,9 +97,13 @@ inline double tip_reserve(const Layout& layout, const Gravity& g) {
 // A wheel of a vehicle, what it bears, and the soil that it stands on.
 struct LoadedWheel {
     bool driven;
+    Wheel wheel;
     Soil soil;
     double load;
-    Contact contact;
+    double slip;
+    Contact contact;  // at the slip
+
+    double modulus() const { return wheel.slips ? soil.shear_modulus : 0.0; }
 };
 
 using LoadedWheels = Span<LoadedWheel>;
@@ -86,7 +111,7 @@ using LoadedWheels = Span<LoadedWheel>;
 // The wheels of a vehicle, all on one soil.
 inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soil& soil) {
     return each(layout.driven.size(), [&](std::size_t n) {
-        return LoadedWheel{layout.driven[n], soil, 0.0, {}};
+        return LoadedWheel{layout.driven[n], layout.wheels[n], soil, 0.0, 0.0, {}};
     });
 }
 
@@ -109,20 +134,26 @@ inline bool load_wheels(
     return lifted;
 }
 
-struct Sinkage {
-    double deepest;  // sinkage, m
-    double held;     // what holds the wheels, N
-};
-
-// Let loaded wheels sink in.
-inline Sinkage sink_wheels(LoadedWheels wheels, const Wheel& wheel) {
-    Sinkage sunk{0.0, 0.0};
+// Let loaded wheels sink in, at rest.
+inline void sink_wheels(LoadedWheels wheels) {
     for (LoadedWheel& f : wheels) {
-        f.contact = contact_under(f.load, f.soil.sinkage, wheel);
-        sunk.deepest = max(sunk.deepest, f.contact.sinkage);
-        sunk.held += grip(f.load, f.contact, f.soil, wheel);
+        f.slip = 0.0;
+        f.contact = contact_under(f.load, f.soil.sinkage, f.wheel);
     }
-    return sunk;
+}
+
+// The largest part of its radius that a wheel sinks in.
+inline double deepest_share(LoadedWheels wheels) {
+    double most = 0.0;
+    for (const LoadedWheel& f : wheels) most = max(most, f.contact.sinkage / f.wheel.radius);
+    return most;
+}
+
+// What holds the wheels at rest, N.
+inline double held(LoadedWheels wheels) {
+    double total = 0.0;
+    for (const LoadedWheel& f : wheels) total += grip(f.load, f.contact, f.soil, f.wheel);
+    return total;
 }
 
 // Loads of a vehicle's wheels, N: the body stands on a plane that rises at the angle `pitch` where
@@ -140,12 +171,17 @@ struct Pull {
     bool motor;    // whether a motor limits it
 };
 
-// Drawbar pull of all driven wheels at a share of strength.
-inline Pull pulls(LoadedWheels wheels, double share, const Wheel& wheel, double max_torque) {
+// Drawbar pull where each driven wheel uses a share of its soil's strength, and slips for that.
+// A wheel that would slip by more than 1 sinks in as at 1.
+inline Pull pulls(LoadedWheels wheels, double share, bool motors) {
     Pull total{0.0, false};
-    for (const LoadedWheel& f : wheels) {
+    double displacement = displacement_for(share);
+    for (LoadedWheel& f : wheels) {
         if (!f.driven) continue;
-        Traction found = traction(f.load, f.contact, f.soil, share, wheel, max_torque);
+        f.slip = slip_at(displacement, f.contact.length, f.modulus());
+        f.contact = contact_under(f.load, f.soil.sinkage, f.wheel, f.slip);
+        double most = motors ? f.wheel.max_torque : INF;
+        Traction found = traction(f.load, f.contact, f.soil, share, most);
         total.force += found.drawbar;
         total.motor = total.motor || found.motor;
     }
@@ -153,11 +189,11 @@ inline Pull pulls(LoadedWheels wheels, double share, const Wheel& wheel, double 
 }
 
 // The share of strength that a slip mobilises under all driven wheels.
-inline double least_mobilised(LoadedWheels wheels, const Wheel& wheel, double slip) {
+inline double least_mobilised(LoadedWheels wheels, double slip) {
     double least = 1.0;
     for (const LoadedWheel& f : wheels)
-        if (f.driven)
-            least = min(least, mobilised(f.contact, wheel.radius, f.soil.shear_modulus, slip));
+        if (f.driven && f.load > 0.0)
+            least = min(least, mobilised(f.contact.length, f.modulus(), slip));
     return least;
 }
 
@@ -169,21 +205,23 @@ inline double resistances(LoadedWheels wheels) {
     return total;
 }
 
-// The share of strength at which all driven wheels together push with `pull`; or infinity.
-inline double common_share(
-    LoadedWheels wheels, double pull, const Wheel& wheel, double max_torque
-) {
-    constexpr double enough = 1e-13;  // relative accuracy of the root
-    constexpr int steps = 100;
-    auto lacking = [&](double share) {
-        return pull - pulls(wheels, share, wheel, max_torque).force;
-    };
-    double low = 0.0, high = 1.0, under = lacking(low), over = 0.0;
+// Pull may fall where a wheel digs itself in, so it is looked for at some slips, up to the one that
+// is not to be exceeded, and at all of the strength.
+constexpr int NODES = 6;
+
+// The least share of strength at which all driven wheels together push with `pull`; or infinity.
+inline double common_share(LoadedWheels wheels, double pull, double max_slip, bool motors) {
+    constexpr double enough = 1e-12;  // relative accuracy of the root
+    constexpr int steps = 100, doublings = 12;
+    auto lacking = [&](double share) { return pull - pulls(wheels, share, motors).force; };
+    double low = 0.0, high = 0.0, under = lacking(low), over = under;
     if (under <= 0.0) return 0.0;
-    for (int n = 0; n < 12; ++n) {
+    for (int n = 1; n <= NODES + doublings && over > 0.0; ++n) {
+        if (n > NODES + 1) high = 2.0 * high;
+        else high = n > NODES ? 1.0 : least_mobilised(wheels, max_slip * n / NODES);
+        if (high <= low) continue;
         over = lacking(high);
-        if (over <= 0.0) break;
-        low = high, under = over, high = 2.0 * high;
+        if (over > 0.0) low = high, under = over;
     }
     if (over > 0.0) return INF;
     int side = 0;
@@ -209,27 +247,43 @@ inline double common_share(
 struct Drive {
     double utilisation;  // U
     double torque;       // the largest of a wheel, N m; beyond the motors' where these are too weak
+    double torque_used;  // the largest share of a motor's
     double slip;         // the largest; 0 where no K is known
-    double torques;      // their sum, N m
+    double power;        // of the wheels for each metre of ground, J; infinity where it stays
 };
 
 template <class Visit> void visit_members(Drive& d, Visit visit) {
     visit("utilisation", d.utilisation), visit("torque", d.torque);
-    visit("slip", d.slip), visit("torques", d.torques);
+    visit("torque_used", d.torque_used), visit("slip", d.slip), visit("power", d.power);
+}
+
+// The share that a size takes of a limit.
+INLINE double share_of(double size, double limit) {
+    if (size <= 0.0) return 0.0;
+    return limit > 0.0 ? size / limit : INF;
+}
+
+INLINE void add_torque(Drive& drive, const LoadedWheel& f, double torque) {
+    drive.torque = max(drive.torque, abs(torque));
+    drive.torque_used = max(drive.torque_used, share_of(abs(torque), f.wheel.max_torque));
+    drive.slip = max(drive.slip, f.load > 0.0 ? f.slip : 0.0);
+    // a wheel that brakes gives nothing back
+    if (torque > 0.0)
+        drive.power += f.slip < 1.0 ? torque / (f.wheel.radius * (1.0 - f.slip)) : INF;
 }
 
 // To be held back each driven wheel takes its part by load.
-inline Drive brake(LoadedWheels wheels, double total, const Wheel& wheel) {
-    Drive drive{0.0, 0.0, 0.0, 0.0};
+inline Drive brake(LoadedWheels wheels, double total) {
+    Drive drive{};
     double borne = 0.0;
+    sink_wheels(wheels);
     for (const LoadedWheel& f : wheels)
         if (f.driven) borne += f.load;
     for (const LoadedWheel& f : wheels) {
         if (!(f.driven && borne > 0.0)) continue;
-        Demand need = demand(f.load, f.contact, f.soil, total * f.load / borne, wheel);
+        Demand need = hold(f.load, f.contact, f.soil, total * f.load / borne);
         drive.utilisation = max(drive.utilisation, need.utilisation);
-        drive.torque = max(drive.torque, abs(need.torque));
-        drive.torques += need.torque;
+        add_torque(drive, f, need.torque);
     }
     if (!(borne > 0.0)) drive.utilisation = INF;
     return drive;
@@ -238,30 +292,30 @@ inline Drive brake(LoadedWheels wheels, double total, const Wheel& wheel) {
 // What it asks of a vehicle's wheels to push with `pull`, and what the towed ones resist.
 // The driven wheels share it so that each uses the same share U of its soil's strength; a wheel at
 // its motor's limit leaves the rest to the others. Below what the wheels resist by themselves they
-// are held back.
-inline Drive drive_wheels(LoadedWheels wheels, double pull, const Wheel& wheel) {
+// are held back. Afterwards the wheels stand as they do then.
+inline Drive drive_wheels(LoadedWheels wheels, double pull, double max_slip) {
+    sink_wheels(wheels);
     double total = pull + resistances(wheels);
-    if (total < pulls(wheels, 0.0, wheel, INF).force) return brake(wheels, total, wheel);
-    double limit = INF;
-    Drive drive{common_share(wheels, total, wheel, limit), 0.0, 0.0, 0.0};
+    if (total < pulls(wheels, 0.0, false).force) return brake(wheels, total);
+    bool motors = false;
+    double share = common_share(wheels, total, max_slip, motors);
     for (bool helped = false;; helped = true) {
-        double share = drive.utilisation, acting = min(share, 1.0);
-        drive.torque = drive.slip = drive.torques = 0.0;
+        double acting = min(share, 1.0);
+        Drive drive{share};
+        pulls(wheels, share, motors);
         for (const LoadedWheel& f : wheels) {
             if (!f.driven) continue;
-            double torque = traction(f.load, f.contact, f.soil, acting, wheel, limit).torque;
-            drive.torque = max(drive.torque, torque);
-            drive.torques += torque;
-            if (!(f.load > 0.0)) continue;
-            double slip = slip_for(f.contact, wheel.radius, f.soil.shear_modulus, share);
-            drive.slip = max(drive.slip, slip);
+            double most = motors ? f.wheel.max_torque : INF;
+            add_torque(drive, f, traction(f.load, f.contact, f.soil, acting, most).torque);
         }
-        if (drive.torque <= wheel.max_torque || helped || share >= 1.0) break;
-        double more = common_share(wheels, total, wheel, wheel.max_torque);
-        if (more >= 1.0) break;
-        drive.utilisation = more, limit = wheel.max_torque;
+        if (drive.torque_used <= 1.0 || helped || share >= 1.0) return drive;
+        double more = common_share(wheels, total, max_slip, true);
+        if (more >= 1.0) {
+            pulls(wheels, share, motors);
+            return drive;
+        }
+        share = more, motors = true;
     }
-    return drive;
 }
 
 constexpr double DEGREE = PI / 180.0;
@@ -271,33 +325,39 @@ struct Reserve {
     Reason limit;
 };
 
-// What its wheels can push beyond what a slope asks for, and what limits them.
+// What its wheels can push beyond what a slope asks for, and what limits them: at the slip up to
+// the largest at which they push most.
 inline Reserve climb_reserve(
-    LoadedWheels wheels, const Layout& layout, double weight, double angle, double slip,
-    const Wheel& wheel
+    LoadedWheels wheels, const Layout& layout, double weight, double angle, double max_slip
 ) {
     Gravity g = gravity(tan(angle), 0.0);
     if (load_wheels(wheels, layout, weight, g)) return {-INF, Reason::TIP_OVER};
-    if (sink_wheels(wheels, wheel).deepest >= wheel.radius) return {-INF, Reason::SINKAGE};
-    double share = least_mobilised(wheels, wheel, slip);
-    Pull pushed = pulls(wheels, share, wheel, wheel.max_torque);
-    return {
-        pushed.force - resistances(wheels) + weight * g.forward,
-        pushed.motor      ? Reason::TORQUE
-            : share < 1.0 ? Reason::SLIP
-                          : Reason::TRACTION
-    };
+    sink_wheels(wheels);
+    Reserve best{-INF, Reason::SINKAGE};
+    if (deepest_share(wheels) >= 1.0) return best;
+    double towing = resistances(wheels), last = -1.0;
+    for (int n = 1; n <= NODES; ++n) {
+        double share = least_mobilised(wheels, max_slip * n / NODES);
+        if (share == last) break;
+        last = share;
+        Pull pushed = pulls(wheels, share, true);
+        double force = pushed.force - towing + weight * g.forward;
+        if (deepest_share(wheels) >= 1.0 || force <= best.force) continue;
+        bool more = share < 1.0 && n == NODES;
+        best = {force, pushed.motor ? Reason::TORQUE : more ? Reason::SLIP : Reason::TRACTION};
+    }
+    return best;
 }
 
 // What holds its wheels beyond what pulls them down a slope, and what limits them.
 inline Reserve cross_reserve(
-    LoadedWheels wheels, const Layout& layout, double weight, double angle, const Wheel& wheel
+    LoadedWheels wheels, const Layout& layout, double weight, double angle
 ) {
     Gravity g = gravity(0.0, tan(angle));
     load_wheels(wheels, layout, weight, g);
-    Sinkage sunk = sink_wheels(wheels, wheel);
-    if (sunk.deepest >= wheel.radius) return {-INF, Reason::SINKAGE};
-    return {sunk.held + weight * g.left, Reason::SIDE_SLIP};
+    sink_wheels(wheels);
+    if (deepest_share(wheels) >= 1.0) return {-INF, Reason::SINKAGE};
+    return {held(wheels) + weight * g.left, Reason::SIDE_SLIP};
 }
 
 struct Slope {
@@ -340,13 +400,12 @@ template <class ReserveAt> Slope steepest_slope(ReserveAt reserve_at) {
 // The largest slope, and what limits it, on one soil. `slip` is the largest when climbing; across
 // nothing turns.
 inline Slope steepest(
-    bool across, const Layout& layout, double weight, const Soils& soil, double slip,
-    const Wheel& wheel
+    bool across, const Layout& layout, double weight, const Soils& soil, double slip
 ) {
     auto wheels = wheels_on(layout, soil[0]);
     return steepest_slope([&](double angle) {
-        return across ? cross_reserve(wheels, layout, weight, angle, wheel)
-                      : climb_reserve(wheels, layout, weight, angle, slip, wheel);
+        return across ? cross_reserve(wheels, layout, weight, angle)
+                      : climb_reserve(wheels, layout, weight, angle, slip);
     });
 }
 

@@ -42,24 +42,21 @@ class Search:
 SPECS: dict[str, list[dict[str, Any]]]
 
 def contacts(
-    load: NDArray[np.float64], sinkage: NDArray[np.float64], wheel: Any
+    load: NDArray[np.float64], sinkage: NDArray[np.float64], slip: NDArray[np.float64], wheel: Any
 ) -> NDArray[np.float64]:
     """
-    Sinkage, half angle, effective area.
+    Sinkage, entry angle, effective area, shear length and area.
 
-    Shapes: load[n], sinkage[n].
+    Shapes: load[n], sinkage[n], slip[n].
     """
 
 def mobilisations(
-    half: NDArray[np.float64],
-    shear_modulus: NDArray[np.float64],
-    slip: NDArray[np.float64],
-    radius: float,
+    length: NDArray[np.float64], shear_modulus: NDArray[np.float64], slip: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """
-    Shear displacement, share of strength mobilised.
+    Share of strength mobilised.
 
-    Shapes: half[n], shear_modulus[n], slip[n].
+    Shapes: length[n], shear_modulus[n], slip[n].
     """
 
 def tractions(
@@ -106,38 +103,41 @@ def grips(load: NDArray[np.float64], soils: Any, wheel: Any) -> NDArray[np.float
     """
 
 def measured_forces(
-    normal: NDArray[np.float64], shear: NDArray[np.float64], half: NDArray[np.float64], wheel: Any
+    normal: NDArray[np.float64], shear: NDArray[np.float64], entry: NDArray[np.float64], wheel: Any
 ) -> NDArray[np.float64]:
     """
     Load, torque and drawbar pull.
 
-    Shapes: normal[n], shear[n], half[n].
+    Shapes: normal[n], shear[n], entry[n].
     """
 
 def measured_stresses(
-    load: NDArray[np.float64], torque: NDArray[np.float64], half: NDArray[np.float64], wheel: Any
+    load: NDArray[np.float64], torque: NDArray[np.float64], entry: NDArray[np.float64], wheel: Any
 ) -> NDArray[np.float64]:
     """
     Normal and shear stress.
 
-    Shapes: load[n], torque[n], half[n].
+    Shapes: load[n], torque[n], entry[n].
     """
 
 def wheel_loads(layout: Any, weight: float, pitch: float, roll: float) -> NDArray[np.float64]:
     """Loads of a vehicle's wheels on a slope."""
 
 def drive(
-    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, wheel: Any
+    layout: Any,
+    load: NDArray[np.float64],
+    soil: Any,
+    pull: float,
+    slip: float,
+    sinkage: NDArray[np.float64],
 ) -> dict[str, Any]:
     """
     What it asks of a vehicle's wheels to push.
 
-    Shapes: load[w].
+    Shapes: load[w], sinkage[w].
     """
 
-def steepest(
-    across: bool, layout: Any, weight: float, soil: Any, slip: float, wheel: Any
-) -> dict[str, Any]:
+def steepest(across: bool, layout: Any, weight: float, soil: Any, slip: float) -> dict[str, Any]:
     """The largest slope on a soil, and the reason that limits it."""
 
 def judge(

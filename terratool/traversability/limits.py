@@ -13,8 +13,29 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.traversability.results import Reason, Verdict
-from terratool.traversability.vehicle import Soil, Vehicle
-from terratool.traversability.wheel import contact, one_soil
+from terratool.traversability.vehicle import Soil, Vehicle, Wheel
+from terratool.traversability.wheel import one_soil
+
+
+class WheelArrays(NamedTuple):
+    """Wheels, member by member, (n,) each, and whether they slip."""
+
+    radius: NDArray[np.float64]
+    width: NDArray[np.float64]
+    shear_length: NDArray[np.float64]
+    patch_pressure: NDArray[np.float64]
+    exit_ratio: NDArray[np.float64]
+    max_torque: NDArray[np.float64]
+    slips: bool
+
+    @classmethod
+    def of(cls, wheels: Sequence[Wheel]) -> WheelArrays:
+        """From wheels, one by one."""
+        rows = [
+            (w.radius, w.width, w.shear_length, w.patch_pressure, w.exit_ratio, w.max_torque)
+            for w in wheels
+        ]
+        return cls(*np.array(rows, np.float64).T.copy(), wheels[0].slips)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +50,7 @@ class WheelLayout:
             forward and to the left.
         edges: (m, 3) of the polygon of the supports: direction outwards, forward and to the left,
             and the angle (rad) at which the vehicle tips over it.
+        wheels: their sizes, and what their motors give.
     """
 
     x: NDArray[np.float64]
@@ -36,6 +58,7 @@ class WheelLayout:
     driven: NDArray[np.bool_]
     shares: NDArray[np.float64]
     edges: NDArray[np.float64]
+    wheels: WheelArrays
 
 
 def wheel_layout(vehicle: Vehicle) -> WheelLayout:
@@ -53,7 +76,7 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
     Raises:
         RequestError: it has no wheels.
     """
-    x, y, driven = [], [], []
+    x, y, driven, wheels = [], [], [], []
     for axle in vehicle.axles:
         side = axle.wheels // 2
         x += [axle.x] * axle.wheels
@@ -63,6 +86,7 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
             + [-0.5 * vehicle.track_width] * side
         )
         driven += [axle.driven] * axle.wheels
+        wheels += [vehicle.wheel_of(axle)] * axle.wheels
     if not x:
         raise RequestError("The vehicle has no wheels.", "Give it an axle with a wheel or more.")
     xs, ys = np.array(x, np.float64), np.array(y, np.float64)
@@ -77,7 +101,9 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
         shares[:, 1] = lever * vehicle.cog_height
     if sides > 0.0:
         shares[:, 2] = ys / sides * vehicle.cog_height
-    return WheelLayout(xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height))
+    return WheelLayout(
+        xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height), WheelArrays.of(wheels)
+    )
 
 
 def wheel_loads(vehicle: Vehicle, pitch: float = 0.0, roll: float = 0.0) -> NDArray[np.float64]:
@@ -234,9 +260,9 @@ def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> Steepe
     """The largest slope that it climbs straight up: the root of Σ DP − Σ R = m g sin α.
 
     Loads are those of the slope. Each driven wheel pushes with the same share of the soil's
-    strength: all of it where K is not known, else what `max_slip` mobilises in the one that
-    mobilises least; with its motor's limit where that is less. Each towed wheel resists.
-    A wheel that lifts ends the search, and so does one that sinks in to its axle. Margins are not
+    strength: all of it where K is not known, else what a slip mobilises in the one that mobilises
+    least, the best of some slips up to `max_slip`; with its motor's limit where that is less. Each
+    towed wheel resists. A wheel that lifts ends the search, and so does one that sinks in to its axle. Margins are not
     taken off. `max_slip` is that of the wheel if None.
     """
     return _steepest(vehicle, soil, False, vehicle.wheel.max_slip if max_slip is None else max_slip)
@@ -245,15 +271,15 @@ def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> Steepe
 def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
     """The largest slope across which it does not slip: Σ (c b l + W tan φ) = m g sin β.
 
-    l = r sin θ1, from the loads on the slope; with equal loads that is N c b l + m g cos β tan φ =
-    m g sin β. Derived; wheels hold as they do along.
+    l is the shear length (r sin θ1 in the model `paper`), from the loads on the slope; with equal
+    loads that is N c b l + m g cos β tan φ = m g sin β. Derived; wheels hold as they do along.
     """
     return _steepest(vehicle, soil, True, 1.0)
 
 
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
     found = kernels.steepest(
-        across, wheel_layout(vehicle), vehicle.weight, one_soil(soil), slip, vehicle.wheel
+        across, wheel_layout(vehicle), vehicle.weight, one_soil(soil), slip
     )
     angle = found["angle"]
     return SteepestSlope(max(angle, 0.0), angle >= 0.0, Reason(found["reason"]))
@@ -309,33 +335,41 @@ class LevelDemand(NamedTuple):
 
     Attributes:
         torque: N m.
+        torque_used: share of what its motor gives.
         utilisation: of the soil's strength.
         slip: 0 where it is not known.
         sinkage: m.
+        depth: share of its radius that a wheel sinks in.
     """
 
     torque: float
+    torque_used: float
     utilisation: float
     slip: float
     sinkage: float
+    depth: float
 
 
 def level_demand(vehicle: Vehicle, soil: Soil) -> LevelDemand:
     """What the wheels need to roll on the level."""
-    wheel, loads = vehicle.wheel, wheel_loads(vehicle)
-    need = kernels.drive(wheel_layout(vehicle), loads, one_soil(soil), 0.0, wheel)
-    sinkage = float(np.max(contact(loads, soil, wheel).sinkage))
-    return LevelDemand(need["torque"], need["utilisation"], need["slip"], sinkage)
+    layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
+    sinkage = np.empty_like(loads)
+    need = kernels.drive(layout, loads, one_soil(soil), 0.0, slip_limit(vehicle), sinkage)
+    depth = float(np.max(sinkage / layout.wheels.radius))
+    return LevelDemand(
+        need["torque"], need["torque_used"], need["utilisation"], need["slip"],
+        float(sinkage.max()), depth,
+    )  # fmt: skip
 
 
 def judge_level(vehicle: Vehicle, need: LevelDemand) -> Judgement:
     """The verdict on level ground: of the wheels, and of the body over wheels that have sunk in."""
-    wheel, limits, slip = vehicle.wheel, vehicle.thresholds, slip_limit(vehicle)
+    limits, slip = vehicle.thresholds, slip_limit(vehicle)
     measures = [
         Measure(Reason.TRACTION, need.utilisation, limits.utilisation, True),
         Measure(Reason.SLIP, need.slip / slip, limits.slip / slip, True),
-        Measure(Reason.TORQUE, share_of(abs(need.torque), wheel.max_torque), limits.torque),
-        Measure(Reason.SINKAGE, need.sinkage / wheel.radius, limits.geometry, True),
+        Measure(Reason.TORQUE, need.torque_used, limits.torque),
+        Measure(Reason.SINKAGE, need.depth, limits.geometry, True),
     ]
     if math.isfinite(vehicle.clearance):
         share = share_of(need.sinkage, vehicle.clearance - vehicle.margins.clearance)

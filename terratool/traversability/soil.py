@@ -161,7 +161,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     up, up_limit = _largest(climb(vehicle, soil, slip_limit(vehicle)), backwards, vehicle)
     across, across_limit = _largest(side_slip(vehicle, soil), to_side, vehicle)
     step, step_limit = step_of(vehicle, math.tan(soil.friction))
-    soft = not contact.rigid and load > 0.0
+    soft = bool(contact.area > 0.0) and load > 0.0
     known = soil.shear_modulus > 0.0 and math.isfinite(need.slip)
     return Figures(
         name,

@@ -31,7 +31,7 @@ from terratool.traversability.stance import (
     VehicleFootprint,
     vehicle_footprint,
 )
-from terratool.traversability.vehicle import Vehicle, Wheel
+from terratool.traversability.vehicle import Vehicle
 from terratool.traversability.wheel import SoilArrays
 
 ROUGH = 0.5
@@ -65,7 +65,6 @@ class VehicleParams(NamedTuple):
         layout: of its wheels.
         fit_along, fit_across: (wheels,) how much a metre under each wheel tilts the body, ahead and
             to the left.
-        wheel: each of its wheels.
         weight: N.
         slip: the slip that is no-go.
         slope_margin: rad.
@@ -77,7 +76,6 @@ class VehicleParams(NamedTuple):
     layout: WheelLayout
     fit_along: NDArray[np.float64]
     fit_across: NDArray[np.float64]
-    wheel: Wheel
     weight: float
     slip: float
     slope_margin: float
@@ -101,7 +99,7 @@ def vehicle_params(vehicle: Vehicle) -> VehicleParams:
         layout=replace(wheels, edges=tip_edges(vehicle, wheels)),
         fit_along=ahead / lengths if lengths > 0.0 else np.zeros_like(ahead),
         fit_across=wheels.y / widths if widths > 0.0 else np.zeros_like(ahead),
-        wheel=wheel, weight=vehicle.weight, slip=slip, slope_margin=margins.slope,
+        weight=vehicle.weight, slip=slip, slope_margin=margins.slope,
         clearance=vehicle.clearance - margins.clearance,
         front=vehicle.front.height - margins.clearance,
         rear=vehicle.rear.height - margins.clearance,

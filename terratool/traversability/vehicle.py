@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,21 +41,49 @@ class Soil:
         return cls(cohesion * 1e3, friction * (math.pi / 180.0), sinkage * 1e-3, shear_modulus)
 
 
+FLAT = 0.4
+"""The least shear length of a wheel, in radii: a rim that gives by 2 % of its radius is as flat."""
+EXIT_RATIO = 0.45
+"""−θ2/θ1 where nothing is said: the middle of what fits of measured stresses gave, 0.4 to 0.5."""
+
+
 @dataclass(frozen=True, slots=True)
 class Wheel:
-    """A rigid wheel.
+    """A wheel: a rigid rim, with or without lugs, or a tyre.
 
     Attributes:
-        radius: r, m.
+        radius: r, m, without lugs.
         width: b, m.
         max_torque: that its motor gives, N m; infinity where it is not limited.
         max_slip: beyond which it is not to be driven, above 0 and up to 1.
+        grouser_height: of its lugs, m; 0 for a smooth rim.
+        contact_length: of the flat patch on which it stands on hard ground, at least, m; 0 where
+            it is not known.
+        patch_pressure: mean pressure on hard ground, Pa: that in a tyre and what its carcass adds;
+            infinity for a rigid rim, or where it is not known.
+        exit_ratio: a: it leaves the soil at θ2 = −a θ1, from 0 to below 1.
+        slips: whether slip counts: the model `slip`, else `paper`.
     """
 
     radius: float
     width: float
     max_torque: float = math.inf
     max_slip: float = 1.0
+    grouser_height: float = 0.0
+    contact_length: float = 0.0
+    patch_pressure: float = math.inf
+    exit_ratio: float = EXIT_RATIO
+    slips: bool = True
+
+    @property
+    def shear_length(self) -> float:
+        """The length along which it shears the ground under no load, m.
+
+        The largest of the patch, of the chord that the tips of lugs reach through level ground
+        under the rim, 2 √((r + h)² − r²), and of 0.4 r.
+        """
+        chord = 2.0 * math.sqrt(self.grouser_height * (2.0 * self.radius + self.grouser_height))
+        return max(self.contact_length, chord, FLAT * self.radius)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +94,13 @@ class Axle:
         x: m ahead of the centre of gravity.
         wheels: their number.
         driven: whether they are.
+        wheel: each of its wheels; that of the vehicle if None.
     """
 
     x: float
     wheels: int = 2
     driven: bool = True
+    wheel: Wheel | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +158,7 @@ class Vehicle:
     """A vehicle, or a wheel by itself, with the loads that it bears.
 
     Attributes:
-        wheel: each of its wheels.
+        wheel: each of its wheels but for those of axles that have others.
         axles: from the front to the rear.
         mass: kg.
         gravity: m/s².
@@ -164,6 +194,18 @@ class Vehicle:
     def single(cls, wheel: Wheel, load: float) -> Vehicle:
         """A driven wheel by itself that bears `load` newtons."""
         return cls(wheel, (Axle(0.0, 1),), load, 1.0)
+
+    def wheel_of(self, axle: Axle) -> Wheel:
+        """The wheels of an axle."""
+        return axle.wheel or self.wheel
+
+    def by_model(self, slips: bool) -> Vehicle:
+        """The same vehicle, computed with the model `slip`, or `paper`."""
+        axles = (
+            replace(axle, wheel=replace(axle.wheel, slips=slips)) if axle.wheel else axle
+            for axle in self.axles
+        )
+        return replace(self, wheel=replace(self.wheel, slips=slips), axles=tuple(axles))
 
     @property
     def is_single(self) -> bool:

@@ -1,4 +1,4 @@
-"""A rigid wheel on soil: contact, stresses, traction, and what it needs to push.
+"""A wheel on soil: contact, stresses, traction, and what it needs to push.
 
 All functions take numbers, or arrays that broadcast together.
 """
@@ -22,8 +22,6 @@ STEEP_FRICTION = math.radians(50.0)
 """Friction angles above it are unusual."""
 DEEP = 0.15
 """z/D up to which the model is accurate."""
-SHORT = 0.4
-"""If no slip mobilises more than this share, the law of slip is stretched too far."""
 
 Numbers = NDArray[np.float64] | np.float64
 """An array, or a NumPy number where all that went in were numbers."""
@@ -79,27 +77,24 @@ class Contact:
     """Where a wheel touches the soil, in the shape that loads and soils broadcast to.
 
     Attributes:
-        sinkage: z = k·W, m.
-        half_angle: h, rad: the wheel enters the soil at θ1 = 2h from the downward vertical.
+        sinkage: z, m.
+        entry_angle: θ1, rad, from the downward vertical at which the wheel enters the soil.
         effective_area: Q, m².
-        length: l = r sin θ1, of the ground that it touches, m.
-        area: l·b, m²; 0 where `rigid`, where there is none.
-        pressure: mean, W/area, Pa; 0 where `rigid`, where there is none.
-        rigid: whether the ground is rigid: k = 0, or z below 1e-6 m.
+        length: r sin θ1, of the ground that it touches ahead of its axle, m.
+        area: length times b, m²; 0 where there is none.
+        pressure: mean, W/area, Pa; 0 where there is no area.
+        shear_length: l, along which the ground is sheared, m.
+        shear_area: on which cohesion acts, m².
     """
 
     sinkage: Numbers
-    half_angle: Numbers
+    entry_angle: Numbers
     effective_area: Numbers
     length: Numbers
     area: Numbers
     pressure: Numbers
-    rigid: NDArray[np.bool_] | np.bool_
-
-    @property
-    def entry_angle(self) -> Numbers:
-        """θ1, rad."""
-        return 2.0 * self.half_angle
+    shear_length: Numbers
+    shear_area: Numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +109,7 @@ class Traction:
         resistance: backward part of the normal stress, N.
         drawbar: DP, thrust less resistance, N.
         torque: N m.
+        sinkage: as it slips, m.
         motor: whether the motor limits it, not the soil.
     """
 
@@ -124,6 +120,7 @@ class Traction:
     resistance: Numbers
     drawbar: Numbers
     torque: Numbers
+    sinkage: Numbers
     motor: NDArray[np.bool_] | np.bool_
 
 
@@ -158,51 +155,51 @@ TRACTION, DEMAND = (
 kernels.check_records(TRACTION, DEMAND)
 
 
-def contact(load: Any, soil: Soil, wheel: Wheel) -> Contact:
-    """Sinkage and contact: z = k·W, sin h = √(z/D), Q = 8 r b sin²(h/2)/θ1.
+def contact(load: Any, soil: Soil, wheel: Wheel, slip: Any = 0.0) -> Contact:
+    """Sinkage and contact: cos θ1 = 1 − z/r, Q = 2 r b (1 − cos w)/w with w = (θ1 − θ2)/2.
 
-    From the geometry of Iagnemma, Shibly and Dubowsky 2002. Where z is beyond r it is given as it
-    is, but the angle not beyond π/4.
+    z = k W (1 + s)/(1 − s/2) (Lyasko, "Slip sinkage effect in soil–vehicle mechanics", 2010); in
+    the model `paper` z = k W. Where z is beyond r it is given as it is, but the angle not beyond
+    π/2. l = `Wheel.shear_length`, or W/(b p) of a tyre if that is more; cohesion acts on l b. In
+    the model `paper` it acts on Q.
     """
-    shape, (weights, rate) = flat(load, soil.sinkage)
-    sinkage, half, effective = kernels.contacts(weights, rate, wheel).T
-    length = wheel.radius * np.sin(2.0 * half)
+    shape, (weights, rate, slips) = flat(load, soil.sinkage, slip)
+    sinkage, entry, effective, shear, sheared = kernels.contacts(weights, rate, slips, wheel).T
+    length = wheel.radius * np.sin(entry)
     area = length * wheel.width
-    rigid = half == 0.0
-    pressure = np.divide(weights, area, out=np.zeros_like(area), where=~rigid)
+    pressure = np.divide(weights, area, out=np.zeros_like(area), where=area > 0.0)
     return Contact(
         sinkage=shaped(sinkage, shape),
-        half_angle=shaped(half, shape),
+        entry_angle=shaped(entry, shape),
         effective_area=shaped(effective, shape),
         length=shaped(length, shape),
         area=shaped(area, shape),
         pressure=shaped(pressure, shape),
-        rigid=rigid.reshape(shape)[()],
+        shear_length=shaped(shear, shape),
+        shear_area=shaped(sheared, shape),
     )
 
 
-def mobilised(
-    half_angle: Any, shear_modulus: Any, slip: Any, radius: float
-) -> tuple[Numbers, Numbers]:
-    """Shear displacement j and share A of the strength that it mobilises.
+def mobilised(shear_length: Any, shear_modulus: Any, slip: Any) -> Numbers:
+    """Share A of the strength that a slip mobilises: A = 1 − (1 − exp(−x))/x, x = s l/K.
 
-    j = r [h − (1 − s)(sin θ1 − sin h)] at the peak; A = 1 − exp(−j/K) (Janosi and Hanamoto, "The
-    analytical determination of drawbar pull as a function of slip", 1961); A = 1 where K is 0,
-    not known, and on rigid ground.
+    The law of Janosi and Hanamoto, "The analytical determination of drawbar pull as a function of
+    slip", 1961, over a flat patch as in Wong, Theory of Ground Vehicles. A = 1 where K is 0, not
+    known.
     """
-    shape, (half, modulus, slips) = flat(half_angle, shear_modulus, slip)
-    displacement, share = kernels.mobilisations(half, modulus, slips, radius).T
-    return shaped(displacement, shape), shaped(share, shape)
+    shape, (length, modulus, slips) = flat(shear_length, shear_modulus, slip)
+    return shaped(kernels.mobilisations(length, modulus, slips), shape)
 
 
 def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Traction:
     """What a driven wheel can do at a slip, its `max_slip` if none is given.
 
-    τm = A (c + σm tan φ), σm = (W/Q − A c sin h)/(cos h + A tan φ sin h), T = ½ r² b θ1 τm and
-    DP = Q (τm cos h − σm sin h), by Iagnemma, Shibly and Dubowsky 2002. A motor that is too weak
-    for T gives τm = 2 Tmax/(r² b θ1) and σm = (W/Q − τm sin h)/cos h. On rigid ground the thrust is
-    W tan φ and T = r W tan φ. σm is never below 0: where cohesion alone would bear the wheel, only
-    as much of it acts as bears the load.
+    The stresses act at θm = (θ1 + θ2)/2: across the rim N = (W − A C sin θm)/(cos θm + A tan φ
+    sin θm) with C = c b l, along it S = A (C + N tan φ); DP = S cos θm − N sin θm, and T = S r
+    w²/(2 (1 − cos w)). σm = N/Q and τm = S/Q. With θ2 = 0, A = 1 and C = c Q (the model `paper`)
+    those are the formulas of Iagnemma, Shibly and Dubowsky 2002. A motor that is too weak for T
+    gives S from its torque. N is never below 0: where cohesion alone would bear the wheel, only as
+    much of it acts as bears the load.
 
     Returns:
         The wheel at its limit; nothing in it is NaN.
@@ -216,13 +213,16 @@ def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Tr
 
 
 def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """What a wheel without torque resists, R = W tan h, N: DP at τm = 0."""
+    """What a wheel without torque resists, R = W tan θm, N: DP at τm = 0."""
     shape, (weights, rate) = flat(load, soil.sinkage)
     return shaped(kernels.towing(weights, rate, wheel), shape)
 
 
 def lateral_grip(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """What holds a wheel against a push from the side, c b l + W tan φ with l = r sin θ1, N."""
+    """What holds a wheel against a push from the side, c b l + W tan φ, N.
+
+    l is the shear length, or r sin θ1 in the model `paper`.
+    """
     shape, soils, (weights,) = flat_soils(replace(soil, shear_modulus=0.0), load)
     return shaped(kernels.grips(weights, soils, wheel), shape)
 
@@ -232,10 +232,10 @@ def forces_from(
 ) -> tuple[Numbers, Numbers, Numbers]:
     """W, T and DP from peak stresses and θ1, above 0 (Iagnemma, Shibly and Dubowsky 2002).
 
-    W = Q (σm cos h + τm sin h), T = ½ r² b θ1 τm, DP = Q (τm cos h − σm sin h).
+    W = Q (σm cos θm + τm sin θm), DP = Q (τm cos θm − σm sin θm), T = ½ r² b (θ1 − θ2) τm.
     """
     shape, (normal, shear, entry) = flat(normal_stress, shear_stress, entry_angle)
-    load, torque, drawbar = kernels.measured_forces(normal, shear, 0.5 * entry, wheel).T
+    load, torque, drawbar = kernels.measured_forces(normal, shear, entry, wheel).T
     return shaped(load, shape), shaped(torque, shape), shaped(drawbar, shape)
 
 
@@ -244,10 +244,10 @@ def stresses_from(
 ) -> tuple[Numbers, Numbers]:
     """σm and τm from what is measured on a wheel, W, T and θ1, above 0: `forces_from` inverted.
 
-    τm = 2 T/(r² b θ1), σm = (W/Q − τm sin h)/cos h.
+    τm = 2 T/(r² b (θ1 − θ2)), σm = (W/Q − τm sin θm)/cos θm.
     """
     shape, (weights, torques, entry) = flat(load, torque, entry_angle)
-    normal, shear = kernels.measured_stresses(weights, torques, 0.5 * entry, wheel).T
+    normal, shear = kernels.measured_stresses(weights, torques, entry, wheel).T
     return shaped(normal, shape), shaped(shear, shape)
 
 
@@ -321,30 +321,23 @@ def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
         found.append(
             f"The wheel sinks in {depth:.2g} of its diameter; the model is accurate up to {DEEP}."
         )
-    most = float(mobilised(here.half_angle, soil.shear_modulus, 1.0, wheel.radius)[1])
-    if most < SHORT:
-        found.append(
-            "The wheel touches so little of this hard ground that even at slip 1 only "
-            f"{100.0 * most:.0f} % of its strength acts; with sinkage 0 it counts as rigid, and "
-            "all of it does."
-        )
     return tuple(found)
 
 
 def demand(load: Any, soil: Soil, wheel: Wheel, pull: Any = 0.0) -> Demand:
     """What a wheel under a load needs to push with a force along its heading.
 
-    τ = (F cos h + W sin h)/Q and σ = (W cos h − F sin h)/Q from the equilibrium of the wheel,
-    T = r (F cos h + W sin h)(h/2)²/sin²(h/2), U = τ/(c + σ tan φ), and the slip s at which
-    Janosi and Hanamoto's law mobilises U. On rigid ground (k = 0 or z below 1e-6 m) T = r F,
-    U = F/(W tan φ) and no slip. Derived from the model of Iagnemma, Shibly and Dubowsky 2002.
+    The least share U of the soil's strength with which DP = F, sunk in as at the slip that
+    mobilises U, and s = x K/l of that slip. A wheel that is held back (F below DP at U = 0) does
+    not slip: S = F cos θm + W sin θm and N = W cos θm − F sin θm from the equilibrium of the wheel,
+    U = |S|/(C + N tan φ).
 
     The motor does not count here: compare `torque` with `wheel.max_torque`.
 
     Args:
         load: W, N, 0 or more.
         soil: numbers or arrays.
-        wheel: radius and width.
+        wheel: its sizes.
         pull: F, N: 0 on the level; m g sin α/N on a slope; more with wheels to tow.
 
     Returns:
