@@ -289,7 +289,7 @@ inline std::vector<double> grips(In load, const Soils& soils, const Wheel& wheel
 // Load, torque and drawbar pull of measured stresses, where a wheel enters the soil at `entry`.
 inline Rows<double, 3> measured_forces(In normal, In shear, In entry, const Wheel& wheel) {
     return each(entry.size(), [&](std::size_t n) {
-        Contact at = contact_at(entry[n], wheel.exit_ratio, wheel, 0.0);
+        Contact at = contact_at(entry[n], wheel.slips ? wheel.exit_ratio : 0.0, wheel, 0.0);
         RimForces rim{normal[n] * at.area, shear[n] * at.area};
         return std::array{
             rim.across * at.cosine + rim.along * at.sine, rim.along * at.arm,
@@ -301,7 +301,7 @@ inline Rows<double, 3> measured_forces(In normal, In shear, In entry, const Whee
 // Normal and shear stress of measured loads and torques.
 inline Rows<double, 2> measured_stresses(In load, In torque, In entry, const Wheel& wheel) {
     return each(entry.size(), [&](std::size_t n) {
-        Contact at = contact_at(entry[n], wheel.exit_ratio, wheel, 0.0);
+        Contact at = contact_at(entry[n], wheel.slips ? wheel.exit_ratio : 0.0, wheel, 0.0);
         Stresses found = forces_under(load[n], torque[n], at).stresses(at);
         return std::array{found.normal, found.shear};
     });

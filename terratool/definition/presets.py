@@ -1,21 +1,27 @@
-"""Soils by name, for surfaces that say `"preset": "dry-sand"`.
+"""Soils and hard ground by name, for surfaces that say `"preset": "dry-sand"`.
 
-The figures are those of table 2.3 in J. Y. Wong, Theory of Ground Vehicles, 4th ed., Wiley 2008,
-but for the last, a simulant of Martian soil of the German Aerospace Center (DLR). How far a wheel
-sinks into them depends on the wheel and its load (Bekker 1969;
-`terratool.traversability.soil`).
+The figures of soils are those of table 2.3 in J. Y. Wong, Theory of Ground Vehicles, 4th ed., Wiley
+2008. Their shear moduli K come from elsewhere, as the table has none; where none was found of a
+soil itself, it is that of its kind. How far a wheel sinks into a soil depends on the wheel and its
+load (Bekker 1969; `terratool.traversability.soil`). On hard ground only friction counts.
 """
 
 from __future__ import annotations
+
+import math
 
 from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition.model import Surface
 
-SHEAR_MODULUS = 0.025
-"""K of all presets, m: an assumption; most soils have 0.02 to 0.03."""
 WONG = "Wong, Theory of Ground Vehicles, 4th ed., 2008"
-DLR = "German Aerospace Center (DLR)"
+IAGNEMMA = (
+    "Iagnemma, Kang, Shibly and Dubowsky, Online terrain parameter estimation for wheeled mobile "
+    "robots, IEEE Transactions on Robotics 20(5), 2004"
+)
+SOURCEBOOK = "Heiken, Vaniman and French, Lunar Sourcebook, 1991, chapter 9"
+CHRONO = "Project Chrono, SynSCMTerrainAgent.h, InitializeParametersAsHard"
+NOON = "Noon, Engineering Analysis of Vehicular Accidents, 1994"
 
 
 class Preset(Struct, frozen=True):
@@ -25,10 +31,12 @@ class Preset(Struct, frozen=True):
         descr: what it is.
         exponent: n.
         cohesive: kc, kN/m^(n+1).
-        frictional: kφ, kN/m^(n+2).
+        frictional: kφ, kN/m^(n+2); infinity for hard ground.
         cohesion: c, kPa.
         fric_angle: φ, degrees.
-        source: of the figures.
+        shear_modulus: K, m; 0 where it is not known, as on hard ground.
+        shear_source: of K; where it is another kind of soil that was measured, this is said.
+        source: of the other figures.
     """
 
     descr: str
@@ -37,25 +45,65 @@ class Preset(Struct, frozen=True):
     frictional: float
     cohesion: float
     fric_angle: float
+    shear_modulus: float = 0.0
+    shear_source: str = ""
     source: str = WONG
 
+    @property
+    def is_hard(self) -> bool:
+        """Whether nothing sinks in."""
+        return math.isinf(self.frictional)
+
+
+def _hard(descr: str, friction: float, source: str = f"{WONG}, table 1.3") -> Preset:
+    """Ground on which tyres slide with a coefficient of friction."""
+    angle = round(math.degrees(math.atan(friction)), 1)
+    return Preset(descr, 1.0, 0.0, math.inf, 0.0, angle, source=source)
+
+
+_LOAM = f"{IAGNEMMA}: sandy loam"
+_CLAY = f"{IAGNEMMA}: clayey soil"
+_DENSE = f"{WONG}: clay at its greatest density"
+_SNOW = f"{WONG}: fresh snow, 0.025 to 0.05 m"
 
 PRESETS: dict[str, Preset] = {
-    "dry-sand": Preset("dry sand", 1.1, 0.99, 1528.43, 1.04, 28),
-    "sandy-loam-15": Preset("sandy loam, 15 % moisture", 0.7, 5.27, 1515.04, 1.72, 29),
-    "sandy-loam-11": Preset("sandy loam, 11 % moisture", 0.9, 52.53, 1127.97, 4.83, 20),
-    "sandy-loam-23": Preset("sandy loam, 23 % moisture", 0.4, 11.42, 808.96, 9.65, 35),
-    "clayey-soil-38": Preset("clayey soil, 38 % moisture", 0.5, 13.19, 692.15, 4.14, 13),
-    "clayey-soil-55": Preset("clayey soil, 55 % moisture", 0.7, 16.03, 1262.53, 2.07, 10),
-    "heavy-clay-25": Preset("heavy clay, 25 % moisture", 0.13, 12.70, 1555.95, 68.95, 34),
-    "heavy-clay-40": Preset("heavy clay, 40 % moisture", 0.11, 1.84, 103.27, 20.69, 6),
-    "lean-clay-22": Preset("lean clay, 22 % moisture", 0.2, 16.43, 1724.69, 68.95, 20),
-    "lete-sand": Preset("LETE sand", 0.79, 102, 5301, 1.3, 31.1),
-    "upland-sandy-loam": Preset("upland sandy loam, 51 % moisture", 1.10, 74.6, 2080, 3.3, 33.7),
-    "snow-us": Preset("snow (US)", 1.6, 4.37, 196.72, 1.03, 19.7),
-    "snow-sweden": Preset("snow (Sweden)", 1.44, 10.55, 66.08, 6, 20.7),
-    "lunar-nominal": Preset("lunar soil, nominal", 1, 1.4, 820, 0.17, 35),
-    "mars-simulant-dlr": Preset("Martian soil simulant", 0.8, 5.79, 180, 0.3, 17.8, DLR),
+    "dry-sand": Preset("dry sand", 1.1, 0.99, 1528.43, 1.04, 28, 0.025, IAGNEMMA),
+    "sandy-loam-15": Preset(
+        "sandy loam, 15 % moisture", 0.7, 5.27, 1515.04, 1.72, 29, 0.025, IAGNEMMA
+    ),
+    "sandy-loam-11": Preset(
+        "sandy loam, 11 % moisture", 0.9, 52.53, 1127.97, 4.83, 20, 0.025, _LOAM
+    ),
+    "sandy-loam-23": Preset(
+        "sandy loam, 23 % moisture", 0.4, 11.42, 808.96, 9.65, 35, 0.025, _LOAM
+    ),
+    "clayey-soil-38": Preset(
+        "clayey soil, 38 % moisture", 0.5, 13.19, 692.15, 4.14, 13, 0.01, IAGNEMMA
+    ),
+    "clayey-soil-55": Preset(
+        "clayey soil, 55 % moisture", 0.7, 16.03, 1262.53, 2.07, 10, 0.01, _CLAY
+    ),
+    "heavy-clay-25": Preset(
+        "heavy clay, 25 % moisture", 0.13, 12.70, 1555.95, 68.95, 34, 0.006, _DENSE
+    ),
+    "lean-clay-22": Preset(
+        "lean clay, 22 % moisture", 0.2, 16.43, 1724.69, 68.95, 20, 0.006, _DENSE
+    ),
+    "lete-sand": Preset("LETE sand", 0.79, 102, 5301, 1.3, 31.1, 0.012, CHRONO),
+    "upland-sandy-loam": Preset(
+        "upland sandy loam, 51 % moisture", 1.10, 74.6, 2080, 3.3, 33.7, 0.025, _LOAM
+    ),
+    "snow-us": Preset("snow (US)", 1.6, 4.37, 196.72, 1.03, 19.7, 0.04, IAGNEMMA),
+    "snow-sweden": Preset("snow (Sweden)", 1.44, 10.55, 66.08, 6, 20.7, 0.04, _SNOW),
+    "lunar-nominal": Preset("lunar soil, nominal", 1, 1.4, 820, 0.17, 35, 0.018, SOURCEBOOK),
+    "concrete": _hard("dry concrete or asphalt", 0.75),
+    "asphalt-wet": _hard("wet asphalt", 0.45),
+    "gravel": _hard("a gravel road", 0.55),
+    "earth-road": _hard("an earth road, dry", 0.65),
+    "earth-road-wet": _hard("an earth road, wet", 0.4),
+    "grass-wet": _hard("wet grass", 0.2, NOON),
+    "snow-packed": _hard("hard-packed snow", 0.15),
+    "ice": _hard("ice", 0.07),
 }
 
 
@@ -67,14 +115,16 @@ def preset_of(surface: Surface) -> Preset | None:
 def property_of(surface: Surface, attribute: str) -> float | UnsetType:
     """A number of a surface: what it says itself, else what its preset has; `UNSET` for neither.
 
-    The sinkage of a preset is `UNSET`: it depends on the wheel and its load.
+    The sinkage of a soil is `UNSET`: it depends on the wheel and its load. That of hard ground is 0.
     """
     own: float | UnsetType = getattr(surface, attribute)
     preset = preset_of(surface)
     if own is not UNSET or preset is None:
         return own
     known = {
-        "cohesion": preset.cohesion, "fric_angle": preset.fric_angle,
-        "shear_modulus": SHEAR_MODULUS,
-    }  # fmt: skip
+        "cohesion": preset.cohesion,
+        "fric_angle": preset.fric_angle,
+        "shear_modulus": preset.shear_modulus or UNSET,
+        "sinkage": 0.0 if preset.is_hard else UNSET,
+    }
     return known.get(attribute, UNSET)

@@ -35,7 +35,8 @@ class WheelArrays(NamedTuple):
             (w.radius, w.width, w.shear_length, w.patch_pressure, w.exit_ratio, w.max_torque)
             for w in wheels
         ]
-        return cls(*np.array(rows, np.float64).T.copy(), wheels[0].slips)
+        radius, width, length, pressure, ratio, torque = np.array(rows, np.float64).T.copy()
+        return cls(radius, width, length, pressure, ratio, torque, wheels[0].slips)
 
 
 @dataclass(frozen=True, slots=True)

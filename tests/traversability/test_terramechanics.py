@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,8 @@ from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import SoilArrays, demand, one_soil
 from tests.surveys import judged
 
-WHEEL = Wheel(0.2, 0.1)
+WHEEL = Wheel(0.2, 0.1, slips=False)
+SLIPPING = Wheel(0.2, 0.1)
 E1 = Soil.of(1, 30, 0.1)
 E2 = Soil.of(1, 30, 0.1, 0.025)
 E3 = Soil.of(0.5, 25, 0.2)
@@ -36,7 +38,7 @@ def printed(value: Any, text: str) -> bool:
 
 
 def one(torque: float = math.inf, slip: float = 1.0, load: float = 100.0) -> Vehicle:
-    return Vehicle.single(Wheel(0.2, 0.1, torque, slip), load)
+    return Vehicle.single(Wheel(0.2, 0.1, torque, slip, slips=False), load)
 
 
 # The figures of the model, worked out by hand and by integration elsewhere
@@ -47,12 +49,10 @@ def one(torque: float = math.inf, slip: float = 1.0, load: float = 100.0) -> Veh
     [
         (100, E1, 1.0, "0.01 0.3175604 1 0.003168938 29107.23 17805.07 11.30837 55.71340 14.58427 "
                        "41.12913"),
-        (100, E2, 0.3, "0.01 0.3175604 0.3344091 0.003168938 30947.98 6309.572 4.007340 19.74313 "
-                       "15.50658 4.236546"),
         (200, E3, 1.0, "0.04 0.6435011 1 0.006379688 28455.59 13769.06 17.72081 83.33451 57.40728 "
                        "25.92723"),
     ],
-    ids=["E1", "E2", "E3"],
+    ids=["E1", "E3"],
 )  # fmt: skip
 def test_reference_values(load: float, soil: Soil, slip: float, expected: str) -> None:
     """Contact, stresses and forces to every printed digit."""
@@ -67,11 +67,9 @@ def test_reference_values(load: float, soil: Soil, slip: float, expected: str) -
     assert not best.motor
 
 
-def test_reference_values_of_slip_and_contact() -> None:
-    """Displacement, area and pressure."""
+def test_reference_values_of_contact() -> None:
+    """Area and pressure."""
     here = wheel.contact(100, E2, WHEEL)
-    displacement, _ = wheel.mobilised(here.half_angle, 0.025, 0.3, 0.2)
-    assert printed(displacement, "0.010177")
     assert printed(here.area, "0.006244998")
     assert printed(here.pressure, "16012.82")
     assert here.length * 0.1 == here.area
@@ -79,7 +77,7 @@ def test_reference_values_of_slip_and_contact() -> None:
 
 def test_reference_values_of_a_weak_motor() -> None:
     """5 N m: the motor limits, and is said to."""
-    best = wheel.traction(100, E1, Wheel(0.2, 0.1, 5))
+    best = wheel.traction(100, E1, replace(WHEEL, max_torque=5))
     assert printed(best.shear_stress, "7872.517")
     assert printed(best.normal_stress, "30697.71")
     assert printed(best.drawbar, "9.252521")
@@ -88,16 +86,15 @@ def test_reference_values_of_a_weak_motor() -> None:
 
 
 def test_reference_values_of_a_demand() -> None:
-    """On the level, and at 15 degrees where slip forbids what strength alone would permit."""
+    """On the level, and at 15 degrees."""
     level = demand(100, E2, WHEEL)
     assert printed(level.torque, "3.168930")
     assert printed(level.utilisation, "0.2627449")
-    assert printed(level.slip, "0.2170711")
+    assert level.slip == 0
     slope = math.radians(15)
     up = demand(100 * math.cos(slope), E2, WHEEL, 100 * math.sin(slope))
     assert printed(up.torque, "8.132018")
     assert printed(up.utilisation, "0.7261252")
-    assert printed(up.slip, "1.0386")
 
 
 @pytest.mark.parametrize(
@@ -105,13 +102,11 @@ def test_reference_values_of_a_demand() -> None:
     [
         (one(), E1, "22.77716", Reason.TRACTION),
         (one(torque=5), E1, "5.369311", Reason.TORQUE),
-        (one(slip=0.3), E2, "2.425650", Reason.SLIP),
         (one(), Soil.of(0, 30, 0.1), "21.21888", Reason.TRACTION),
         (one(load=200), E3, "7.470916", Reason.TRACTION),
         (ROVER, E1, "22.39744", Reason.TRACTION),
         (
-            Vehicle(Wheel(0.2, 0.1, 12), ROVER.axles, ROVER.mass, track_width=0.8, cog_height=0.4),
-            E1, "20.25159", Reason.TORQUE,
+            replace(ROVER, wheel=replace(WHEEL, max_torque=12)), E1, "20.25159", Reason.TORQUE,
         ),
     ],
 )  # fmt: skip
@@ -142,9 +137,15 @@ def test_a_wheel_that_lifts_ends_the_climb() -> None:
 
 
 def test_the_motor_is_named_where_it_gives_less_than_slip_would_allow() -> None:
-    """4.007 N m at a slip of 0.3: 3.5 bind, 4.1 do not."""
-    assert limits.climb(one(torque=3.5, slip=0.3), E2).reason == Reason.TORQUE
-    assert limits.climb(one(torque=4.1, slip=0.3), E2).reason == Reason.SLIP
+    """Just less than what it takes at a slip of 0.3 binds, just more does not."""
+    takes = float(wheel.traction(100 * math.cos(0.1), E2, SLIPPING, 0.3).torque)
+
+    def limit(torque: float) -> Reason:
+        tyre = replace(SLIPPING, max_torque=torque, max_slip=0.3)
+        return limits.climb(Vehicle.single(tyre, 100), E2).reason
+
+    assert limit(0.85 * takes) == Reason.TORQUE
+    assert limit(1.15 * takes) == Reason.SLIP
 
 
 def test_reference_values_of_side_slip_and_tip_over() -> None:
@@ -165,7 +166,7 @@ def test_reference_values_of_obstacles() -> None:
 
 def test_reference_values_from_stresses() -> None:
     """Forces from stresses, and the way back."""
-    small = Wheel(0.15, 0.08)
+    small = Wheel(0.15, 0.08, slips=False)
     load, torque, drawbar = wheel.forces_from(20000, 12000, 1.0, small)
     assert printed(load, "136.939619")
     assert printed(torque, "10.8")
@@ -184,58 +185,93 @@ SOILS = st.builds(
 LOADS = st.floats(1, 2000)
 
 
-@given(RADII, st.floats(0.1, 2.0), st.floats(0, 1e5), st.floats(0, 1e5))
+RATIOS = st.one_of(st.just(0.0), st.floats(0.01, 0.95))
+
+
+def by_integrals(
+    radius: float, width: float, entry: float, leave: float, normal: float, shear: float
+) -> tuple[float, float, float]:
+    """W, T and DP of two triangles of stress from `leave` to `entry`, by Gauss's rule."""
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    middle, half = 0.5 * (entry + leave), 0.5 * (entry - leave)
+    low, high = leave + 0.5 * half * (nodes + 1), middle + 0.5 * half * (nodes + 1)
+    angle = np.concatenate([low, high])
+    rise = np.concatenate([(low - leave) / half, (entry - high) / half])
+    area = np.tile(weights, 2) * 0.5 * half * radius * width
+    return (
+        float(np.sum(area * rise * (normal * np.cos(angle) + shear * np.sin(angle)))),
+        float(np.sum(area * rise * shear) * radius),
+        float(np.sum(area * rise * (shear * np.cos(angle) - normal * np.sin(angle)))),
+    )
+
+
+@given(RADII, st.floats(0.1, 1.5), RATIOS, st.floats(0, 1e5), st.floats(0, 1e5))
 @settings(max_examples=50)
 def test_forces_are_the_integrals_of_the_stresses(
-    radius: float, entry: float, normal: float, shear: float
+    radius: float, entry: float, ratio: float, normal: float, shear: float
 ) -> None:
-    """W, DP and T of two triangles of stress, by Gauss's rule on each half of the arc."""
+    """Ahead of the axle, and behind it where the wheel leaves the soil there."""
     width = 0.3
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    half = 0.5 * entry
-    low, high = 0.5 * half * (nodes + 1), half + 0.5 * half * (nodes + 1)
-    angle = np.concatenate([low, high])
-    rise = np.concatenate([low / half, (entry - high) / half])
-    area = np.tile(weights, 2) * 0.5 * half * radius * width
-    expected = (
-        np.sum(area * rise * (normal * np.cos(angle) + shear * np.sin(angle))),
-        np.sum(area * rise * shear) * radius,
-        np.sum(area * rise * (shear * np.cos(angle) - normal * np.sin(angle))),
-    )
-    found = wheel.forces_from(normal, shear, entry, Wheel(radius, width))
+    expected = by_integrals(radius, width, entry, -ratio * entry, normal, shear)
+    found = wheel.forces_from(normal, shear, entry, Wheel(radius, width, exit_ratio=ratio))
     scale = radius * width * (normal + shear)
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * scale)
 
 
-@given(RADII, SOILS, LOADS, st.floats(0, 1))
+@given(RADII, SOILS, LOADS, st.floats(0, 1), RATIOS, st.booleans())
 @settings(max_examples=100)
 def test_a_driven_wheel_is_in_equilibrium(
-    radius: float, soil: Soil, load: float, slip: float
+    radius: float, soil: Soil, load: float, slip: float, ratio: float, slips: bool
 ) -> None:
     """The stresses bear the load, and the pull that they give needs the torque that they take."""
-    tyre = Wheel(radius, 0.3)
-    here = wheel.contact(load, soil, tyre)
-    assume(not here.rigid and here.sinkage < radius)
+    tyre = Wheel(radius, 0.3, exit_ratio=ratio, slips=slips)
+    here = wheel.contact(load, soil, tyre, slip)
+    assume(1e-9 < here.sinkage < radius)
     best = wheel.traction(load, soil, tyre, slip)
-    forces = wheel.forces_from(best.normal_stress, best.shear_stress, here.entry_angle, tyre)
-    assert forces == pytest.approx((load, best.torque, best.drawbar), rel=1e-9, abs=1e-9 * load)
-    need = demand(load, soil, tyre, best.drawbar)
-    assert need.torque == pytest.approx(best.torque, rel=1e-9, abs=1e-9 * load)
+    assert best.sinkage == here.sinkage
+    leave = -ratio * float(here.entry_angle) if slips else 0.0
+    forces = by_integrals(
+        radius, 0.3, float(here.entry_angle), leave,
+        float(best.normal_stress), float(best.shear_stress),
+    )  # fmt: skip
+    assert forces == pytest.approx((load, best.torque, best.drawbar), rel=1e-7, abs=1e-7 * load)
     assert best.normal_stress >= 0
-    if best.normal_stress > 0 and best.shear_stress > 1e-3 * best.normal_stress:
-        assert need.utilisation == pytest.approx(best.mobilised, rel=1e-7, abs=1e-9)
 
 
-@given(SOILS, LOADS, st.floats(-0.3, 0.5))
+@given(SOILS, LOADS, st.floats(0.02, 1))
 @settings(max_examples=100)
-def test_slip_is_that_which_mobilises_the_strength(soil: Soil, load: float, share: float) -> None:
-    """Janosi and Hanamoto's law, there and back; by plain arithmetic, not by the kernels."""
-    here, need = wheel.contact(load, soil, WHEEL), demand(load, soil, WHEEL, share * load)
-    assume(soil.shear_modulus > 0 and here.sinkage < 0.2 and not here.rigid)
-    assume(0 < need.slip < math.inf)
-    h = float(here.half_angle)
-    j = 0.2 * (h - (1 - need.slip) * (math.sin(2 * h) - math.sin(h)))
-    assert 1 - math.exp(-j / soil.shear_modulus) == pytest.approx(need.utilisation, rel=1e-8)
+def test_what_a_slip_gives_needs_that_slip(soil: Soil, load: float, slip: float) -> None:
+    """There and back, unless less slip gives as much: a wheel may dig itself in."""
+    best = wheel.traction(load, soil, SLIPPING, slip)
+    assume(soil.shear_modulus > 0 and best.sinkage < 0.2 and best.drawbar > -0.9 * best.resistance)
+    need = demand(load, soil, SLIPPING, float(best.drawbar))
+    assert need.slip <= slip * (1 + 1e-6) + 1e-9
+    again = wheel.traction(load, soil, SLIPPING, float(need.slip))
+    assert again.drawbar == pytest.approx(best.drawbar, rel=1e-6, abs=1e-6 * load)
+    assert again.torque == pytest.approx(need.torque, rel=1e-6, abs=1e-6 * load)
+    assert again.sinkage == pytest.approx(need.sinkage, rel=1e-6)
+
+
+@given(st.floats(0.005, 2), st.floats(0.005, 0.05), st.floats(0, 1))
+@settings(max_examples=100)
+def test_slip_mobilises_by_the_law_of_janosi_and_hanamoto(
+    length: float, modulus: float, slip: float
+) -> None:
+    """The mean of 1 − exp(−j/K) along a patch under which j grows from 0 to s l."""
+    j = slip * length * (np.arange(20_000) + 0.5) / 20_000
+    wanted = float(np.mean(1 - np.exp(-j / modulus)))
+    assert wheel.mobilised(length, modulus, slip) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
+
+
+@given(SOILS, LOADS, st.floats(0, 1))
+@settings(max_examples=50)
+def test_slip_sinks_a_wheel_in_by_the_law_of_lyasko(soil: Soil, load: float, slip: float) -> None:
+    """z = k W (1 + s)/(1 − s/2); no less in the model `paper`, and cos θ1 = 1 − z/r."""
+    here = wheel.contact(load, soil, SLIPPING, slip)
+    sinkage = soil.sinkage * load * (1 + slip) / (1 - slip / 2)
+    assert here.sinkage == pytest.approx(sinkage)
+    assert math.cos(here.entry_angle) == pytest.approx(1 - min(sinkage / 0.2, 1), abs=1e-12)
+    assert wheel.contact(load, soil, WHEEL, slip).sinkage == pytest.approx(soil.sinkage * load)
 
 
 # What must hold for any soil and load
@@ -275,28 +311,27 @@ def test_more_load_sinks_deeper_and_resists_more(
     assert more.slip >= less.slip * (1 - 1e-12)
 
 
-@given(SOILS, LOADS, st.floats(0.0, 0.6))
+@given(SOILS, LOADS, st.floats(0, 1), st.booleans())
 @settings(max_examples=100)
-def test_soft_ground_becomes_rigid_ground(soil: Soil, load: float, pull: float) -> None:
-    """As k falls to 0 the formulas tend to those of rigid ground, without a jump at its edge."""
-    friction = math.tan(soil.friction)
-    force = pull * load
-    hard = Soil(soil.cohesion, soil.friction, 0.0)
-    expected = wheel.traction(load, hard, WHEEL)
-    assert expected.drawbar == expected.thrust == pytest.approx(load * friction)
-    assert expected.torque == pytest.approx(0.2 * load * friction)
+def test_soft_ground_becomes_rigid_ground(
+    soil: Soil, load: float, slip: float, slips: bool
+) -> None:
+    """As k falls to 0 forces tend to those of rigid ground: friction, and cohesion on the patch."""
+    tyre = SLIPPING if slips else WHEEL
+    hard = replace(soil, sinkage=0.0)
+    expected = wheel.traction(load, hard, tyre, slip)
+    share = float(wheel.mobilised(0.08, soil.shear_modulus, slip)) if slips else 1.0
+    held = soil.cohesion * 0.1 * 0.08 if slips else 0.0
+    assert expected.thrust == pytest.approx(share * (load * math.tan(soil.friction) + held))
+    assert expected.torque == pytest.approx(0.2 * expected.thrust)
     assert expected.resistance == 0
-    need = demand(load, hard, WHEEL, force)
-    assert need.torque == pytest.approx(0.2 * force)
-    for sinkage in (1.001e-6, 4e-6):
-        soft = Soil(soil.cohesion, soil.friction, sinkage / load)
-        assert not wheel.contact(load, soft, WHEEL).rigid
-        h = float(wheel.contact(load, soft, WHEEL).half_angle)
-        gap = 1.5 * load * h + 1.5 * soil.cohesion * 0.2 * 0.1 * h  # of what vanishes with h
-        found = wheel.traction(load, soft, WHEEL)
-        assert found.drawbar == pytest.approx(expected.drawbar, abs=gap * (1 + friction) ** 2)
-        assert found.torque == pytest.approx(expected.torque, abs=gap * (1 + friction) ** 2)
-        assert demand(load, soft, WHEEL, force).torque == pytest.approx(need.torque, abs=gap)
+    before = None
+    for sinkage in (1e-2, 1e-4, 1e-6, 1e-8, 1e-12):
+        found = wheel.traction(load, replace(soil, sinkage=sinkage / load), tyre, slip)
+        gap = abs(float(found.drawbar - expected.drawbar))
+        assert before is None or gap <= before * (1 + 1e-9) + 1e-9 * load
+        before = gap
+    assert found.drawbar == pytest.approx(expected.drawbar, rel=1e-4, abs=1e-4 * load)
 
 
 NUMBERS = st.one_of(st.just(0.0), st.floats(1e-30, 1e30), st.floats(0.01, 100))
@@ -304,17 +339,20 @@ SIZES = st.one_of(st.floats(1e-30, 1e30), st.floats(0.01, 2))
 ANY_SOIL = st.builds(Soil, NUMBERS, st.one_of(st.just(0.0), st.floats(0, 1.5707)), NUMBERS, NUMBERS)
 
 
-@given(SIZES, SIZES, NUMBERS, ANY_SOIL, st.floats(0, 1), st.floats(-1e30, 1e30), NUMBERS)
+@given(
+    SIZES, SIZES, NUMBERS, ANY_SOIL, st.floats(0, 1), st.floats(-1e30, 1e30), NUMBERS, st.booleans()
+)
 @settings(max_examples=300)
 def test_nothing_that_is_accepted_gives_nan(
-    radius: float, width: float, load: float, soil: Soil, slip: float, pull: float, torque: float
-) -> None:
+    radius: float, width: float, load: float, soil: Soil, slip: float, pull: float, torque: float,
+    slips: bool,
+) -> None:  # fmt: skip
     """However large or small; 0 for each of them, too."""
-    tyre = Wheel(radius, width, torque)
+    tyre = Wheel(radius, width, torque, slips=slips)
     wheel.check(load, soil, tyre)
     with np.errstate(all="ignore"):
         found = [
-            wheel.contact(load, soil, tyre), wheel.traction(load, soil, tyre, slip),
+            wheel.contact(load, soil, tyre, slip), wheel.traction(load, soil, tyre, slip),
             demand(load, soil, tyre, pull), demand(load, soil, tyre, load * 0.3),
         ]  # fmt: skip
         singles = [
@@ -354,12 +392,14 @@ def test_without_load_there_are_no_forces() -> None:
 
 
 def test_rigid_ground_does_not_slip() -> None:
-    """Whatever K is; friction alone acts, and all of it."""
+    """In the model `paper`, whatever K is; friction alone acts, and all of it."""
     rock = Soil.of(5, 35, 0, 0.01)
     found = demand(100, rock, WHEEL, np.array([0.0, 60.0]))
     assert found.slip.tolist() == [0, 0]  # type: ignore[union-attr]
     assert found.utilisation == pytest.approx([0, 0.6 / math.tan(math.radians(35))])
     assert wheel.traction(100, rock, WHEEL, 0.1).thrust == pytest.approx(70.02075)
+    # in the model `slip` K counts there, too
+    assert demand(100, rock, SLIPPING, 60.0).slip > 0
 
 
 def test_without_strength_there_is_no_traction() -> None:
@@ -405,10 +445,14 @@ def test_all_broadcasts() -> None:
 def test_a_soil_is_found_again_from_its_stresses() -> None:
     """Least squares over loads give c and φ back, with and without what slip mobilises."""
     weights = np.array([50.0, 100.0, 220.0])
-    for soil, slip in ((E1, 1.0), (E2, 0.3)):
-        best = wheel.traction(weights, soil, WHEEL, slip)
-        found = wheel.identify(best.normal_stress, best.shear_stress, best.mobilised)
-        assert found == pytest.approx((1000, math.radians(30)), rel=1e-9)
+    best = wheel.traction(weights, E1, WHEEL)
+    found = wheel.identify(best.normal_stress, best.shear_stress)
+    assert found == pytest.approx((1000, math.radians(30)), rel=1e-9)
+    # in the model `slip` cohesion acts on the patch, and stresses count on Q
+    loose = Soil.of(0, 30, 0.1, 0.025)
+    best = wheel.traction(weights, loose, SLIPPING, 0.3)
+    found = wheel.identify(best.normal_stress, best.shear_stress, best.mobilised)
+    assert found == pytest.approx((0, math.radians(30)), rel=1e-9, abs=1e-6)
 
 
 @pytest.mark.parametrize("stresses", [([1e4], [1e3]), ([1e4, 1e4], [1, 2]), ([], [])])
@@ -445,7 +489,7 @@ def test_a_vehicle_without_wheels_is_refused() -> None:
 
 
 def test_remarks() -> None:
-    """Angles above 50°, deep ruts and hard ground that hardly shears are told of, nothing else."""
+    """Angles above 50° and deep ruts are told of, nothing else."""
 
     def words(soil: Soil, load: float = 100) -> str:
         return " ".join(wheel.remarks(load, soil, WHEEL))
@@ -455,7 +499,6 @@ def test_remarks() -> None:
     assert words(Soil.of(1, 30, 0.6)) == ""  # z/D is 0.15
     assert "accurate up to 0.15" in words(Soil.of(1, 30, 0.61))
     assert "to its axle" in words(Soil.of(1, 30, 2))
-    assert "even at slip 1" in words(Soil.of(1, 30, 0.003, 0.02))
 
 
 # Vehicles
@@ -463,10 +506,10 @@ def test_remarks() -> None:
 
 def driven(vehicle: Vehicle, soil: Soil, pull: float, pitch: float = 0.0) -> tuple[float, ...]:
     """`kernels.drive` for a vehicle that heads up a slope."""
-    plan, tyre = limits.wheel_layout(vehicle), vehicle.wheel
-    weights = limits.wheel_loads(vehicle, pitch)
-    need = kernels.drive(plan, weights, one_soil(soil), pull, tyre)
-    return need["utilisation"], need["torque"], need["slip"], need["torques"]
+    plan, weights = limits.wheel_layout(vehicle), limits.wheel_loads(vehicle, pitch)
+    slip = vehicle.wheel.max_slip
+    need = kernels.drive(plan, weights, one_soil(soil), pull, slip, np.empty_like(weights))
+    return need["utilisation"], need["torque"], need["slip"], need["power"]
 
 
 AXLES = st.sampled_from([
