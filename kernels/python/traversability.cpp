@@ -63,7 +63,9 @@ public:
     Search search;
 };
 
-Drive drive(const Layout& layout, In load, const Soils& soil, double pull, double slip, Out sinkage) {
+Drive drive(
+    const Layout& layout, In load, const Soils& soil, double pull, double slip, Out sinkage
+) {
     auto wheels = wheels_on(layout, soil[0]);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
     Drive found = drive_wheels(wheels, pull, slip);

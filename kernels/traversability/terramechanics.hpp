@@ -8,10 +8,10 @@
 // The model `paper` is that of Shipovalov and Pryanichnikov 2016, 3.6: z = k W, θ2 = 0, and all of
 // Coulomb's strength acts, whatever the slip. In the model `slip` the wheel leaves the soil behind
 // its axle, θ2 = −a θ1; it sinks in further as it slips, z = k W (1 + s)/(1 − s/2) (Lyasko, "Slip
-// sinkage effect in soil–vehicle mechanics", Journal of Terramechanics 47, 2010); and slip mobilises
-// strength along the shear length l, A = 1 − (1 − exp(−x))/x with x = s l/K (Janosi and Hanamoto
-// 1961, for a flat patch as in Wong, Theory of Ground Vehicles). l belongs to the wheel: it does
-// not depend on the sinkage, so that harder ground never holds a wheel less.
+// sinkage effect in soil–vehicle mechanics", Journal of Terramechanics 47, 2010); and slip
+// mobilises strength along the shear length l, A = 1 − (1 − exp(−x))/x with x = s l/K (Janosi and
+// Hanamoto 1961, for a flat patch as in Wong, Theory of Ground Vehicles). l belongs to the wheel:
+// it does not depend on the sinkage, so that harder ground never holds a wheel less.
 //
 // Everything is in N, m, Pa and rad. Of wheels that sink deeper than to their axles the models say
 // nothing; forces are then those at that depth.
@@ -59,10 +59,10 @@ struct Contact {
     double sinkage;       // z
     double entry;         // θ1
     double sine, cosine;  // of θm
-    double area;        // Q: W = Q (σm cos θm + τm sin θm) and DP = Q (τm cos θm − σm sin θm)
-    double arm;         // torque for each newton along the rim, m
-    double length;      // of what is sheared, m
-    double shear_area;  // on which cohesion acts, m²
+    double area;          // Q: W = Q (σm cos θm + τm sin θm) and DP = Q (τm cos θm − σm sin θm)
+    double arm;           // torque for each newton along the rim, m
+    double length;        // of what is sheared, m
+    double shear_area;    // on which cohesion acts, m²
 };
 
 // The contact of a wheel that enters the soil at `entry` and leaves it at −`exit_ratio` · `entry`.
@@ -184,8 +184,8 @@ traction(double load, const Contact& at, const Soil& soil, double share, double 
     if (motor) rim = forces_under(load, torque = max_torque, at);
     Stresses stress = rim.stresses(at);
     double thrust = rim.thrust(at), resistance = rim.resistance(at);
-    return {share,      stress.normal,       stress.shear, thrust,
-            resistance, thrust - resistance, torque,       at.sinkage, motor};
+    return {share,  stress.normal, stress.shear, thrust, resistance, thrust - resistance,
+            torque, at.sinkage,    motor};
 }
 
 // What a wheel asks of motor and soil.
@@ -207,8 +207,13 @@ INLINE Demand hold(double load, const Contact& at, const Soil& soil, double pull
     double strength = soil.cohesion * at.shear_area + across * soil.tan_friction;
     if (load == 0.0) strength = 0.0;
     bool none = across < 0.0 || strength <= 0.0;
-    return {along * at.arm, along == 0.0 ? 0.0 : none ? INF : abs(along) / strength, 0.0,
-            at.sinkage};
+    return {
+        along * at.arm,
+        along == 0.0 ? 0.0
+            : none   ? INF
+                     : abs(along) / strength,
+        0.0, at.sinkage
+    };
 }
 
 // What holds a wheel that does not turn: c b l + W tan φ, N.
@@ -265,9 +270,7 @@ inline void tractions(
         Soil soil = soils[n];
         Contact at = contact_under(load[n], soil.sinkage, wheel, slip[n]);
         double modulus = wheel.slips ? soil.shear_modulus : 0.0;
-        out[n] = traction(
-            load[n], at, soil, mobilised(at.length, modulus, slip[n]), max_torque[n]
-        );
+        out[n] = traction(load[n], at, soil, mobilised(at.length, modulus, slip[n]), max_torque[n]);
     }
 }
 

@@ -15,7 +15,7 @@ struct Wheels {
     Wheel operator[](std::size_t n) const {
         return {
             radius[n], width[n], shear_length[n], patch_pressure[n], exit_ratio[n], max_torque[n],
-            1.0, slips
+            1.0,       slips
         };
     }
 };
@@ -205,9 +205,48 @@ inline double resistances(LoadedWheels wheels) {
     return total;
 }
 
-// Pull may fall where a wheel digs itself in, so it is looked for at some slips, up to the one that
-// is not to be exceeded, and at all of the strength.
+// Pull may fall where a wheel digs itself in, so the most of it is looked for at some slips up to
+// the one that is not to be exceeded, and then between these.
 constexpr int NODES = 6;
+
+struct BestSlip {
+    double slip, force;
+};
+
+// The slip at which a force is largest; beyond `enough` no more is looked for.
+// It rises to one peak at most (golden section).
+template <class ForceAt>
+BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF) {
+    constexpr double golden = 0.6180339887498949;
+    constexpr int steps = 24;  // 1e-5 of a node
+    BestSlip best{0.0, -INF};
+    int at = 0;
+    for (int n = 1; n <= NODES; ++n) {
+        double slip = max_slip * n / NODES, force = force_at(slip);
+        if (force == best.force) return best;  // nothing depends on it
+        if (force > best.force) best = {slip, force}, at = n;
+        if (best.force > enough) return best;
+        if (at < n - 1) break;
+    }
+    if (at == NODES) return best;
+    double low = max_slip * (at - 1) / NODES, high = max_slip * (at + 1) / NODES;
+    double left = high - golden * (high - low), right = low + golden * (high - low);
+    double on_left = force_at(left), on_right = force_at(right);
+    for (int n = 0; n < steps; ++n) {
+        bool to_left = on_left >= on_right;
+        BestSlip better = to_left ? BestSlip{left, on_left} : BestSlip{right, on_right};
+        if (better.force > best.force) best = better;
+        if (best.force > enough) return best;
+        if (to_left) {
+            high = right, right = left, on_right = on_left;
+            left = high - golden * (high - low), on_left = force_at(left);
+        } else {
+            low = left, left = right, on_left = on_right;
+            right = low + golden * (high - low), on_right = force_at(right);
+        }
+    }
+    return best;
+}
 
 // The least share of strength at which all driven wheels together push with `pull`; or infinity.
 inline double common_share(LoadedWheels wheels, double pull, double max_slip, bool motors) {
@@ -216,10 +255,14 @@ inline double common_share(LoadedWheels wheels, double pull, double max_slip, bo
     auto lacking = [&](double share) { return pull - pulls(wheels, share, motors).force; };
     double low = 0.0, high = 0.0, under = lacking(low), over = under;
     if (under <= 0.0) return 0.0;
-    for (int n = 1; n <= NODES + doublings && over > 0.0; ++n) {
-        if (n > NODES + 1) high = 2.0 * high;
-        else high = n > NODES ? 1.0 : least_mobilised(wheels, max_slip * n / NODES);
-        if (high <= low) continue;
+    // below the peak there is one root
+    BestSlip best = best_slip(
+        [&](double slip) { return -lacking(least_mobilised(wheels, slip)); }, max_slip, 0.0
+    );
+    double share = least_mobilised(wheels, best.slip);
+    (best.force >= 0.0 ? high : low) = share, (best.force >= 0.0 ? over : under) = -best.force;
+    for (int n = 0; n < doublings && over > 0.0; ++n) {
+        high = n == 0 ? 1.0 : 2.0 * high;
         over = lacking(high);
         if (over > 0.0) low = high, under = over;
     }
@@ -333,20 +376,19 @@ inline Reserve climb_reserve(
     Gravity g = gravity(tan(angle), 0.0);
     if (load_wheels(wheels, layout, weight, g)) return {-INF, Reason::TIP_OVER};
     sink_wheels(wheels);
-    Reserve best{-INF, Reason::SINKAGE};
-    if (deepest_share(wheels) >= 1.0) return best;
-    double towing = resistances(wheels), last = -1.0;
-    for (int n = 1; n <= NODES; ++n) {
-        double share = least_mobilised(wheels, max_slip * n / NODES);
-        if (share == last) break;
-        last = share;
-        Pull pushed = pulls(wheels, share, true);
-        double force = pushed.force - towing + weight * g.forward;
-        if (deepest_share(wheels) >= 1.0 || force <= best.force) continue;
-        bool more = share < 1.0 && n == NODES;
-        best = {force, pushed.motor ? Reason::TORQUE : more ? Reason::SLIP : Reason::TRACTION};
-    }
-    return best;
+    if (deepest_share(wheels) >= 1.0) return {-INF, Reason::SINKAGE};
+    double towing = resistances(wheels) - weight * g.forward;
+    bool motor = false, sunk = false;
+    auto force_at = [&](double slip) {
+        Pull pushed = pulls(wheels, least_mobilised(wheels, slip), true);
+        motor = pushed.motor, sunk = deepest_share(wheels) >= 1.0;
+        return sunk ? -INF : pushed.force - towing;
+    };
+    BestSlip best = best_slip(force_at, max_slip, 0.0);
+    if (best.force == -INF) return {-INF, Reason::SINKAGE};
+    force_at(best.slip);
+    bool slips = best.slip >= max_slip && least_mobilised(wheels, max_slip) < 1.0;
+    return {best.force, motor ? Reason::TORQUE : slips ? Reason::SLIP : Reason::TRACTION};
 }
 
 // What holds its wheels beyond what pulls them down a slope, and what limits them.

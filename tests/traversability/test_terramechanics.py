@@ -243,7 +243,8 @@ def test_a_driven_wheel_is_in_equilibrium(
 def test_what_a_slip_gives_needs_that_slip(soil: Soil, load: float, slip: float) -> None:
     """There and back, unless less slip gives as much: a wheel may dig itself in."""
     best = wheel.traction(load, soil, SLIPPING, slip)
-    assume(soil.shear_modulus > 0 and best.sinkage < 0.2 and best.drawbar > -0.9 * best.resistance)
+    towed = wheel.towed_resistance(load, soil, SLIPPING)
+    assume(soil.shear_modulus > 0 and best.sinkage < 0.2 and best.drawbar > -0.99 * towed)
     need = demand(load, soil, SLIPPING, float(best.drawbar))
     assert need.slip <= slip * (1 + 1e-6) + 1e-9
     again = wheel.traction(load, soil, SLIPPING, float(need.slip))
@@ -306,7 +307,7 @@ def test_more_load_sinks_deeper_and_resists_more(
     towed = [wheel.towed_resistance(w, soil, WHEEL) for w in (load, times * load)]
     assert towed[1] >= towed[0] * times * (1 - 1e-12)  # the same share where it sinks to its axle
     less, more = demand(load, soil, WHEEL, pull), demand(load, soil, WHEEL, pull + 1)
-    assert more.torque > less.torque
+    assert more.torque > less.torque or more.utilisation >= 1
     assert more.utilisation >= less.utilisation * (1 - 1e-12)
     assert more.slip >= less.slip * (1 - 1e-12)
 
@@ -331,7 +332,7 @@ def test_soft_ground_becomes_rigid_ground(
         gap = abs(float(found.drawbar - expected.drawbar))
         assert before is None or gap <= before * (1 + 1e-9) + 1e-9 * load
         before = gap
-    assert found.drawbar == pytest.approx(expected.drawbar, rel=1e-4, abs=1e-4 * load)
+    assert found.drawbar == pytest.approx(expected.drawbar, rel=1e-3, abs=1e-3 * load)
 
 
 NUMBERS = st.one_of(st.just(0.0), st.floats(1e-30, 1e30), st.floats(0.01, 100))
@@ -596,11 +597,11 @@ def test_four_equal_wheels_need_what_one_needs(soil: Soil, pull: float) -> None:
     vehicle = Vehicle(WHEEL, ROVER.axles, 40.0, track_width=0.8)
     weight = vehicle.weight / 4
     alone = demand(weight, soil, WHEEL, pull * weight)
-    used, torque, slip, torques = driven(vehicle, soil, 4 * pull * weight)
+    used, torque, slip, power = driven(vehicle, soil, 4 * pull * weight)
     assume(alone.utilisation < 1)
     assert used == pytest.approx(alone.utilisation, rel=1e-8, abs=1e-10)
     assert torque == pytest.approx(alone.torque, rel=1e-8, abs=1e-8 * weight)
-    assert torques == pytest.approx(4 * alone.torque, rel=1e-8, abs=1e-8 * weight)
+    assert power == pytest.approx(4 * alone.torque / 0.2, rel=1e-8, abs=1e-8 * weight)
     assert slip == pytest.approx(alone.slip, rel=1e-6, abs=1e-6)
 
 
@@ -610,9 +611,9 @@ def test_driven_wheels_push_what_towed_ones_resist() -> None:
     weight = vehicle.weight / 4
     towed = weight * math.tan(math.asin(math.sqrt(1e-4 * weight / 0.4)))
     alone = demand(weight, E1, WHEEL, towed)
-    used, torque, _, torques = driven(vehicle, E1, 0.0)
+    used, torque, _, power = driven(vehicle, E1, 0.0)
     assert (used, torque) == pytest.approx((alone.utilisation, alone.torque))
-    assert torques == pytest.approx(2 * alone.torque)
+    assert power == pytest.approx(2 * alone.torque / 0.2)
     all_driven = Vehicle(WHEEL, ROVER.axles, 40.0, track_width=0.8)
     assert limits.climb(vehicle, E1).angle < limits.climb(all_driven, E1).angle / 2 + 0.01
 
@@ -632,12 +633,10 @@ def test_the_largest_slope_is_where_the_demand_is_met_just_so(torque: float, soi
 
 def test_a_wheel_at_its_motors_limit_leaves_the_rest_to_the_others() -> None:
     """The rear ones bear more; they are at their limit, and the front ones push more for it."""
-    vehicle = Vehicle(Wheel(0.2, 0.1, 12), ROVER.axles, ROVER.mass, track_width=0.8, cog_height=0.4)
+    vehicle = replace(ROVER, wheel=replace(WHEEL, max_torque=12))
     pitch = math.radians(20)
     pull = vehicle.weight * math.sin(pitch)
-    free = driven(
-        Vehicle(WHEEL, ROVER.axles, ROVER.mass, track_width=0.8, cog_height=0.4), E1, pull, pitch
-    )
+    free = driven(ROVER, E1, pull, pitch)
     held = driven(vehicle, E1, pull, pitch)
     assert free[1] > 12
     assert held[1] == 12
@@ -646,11 +645,13 @@ def test_a_wheel_at_its_motors_limit_leaves_the_rest_to_the_others() -> None:
 
 
 def test_to_be_held_back_is_no_slip_but_takes_strength() -> None:
-    """Downhill beyond what it resists by itself: the torque is below 0."""
-    used, torque, slip, torques = driven(ROVER, E2, -200.0, -0.5)
-    assert 0 < used < 1
-    assert torque > 0 > torques
-    assert slip == 0
+    """Downhill beyond what it resists by itself: the torque is below 0, and gives nothing back."""
+    for tyre in (WHEEL, SLIPPING):
+        used, torque, slip, power = driven(replace(ROVER, wheel=tyre), E2, -200.0, -0.5)
+        assert 0 < used < 1
+        assert torque > 0
+        assert slip == power == 0
+        assert demand(100, E2, tyre, -50).torque < 0
 
 
 # Obstacles
