@@ -387,9 +387,10 @@ struct Effort {
 };
 
 // How well pieces can keep to a formula on t from 0 to 1.
-// Returns how much of its values rounding may take away, the most of some places; how far off pieces of the finest length
-// may be, at most, infinity where the formula grows without limit; the t where that is; and how
-// many `places` were found at which it does what evenly spaced ones may not see.
+// Returns how much of its values rounding may take away, the most of some places; how far off
+// pieces of the finest length may be, at most, infinity where the formula grows without limit; the
+// t where that is; and how many `places` were found at which it does what evenly spaced ones may
+// not see.
 inline std::tuple<double, double, double, i64> survey(
     Span<const u8> operations, In operands, In limits, Out places
 ) {
@@ -416,7 +417,8 @@ inline std::tuple<double, double, double, i64> survey(
     constexpr i64 LOOKS = 64;
     Miss rounded;
     for (i64 k = 0; k < LOOKS; ++k) {
-        double t = (double(k) + 0.3819660112501051) / LOOKS, width = formula.over({t, t})[0].width();
+        double t = (double(k) + 0.3819660112501051) / LOOKS,
+               width = formula.over({t, t})[0].width();
         if (width < INF) rounded.note(width, t);
     }
     if (rounded.error > effort.enough) {  // there is nothing to be kept to below that
