@@ -73,14 +73,13 @@ template <class F> Interval rising(F function, Interval x, double least = -INF, 
     return {max(y.low, least), min(y.high, most)};
 }
 
-// The cosine; a turn moved it by 0, or by a quarter for the sine.
-inline Interval wave(Interval x, double moved) {
+// The cosine, or the sine, which is the cosine a quarter of a turn later.
+template <class F> Interval wave(F function, Interval x, double moved) {
     if (!(x.width() < 2.0 * PI) || x.size() > 1e15) return {-1.0, 1.0};
-    double first = std::cos(x.low - moved), last = std::cos(x.high - moved);
+    double first = function(x.low), last = function(x.high);
     Interval y = widened(min(first, last), max(first, last), 4.0);
-    // the argument's own rounding
+    y = {max(-1.0, y.low), min(1.0, y.high)};
     double slack = 0x1p-51 * (1.0 + x.size());
-    y = {max(-1.0, y.low - slack), min(1.0, y.high + slack)};
     double from = (x.low - moved - slack) / PI, to = (x.high - moved + slack) / PI;
     for (double turn = ceil(from); turn <= to; turn += 1.0)
         (std::fmod(turn, 2.0) == 0.0 ? y.high : y.low) = std::fmod(turn, 2.0) == 0.0 ? 1.0 : -1.0;
@@ -189,7 +188,8 @@ inline Series logarithm(const Series& x) {
 inline std::pair<Series, Series> waves(const Series& x, double sign) {
     Series sine, cosine;
     if (sign < 0.0) {
-        sine[0] = wave(x[0], PI / 2.0), cosine[0] = wave(x[0], 0.0);
+        sine[0] = wave([](double v) { return std::sin(v); }, x[0], PI / 2.0);
+        cosine[0] = wave([](double v) { return std::cos(v); }, x[0], 0.0);
     } else {
         sine[0] = rising([](double v) { return std::sinh(v); }, x[0]);
         double least = x[0].holds(0.0) ? 0.0 : min(abs(x[0].low), abs(x[0].high));
@@ -387,9 +387,10 @@ struct Effort {
 };
 
 // How well pieces can keep to a formula on t from 0 to 1.
-// Returns how much of its values rounding may take away; how far off pieces of the finest length
-// may be, at most, infinity where the formula grows without limit; the t where that is; and how
-// many `places` were found at which it does what evenly spaced ones may not see.
+// Returns how much of its values rounding may take away, the most of some places; how far off
+// pieces of the finest length may be, at most, infinity where the formula grows without limit; the
+// t where that is; and how many `places` were found at which it does what evenly spaced ones may
+// not see.
 inline std::tuple<double, double, double, i64> survey(
     Span<const u8> operations, In operands, In limits, Out places
 ) {
@@ -416,7 +417,8 @@ inline std::tuple<double, double, double, i64> survey(
     constexpr i64 LOOKS = 64;
     Miss rounded;
     for (i64 k = 0; k < LOOKS; ++k) {
-        double t = (double(k) + 0.3819660112501051) / LOOKS, width = formula.over({t, t})[0].width();
+        double t = (double(k) + 0.3819660112501051) / LOOKS,
+               width = formula.over({t, t})[0].width();
         if (width < INF) rounded.note(width, t);
     }
     if (rounded.error > effort.enough) {  // there is nothing to be kept to below that

@@ -53,7 +53,8 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
     a point does not have is an empty cell, null in JSON; the note says why: outside, or void.
-    Names that a spreadsheet would take for formulas have an apostrophe before them in CSV.
+    Names that a spreadsheet would take for formulas have an apostrophe before them in CSV; what
+    cannot be printed is an escape of Python's there, and a backslash is doubled.
     """
     if (points is None) == (not coordinates):
         raise click.UsageError("Give points either as X Y pairs or with --points.")

@@ -46,7 +46,7 @@ class Survey(NamedTuple):
         promised: how close they are to keep to it.
         error: how far off they may be, at most; infinite where the formula grows without limit.
         t: where.
-        rounding: how much of the values rounding takes away, at most.
+        rounding: how much of the values rounding may take away, the most of 64 places.
         places: t at which it bends or runs so fast that even spacing would miss it.
     """
 

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import rasterio
 from affine import Affine
 
 from terratool.errors import ReadError
@@ -71,15 +72,35 @@ def refuse_claims(name: str, file: Any) -> None:
 
 
 def transform_of(file: Any) -> Affine:
-    """From columns and rows of what rasterio opened to the world, or to pixels without a place.
+    """From columns and rows of what rasterio opened to the world.
+
+    Pixels without a place are 1 × 1, and north of 0.
+    """
+    placed: Affine = file.transform
+    return placed if is_placed(file) else Affine(1.0, 0.0, 0.0, 0.0, -1.0, file.height)
+
+
+def is_placed(file: Any) -> bool:
+    """Whether a raster says where it lies.
 
     Without a world file GDAL's driver of PNM fills in nothing, and leaves what memory had.
     """
-    path = Path(file.name)
-    if file.driver != "PNM" or any(map(Path.is_file, map(path.with_suffix, (".wld", ".WLD")))):
-        placed: Affine = file.transform
-        return placed
-    return Affine.identity()
+    if file.driver == "PNM" and not any(
+        _is_there(f"{file.name.rpartition('.')[0]}{suffix}") for suffix in (".wld", ".WLD")
+    ):
+        return False
+    return not file.transform.is_identity
+
+
+def _is_there(name: str) -> bool:
+    """Whether there is a file, or one in an archive."""
+    if not name.startswith("/vsi"):
+        return Path(name).is_file()
+    try:
+        with rasterio.open(name):
+            return True
+    except rasterio.errors.RasterioIOError as error:
+        return "does not exist" not in str(error)
 
 
 def _on_disk(name: str) -> Path | None:

@@ -196,6 +196,8 @@ def _way_out(name: str, reason: str) -> str:
             return f"Name the raster in the archive, as in zip://{name}!dem.tif."
         if head[257:262] == _TAR:
             return f"Name the raster in the archive, as in tar://{name}!dem.tif."
+        if head.startswith(_GZIP) and name.lower().endswith((".tgz", ".tar.gz")):
+            return f"Name the raster in the archive, as in tar://{name}!dem.tif."
         if head.startswith(_GZIP):
             return f"Unpack it, or name what is in it: /vsigzip/{name}."
     if "not recognized" in reason:

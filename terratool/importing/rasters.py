@@ -21,7 +21,7 @@ from rasterio.windows import Window
 from terratool.definition.crs import crs_problem
 from terratool.errors import ReadError, RequestError
 from terratool.importing.expat import EntityError, tree_of
-from terratool.importing.guards import HARMLESS, transform_of
+from terratool.importing.guards import HARMLESS, is_placed, transform_of
 from terratool.importing.opening import gdal_errors, open_local
 from terratool.importing.sources import PixelGrid, SourceOptions, sample_range
 from terratool.raster.geotiff import read_crs
@@ -267,10 +267,8 @@ def _heights(
     dx, dy = abs(transform.a), abs(transform.e)
     west, east = sorted((transform.c, transform.c + transform.a * file.width))
     south, north = sorted((transform.f + transform.e * file.height, transform.f))
-    if file.crs is None and transform.is_identity:
+    if not is_placed(file):
         about.append("The raster does not say where it lies: a pixel is taken as 1 × 1.")
-        south, north = 0.0, float(file.height)
-        south_up = False
     # columns from the west and rows from the north of what is wanted
     columns, rows = (0, file.width), (0, file.height)
     if options.window is not None:

@@ -159,7 +159,7 @@ def check_fit(
     Raises:
         RequestError: it cannot.
     """
-    asked = nodata is not None and bands.content == "number"
+    asked = nodata not in (None, form.nodata) and bands.content == "number"
     lacks_nan = math.isnan(bands.empty) and not math.isnan(form.nodata)
     if asked and (form.bits or lacks_nan):
         held = "whole numbers" if form.bits else "no NaN"

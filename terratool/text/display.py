@@ -79,8 +79,9 @@ def only_answer(name: str, close: Sequence[str]) -> str:
     from difflib import get_close_matches
 
     near = [other for other in close if other.lower() == name.lower()]
-    near = near or [other for other in close if _swapped(name, other)]
-    near = near or get_close_matches(name, close, 2, _NEAR)
+    if not near:
+        alike = get_close_matches(name, close, 2, _NEAR)
+        near = alike + [other for other in close if other not in alike and _swapped(name, other)]
     # rock10 is not meant by rock1
     if any(_digits(other) != _digits(name) for other in near):
         return ""

@@ -345,6 +345,10 @@ def test_a_baseline_needs_all_files(project: Path) -> None:
         ),
         # letters that changed places have one answer; digits have none
         ('{"size":1,"elemTypes":{"sand":{"x":[1]}},"elemTree":{"type":"SNAD"}}', None),
+        (
+            '{"size":1,"elemTypes":{"from":{"x":[1]},"forms":{"x":[1]}},"elemTree":{"type":"form"}}',
+            None,
+        ),
         ('{"size":1,"elemTypes":{"b12":{"x":[1]}},"elemTree":{"type":"b21"}}', None),
         ('{"Size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b"}}', "Size"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from fractions import Fraction
@@ -75,6 +76,29 @@ def test_what_rounding_takes_away_is_said_and_not_kept_to(
     found = float(np.abs(terrain.height(t, 0.5) - wanted).max())
     assert SLACK * known(text).promised < found <= 2 * known(text).error <= 2 * most
     assert not known(text).is_kept
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["2/pi*asin(sin(20*pi*t))", "acos(cos(20*pi*t))/pi", "sqrt(1 - cos(10*t)**2)", "0**t"],
+)
+def test_folds_are_kept_to(text: str) -> None:
+    """Derivatives without end at a fold are no growth without end."""
+    assert known(text).is_kept
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t + 9e9 - 9e9", "loses its digits: rounding may move it by 3.8e-06"),
+        ("sin(1e9*t)", "varies too fast: its curve may be up to 2.6 off"),
+        ("1e-9/(t - 1/3)**2", "may grow without limit at t = 0.33333"),
+    ],
+)
+def test_the_cause_is_named(text: str, words: str) -> None:
+    tree = {"size": 1, "elemTypes": {"a": {"x": text}}, "elemTree": {"type": "a"}}
+    found = check_source(Source("a.json", json.dumps(tree).encode())).findings
+    assert any(f.code == "TT309" and words in f.message for f in found)
 
 
 def test_pieces_do_not_keep_to_noise() -> None:

@@ -39,6 +39,7 @@ _HARMLESS = {"TT306", "TT307", "TT308"}
 """Warnings of a curve that do not say that it may be off."""
 
 
+_FINE = 1e15
 _STEEP = 1e4
 """Elements that rise by so many errors, or more, make meshes without end."""
 
@@ -241,7 +242,8 @@ def _write(case: Case, folder: Path, terrain: Terrain, draw: int) -> None:
     error = relief_of(terrain, None) / 20 or 1
     arrays = terrain.arrays
     largest = np.abs(arrays.curves.pieces).max(initial=0) * np.abs(arrays.elements["scale"]).max()
-    if largest < min(_STEEP * error, 1e30):
+    # nor what is so much larger than the error that the digits of float64 do not tell it
+    if largest < min(_STEEP * error, 1e30) and size < _FINE * error:
         _call("export-mesh", name, folder / mesh, "--max-error", repr(error), "--overwrite")
     _call("info", name, "--json")
     for path in folder.iterdir():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.transform import Affine
 
 from terratool.errors import ReadError, RequestError
+from terratool.importing.rasters import open_classes
 from terratool.importing.sources import PixelGrid, SourceOptions, open_source
 from tests import rasters
 
@@ -343,7 +345,32 @@ def test_portable_graymaps_with_and_without_a_place(tmp_path: Path) -> None:
         assert source.grid == PixelGrid(0, 0, 1, 1, 6, 4)
         assert np.array_equal(source.read(0, 4)[::-1], heights)
         assert any("does not say where it lies" in note for note in source.notes)
+    with open_classes(str(path), PixelGrid(0, 0, 1, 1, 6, 4)) as classes:
+        assert np.array_equal(classes.read(0, 4)[::-1], heights)
     path.with_suffix(".wld").write_text("2\n0\n0\n-3\n11\n7.5\n")  # centre of the first pixel
-    with open_source(str(path)) as source:
-        assert source.grid == PixelGrid(10, -3, 2, 3, 6, 4)
-        assert np.array_equal(source.read(0, 4)[::-1], heights)
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as file:
+        file.write(path, "a.pgm")
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as file:
+        file.write(path, "a.pgm")
+        file.write(path.with_suffix(".wld"), "a.wld")
+    for name in (str(path), f"/vsizip/{tmp_path}/b.zip/a.pgm"):
+        with open_source(name) as source:
+            assert source.grid == PixelGrid(10, -3, 2, 3, 6, 4)
+            assert np.array_equal(source.read(0, 4)[::-1], heights)
+    with open_source(f"/vsizip/{tmp_path}/a.zip/a.pgm") as source:
+        assert source.grid == PixelGrid(0, 0, 1, 1, 6, 4)
+
+
+def test_a_reference_system_alone_is_no_place(tmp_path: Path) -> None:
+    """Pixels without a place stand the right way up, with a CRS and without one."""
+    heights = np.arange(24, dtype=np.float32).reshape(4, 6)
+    for name, more in (("a.tif", {}), ("b.tif", {"crs": "EPSG:32632"})):
+        with (
+            pytest.warns(NotGeoreferencedWarning),
+            rasterio.open(tmp_path / name, "w", driver="GTiff", width=6, height=4, count=1,
+                          dtype="float32", **more) as file,
+        ):  # fmt: skip
+            file.write(heights, 1)
+        with open_source(str(tmp_path / name)) as source:
+            assert np.array_equal(source.read(0, 4)[::-1], heights)
+            assert any("does not say where it lies" in note for note in source.notes)

@@ -83,7 +83,7 @@ def test_of_mosaics_and_cloud_optimised_files(tmp_path: Path) -> None:
     ("name", "layers", "nodata", "words"),
     [
         ("a.tif", ["surface"], -1, "about layers of numbers"),
-        ("a.tif", ["height"], math.inf, "No float32 is inf"),
+        ("a.tif", ["height"], math.inf, "Infinity cannot stand for none"),
         ("a.tif", ["height"], 0.1, "No float32 is 0.1"),
         ("a.tif", ["height"], 1e300, "No float32 is 1e"),
         ("a.png", ["height"], -1, "holds whole numbers"),

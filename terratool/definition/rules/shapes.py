@@ -163,7 +163,7 @@ def inexact_curve(subject: Subject) -> Iterator[Remark]:
             at = f"t = {known.t:.5g}"
             what = f"varies too fast: its curve may be up to {known.error:.2g} off, as at {at}"
             hint = "Let it vary less quickly, or spread it over several elements."
-            if known.is_rounded:
+            if known.error <= 2 * known.rounding:
                 what = f"loses its digits: rounding may move it by {known.error:.2g}, as at {at}"
                 hint = "Leave out large numbers that cancel, and turns of sin and cos without end."
             if math.isinf(known.error):
