@@ -254,9 +254,7 @@ def test_answers_are_those_of_searches_over_all(
     assert route.found == bool(shown)
     if shown:
         assert route.headings == route.tried_headings[-1] == shown[0]
-        whole = plan_route(
-            terrain, long, survey(terrain, long, grid, shown[0]), (x0, y0), (x1, y1)
-        )
+        whole = plan_route(terrain, long, survey(terrain, long, grid, shown[0]), (x0, y0), (x1, y1))
         assert (whole.length, whole.time) == (route.length, route.time)
     assert route.tried_headings in {(8,), (8, 16), (8, 16, 32)}
     assert not (shown and route.ruled_out_headings)
