@@ -26,12 +26,13 @@ from terratool.traversability.report import wording
 from terratool.traversability.results import FINER_HEADINGS, Route, TraversabilityReport
 from terratool.traversability.route import headings
 from terratool.traversability.route.headings import WayFinder, finer_headings
-from terratool.traversability.route.routes import plan_route, search_route
+from terratool.traversability.route.routes import plan_route, search_route, with_way_back
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, survey
 from terratool.traversability.vehicle import Vehicle, load_vehicle
 from tests.commands import call
 from tests.conftest import terrain_of
+from tests.surveys import level
 
 Saved = Callable[..., Path]
 Block = tuple[int, int, int, int]
@@ -169,7 +170,14 @@ def test_narrower_bend_takes_32(long: Vehicle) -> None:
     assert "32 headings at each place; 8 and 16 do not show it." in wording.route_line(route)
     assert route.back is not None and route.back.found
     assert route.back.tried_headings == (8, 16, 32)
-    assert wording.returning(route).endswith("; 8 and 16 do not show it.")
+    assert wording.route_line(route).count("8 and 16 do not show it.") == 1
+    open_ground = plan_route(
+        level(9, 9), long, survey(level(9, 9), long, grid_over(level(9, 9), 0.5)), (3, 3), (6, 6)
+    )
+    only_back = with_way_back(replace(open_ground, tried_headings=(8,)), route.back)
+    assert wording.returning(only_back).endswith("; 8 and 16 do not show it.")
+    lost = replace(route.back, found=False, ruled_out_headings=32)
+    assert wording.returning(with_way_back(open_ground, lost)).endswith(", do not change that.")
 
 
 def test_bend_that_is_too_narrow_stays_so_and_says_what_was_tried(long: Vehicle) -> None:

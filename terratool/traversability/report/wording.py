@@ -260,7 +260,8 @@ def returning(route: Route) -> str:
     else:
         other = "Another way back" if route.one_way else "The way back"
         line += f" {other} is {_journey(route.back)}."
-    return f"{line} {looked_with(route.back)}".strip()
+    alike = route.back.found and route.back.tried_headings == route.tried_headings
+    return f"{line} {'' if alike else looked_with(route.back)}".strip()
 
 
 def reach_line(reach: Reach) -> str:
