@@ -7,6 +7,7 @@ import math
 import resource
 import sys
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -136,6 +137,42 @@ def apart(terrain: Terrain) -> None:
     plan_route(terrain, MARS, surveyed, *ends)
 
 
+LONG = Vehicle(Wheel(0.15, 0.1), (Axle(1.0), Axle(-1.0)), 50.0, track_width=0.5)
+
+
+def divided(passage: bool) -> Terrain:
+    """Level ground with blocks and a wall, or two with gaps between which LONG cannot turn."""
+    rng = np.random.default_rng(1)
+    blocks = [(x, int(rng.integers(0, 78)), 2, 2) for x in rng.integers(0, 118, 60).tolist()]
+    blocks = [block for block in blocks if not 54 <= block[0] <= 66]
+    for column, row in ((60, 40), (64, 34)) if passage else ((60, 80),):
+        blocks += [(column, 0, 1, row), (column, row + 2, 1, 78 - row)]
+    children = [
+        {"type": "flat", "vScale": 0, "vOffset": 1, "cellX": x, "cellY": y, "span": [wide, high]}
+        for x, y, wide, high in blocks
+        if high > 0
+    ]
+    floor = {"cohesion": 0, "fricAngle": 35, "sinkage": 0}
+    text = json.dumps(
+        {
+            "size": [60, 40], "surfTypes": {"floor": floor}, "elemTypes": {"flat": {"x": "flat"}},
+            "elemTree": {
+                "type": "flat", "vScale": 0, "surface": "floor", "cells": [120, 80],
+                "children": children,
+            },
+        }
+    )  # fmt: skip
+    return Terrain(check(Source("divided", text.encode())))
+
+
+def no_way(terrain: Terrain, headings: int | None) -> None:
+    """Find that there is no way, with so many headings or with more and more."""
+    ways = ((5.2, 20.2, 55.2, 20.2),)
+    request = Request(routes=ways, mapped=False, headings=headings)
+    report = assess(prepare_assessment(terrain, LONG, request))
+    assert not report.routes[0].found
+
+
 def plain(survey: Survey) -> csr_array:
     """The grid of its cells without headings, each with its eight neighbours."""
     height, width = survey.heights.shape
@@ -214,3 +251,16 @@ if __name__ == "__main__":
         seconds["together"] / seconds["apart"],
         "<= 0.15",
     )
+    for passage, where, target in (
+        (False, "where no heading helps", "<= 4"), (True, "where all are tried", "<= 15"),
+    ):  # fmt: skip
+        ground = divided(passage)
+        seconds = medians(
+            {"more": partial(no_way, ground, None), "few": partial(no_way, ground, HEADINGS)},
+            1 if quick else 3,
+        )
+        line(
+            f"no way {where} against the same with 8 headings alone",
+            seconds["more"] / seconds["few"],
+            target,
+        )

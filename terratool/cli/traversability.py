@@ -89,10 +89,9 @@ PREFERENCES = ("length", "time", "energy", "margin")
 @click.option(
     "--headings",
     type=click.IntRange(4, 64),
-    default=8,
-    show_default=True,
     metavar="N",
-    help="Headings at each place, a multiple of 4.",
+    help="Headings at each place, a multiple of 4.  [default: 8; where these show no way 16, then "
+    "32]",
 )
 @click.option(
     "--fail-on",
@@ -115,7 +114,7 @@ def command(
     prefer: Any,
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
-    headings: int,
+    headings: int | None,
     conditions: tuple[str, ...],
     threads: int | None,
     overwrite: bool,

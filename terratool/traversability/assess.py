@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from terratool.raster.prefetch import TILE
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
 from terratool.traversability.map_files import MapFiles, refuse_map
 from terratool.traversability.results import (
+    FINER_HEADINGS,
     HEADINGS,
     RANKS,
     GroundClass,
@@ -32,13 +33,12 @@ from terratool.traversability.results import (
 )
 from terratool.traversability.route.barriers import Site, cannot_stand
 from terratool.traversability.route.graph import Preference, check_preference, drivable
+from terratool.traversability.route.headings import Progress, WayFinder, finer_headings
 from terratool.traversability.route.paths import cell_of, check_inside
 from terratool.traversability.route.reach import begin_in_largest, connected, heading_bits
 from terratool.traversability.route.routes import (
     MOST_STATES,
     can_stand,
-    check_route,
-    plan_route,
     reach_of,
     route_grid,
     with_way_back,
@@ -58,7 +58,8 @@ _NEARLY_ALL = 0.9
 
 _MAP = (
     "The map judges the vehicle at rest with its middle at each pixel's centre and each of the "
-    "headings; what happens between them is not looked at."
+    "headings; what happens between them is not looked at. With more headings more of the ground "
+    "may be reached, and less be cut off."
 )
 _ROUTE = (
     "A route goes from pixel to pixel, backs up, and turns on the spot; its time and energy are "
@@ -66,16 +67,6 @@ _ROUTE = (
 )
 
 Point = tuple[float, float]
-
-
-class Progress(Protocol):
-    """Who is told how far it is."""
-
-    def __call__(self, more: float, /) -> object:
-        """So many more pixels are done."""
-
-    def say(self, what: str, total: int | None = None, /) -> object:
-        """Something else is being done now, of so many pixels if that is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +81,7 @@ class Request:
         prefer: what routes are to be the least of.
         resolution: of the map, and of routes where that is not too fine; chosen if None.
         bounds: west, south, east, north of the part that counts; all if None.
-        headings: at each place.
+        headings: at each place; HEADINGS if None, and more where these show no way.
         mapped: whether the whole ground is to be judged; it is where there are no routes, or a
             start.
         threads: number of threads; as many as there are processors if None.
@@ -103,7 +94,7 @@ class Request:
     prefer: Preference = "time"
     resolution: float | None = None
     bounds: Bounds | None = None
-    headings: int = HEADINGS
+    headings: int | None = None
     mapped: bool = True
     threads: int | None = None
 
@@ -126,7 +117,7 @@ class PreparedRequest:
         terrain, vehicle, request: what is wanted.
         surveyor: of the map, or of routes where there is no map.
         builder: of the map; None where there is none.
-        tiles: the survey for routes; None where there are none.
+        ways: what looks for routes; None where there are none.
         notes: sentences on how they were chosen.
     """
 
@@ -135,13 +126,18 @@ class PreparedRequest:
     request: Request
     surveyor: Surveyor
     builder: MapBuilder | None
-    tiles: SurveyTiles | None
+    ways: WayFinder | None
     notes: tuple[str, ...]
 
     @property
     def grid(self) -> Grid:
         """Of the map, or of routes where there is no map."""
         return self.surveyor.grid
+
+    @property
+    def tiles(self) -> SurveyTiles | None:
+        """The survey for routes; None where there are none."""
+        return None if self.ways is None else self.ways.tiles
 
     @property
     def shared(self) -> bool:
@@ -176,28 +172,36 @@ def prepare_assessment(
     part = clip_bounds(terrain, request.bounds)
     for what, place in _places(request):
         check_inside(terrain, what, place, part, "the bounds that were asked for")
-    grid, routes, notes = _grids(terrain, vehicle, request, map_path is not None)
+    grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
         refuse_map(terrain, grid, Path(map_path), overwrite)
-    surveyor, shared = Surveyor(terrain, vehicle, grid, request.headings), routes == grid
-    builder = tiles = None
+    surveyor, shared = Surveyor(terrain, vehicle, grid, headings), routes == grid
+    builder = ways = None
     if request.maps:
-        keep = shared and map_path is not None
-        builder = MapBuilder(terrain, grid, request.headings, keep)
+        builder = MapBuilder(terrain, grid, headings, shared and map_path is not None)
     if routes is not None:
-        own = surveyor if shared else Surveyor(terrain, vehicle, routes, request.headings)
+        own = surveyor if shared else Surveyor(terrain, vehicle, routes, headings)
         take = builder.take if builder and shared else None
         tiles = SurveyTiles(own, threads=request.threads, take=take)
-    return PreparedRequest(terrain, vehicle, request, surveyor, builder, tiles, tuple(notes))
+        finer = () if request.headings else finer_headings(routes, headings)
+        ways = WayFinder(terrain, vehicle, tiles, finer, threads=request.threads)
+    return PreparedRequest(terrain, vehicle, request, surveyor, builder, ways, tuple(notes))
 
 
-def _grids(
-    terrain: Terrain, vehicle: Vehicle, request: Request, written: bool
-) -> tuple[Grid, Grid | None, list[str]]:
-    """The grids of the map and of routes, None where there are none, and sentences on them.
+class _Grids(NamedTuple):
+    """The grids of the map and of routes, None where there are none, and their headings.
 
-    They are one where the routes' is not too fine for the map.
+    The two are one where the routes' is not too fine for the map.
     """
+
+    grid: Grid
+    routes: Grid | None
+    headings: int
+    notes: list[str]
+
+
+def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> _Grids:
+    """Choose the grids, and say so."""
     routes, note = None, ""
     if not request.travels:
         grid, why = _map_grid(terrain, vehicle, request, written)
@@ -207,11 +211,14 @@ def _grids(
     else:
         grid, why = _map_grid(terrain, vehicle, request, written)
         routes = grid
-        if grid.width * grid.height * request.headings > MOST_STATES:
+        if grid.width * grid.height * (request.headings or HEADINGS) > MOST_STATES:
             routes, note = _route_grid(terrain, vehicle, request)
             grid = grid if request.maps else routes
     size = f"{grid.width} × {grid.height} pixels of {grid.resolution:.4g} m"
-    notes = [f"The map has {size} ({why}), each looked at with {request.headings} headings."]
+    headings = request.headings or _fewest_headings(terrain, vehicle, request, grid)
+    notes = [f"The map has {size} ({why}), each looked at with {headings} headings."]
+    if headings != (request.headings or HEADINGS):
+        notes.append(f"With {HEADINGS} the vehicle cannot stand at the place to start from.")
     if not request.maps:
         notes = [f"Routes are looked for on {size}."]
     elif routes is not None and routes != grid:
@@ -223,7 +230,21 @@ def _grids(
             f"Pixels of the map are longer than the vehicle, {front + rear:.3g} m: the ground "
             "between where it stands is not looked at."
         )
-    return grid, routes, [*notes, *([note] if note else [])]
+    return _Grids(grid, routes, headings, [*notes, *([note] if note else [])])
+
+
+def _fewest_headings(terrain: Terrain, vehicle: Vehicle, request: Request, grid: Grid) -> int:
+    """HEADINGS, or so many that the vehicle can stand at the place to start from, if any do."""
+    start = request.start
+    if start is None:
+        return HEADINGS
+    row, column = cell_of(grid, *start)
+    for headings in (HEADINGS, *(finer_headings(grid) if request.travels else FINER_HEADINGS)):
+        surveyor = Surveyor(terrain, vehicle, grid, headings)
+        seen = survey_window(surveyor, Window(row, column, 1, 1))
+        if can_stand(terrain, seen, start, (0, 0)):
+            return headings
+    return HEADINGS
 
 
 def first_look(prepared: PreparedRequest) -> Iterator[str]:
@@ -232,7 +253,7 @@ def first_look(prepared: PreparedRequest) -> Iterator[str]:
     for x0, y0, x1, y1 in prepared.request.routes:
         for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
             why = _cannot_stand(prepared, f"the route's {what}", place, prepared.tiles)
-            if why:
+            if why and not (prepared.ways and prepared.ways.stands(place)):
                 yield f"There is no such route. {why}"
     if start is not None and (why := _no_start(prepared, start)):
         yield f"Nothing can be reached. {why}"
@@ -327,7 +348,7 @@ def assess(
         reach=mapped.reach if mapped else None,
         preview=mapped.preview if mapped else None,
         assumptions=(*ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
-        notes=(*prepared.notes, *_looked_at(prepared)),
+        notes=(*prepared.notes, *_looked_at(prepared), *_finer(prepared, routes)),
         geojson=geojson_head(terrain),
     )
 
@@ -377,20 +398,15 @@ def _mapped(
 
 def _routed(prepared: PreparedRequest, progress: Progress | None) -> tuple[Route, ...]:
     """The ways that were asked for, and those back."""
-    terrain, vehicle, request = prepared.terrain, prepared.vehicle, prepared.request
-    tiles = prepared.tiles
-    if tiles is None:
+    request, finder = prepared.request, prepared.ways
+    if finder is None:
         return ()
-    if progress:
-        progress.say("looking for ways")
-        tiles.progress = progress
+    finder.progress = progress
 
     def plan(begin: Point, end: Point) -> Route:
-        return plan_route(terrain, vehicle, tiles, begin, end, prefer=request.prefer)
+        return finder.plan(begin, end, prefer=request.prefer)
 
-    def check(points: NDArray[Any]) -> Route:
-        return check_route(terrain, vehicle, tiles, points)
-
+    check = finder.check
     ways: list[tuple[Callable[..., Route], tuple[Any, ...], tuple[Any, ...]]] = [
         (plan, ((x0, y0), (x1, y1)), ((x1, y1), (x0, y0))) for x0, y0, x1, y1 in request.routes
     ]
@@ -418,6 +434,17 @@ def _looked_at(prepared: PreparedRequest) -> Iterator[str]:
     )
 
 
+def _finer(prepared: PreparedRequest, routes: Sequence[Route]) -> Iterator[str]:
+    """That the map does not show what routes with more headings reach."""
+    ways = [way for route in routes for way in (route, route.back) if way is not None]
+    most = max((way.headings for way in ways if way.found), default=0)
+    if prepared.builder is not None and most > prepared.builder.headings:
+        yield (
+            f"A route takes {most} headings, the map has {prepared.builder.headings}: it may show "
+            f"as cut off what that route reaches. With --headings {most} both have the same."
+        )
+
+
 def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
     """The verdict of the worst route; without one, of the ground.
 
@@ -438,7 +465,9 @@ def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
 
 
 def _route_grid(terrain: Terrain, vehicle: Vehicle, request: Request) -> tuple[Grid, str]:
-    return route_grid(terrain, vehicle, headings=request.headings, bounds=request.bounds)
+    return route_grid(
+        terrain, vehicle, headings=request.headings or HEADINGS, bounds=request.bounds
+    )
 
 
 def _map_grid(

@@ -15,6 +15,11 @@ from terratool.traversability.vehicle import Vehicle
 
 HEADINGS = 8
 """Headings of a survey by default: 0 is north, then clockwise."""
+FINER_HEADINGS = (16, 32)
+"""Where nobody has chosen a number and these show no way, so many are tried one after the other.
+
+64 are not: their moves are longer, and bends that 32 do not show are not shown by them."""
+MOST_HEADINGS = 64
 
 
 class Verdict(IntEnum):
@@ -322,6 +327,10 @@ class Route:
         one_way: whether it cannot be driven back the same way, by backing up or turning round.
         against: what bars the same way back, from the goal on; none where that can be driven.
         back: the best way back; None where it was not asked for.
+        headings: at each place of the survey that shows this.
+        tried_headings: numbers of headings with which it was looked for, one after the other.
+        ruled_out_headings: with no number of headings up to this one is there a way; None where
+            that is not known.
     """
 
     start: Location
@@ -342,6 +351,9 @@ class Route:
     one_way: bool = False
     against: tuple[Barrier, ...] = ()
     back: Route | None = None
+    headings: int = HEADINGS
+    tried_headings: tuple[int, ...] = ()
+    ruled_out_headings: int | None = None
 
     @property
     def holds(self) -> bool:

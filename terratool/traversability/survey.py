@@ -21,7 +21,7 @@ from terratool.traversability.limits import (
     tip_edges,
     wheel_layout,
 )
-from terratool.traversability.results import HEADINGS
+from terratool.traversability.results import HEADINGS, MOST_HEADINGS
 from terratool.traversability.soil import soils
 from terratool.traversability.stance import (
     Ground,
@@ -54,8 +54,6 @@ _DETREND = 1.5
 _WINDOW = (128, 512)
 _FINE_PIXELS = 1 << 22
 """Pixels of ground that are swept at a time; with what is found out of them some 200 MB."""
-
-MOST_HEADINGS = 64
 
 
 class VehicleParams(NamedTuple):

@@ -59,7 +59,7 @@ _KEYS: dict[type, str] = {
     Location: "x y z surface element",
     Barrier: "binding bars width_m place",
     Route: "found planned verdict start goal length_m time_s energy_J steepest softest tightest "
-    "barriers reached note one_way against back profile",
+    "barriers reached note one_way against back headings tried_headings ruled_out_headings profile",
     RouteProfile: "x y heading_deg distance_m z sinkage_m pitch_deg roll_deg slip utilisation "
     "verdict binding surface element",
     Reach: "start share returnable note",

@@ -50,6 +50,7 @@ def _summary(route: Route) -> dict[str, Any]:
         "found": route.found,
         "verdict": route.verdict.label,
         "one_way": route.one_way,
+        "headings": route.headings,
         "length_m": _number(route.length),
         "time_s": _number(route.time),
         "energy_J": _number(route.energy),

@@ -201,6 +201,8 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         yield ("one-way" if index == 0 else "and"), f"no way back by {wording.barrier(bar)}"
     if route.one_way and not route.against:
         yield "one-way", "it cannot be driven back the same way"
+    if looked := wording.looked_with(route):
+        yield "headings", looked
     if route.back is not None:
         yield "way back", wording.route_line(route.back)
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from terratool.text.display import counted, printable, shown
 from terratool.traversability.results import (
+    FINER_HEADINGS,
+    MOST_HEADINGS,
     RANKS,
     Barrier,
     Extreme,
@@ -194,7 +196,11 @@ def ends(route: Route) -> str:
 
 
 def route_line(route: Route) -> str:
-    """A route in a sentence."""
+    """A route in a sentence, and with how many headings it was looked for where that matters."""
+    return f"{_way(route)} {looked_with(route)} {returning(route)}".replace("  ", " ").rstrip()
+
+
+def _way(route: Route) -> str:
     if not route.found:
         if not route.planned:
             what = "The way through the waypoints cannot be driven"
@@ -214,7 +220,23 @@ def route_line(route: Route) -> str:
         of = f" ({reason.label})" if reason != Reason.NONE else ""
         line += f"; least margin {share(max(route.tightest.value, 0.0))}{of}"
         line += f" at {coordinates(route.tightest.place)}"
-    return f"{line}. {returning(route)}".rstrip()
+    return f"{line}."
+
+
+def looked_with(route: Route) -> str:
+    """With how many headings a way was looked for, in a sentence; nothing where it is the first."""
+    tried = route.tried_headings
+    if route.found:
+        few = listed([str(headings) for headings in tried[:-1]])
+        return f"It takes {tried[-1]} headings at each place; {few} do not show it." if few else ""
+    if route.ruled_out_headings is not None:
+        return f"More headings at each place, up to {route.ruled_out_headings}, do not change that."
+    if not tried:
+        return ""
+    line = f"This holds with {listed([str(headings) for headings in tried])} headings at each place"
+    asked, most = len(tried) == 1 and tried[0] < MOST_HEADINGS, FINER_HEADINGS[-1]
+    more = f"; more may show a way, up to --headings {MOST_HEADINGS}"
+    return f"{line}{more * (asked or tried[-1] < most)}."
 
 
 def _journey(route: Route) -> str:
@@ -234,9 +256,12 @@ def returning(route: Route) -> str:
         return line
     if not route.back.found:
         bars = route.back.barriers
-        return f"{line} There is no way back{f': {barrier(bars[0])}' if bars else ''}.".lstrip()
-    other = "Another way back" if route.one_way else "The way back"
-    return f"{line} {other} is {_journey(route.back)}.".lstrip()
+        line += f" There is no way back{f': {barrier(bars[0])}' if bars else ''}."
+    else:
+        other = "Another way back" if route.one_way else "The way back"
+        line += f" {other} is {_journey(route.back)}."
+    alike = route.back.found and route.back.tried_headings == route.tried_headings
+    return f"{line} {'' if alike else looked_with(route.back)}".strip()
 
 
 def reach_line(reach: Reach) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -142,38 +142,82 @@ def plan_route(
         RequestError: start or goal is outside the terrain or the survey; there is no such
             preference.
     """
+    return search_route(terrain, vehicle, survey, start, goal, prefer).route()
+
+
+def search_route(
+    terrain: Terrain,
+    vehicle: Vehicle,
+    survey: Survey | SurveyTiles,
+    start: Point,
+    goal: Point,
+    prefer: Preference = "time",
+) -> RouteSearch:
+    """The search of `plan_route` alone: what bars the way is not looked for yet.
+
+    Raises:
+        RequestError: start or goal is outside the terrain or the survey; there is no such
+            preference.
+    """
     check_preference(prefer)
     tiles = SurveyTiles.of(survey)
-    ends = [
+    places = start, goal
+    ends = tuple(
         _inside(terrain, tiles.survey, place, f"The route's {what}")
-        for what, place in (("start", start), ("goal", goal))
-    ]
+        for what, place in zip(("start", "goal"), places, strict=True)
+    )
     tiles.complete(*np.array(ends).T)
-    route = Route(
-        location_at(terrain, *start), location_at(terrain, *goal), False, True, Verdict.NO_GO
-    )
     on = Site(terrain, vehicle, tiles)
-    stands = [
-        can_stand(terrain, tiles.survey, *end) for end in zip((start, goal), ends, strict=True)
-    ]
-    note = " ".join(
-        f"The vehicle cannot stand at the {what}, whatever its heading: "
-        f"{why_not(on, place, end)[1]}."
-        for what, place, end, can in zip(
-            ("start", "goal"), (start, goal), ends, stands, strict=True
+    stands = tuple(can_stand(terrain, tiles.survey, *end) for end in zip(places, ends, strict=True))
+    found = _search(on, prefer, *ends) if stands[0] else None
+    return RouteSearch(on, places, ends, stands, found)
+
+
+@dataclass(frozen=True, slots=True)
+class RouteSearch:
+    """A search that is done.
+
+    Attributes:
+        on: where.
+        places: the start and the goal.
+        ends: their cells.
+        stands: whether the vehicle can stand at each.
+        found: what was found; None where it cannot set out.
+    """
+
+    on: Site
+    places: tuple[Point, ...]
+    ends: tuple[Cell, ...]
+    stands: tuple[bool, ...]
+    found: Found | None
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a way."""
+        return self.found is not None and len(self.found.states) > 0 and self.stands[1]
+
+    def route(self) -> Route:
+        """The way, or what bars it, which takes a second search."""
+        on, ends = self.on, self.ends
+        start, goal = (location_at(on.terrain, *place) for place in self.places)
+        route = Route(start, goal, False, True, Verdict.NO_GO, headings=on.survey.headings)
+        note = " ".join(
+            f"The vehicle cannot stand at the {what}, whatever its heading: "
+            f"{why_not(on, place, end)[1]}."
+            for what, place, end, can in zip(
+                ("start", "goal"), self.places, ends, self.stands, strict=True
+            )
+            if not can
         )
-        if not can
-    )
-    if not stands[0]:
-        return _barred(route, (_barrier_at(on, route.start, ends[0]),), None, note)
-    found = _search(on, prefer, *ends)
-    if len(found.states) and stands[1]:
-        return _driven(route, graph_path(found.states, tiles.survey), on)
-    nearest = _nearest(terrain, tiles.survey, found.reached, ends[1])
-    between = barriers(on, _least_resistance(on, *ends))
-    # a cell may be driven to, and the very place in it be on no ground
-    bars = between or (_barrier_at(on, route.goal, ends[1]),)
-    return _barred(route, bars, nearest, note)
+        if self.found is None:
+            return _barred(route, (_barrier_at(on, start, ends[0]),), None, note)
+        if self.succeeded:
+            return _driven(route, graph_path(self.found.states, on.survey), on)
+        nearest = _nearest(on.terrain, on.survey, self.found.reached, ends[1])
+        between = barriers(on, _least_resistance(on, *ends))
+        # a cell may be driven to, and the very place in it be on no ground
+        bars = between or (_barrier_at(on, goal, ends[1]),)
+        return _barred(route, bars, nearest, note)
 
 
 def can_stand(terrain: Terrain, survey: Survey, place: Point, cell: Cell) -> bool:
@@ -211,7 +255,7 @@ def check_route(
     tiles.complete(path.row, path.column)
     on = Site(terrain, vehicle, tiles)
     start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
-    route = Route(start, goal, False, False, Verdict.NO_GO)
+    route = Route(start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings)
     found = barriers(on, path)
     if not found:
         return _driven(route, path, on)

@@ -1,0 +1,202 @@
+"""Ways that few headings do not show, looked for with more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.field.terrain import Terrain
+from terratool.raster.grid import Grid
+from terratool.traversability.results import FINER_HEADINGS, HEADINGS, Route
+from terratool.traversability.route.barriers import Cell, Point
+from terratool.traversability.route.graph import Preference, drivable
+from terratool.traversability.route.paths import cell_of
+from terratool.traversability.route.reach import begin_at, spread
+from terratool.traversability.route.routes import (
+    MOST_STATES,
+    RouteSearch,
+    can_stand,
+    check_route,
+    search_route,
+)
+from terratool.traversability.survey import Surveyor
+from terratool.traversability.tiles import SurveyTiles, part_of
+from terratool.traversability.vehicle import Vehicle
+
+MOST_FINER_STATES = 2 * MOST_STATES
+"""Headings times cells of a survey with more headings at most."""
+
+
+class Progress(Protocol):
+    """Who is told how far it is."""
+
+    def __call__(self, more: float, /) -> object:
+        """So many more pixels are done."""
+
+    def say(self, what: str, total: int | None = None, /) -> object:
+        """Something else is being done now."""
+
+
+def finer_headings(grid: Grid, headings: int = HEADINGS) -> tuple[int, ...]:
+    """Numbers of headings to be tried after one, none with too many states."""
+    most = MOST_FINER_STATES // (grid.height * grid.width)
+    return tuple(more for more in FINER_HEADINGS if headings < more <= most)
+
+
+class WayFinder:
+    """Plans and checks routes on a survey, and on finer ones where that shows no way.
+
+    Args:
+        tiles: the survey with the fewest headings.
+        finer: numbers of headings to be tried after that, rising.
+        threads: of their surveys; as many as there are processors if None.
+
+    Attributes:
+        tiles: as given.
+        finer: as given.
+        progress: is told what is being done; nobody if None.
+    """
+
+    def __init__(
+        self, terrain: Terrain, vehicle: Vehicle, tiles: SurveyTiles,
+        finer: tuple[int, ...] = (), *, threads: int | None = None,
+    ) -> None:  # fmt: skip
+        self.tiles, self.finer = tiles, finer
+        self.progress: Progress | None = None
+        self._terrain, self._vehicle, self._threads = terrain, vehicle, threads
+        self._made = {tiles.survey.headings: tiles}
+
+    def plan(self, start: Point, goal: Point, prefer: Preference = "time") -> Route:
+        """As `plan_route`; what bars the way is that of the most headings that were tried.
+
+        Finer searches are left out where it is known that no heading lets the vehicle through.
+
+        Raises:
+            RequestError: start or goal is outside the terrain or the survey; there is no such
+                preference.
+        """
+        ends = start, goal
+        count = self.tiles.survey.headings
+        first = search_route(self._terrain, self._vehicle, self._with(count), *ends, prefer)
+        if first.succeeded or not self.finer:
+            return replace(first.route(), tried_headings=(count,))
+        most = self.finer[-1]
+        if not _may_open(first, self._with(most)):
+            return replace(first.route(), tried_headings=(count,), ruled_out_headings=most)
+        tried: tuple[int, ...] = (count,)
+        for headings in self.finer:
+            tried = (*tried, headings)
+            search = search_route(self._terrain, self._vehicle, self._with(headings), *ends, prefer)
+            if search.succeeded:
+                break
+        return replace(search.route(), tried_headings=tried)
+
+    def check(self, waypoints: ArrayLike) -> Route:
+        """As `check_route`, by the fewest headings that show a way, else by the most.
+
+        Raises:
+            RequestError: fewer than two different waypoints, or one that is outside the terrain or
+                the survey.
+        """
+        tried: tuple[int, ...] = ()
+        for headings in (self.tiles.survey.headings, *self.finer):
+            route = check_route(self._terrain, self._vehicle, self._with(headings), waypoints)
+            tried = (*tried, headings)
+            if route.found:
+                break
+        return replace(route, tried_headings=tried)
+
+    def stands(self, place: Point) -> bool:
+        """Whether the vehicle can be at a place with any of the most headings."""
+        tiles = self._with((self.tiles.survey.headings, *self.finer)[-1])
+        row, column = cell_of(tiles.survey.grid, *place)
+        return can_stand(self._terrain, tiles.complete([row], [column]), place, (row, column))
+
+    def _with(self, headings: int) -> SurveyTiles:
+        """The survey with so many headings."""
+        if self.progress:
+            few = headings == self.tiles.survey.headings
+            self.progress.say(f"looking for ways{'' if few else f' with {headings} headings'}")
+        if headings not in self._made:
+            surveyor = Surveyor(self._terrain, self._vehicle, self.tiles.survey.grid, headings)
+            self._made[headings] = SurveyTiles(surveyor, threads=self._threads)
+        self._made[headings].progress = self.progress
+        return self._made[headings]
+
+
+class _Passable:
+    """Cells that can be driven with some heading, as far as two surveys show it.
+
+    Attributes:
+        some: (height, width) bool, where that is so.
+        never: likewise, where it is known that no heading lets the vehicle stand.
+
+    Args:
+        few: a survey.
+        many: one with more headings, which is only asked for where `few` does not show it.
+    """
+
+    def __init__(self, few: SurveyTiles, many: SurveyTiles, never: NDArray[np.bool_]) -> None:
+        self.some, self.never, self._many = np.zeros_like(never), never, many
+        for tiles in (few, many):
+            self._note(tiles, tiles.known)
+
+    def _note(self, tiles: SurveyTiles, made: NDArray[np.bool_]) -> None:
+        for tile in np.flatnonzero(made).tolist():
+            part = part_of(tiles.window(tile))
+            self.some[part] |= drivable(tiles.survey, part).any(axis=0)
+            self.never[part] |= np.isnan(tiles.survey.heights[part])
+
+    def look(self, cells: NDArray[np.bool_]) -> bool:
+        """Find out about cells of which too little is known; whether there were any."""
+        many, (rows, columns) = self._many, np.nonzero(cells & ~self.some & ~self.never)
+        unknown = ~many.known[rows // many.side, columns // many.side]
+        if not unknown.any():
+            return False
+        before = many.known.copy()
+        many.complete(rows[unknown], columns[unknown])
+        self._note(many, many.known & ~before)
+        return True
+
+    def around(self, start: Cell) -> NDArray[np.bool_]:
+        """The cells that neighbouring ones lead to from one, and those beside these."""
+        # eight headings without a place where one is barred: the moves are those to neighbours
+        bits = np.where(self.some, np.uint8(255), np.uint8(0))
+        reached = spread(bits, 8, begin_at(bits, start)) != 0
+        padded = np.pad(reached, 1)
+        views = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
+        return np.asarray(views.any(axis=(2, 3)))
+
+
+def _may_open(search: RouteSearch, many: SurveyTiles) -> bool:
+    """Whether more headings may show a way.
+
+    They do not where neighbouring cells, each drivable with some heading, lead not from one end to
+    the other: the cells that a longer move passes are neighbours, too.
+    """
+    (start, goal), on = search.ends, search.on
+    never = _over_the_edge(on.terrain, on.survey.grid, on.vehicle)
+    passable = _Passable(on.tiles, many, never)
+    beside = np.zeros_like(passable.some)
+    beside[start] = beside[goal] = True
+    passable.look(beside)
+    while passable.some[start] and passable.some[goal]:
+        beside = passable.around(start)
+        if beside[goal]:
+            return True
+        if not passable.look(beside):
+            return False
+    return False
+
+
+def _over_the_edge(terrain: Terrain, grid: Grid, vehicle: Vehicle) -> NDArray[np.bool_]:
+    """Where the vehicle would stand over the terrain's edge with any heading."""
+    reach = (1.0 - 1e-6) * min(vehicle.rectangle)
+    west, south, east, north = terrain.bounds
+    x, y = grid.columns(grid.whole), grid.rows(grid.whole)
+    out_x = (x < west + reach) | (x > east - reach)
+    out_y = (y < south + reach) | (y > north - reach)
+    return np.asarray(out_y[:, None] | out_x[None, :])
