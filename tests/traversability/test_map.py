@@ -28,7 +28,7 @@ from tests.strategies import definitions
 from tests.surveys import judged
 
 ROVER = Vehicle(
-    Wheel(0.2, 0.1),
+    Wheel(0.2, 0.1, slips=False),
     (Axle(0.5), Axle(-0.5)),
     mass=40.0,
     gravity=10.0,
@@ -468,7 +468,7 @@ def _with_grid(terrain: Terrain, resolution: float) -> tuple[Terrain, Vehicle, G
 class TestSingleWheel:
     """A wheel by itself."""
 
-    WHEEL = Vehicle.single(Wheel(0.2, 0.1), 100.0)
+    WHEEL = Vehicle.single(Wheel(0.2, 0.1, slips=False), 100.0)
 
     @pytest.mark.parametrize("side", FACES)
     @pytest.mark.parametrize(("degrees", "verdict"), [(22.5, 2), (23.1, 3)])
@@ -577,7 +577,10 @@ class TestTables:
         "vehicle",
         [
             replace(ROVER, cog_height=0.4),
-            replace(ROVER, cog_height=0.4, wheel=Wheel(0.2, 0.1, 8.0)),
+            replace(ROVER, cog_height=0.4, wheel=Wheel(0.2, 0.1, 8.0, slips=False)),
+            replace(ROVER, cog_height=0.4, wheel=Wheel(0.2, 0.1, 9.0)),
+            replace(ROVER, wheel=Wheel(0.2, 0.1, grouser_height=0.02), axles=(
+                Axle(0.5), Axle(-0.5, wheel=Wheel(0.15, 0.12, patch_pressure=7e3)))),
             replace(ROVER, axles=(Axle(0.5), Axle(0.1, 2, False), Axle(-0.5))),
         ],
     )
@@ -600,7 +603,7 @@ class TestTables:
         assert np.array_equal(np.isfinite(found[kernels.ENERGY]), moves)
         with np.errstate(invalid="ignore"):
             off = np.abs(found - wanted)
-        assert max(off[kernels.RESERVE]) < 0.02 and max(off[kernels.SINKAGE]) < 1e-4
+        assert max(off[kernels.RESERVE]) < 0.02 and max(off[kernels.SINKAGE, moves]) < 1e-3
         used = off[kernels.UTILISATION, moves & ~direct]
         assert max(used) < 0.08 and np.quantile(used, 0.99) < 0.03
         assert np.nanmax(off[kernels.SLIP, moves], initial=0.0) < 0.02

@@ -103,8 +103,8 @@ def test_work_on_a_rigid_slope_is_weight_times_height() -> None:
 
 
 def test_work_on_soft_ground_is_the_torque_that_the_wheels_need() -> None:
-    terrain = plane(0.0, sinkage=0.05)
-    route = plan_route(terrain, ROVER, seen(terrain), (1.5, 2.5), (10.5, 2.5))
+    terrain, rover = plane(0.0, sinkage=0.05), ROVER.by_model(slips=False)
+    route = plan_route(terrain, rover, seen(terrain, rover), (1.5, 2.5), (10.5, 2.5))
     load, radius = ROVER.weight / 4, ROVER.wheel.radius
     half = math.asin(math.sqrt(0.05e-3 * load / (2 * radius)))
     torque = radius * load * math.sin(half) * (half / 2) ** 2 / math.sin(half / 2) ** 2

@@ -212,9 +212,10 @@ def unknown_preset(subject: Subject) -> Iterator[Remark]:
     """The preset of a surface is no soil that is known.
 
     The soils are dry-sand, sandy-loam-11, sandy-loam-15, sandy-loam-23, upland-sandy-loam,
-    lete-sand, clayey-soil-38, clayey-soil-55, lean-clay-22, heavy-clay-25, heavy-clay-40, snow-us,
-    snow-sweden, lunar-nominal and mars-simulant-dlr; docs/traversability.md has their figures. What
-    a surface says itself counts instead of what its preset has.
+    lete-sand, clayey-soil-38, clayey-soil-55, lean-clay-22, heavy-clay-25, snow-us, snow-sweden and
+    lunar-nominal; hard ground is concrete, asphalt-wet, gravel, earth-road, earth-road-wet,
+    grass-wet, snow-packed and ice; docs/traversability.md has their figures. What a surface says
+    itself counts instead of what its preset has.
 
     Fails:
 
