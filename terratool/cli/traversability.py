@@ -13,9 +13,10 @@ from terratool.cli.terminal import Status, load, say
 if TYPE_CHECKING:
     from terratool.traversability.conditions import Condition
 
-# as terratool.traversability.route.graph has them, which is not imported for --help; a test holds
-# them equal
+# as terratool.traversability.route.graph and terratool.traversability.vehicle have them, which are
+# not imported for --help; a test holds them equal
 PREFERENCES = ("length", "time", "energy", "margin")
+MODELS = ("slip", "paper")
 
 
 @click.command(
@@ -25,6 +26,14 @@ PREFERENCES = ("length", "time", "energy", "margin")
 )
 @click.argument("file")
 @vehicle_options
+@click.option(
+    "--model",
+    type=Names(MODELS),
+    default=MODELS[0],
+    show_default=True,
+    metavar="WHAT",
+    help="How wheel and soil are computed: slip, or what the paper says (section 3.6).",
+)
 @click.option(
     "--report",
     "reports",
@@ -105,6 +114,7 @@ PREFERENCES = ("length", "time", "energy", "margin")
 @click.option("--json", "as_json", is_flag=True, help="Write the report as JSON, no table.")
 def command(
     file: str,
+    model: str,
     reports: tuple[str, ...],
     map_: str | None,
     routes: tuple[tuple[float, float, float, float], ...],
@@ -147,7 +157,7 @@ def command(
     _refuse_unasked(checks, travels, start is not None, [*lines_only, *["--return"] * returns])
     renderers = [document.renderer_of(path) for path in reports]
     _refuse_outputs(file, values["vehicle"], waypoints, reports, map_, overwrite)
-    vehicle = vehicle_from(values)
+    vehicle = vehicle_from(values).by_model(model)
     wants_map = map_ is not None or len(lines_only) < len(reports)
     request = Request(
         routes=routes,

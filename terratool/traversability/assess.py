@@ -43,7 +43,7 @@ from terratool.traversability.route.routes import (
     route_grid,
     with_way_back,
 )
-from terratool.traversability.soil import ASSUMPTIONS, surface_figures
+from terratool.traversability.soil import ASSUMPTIONS, BY_MODEL, surface_figures
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 from terratool.traversability.vehicle import Vehicle
@@ -347,8 +347,8 @@ def assess(
         routes=routes,
         reach=mapped.reach if mapped else None,
         preview=mapped.preview if mapped else None,
-        assumptions=(*ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
-        notes=(*prepared.notes, *_looked_at(prepared), *_finer(prepared, routes)),
+        assumptions=(*BY_MODEL[vehicle.model], *ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
+        notes=(f"Computed with the model {vehicle.model}.", *prepared.notes, *_looked_at(prepared), *_finer(prepared, routes)),
         geojson=geojson_head(terrain),
     )
 

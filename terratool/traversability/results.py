@@ -127,6 +127,11 @@ class Figures:
         pressure: mean, Pa.
         normal_stress: σmax at the largest thrust, Pa.
         shear_stress: τmax, Pa.
+        entry_angle: θ1, rad, at rest.
+        strength: in the model `paper` c + σ tan φ, Pa: what the soil bears, with the σ that the
+            motor's largest torque makes, or σmax where that is not limited.
+        motor_stress: in the model `paper` τ of the motor's largest torque, Pa.
+        limit_torque: that belongs to σmax and τmax, N m.
         thrust, resistance, drawbar: at the largest torque and slip allowed, N.
         torque: needed on the level, N m.
         utilisation: of the strength on the level.
@@ -157,6 +162,10 @@ class Figures:
     pressure: float | None = None
     normal_stress: float | None = None
     shear_stress: float | None = None
+    entry_angle: float | None = None
+    strength: float | None = None
+    motor_stress: float | None = None
+    limit_torque: float | None = None
     thrust: float | None = None
     resistance: float | None = None
     drawbar: float | None = None

@@ -33,14 +33,9 @@ _NEEDED = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "s
 
 ASSUMPTIONS = (
     "Static: no dynamics, no momentum, no shocks.",
-    "Rigid, smooth wheels on homogeneous soil; sinkage grows with the load, z = k·W.",
-    "No bulldozing, no grousers, no slip-sinkage, and no second pass over the same rut.",
+    "Homogeneous soil; sinkage grows with the load, z = k·W. No bulldozing.",
     "Stresses under a wheel rise and fall linearly (Iagnemma, Shibly and Dubowsky 2002).",
-    "Where shearModulus is given, slip mobilises strength (Janosi and Hanamoto 1961); where it is "
-    "not, all of it acts whatever the slip, and slip is not known.",
-    "Ground into which a wheel sinks less than 0.001 mm is rigid: only friction acts on it.",
-    "A preset's sinkage is Bekker's (1969) for the wheel and its load on the level; its "
-    "shearModulus of 0.025 m is an assumption.",
+    "A preset's sinkage is Bekker's (1969) for the wheel and its load on the level.",
     "Loads differ linearly from wheel to wheel, as those of a rigid body on equal springs; with "
     "two axles that is statics.",
     "Driven wheels share the push so that each uses the same share of its soil's strength; a "
@@ -49,6 +44,20 @@ ASSUMPTIONS = (
     "push of other wheels.",
 )
 """Sentences for the end of every report."""
+
+BY_MODEL = {
+    "slip": (
+        "Model slip: a wheel sinks in further as it slips (Lyasko 2010) and leaves the soil behind "
+        "its axle; slip mobilises strength along the patch on which it stands, or between its lugs "
+        "(Janosi and Hanamoto 1961). Where a soil has no shearModulus all of its strength acts "
+        "whatever the slip, and slip is not known.",
+    ),
+    "paper": (
+        "Model paper (Shipovalov and Pryanichnikov 2016, 3.6): rigid, smooth wheels; all of "
+        "Coulomb's strength acts whatever the slip.",
+    ),
+}
+"""Sentences for reports that are computed with a model."""
 
 
 def bekker_sinkage(preset: Preset, wheel: Wheel, load: Any) -> Numbers:
@@ -162,6 +171,12 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     across, across_limit = _largest(side_slip(vehicle, soil), to_side, vehicle)
     step, step_limit = step_of(vehicle, math.tan(soil.friction))
     soft = bool(contact.area > 0.0) and load > 0.0
+    strength, motor = best.shear_stress, None
+    if soft and math.isfinite(vehicle.wheel.max_torque):
+        normal, motor = wheels.stresses_from(
+            load, vehicle.wheel.max_torque, contact.entry_angle, vehicle.wheel
+        )
+        strength = soil.cohesion + normal * math.tan(soil.friction)
     known = soil.shear_modulus > 0.0 and math.isfinite(need.slip)
     return Figures(
         name,
@@ -177,6 +192,10 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         pressure=float(contact.pressure) if soft else None,
         normal_stress=float(best.normal_stress) if soft else None,
         shear_stress=float(best.shear_stress) if soft else None,
+        entry_angle=float(contact.entry_angle) if soft else None,
+        strength=float(strength) if soft and not vehicle.wheel.slips else None,
+        motor_stress=None if motor is None or vehicle.wheel.slips else float(motor),
+        limit_torque=float(best.torque),
         thrust=float(best.thrust),
         resistance=float(best.resistance),
         drawbar=float(best.drawbar),

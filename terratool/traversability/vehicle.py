@@ -41,6 +41,8 @@ class Soil:
         return cls(cohesion * 1e3, friction * (math.pi / 180.0), sinkage * 1e-3, shear_modulus)
 
 
+MODELS = ("slip", "paper")
+"""Of wheel and soil; kernels/traversability/terramechanics.hpp says what they are."""
 FLAT = 0.4
 """The least shear length of a wheel, in radii: a rim that gives by 2 % of its radius is as flat."""
 EXIT_RATIO = 0.45
@@ -199,8 +201,14 @@ class Vehicle:
         """The wheels of an axle."""
         return axle.wheel or self.wheel
 
-    def by_model(self, slips: bool) -> Vehicle:
-        """The same vehicle, computed with the model `slip`, or `paper`."""
+    @property
+    def model(self) -> str:
+        """The model of wheel and soil that it is computed with, one of `MODELS`."""
+        return MODELS[0] if self.wheel.slips else MODELS[1]
+
+    def by_model(self, model: str) -> Vehicle:
+        """The same vehicle, computed with one of `MODELS`."""
+        slips = model == MODELS[0]
         axles = (
             replace(axle, wheel=replace(axle.wheel, slips=slips)) if axle.wheel else axle
             for axle in self.axles

@@ -21,11 +21,12 @@ from rio_cogeo.cogeo import cog_validate
 
 import terratool
 from terratool.cli.terminal import Status
-from terratool.cli.traversability import PREFERENCES
+from terratool.cli.traversability import MODELS, PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
 from terratool.raster.grid import Window
 from terratool.traversability import assess as assessing
+from terratool.traversability import vehicle as vehicles
 from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
 from terratool.traversability.conditions import FIGURES, WORDS
 from terratool.traversability.report import document as formats
@@ -373,7 +374,7 @@ def test_where_it_cannot_start_is_a_result(site: tuple[str, ...], tmp_path: Path
     assert "cannot stand at the place to start from" in ran.out
 
 
-MUD = {"cohesion": 1.0, "fricAngle": 22, "sinkage": 0.08, "shearModulus": 0.02}
+MUD = {"cohesion": 1.0, "fricAngle": 22, "sinkage": 0.08, "shearModulus": 0.025}
 SLOPE: dict[str, Any] = {
     "size": [12, 5],
     "surfTypes": {"mud": MUD},
@@ -394,17 +395,19 @@ def test_a_way_down_says_that_there_is_none_back(saved: Saved, tmp_path: Path) -
     assert document["verdict"] == route["verdict"] == "caution"
     assert "It is one-way: it cannot be driven back the same way" in document["sentence"]
     report = tmp_path / "r.md"
-    asked = drive(*common, "--resolution", 0.2, "--return", "--report", report)
+    asked = drive(
+        *common, "--resolution", 0.2, "--headings", 8, "--return", "--report", report
+    )
     assert asked.code == 1 and asked.out.startswith("no-go: There is a way")
     assert "There is no way back:" in " ".join(asked.out.split())
     assert "There is no way back:" in report.read_text("utf-8")
-    up = drive(*common[:-4], 1, 2.5, 11, 2.5, "--resolution", 0.2)
+    up = drive(*common[:-4], 1, 2.5, 11, 2.5, "--resolution", 0.2, "--headings", 8)
     assert up.code == 1
 
 
 def test_ground_that_carries_downhill_only_is_no_go(saved: Saved) -> None:
     """It goes nowhere on the level; down the slope it would, with its nose downhill."""
-    deep = {"cohesion": 0.4, "fricAngle": 17, "sinkage": 0.35, "shearModulus": 0.025}
+    deep = {"cohesion": 0.1, "fricAngle": 18, "sinkage": 0.15, "shearModulus": 0.03}
     steep = {**SLOPE, "surfTypes": {"mud": deep}}
     ran = drive(
         saved(steep), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.2, "--json"
@@ -413,7 +416,7 @@ def test_ground_that_carries_downhill_only_is_no_go(saved: Saved) -> None:
     (mud,) = document["surfaces"]
     assert mud["verdict"] == "no-go" and mud["climb_deg"] is None
     best, worst = document["map"]["best_heading"], document["map"]["worst_heading"]
-    assert best["one-way"] > 0.1 * document["map"]["pixels"]
+    assert best["one-way"] > 0.05 * document["map"]["pixels"]
     assert best["go"] == best["caution"] == worst["go"] == worst["caution"] == 0
     assert document["verdict"] == "no-go"
     assert "no place that the vehicle can drive to and back from" in document["sentence"]
@@ -613,6 +616,7 @@ def test_help_has_an_example_and_names_everything() -> None:
     ran = call("traversability", "--help")
     assert "Example: terratool traversability samples/" in " ".join(ran.out.split())
     assert PREFERENCES == graph.PREFERENCES
+    assert vehicles.MODELS == MODELS
     told = " ".join(ran.out.split()).replace("- ", "-")  # lines break after hyphens
     for name in WORDS:
         assert name in told

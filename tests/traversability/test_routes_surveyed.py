@@ -103,7 +103,7 @@ def test_work_on_a_rigid_slope_is_weight_times_height() -> None:
 
 
 def test_work_on_soft_ground_is_the_torque_that_the_wheels_need() -> None:
-    terrain, rover = plane(0.0, sinkage=0.05), ROVER.by_model(slips=False)
+    terrain, rover = plane(0.0, sinkage=0.05), ROVER.by_model("paper")
     route = plan_route(terrain, rover, seen(terrain, rover), (1.5, 2.5), (10.5, 2.5))
     load, radius = ROVER.weight / 4, ROVER.wheel.radius
     half = math.asin(math.sqrt(0.05e-3 * load / (2 * radius)))

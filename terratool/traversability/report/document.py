@@ -53,7 +53,8 @@ _KEYS: dict[type, str] = {
     Thresholds: "utilisation slip caution_slip torque geometry",
     Figures: "surface verdict binding missing preset load_N cohesion_kPa friction_deg "
     "sinkage_rate_m_per_kN shear_modulus_m sinkage_m contact_length_m contact_area_m2 pressure_kPa "
-    "normal_stress_kPa shear_stress_kPa thrust_N resistance_N drawbar_N torque_Nm utilisation slip "
+    "normal_stress_kPa shear_stress_kPa entry_angle_deg strength_kPa motor_stress_kPa "
+    "limit_torque_Nm thrust_N resistance_N drawbar_N torque_Nm utilisation slip "
     "climb_deg climb_binding cross_slope_deg cross_slope_binding step_m step_binding gap_m "
     "warnings",
     Location: "x y z surface element",
@@ -99,6 +100,7 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
             "bounds": _plain(report.bounds),
         },
         "vehicle": _plain(report.vehicle),
+        "model": report.vehicle.model,
         "verdict": report.verdict.label,
         "sentence": wording.conclusion(report),
         "surfaces": _plain(report.surfaces),

@@ -85,10 +85,20 @@ def contact(report: TraversabilityReport) -> Table:
         (Column("pressure, kPa"), lambda f: _scaled(f.pressure, 1e-3)),
         (Column("σmax, kPa"), lambda f: _scaled(f.normal_stress, 1e-3)),
         (Column("τmax, kPa"), lambda f: _scaled(f.shear_stress, 1e-3)),
+        *(
+            (
+                (Column("c + σ tan φ, kPa"), lambda f: _scaled(f.strength, 1e-3)),
+                (Column("τ of the motor, kPa"), lambda f: _scaled(f.motor_stress, 1e-3)),
+            )
+            if report.vehicle.model == "paper"
+            else ()
+        ),
+        (Column("torque of these, N m"), lambda f: wording.number(f.limit_torque)),
+        (Column("θ1"), lambda f: wording.degrees(f.entry_angle)),
         (Column("thrust, N"), lambda f: wording.number(f.thrust)),
         (Column("resistance, N"), lambda f: wording.number(f.resistance)),
         (Column("drawbar pull, N"), lambda f: wording.number(f.drawbar)),
-        (Column("torque, N m"), lambda f: wording.number(f.torque)),
+        (Column("torque on the level, N m"), lambda f: wording.number(f.torque)),
         (Column("strength used"), lambda f: _used(f.utilisation)),
         (Column("slip"), lambda f: wording.share(f.slip)),
     )
@@ -215,6 +225,7 @@ def properties(vehicle: Vehicle) -> Table:
 
 def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     wheel, margins, limits = vehicle.wheel, vehicle.margins, vehicle.thresholds
+    yield "model", vehicle.model
     yield "wheel", f"radius {wording.length(wheel.radius)}, width {wording.length(wheel.width)}"
     yield "largest torque of a wheel", wording.quantity(wheel.max_torque, "N m")
     yield "largest slip", wording.share(wheel.max_slip)
