@@ -115,7 +115,7 @@ def preset_of(surface: Surface) -> Preset | None:
 def property_of(surface: Surface, attribute: str) -> float | UnsetType:
     """A number of a surface: what it says itself, else what its preset has; `UNSET` for neither.
 
-    The sinkage of a soil is `UNSET`: it depends on the wheel and its load. That of hard ground is 0.
+    The sinkage of a soil is `UNSET`, as it depends on the wheel and its load; of hard ground 0.
     """
     own: float | UnsetType = getattr(surface, attribute)
     preset = preset_of(surface)

@@ -347,8 +347,18 @@ def assess(
         routes=routes,
         reach=mapped.reach if mapped else None,
         preview=mapped.preview if mapped else None,
-        assumptions=(*BY_MODEL[vehicle.model], *ASSUMPTIONS, _MAP, *((_ROUTE,) if request.routes else ())),
-        notes=(f"Computed with the model {vehicle.model}.", *prepared.notes, *_looked_at(prepared), *_finer(prepared, routes)),
+        assumptions=(
+            *BY_MODEL[vehicle.model],
+            *ASSUMPTIONS,
+            _MAP,
+            *((_ROUTE,) if request.routes else ()),
+        ),
+        notes=(
+            f"Computed with the model {vehicle.model}.",
+            *prepared.notes,
+            *_looked_at(prepared),
+            *_finer(prepared, routes),
+        ),
         geojson=geojson_head(terrain),
     )
 

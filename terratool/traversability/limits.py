@@ -263,8 +263,8 @@ def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> Steepe
     Loads are those of the slope. Each driven wheel pushes with the same share of the soil's
     strength: all of it where K is not known, else what a slip mobilises in the one that mobilises
     least, the best of some slips up to `max_slip`; with its motor's limit where that is less. Each
-    towed wheel resists. A wheel that lifts ends the search, and so does one that sinks in to its axle. Margins are not
-    taken off. `max_slip` is that of the wheel if None.
+    towed wheel resists. A wheel that lifts ends the search, and so does one that sinks in to its
+    axle. Margins are not taken off. `max_slip` is that of the wheel if None.
     """
     return _steepest(vehicle, soil, False, vehicle.wheel.max_slip if max_slip is None else max_slip)
 

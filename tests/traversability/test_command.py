@@ -395,9 +395,7 @@ def test_a_way_down_says_that_there_is_none_back(saved: Saved, tmp_path: Path) -
     assert document["verdict"] == route["verdict"] == "caution"
     assert "It is one-way: it cannot be driven back the same way" in document["sentence"]
     report = tmp_path / "r.md"
-    asked = drive(
-        *common, "--resolution", 0.2, "--headings", 8, "--return", "--report", report
-    )
+    asked = drive(*common, "--resolution", 0.2, "--headings", 8, "--return", "--report", report)
     assert asked.code == 1 and asked.out.startswith("no-go: There is a way")
     assert "There is no way back:" in " ".join(asked.out.split())
     assert "There is no way back:" in report.read_text("utf-8")

@@ -579,8 +579,11 @@ class TestTables:
             replace(ROVER, cog_height=0.4),
             replace(ROVER, cog_height=0.4, wheel=Wheel(0.2, 0.1, 8.0, slips=False)),
             replace(ROVER, cog_height=0.4, wheel=Wheel(0.2, 0.1, 9.0)),
-            replace(ROVER, wheel=Wheel(0.2, 0.1, grouser_height=0.02), axles=(
-                Axle(0.5), Axle(-0.5, wheel=Wheel(0.15, 0.12, patch_pressure=7e3)))),
+            replace(
+                ROVER,
+                wheel=Wheel(0.2, 0.1, grouser_height=0.02),
+                axles=(Axle(0.5), Axle(-0.5, wheel=Wheel(0.15, 0.12, patch_pressure=7e3))),
+            ),
             replace(ROVER, axles=(Axle(0.5), Axle(0.1, 2, False), Axle(-0.5))),
         ],
     )
