@@ -72,8 +72,8 @@ INLINE Contact contact_at(double entry, double exit_ratio, const Wheel& wheel, d
     double quarter = sin(0.5 * half);
     double area = half > 0.0 ? 4.0 * wheel.radius * wheel.width * square(quarter) / half : 0.0;
     double arm = half > 0.0 ? wheel.radius * square(0.5 * half / quarter) : wheel.radius;
-    double length = wheel.radius * sin(entry);
-    return {sinkage, entry, sin(peak), cos(peak), area, arm, length, area};
+    double sine = sin(peak);
+    return {sinkage, entry, sine, sqrt(1.0 - sine * sine), area, arm, 0.0, area};
 }
 
 // l, the length along which a wheel shears the ground.
@@ -89,6 +89,7 @@ INLINE Contact contact_under(double load, double rate, const Wheel& wheel, doubl
     double entry = 2.0 * asin(sqrt(depth));
     Contact at = contact_at(entry, wheel.slips ? wheel.exit_ratio : 0.0, wheel, sinkage);
     if (wheel.slips) at.length = shear_length(load, wheel), at.shear_area = wheel.width * at.length;
+    else at.length = wheel.radius * sin(entry);
     return at;
 }
 

@@ -175,11 +175,14 @@ struct Pull {
 // A wheel that would slip by more than 1 sinks in as at 1.
 inline Pull pulls(LoadedWheels wheels, double share, bool motors) {
     Pull total{0.0, false};
-    double displacement = displacement_for(share);
+    bool slips = false;
+    for (const LoadedWheel& f : wheels) slips = slips || f.modulus() > 0.0;
+    double displacement = slips ? displacement_for(share) : 0.0;
     for (LoadedWheel& f : wheels) {
         if (!f.driven) continue;
-        f.slip = slip_at(displacement, f.contact.length, f.modulus());
-        f.contact = contact_under(f.load, f.soil.sinkage, f.wheel, f.slip);
+        double slip = slip_at(displacement, f.contact.length, f.modulus());
+        if (slip != f.slip) f.contact = contact_under(f.load, f.soil.sinkage, f.wheel, slip);
+        f.slip = slip;
         double most = motors ? f.wheel.max_torque : INF;
         Traction found = traction(f.load, f.contact, f.soil, share, most);
         total.force += found.drawbar;
@@ -250,15 +253,15 @@ BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF) {
 
 // The least share of strength at which all driven wheels together push with `pull`; or infinity.
 inline double common_share(LoadedWheels wheels, double pull, double max_slip, bool motors) {
-    constexpr double enough = 1e-12;  // relative accuracy of the root
+    constexpr double enough = 1e-10;  // relative accuracy of the root
     constexpr int steps = 100, doublings = 12;
     auto lacking = [&](double share) { return pull - pulls(wheels, share, motors).force; };
     double low = 0.0, high = 0.0, under = lacking(low), over = under;
     if (under <= 0.0) return 0.0;
-    // below the peak there is one root
-    BestSlip best = best_slip(
-        [&](double slip) { return -lacking(least_mobilised(wheels, slip)); }, max_slip, 0.0
-    );
+    // before the peak there is one root
+    auto force_at = [&](double slip) { return -lacking(least_mobilised(wheels, slip)); };
+    BestSlip best{max_slip, force_at(max_slip)};
+    if (best.force < 0.0) best = best_slip(force_at, max_slip, 0.0);
     double share = least_mobilised(wheels, best.slip);
     (best.force >= 0.0 ? high : low) = share, (best.force >= 0.0 ? over : under) = -best.force;
     for (int n = 0; n < doublings && over > 0.0; ++n) {
