@@ -68,7 +68,7 @@ def axles_overlap(subject: VehicleSubject) -> Iterator[Remark]:
                 yield Remark(
                     "/wheelbase" if vehicle.axles is UNSET else f"/axles/{index}/x",
                     f"the wheels of this axle and those of the one {shown(_short(apart))} m ahead "
-                    f"stand in each other's place: they need {shown(_short(least))} m.",
+                    f"stand in each other's place: their axles need {shown(_short(least))} m.",
                     'Check the positions, and "radius", which is half a diameter, in metres.',
                 )
                 break

@@ -21,10 +21,8 @@ _PLAUSIBLE_WHEEL = (
     # key, low, high, unit
     ("radius", 0.01, 2, "m"),
     ("width", 0.003, 2, "m"),
-    ("grouserHeight", 0, 0.2, "m"),
     ("tyrePressure", 3, 1500, "kPa"),
     ("carcassStiffness", 0, 500, "kPa"),
-    ("contactLength", 0, 2, "m"),
     ("maxTorque", 1e-3, 1e5, "N m"),
 )
 _PLAUSIBLE = (
@@ -131,10 +129,10 @@ def weak_drive(subject: VehicleSubject) -> Iterator[Remark]:
 def implausible_vehicle(subject: VehicleSubject) -> Iterator[Remark]:
     """A value is one that hardly any vehicle has; most often it is in another unit.
 
-    Looked at are mass (0.1 kg to 100 t), the wheels' radius (1 cm to 2 m) and width, lugs (up to
-    20 cm), pressure (3 to 1500 kPa), stiffness of the carcass, contact length and torque, in
-    common and of an axle's own; wheelbase, track, the height of the centre of gravity, clearance,
-    width of the body, overhangs, speed (up to 30 m/s; nothing here knows of dynamics) and power.
+    Looked at are mass (0.1 kg to 100 t), the wheels' radius (1 cm to 2 m) and width, pressure
+    (3 to 1500 kPa), stiffness of the carcass and torque, in common and of an axle's own; wheelbase,
+    track, the height of the centre of gravity, clearance, width of the body, overhangs, speed (up
+    to 30 m/s; nothing here knows of dynamics) and power. Lugs and contact lengths have TT512.
 
     Fails:
 

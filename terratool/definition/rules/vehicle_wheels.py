@@ -19,10 +19,7 @@ _FOREIGN = {
     "tyre": (),
 }
 """What wheels of a kind do not have."""
-_WHAT = {
-    "rigid": "a rigid wheel has a smooth rim",
-    "lugged": "a lugged wheel has a rigid rim",
-}
+_NAMES = {"rigid": "a rigid wheel", "lugged": "a lugged wheel", "tyre": "a tyre"}
 
 
 @rule("TT511", "contradictory-wheel", kind="vehicle")
@@ -65,15 +62,13 @@ def contradictory_wheel(subject: VehicleSubject) -> Iterator[Remark]:
             # where an axle wrote neither of the two, the common wheels have been told already
             if getattr(wheel, _KEYS[key]) in (UNSET, 0) or not _wrote(written, "kind", key):
                 continue
+            others = [each for each, foreign in _FOREIGN.items() if key not in foreign]
             yield Remark(
                 f"{owner}/{key}" if _wrote(written, key) else f"{owner}/kind",
-                f'the wheel is of kind "{kind}" and has "{key}", but {_WHAT[kind]}.',
-                f'Remove "{key}", or give {_kinds_with(key)} as "kind".',
+                f'"{key}" is a figure of {" or ".join(_NAMES[each] for each in others)}, but the '
+                f'wheel is of kind "{kind}".',
+                f'Remove "{key}", or write {" or ".join(map(shown, others))} as "kind" beside it.',
             )
-
-
-def _kinds_with(key: str) -> str:
-    return " or ".join(f'"{kind}"' for kind, foreign in _FOREIGN.items() if key not in foreign)
 
 
 def _wrote(written: WheelText, *keys: str) -> bool:
@@ -153,8 +148,13 @@ def idle_carcass(subject: VehicleSubject) -> Iterator[Remark]:
 
     To mend: add "tyrePressure", or leave the stiffness out.
     """
+    effect: dict[str, bool] = {}
     for owner, written, wheel in subject.wheels:
-        if written.carcass_stiffness is not UNSET and wheel.tyre_pressure is UNSET:
+        if wheel.carcass_stiffness is not UNSET:
+            place = owner if _wrote(written, "carcassStiffness") else "/wheels"
+            effect[place] = effect.get(place, False) or wheel.tyre_pressure is not UNSET
+    for owner, any_effect in effect.items():
+        if not any_effect:
             yield Remark(
                 f"{owner}/carcassStiffness",
                 '"carcassStiffness" has no effect without "tyrePressure".',
