@@ -397,6 +397,7 @@ SIDES = [{"x": 0.25}, {"x": -0.25}]
         ({"axles": [*SIDES, {"x": 0.2, "wheels": 1, "width": 0.0901}], "track": 0.2}, ["TT501"]),
         ({"axles": [{"x": 0.25, "width": 0.4}, SIDES[1]], "track": 0.4}, []),
         ({"axles": [{"x": 0.25, "width": 0.41}, SIDES[1]], "track": 0.4}, ["TT502"]),
+        ({"axles": [SIDES[0], {"x": -0.25, "width": 0.41}], "track": 0.4}, ["TT502"]),
         ({"axles": [{"x": 0.25, "wheels": 4, "width": 0.2}, {"x": -0.25}]}, ["TT502"]),
         # 0.16 m behind the rear axle, 0.04 m high: within a wheel of 0.2 m, not of the front's
         (
@@ -538,6 +539,8 @@ def test_rules_say_nothing_of_what_only_follows() -> None:
         ({}, {"radius": 0.09, "grouserHeight": 0.1}, "TT512", "/axles/1/grouserHeight"),
         ({"contactLength": 0.2}, {"radius": 0.09}, "TT512", "/axles/1/radius"),
         ({"contactLength": 0.4}, {"width": 0.1}, "TT512", "/wheels/contactLength"),
+        ({"kind": "rigid", "tyrePressure": 80}, {"kind": "rigid", "radius": 0.1}, "TT511",
+         "/wheels/tyrePressure"),
         ({"contactLength": 0.4, "radius": 0.1}, {"radius": 0.15}, "TT512", None),
         # another kind takes over neither lugs nor pressure nor contact
         ({"kind": "lugged", "grouserHeight": 0.1}, {"kind": "tyre", "radius": 0.09}, None, ""),

@@ -59,12 +59,12 @@ def contradictory_wheel(subject: VehicleSubject) -> Iterator[Remark]:
     for owner, written, wheel in subject.wheels:
         kind = wheel.known_kind
         for key in _FOREIGN[kind]:
-            # where an axle wrote neither of the two, the common wheels have been told already
-            if getattr(wheel, _KEYS[key]) in (UNSET, 0) or not _wrote(written, "kind", key):
+            # what an axle has taken over has been told of the common wheels
+            if getattr(wheel, _KEYS[key]) in (UNSET, 0) or not _wrote(written, key):
                 continue
             others = [each for each, foreign in _FOREIGN.items() if key not in foreign]
             yield Remark(
-                f"{owner}/{key}" if _wrote(written, key) else f"{owner}/kind",
+                f"{owner}/{key}",
                 f'"{key}" is a figure of {" or ".join(_NAMES[each] for each in others)}, but the '
                 f'wheel is of kind "{kind}".',
                 f'Remove "{key}", or write {" or ".join(map(shown, others))} as "kind" beside it.',
