@@ -15,11 +15,17 @@ LOPSIDED: Json = {
     "descr": "Three axles, the middle one of a single wheel",
     "mass": 120,
     "gravity": "mars",
-    "wheels": {"radius": 0.2, "width": 0.1, "maxTorque": 30, "maxSlip": 0.8},
+    "wheels": {
+        "radius": 0.2, "width": 0.1, "kind": "lugged", "grouserHeight": 0.015,
+        "exitAngleRatio": 0.4, "maxTorque": 30, "maxSlip": 0.8,
+    },
     "axles": [
-        {"x": 0.4, "wheels": 1, "driven": False},
+        {
+            "x": 0.4, "wheels": 1, "driven": False, "radius": 0.12, "width": 0.06, "kind": "tyre",
+            "tyrePressure": 80, "carcassStiffness": 15, "contactLength": 0.07,
+        },
         {"x": 2.0, "wheels": 4},
-        {"x": -0.3, "driven": True},
+        {"x": -0.3, "driven": True, "grouserHeight": 0.025, "maxTorque": 45},
     ],
     "wheelbase": 2.3,
     "track": 0.9,
@@ -59,6 +65,43 @@ def _some(members: dict[str, st.SearchStrategy[Any]]) -> st.SearchStrategy[Json]
     return st.fixed_dictionaries({}, optional=members)
 
 
+def _kinds(radius: float) -> st.SearchStrategy[Json]:
+    """What makes a wheel one of a kind, right for a radius from this one to its double."""
+    lugs = _numbers(0, 0.9 * radius)
+    rest = {"contactLength": _numbers(0, 1.9 * radius), "exitAngleRatio": _numbers(0, 0.99)}
+    rigid = {"kind": st.just("rigid"), **rest}
+    lugged = {"kind": st.just("lugged"), **rest}
+    tyre = {"grouserHeight": lugs, "carcassStiffness": _numbers(0, 200), **rest}
+    pressure = _numbers(5, 900)
+    return st.one_of(
+        _some(rigid),
+        st.fixed_dictionaries({"grouserHeight": lugs}, optional=lugged),
+        st.fixed_dictionaries({"kind": st.just("lugged")}, optional=rest),
+        st.fixed_dictionaries({"kind": st.just("tyre")}, optional={"grouserHeight": lugs, **rest}),
+        st.fixed_dictionaries(
+            {"tyrePressure": pressure}, optional={"kind": st.just("tyre"), **tyre}
+        ),
+    )
+
+
+@st.composite
+def _own_wheel(draw: st.DrawFn, radius: float, width: float) -> Json:
+    """What an axle says of its wheels: none are larger than the common ones."""
+    own = draw(
+        _some(
+            {
+                "radius": _numbers(0.5 * radius, radius),
+                "width": _numbers(0.5 * width, width),
+                "maxTorque": _numbers(0.001, 1000),
+            }
+        )
+    )
+    if draw(st.booleans()):
+        kind = draw(_kinds(0.5 * radius).filter(lambda kind: "kind" in kind))
+        own |= kind
+    return own
+
+
 @st.composite
 def vehicles(draw: st.DrawFn) -> Json:
     """A vehicle without errors, whole numbers among its figures and its axles in any order."""
@@ -77,7 +120,11 @@ def vehicles(draw: st.DrawFn) -> Json:
         xs.append(xs[-1] - gap * radius)
     if draw(st.booleans()):
         axles = [
-            {"x": x, **draw(_some({"wheels": st.integers(1, 4), "driven": st.booleans()}))}
+            {
+                "x": x,
+                **draw(_some({"wheels": st.integers(1, 4), "driven": st.booleans()})),
+                **draw(_own_wheel(radius, width)),
+            }
             for x in xs
         ]
         axles[0].update(wheels=2, driven=True)
@@ -124,5 +171,6 @@ def vehicles(draw: st.DrawFn) -> Json:
             }
         )
     )
+    value["wheels"] |= draw(_kinds(0.5 * radius))
     value["wheels"] |= draw(_some({"maxTorque": _numbers(0.001, 1000), "maxSlip": share}))
     return value

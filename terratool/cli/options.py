@@ -93,7 +93,13 @@ def options_of(values: dict[str, Any]) -> SourceOptions:
 
 
 _NEEDED = ("wheel_radius", "wheel_width", "load")
-_WHEEL = (*_NEEDED, "torque", "max_slip")
+_FIGURES = {
+    "wheel_radius": "radius", "wheel_width": "width", "grouser_height": "grouser_height",
+    "tyre_pressure": "tyre_pressure", "contact_length": "contact_length", "torque": "max_torque",
+    "max_slip": "max_slip",
+}  # fmt: skip
+"""Options about a wheel, by the names that a vehicle file has for them."""
+_WHEEL = ("load", *_FIGURES)
 _LEAST, _MOST = 1e-6, 1e9
 """Of each of them: with these nothing overflows on the way."""
 
@@ -119,6 +125,17 @@ def vehicle_options(command: _Command) -> _Command:
             _measure("--wheel-radius", "R", "Instead of a vehicle: a driven wheel's radius, m."),
             _measure("--wheel-width", "B", "Its width, m."),
             _measure("--load", "W", "The load that it bears, N."),
+            _measure(
+                "--grouser-height", "H", "The height of its lugs, m.  [default: a smooth rim]"
+            ),
+            _measure(
+                "--tyre-pressure", "P", "The pressure in its tyre, kPa.  [default: a rigid rim]"
+            ),
+            _measure(
+                "--contact-length",
+                "L",
+                "The least length of its contact with hard ground, m.  [default: 0]",
+            ),
             _measure("--torque", "T", "The largest torque of its motor, N m.  [default: no limit]"),
             click.option(
                 "--max-slip",
@@ -167,17 +184,22 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
             f"A wheel needs {_named(missing)}, too. Add what is missing, or give --vehicle V.json."
         )
 
-    from terratool.traversability.vehicle import Vehicle, Wheel
+    radius = wheel["wheel_radius"]
+    for name, most, what in (
+        ("grouser_height", radius, "radius"),
+        ("contact_length", 2.0 * radius, "diameter"),
+    ):
+        if wheel.get(name, 0.0) > most:
+            raise click.UsageError(
+                f"{_named([name])} is {wheel[name]:g} m, but the wheel's {what} is only {most:g} "
+                "m. Give both in metres."
+            )
 
-    return Vehicle.single(
-        Wheel(
-            wheel["wheel_radius"],
-            wheel["wheel_width"],
-            wheel.get("torque", math.inf),
-            wheel.get("max_slip", 1.0),
-        ),
-        wheel["load"],
-    )
+    from terratool.definition.vehicle import WheelsText
+    from terratool.traversability.vehicle import Vehicle, wheel_of
+
+    figures = {key: wheel[name] for name, key in _FIGURES.items() if name in wheel}
+    return Vehicle.single(wheel_of(WheelsText(**figures)), wheel["load"])
 
 
 def _named(names: Any) -> str:

@@ -23,6 +23,7 @@ from terratool.definition.model import (
 )
 from terratool.definition.vehicle import (
     GRAVITIES,
+    KINDS,
     AxleText,
     ClassesText,
     CogText,
@@ -187,6 +188,22 @@ def _share(what: str) -> Key:
 _ANGLE = Key("an angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True)
 _X = Key("a position in metres, positive ahead, up to 1e6 in size", "number", -MOST, MOST)
 
+_WHEEL = {
+    "radius": _measure("a radius", "metres"),
+    "width": _measure("a width", "metres"),
+    "kind": Key(
+        "one of " + ", ".join(f'"{name}"' for name in KINDS), "text", choices=KINDS,
+        noun="kind of wheel",
+    ),
+    "grouserHeight": _reserve("a height", "metres"),
+    "tyrePressure": _measure("a pressure", "kPa"),
+    "carcassStiffness": _reserve("a pressure", "kPa"),
+    "contactLength": _reserve("a length", "metres"),
+    "exitAngleRatio": Key("a ratio, from 0 to below 1", "number", 0, 1, open_high=True),
+    "maxTorque": _measure("a torque", "N m", 1e9),
+}  # fmt: skip
+"""Of wheels in common, and of an axle's own."""
+
 VEHICLE_KEYS: dict[type, dict[str, Key]] = {
     VehicleText: {
         "$schema": Key("the address of the JSON Schema, a text", "text"),
@@ -210,16 +227,12 @@ VEHICLE_KEYS: dict[type, dict[str, Key]] = {
         "margins": Key("the margins, an object", "object"),
         "classes": Key("the thresholds of the classes, an object", "object"),
     },
-    WheelsText: {
-        "radius": _measure("a radius", "metres"),
-        "width": _measure("a width", "metres"),
-        "maxTorque": _measure("a torque", "N m", 1e9),
-        "maxSlip": _share("a slip"),
-    },
+    WheelsText: {**_WHEEL, "maxSlip": _share("a slip")},
     AxleText: {
         "x": _X,
         "wheels": Key(f"a whole number from 1 to {MAX_WHEELS}", "whole", 1, MAX_WHEELS),
         "driven": Key("true or false", "flag"),
+        **_WHEEL,
     },
     CogText: {"x": _X, "height": _measure("a height", "metres")},
     OverhangText: {
@@ -338,9 +351,13 @@ def _slot(name: str, key: Key) -> QuickCheck:
     return QuickCheck(name, types, max(low, -BIGGEST), min(high, BIGGEST), key.kind == "number")
 
 
+def _slots(kind: type, keys: dict[str, Key]) -> dict[str, QuickCheck]:
+    names = {key: name for name, key in names_of(kind)}
+    return {key: _slot(names[key], value) for key, value in keys.items()}
+
+
 SLOTS: dict[type, dict[str, QuickCheck]] = {
-    kind: {key: _slot(name, keys[key]) for name, key in names_of(kind)}
-    for kind, keys in ALL_KEYS.items()
+    kind: _slots(kind, keys) for kind, keys in ALL_KEYS.items()
 }
 
 

@@ -9,27 +9,62 @@ from __future__ import annotations
 import math
 
 import msgspec
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET, Struct, UnsetType, structs
 
 GRAVITIES = {"earth": 9.80665, "mars": 3.71, "moon": 1.62}
 """Gravities that have a name, m/s²."""
 
 
-class WheelsText(Struct, frozen=True, rename="camel", kw_only=True):
-    """What all wheels have in common."""
+KINDS = ("rigid", "lugged", "tyre")
+"""A smooth rim, a rim with lugs, and a tyre with or without."""
+_OF_A_KIND = ("kind", "grouser_height", "tyre_pressure", "carcass_stiffness", "contact_length")
+"""What an axle does not take over from wheels of another kind."""
+
+
+class WheelText(Struct, frozen=True, rename="camel", kw_only=True):
+    """A wheel: what an axle may have of its own."""
 
     radius: float | UnsetType = UNSET
     width: float | UnsetType = UNSET
+    kind: str | UnsetType = UNSET
+    grouser_height: float | UnsetType = UNSET
+    tyre_pressure: float | UnsetType = UNSET
+    carcass_stiffness: float | UnsetType = UNSET
+    contact_length: float | UnsetType = UNSET
+    exit_angle_ratio: float | UnsetType = UNSET
     max_torque: float | UnsetType = UNSET
+
+    @property
+    def known_kind(self) -> str:
+        """Its kind; where that is absent, what its other keys stand for."""
+        if self.kind is not UNSET:
+            return self.kind
+        if self.tyre_pressure is not UNSET or self.carcass_stiffness is not UNSET:
+            return "tyre"
+        return "rigid" if self.grouser_height is UNSET else "lugged"
+
+
+OWN = WheelText.__struct_fields__
+"""Attributes of a wheel that an axle may have of its own."""
+
+
+class WheelsText(WheelText, frozen=True, rename="camel", kw_only=True):
+    """What wheels have in common, where their axle says nothing else."""
+
     max_slip: float | UnsetType = UNSET
 
 
-class AxleText(Struct, frozen=True, rename="camel", kw_only=True):
-    """Wheels side by side."""
+class AxleText(WheelText, frozen=True, rename="camel", kw_only=True):
+    """Wheels side by side; of their own is what differs from the others."""
 
     x: float | UnsetType = UNSET
     wheels: int | UnsetType = UNSET
     driven: bool | UnsetType = UNSET
+
+    @property
+    def has_own(self) -> bool:
+        """Whether its wheels differ from the others in anything."""
+        return any(getattr(self, name) is not UNSET for name in OWN)
 
     @property
     def count(self) -> int:
@@ -112,6 +147,17 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
         if self.wheelbase is UNSET:
             return ()
         return AxleText(x=0.5 * self.wheelbase), AxleText(x=-0.5 * self.wheelbase)
+
+    def wheels_of(self, axle: AxleText) -> WheelsText:
+        """The wheels of an axle: its own keys, and those in common where it has none.
+
+        Wheels that are said to be of another kind take over nothing that belongs to the kind.
+        """
+        common, own = self.wheels, {name: getattr(axle, name) for name in OWN}
+        if axle.kind is not UNSET and axle.kind != common.known_kind:
+            common = structs.replace(common, **dict.fromkeys(_OF_A_KIND, UNSET))
+        given = {name: value for name, value in own.items() if value is not UNSET}
+        return structs.replace(common, **given)
 
     @property
     def ends(self) -> tuple[float, float]:

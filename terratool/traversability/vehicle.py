@@ -11,7 +11,7 @@ from msgspec import UNSET, Struct, structs
 
 from terratool.definition.keys import document_kind
 from terratool.definition.reader import CheckOptions, check, refusal
-from terratool.definition.vehicle import VehicleText
+from terratool.definition.vehicle import AxleText, VehicleText, WheelsText
 from terratool.errors import DefinitionError
 from terratool.text.source import read_source
 
@@ -47,6 +47,11 @@ FLAT = 0.4
 """The least shear length of a wheel, in radii: a rim that gives by 2 % of its radius is as flat."""
 EXIT_RATIO = 0.45
 """−θ2/θ1 where nothing is said: the middle of what fits of measured stresses gave, 0.4 to 0.5."""
+LUGS = 0.1
+"""The height of a lugged wheel's lugs where it is not said, in radii: 25 mm on 0.25 m, as on the
+wheel of NASA's MGRU3."""
+CARCASS = 20e3
+"""What a tyre's carcass adds to its pressure where it is not said, Pa: an assumption."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,8 +284,9 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
 def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
     """What the text of a vehicle without errors means; `name` is for reports."""
+    common = wheel_of(text.wheels)
     placed = [
-        Axle(axle.x - text.cog_x, axle.count, axle.is_driven)
+        Axle(axle.x - text.cog_x, axle.count, axle.is_driven, _own_wheel(text, axle, common))
         for axle in text.all_axles
         if axle.x is not UNSET
     ]
@@ -289,7 +295,7 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
     for angle in margins.keys() & {"tip", "slope"}:
         margins[angle] = math.radians(margins[angle])
     return Vehicle(
-        wheel=Wheel(**_given(text.wheels)),
+        wheel=common,
         # from the front to the rear, whatever the order in the file
         axles=tuple(sorted(placed, key=lambda axle: -axle.x)),
         gravity=text.acceleration,
@@ -304,7 +310,34 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
     )
 
 
-def _given(text: Struct) -> dict[str, float]:
+def wheel_of(text: WheelsText) -> Wheel:
+    """What the text of a wheel without errors means."""
+    given = _given(text)
+    lugs, pressure = 0.0, math.inf
+    if text.known_kind == "lugged":
+        lugs = LUGS * given["radius"]
+    if "tyre_pressure" in given:
+        carcass = given.get("carcass_stiffness")
+        pressure = given["tyre_pressure"] * 1e3 + (CARCASS if carcass is None else carcass * 1e3)
+    return Wheel(
+        radius=given["radius"],
+        width=given["width"],
+        max_torque=given.get("max_torque", math.inf),
+        max_slip=given.get("max_slip", 1.0),
+        grouser_height=given.get("grouser_height", lugs),
+        contact_length=given.get("contact_length", 0.0),
+        patch_pressure=pressure,
+        exit_ratio=given.get("exit_angle_ratio", EXIT_RATIO),
+    )
+
+
+def _own_wheel(text: VehicleText, axle: AxleText, common: Wheel) -> Wheel | None:
+    """The wheel of an axle if it is another than the common one."""
+    own = wheel_of(text.wheels_of(axle))
+    return None if own == common else own
+
+
+def _given(text: Struct) -> dict[str, Any]:
     """What stands in the text, by the names of the model; what is absent has its default later."""
     members = structs.asdict(text).items()
     return {name: value for name, value in members if value is not UNSET}

@@ -54,12 +54,29 @@ def test_a_wheel_by_its_figures() -> None:
     assert given(*WHEEL).weight == 100
 
 
+@pytest.mark.parametrize(
+    ("arguments", "wheel"),
+    [
+        (["--grouser-height", 0.02], Wheel(0.2, 0.1, grouser_height=0.02)),
+        (["--contact-length", 0.15], Wheel(0.2, 0.1, contact_length=0.15)),
+        (["--tyre-pressure", 70], Wheel(0.2, 0.1, patch_pressure=90e3)),
+        (
+            ["--tyre-pressure", 70, "--grouser-height", 0.2, "--contact-length", 0.4],
+            Wheel(0.2, 0.1, grouser_height=0.2, contact_length=0.4, patch_pressure=90e3),
+        ),
+    ],
+)
+def test_a_wheel_has_lugs_or_a_tyre(arguments: list[object], wheel: Wheel) -> None:
+    """As those of a vehicle file: a carcass of 20 kPa adds to the pressure, given in kPa."""
+    assert given(*WHEEL, *arguments) == Vehicle.single(wheel, 100.0)
+
+
 def test_the_help_has_the_units() -> None:
     """N and not kg, N m, m."""
     text = CliRunner().invoke(drive, ["--help"]).output
     for name, unit in (
         ("--wheel-radius R", "m."), ("--wheel-width B", "m."), ("--load W", "N."),
-        ("--torque T", "N m."),
+        ("--torque T", "N m."), ("--grouser-height H", "m."), ("--tyre-pressure P", "kPa."),
     ):  # fmt: skip
         line = next(line for line in text.splitlines() if name in line)
         assert f", {unit}" in line, line
@@ -81,6 +98,13 @@ def test_the_help_has_the_units() -> None:
         (["--wheel-radius", 0, *WHEEL[2:]], "'--wheel-radius': 0 is not from"),
         (["--wheel-radius", 0.2, "--wheel-width", "-inf"], "'--wheel-width': -inf is not from"),
         ([*WHEEL, "--torque", 0], "'--torque': 0 is not from"),
+        ([*WHEEL, "--tyre-pressure", 0], "'--tyre-pressure': 0 is not from 1e-06 to"),
+        (
+            [*WHEEL, "--grouser-height", 0.21],
+            "height is 0.21 m, but the wheel's radius is only 0.2",
+        ),
+        ([*WHEEL, "--contact-length", 0.41], "wheel's diameter is only 0.4 m. Give both in metres"),
+        (["--tyre-pressure", 9, "--vehicle", "v.json"], "--tyre-pressure says what --vehicle says"),
         ([*WHEEL, "--max-slip", 0], "'--max-slip': 0 is not above 0 and up to 1."),
         ([*WHEEL, "--max-slip", 1.01], "'--max-slip': 1.01 is not above 0 and up to 1."),
         ([*WHEEL, "--max-slip", "nan"], "'--max-slip': nan is not above 0 and up to 1."),

@@ -35,6 +35,7 @@ from tests.strategies import Json, definitions
 from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles
 
 SCHEMA = terratool.schema("vehicle")
+WHEELS: Json = SMALLEST["wheels"]
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 STRUCTURAL = {"TT103", "TT104", "TT105", "TT106"}
 """Codes of what a schema can see: not what follows from several figures together."""
@@ -106,9 +107,10 @@ def test_accepts_what_the_schema_accepts(value: Json) -> None:
 
 
 REPLACEMENTS = [
-    None, True, False, "", "earth", "Earth", "venus", 0, -1, 1, 2, 2.0, 1.5, 1e-6, 9e-7, 1e6, 1e7,
-    1e9, 2e9, -1e6, 89.9, 90, 16, 17, [], [{}], [{"x": 1}], [{"x": 1}, {"x": -1}], [1, 2], {},
-    {"radius": 0.1, "width": 0.1}, {"height": 1}, {"x": 0}, {"step": 0}, {"slip": 0.1},
+    None, True, False, "", "tyre", "Tyre", "earth", "Earth", "venus", 0, -1, 1, 2, 2.0, 1.5, 1e-6,
+    9e-7, 1e6, 1e7, 1e9, 2e9, -1e6, 89.9, 90, 16, 17, [], [{}], [{"x": 1}],
+    [{"x": 1}, {"x": -1}], [1, 2], {}, {"radius": 0.1, "width": 0.1},
+    {"height": 1}, {"x": 0}, {"step": 0}, {"slip": 0.1},
     [{"x": place} for place in range(65)],
 ]  # fmt: skip
 NEW_KEYS = [
@@ -122,6 +124,9 @@ NEW_KEYS = [
     "slip",
     "descr",
     "$schema",
+    "kind",
+    "grouserHeight",
+    "tyrePressure",
 ]
 
 
@@ -153,7 +158,12 @@ def test_agrees_with_the_reader_on_mutations(value: Json, data: st.DataObject) -
 
 
 @pytest.mark.parametrize("key", [
-    *LOPSIDED, "wheels/radius", "wheels/width", "wheels/maxTorque", "wheels/maxSlip", "axles/0",
+    *LOPSIDED, "wheels/radius", "wheels/width", "wheels/maxTorque", "wheels/maxSlip", "wheels/kind",
+    "wheels/grouserHeight", "wheels/tyrePressure", "wheels/carcassStiffness",
+    "wheels/contactLength", "wheels/exitAngleRatio", "axles/0",
+    "axles/0/radius", "axles/0/width", "axles/0/kind", "axles/0/grouserHeight",
+    "axles/0/tyrePressure", "axles/0/carcassStiffness", "axles/0/contactLength",
+    "axles/0/exitAngleRatio", "axles/0/maxTorque", "axles/0/maxSlip",
     "axles/0/x", "axles/0/wheels", "axles/0/driven", "cog/x", "cog/height", "overhang/front",
     "overhang/rear", "overhang/rearHeight", "margins/clearance", "margins/step", "margins/tip",
     "margins/slope", "classes/utilisation", "classes/slip", "classes/cautionSlip",
@@ -220,6 +230,12 @@ def test_findings_stand_where_the_fault_is() -> None:
         ({"clearance": 0}, '"clearance" is 0, out of its range.', "from 1e-06 to 1e+06"),
         ({"axles": [{"x": 1}]}, '"axles" is a list of 1 item, which', "2 to 64 axles"),
         ({"cog": {}}, '"cog" has no "height".', 'Add "height", a height in metres'),
+        ({"wheels": {**WHEELS, "tyrePressure": 0}}, '"tyrePressure" is 0, out of its', "in kPa"),
+        ({"wheels": {**WHEELS, "exitAngleRatio": 1}}, '"exitAngleRatio" is 1, out', "to below 1."),
+        ({"wheels": {**WHEELS, "kind": "tire"}}, '"tire" is no kind of wheel.', '"lugged", "tyre"'),
+        ({"wheels": {**WHEELS, "tyrePresure": 9}}, "of the wheels.", 'mean "tyrePressure"?'),
+        ({"axles": [{"x": 1, "wheels": 0}, {"x": 2}]}, '"wheels" is 0, out of its', "from 1 to 16"),
+        ({"axles": [{"x": 1, "maxSlip": 1}, {"x": 2}]}, '"maxSlip" is no key of an axle.', "maxT"),
         ({"classes": {"torque": 1.5}}, '"torque" is 1.5, out of its', "above 0 and up to 1."),
     ],
 )
@@ -372,6 +388,103 @@ SIDES = [{"x": 0.25}, {"x": -0.25}]
         ({"overhang": {"front": 0.107, "frontHeight": 0.04}}, []),
         ({"overhang": {"rear": 0.1, "rearHeight": 0.28}}, ["TT509"]),
         ({"overhang": {"rear": 0.1}}, []),
+        # circles of 0.16 and 0.04 m on the level touch at 2 √(0.16 · 0.04) = 0.16 m
+        ({"axles": [SIDES[0], {"x": 0.09, "radius": 0.04}]}, []),
+        ({"axles": [SIDES[0], {"x": 0.091, "radius": 0.04}]}, ["TT501"]),
+        ({"axles": [{"x": 0.091, "radius": 0.04}, SIDES[0]]}, ["TT501"]),
+        # in a track of 0.2 m they are 0.1 m beside it: half of 0.11 m and of 0.09 m
+        ({"axles": [*SIDES, {"x": 0.2, "wheels": 1, "width": 0.09}], "track": 0.2}, []),
+        ({"axles": [*SIDES, {"x": 0.2, "wheels": 1, "width": 0.0901}], "track": 0.2}, ["TT501"]),
+        ({"axles": [{"x": 0.25, "width": 0.4}, SIDES[1]], "track": 0.4}, []),
+        ({"axles": [{"x": 0.25, "width": 0.41}, SIDES[1]], "track": 0.4}, ["TT502"]),
+        ({"axles": [SIDES[0], {"x": -0.25, "width": 0.41}], "track": 0.4}, ["TT502"]),
+        ({"axles": [{"x": 0.25, "wheels": 4, "width": 0.2}, {"x": -0.25}]}, ["TT502"]),
+        # 0.16 m behind the rear axle, 0.04 m high: within a wheel of 0.2 m, not of the front's
+        (
+            {
+                "axles": [{"x": 0.3}, {"x": -0.3, "radius": 0.2}],
+                "overhang": {"rear": 0.119, "rearHeight": 0.04},
+            },
+            ["TT509"],
+        ),
+        (
+            {
+                "axles": [{"x": 0.3, "radius": 0.2}, {"x": -0.3}],
+                "overhang": {"rear": 0.119, "rearHeight": 0.04},
+            },
+            [],
+        ),
+        (
+            {
+                "axles": [{"x": 0.3, "radius": 0.2}, {"x": -0.3}],
+                "overhang": {"front": 0.119, "frontHeight": 0.04},
+            },
+            ["TT509"],
+        ),
+        # 490.3 N: 2 · 0.1 / 0.16 and 2 · 0.15 / 0.08 N push with 0.01020 of it, 0.0102 / 2 alone
+        (
+            {
+                "wheels": {**WHEELS, "maxTorque": 0.1},
+                "axles": [SIDES[0], {"x": -0.25, "radius": 0.08, "maxTorque": 0.15}],
+            },
+            [],
+        ),
+        (
+            {
+                "wheels": {**WHEELS, "maxTorque": 0.1},
+                "axles": [SIDES[0], {"x": -0.25, "radius": 0.08, "maxTorque": 0.14}],
+            },
+            ["TT507"],
+        ),
+        (
+            {
+                "wheels": {**WHEELS, "maxTorque": 0.1},
+                "axles": [SIDES[0], {"x": -0.25, "radius": 0.08, "maxTorque": 9, "driven": False}],
+            },
+            ["TT507"],
+        ),
+        # what a castor's motor would give is not asked for, what a driven wheel's gives is
+        ({"axles": [{"x": 0.25, "maxTorque": 0.1}, {"x": -0.25, "driven": False}]}, ["TT507"]),
+        ({"axles": [{"x": 0.25, "maxTorque": 0.1}, {"x": -0.25}]}, []),
+        ({"margins": {"step": 0.1}, "axles": [SIDES[0], {"x": -0.25, "radius": 0.1}]}, ["TT510"]),
+        ({"wheels": {**WHEELS, "kind": "rigid", "grouserHeight": 0.01}}, ["TT511"]),
+        ({"wheels": {**WHEELS, "kind": "rigid", "grouserHeight": 0}}, []),
+        ({"wheels": {**WHEELS, "kind": "rigid", "contactLength": 0.1}}, []),
+        (
+            {"wheels": {**WHEELS, "kind": "lugged", "tyrePressure": 9, "grouserHeight": 0.01}},
+            ["TT511"],
+        ),
+        ({"wheels": {**WHEELS, "kind": "tyre", "tyrePressure": 9, "grouserHeight": 0.01}}, []),
+        ({"wheels": {**WHEELS, "tyrePressure": 9, "grouserHeight": 0.01}}, []),
+        (
+            {"wheels": {**WHEELS, "kind": "rigid", "tyrePressure": 9, "carcassStiffness": 9}},
+            ["TT511", "TT511"],
+        ),
+        ({"wheels": {**WHEELS, "grouserHeight": 0.16}}, []),
+        ({"wheels": {**WHEELS, "grouserHeight": 0.161}}, ["TT512"]),
+        ({"wheels": {**WHEELS, "contactLength": 0.32}}, []),
+        ({"wheels": {**WHEELS, "contactLength": 0.321}}, ["TT512"]),
+        ({"wheels": {**WHEELS, "carcassStiffness": 9}}, ["TT513"]),
+        (
+            {
+                "wheels": {**WHEELS, "carcassStiffness": 9},
+                "axles": [{"x": 0.25, "tyrePressure": 9}, SIDES[1]],
+            },
+            [],
+        ),
+        ({"axles": [{"x": 0.25, "carcassStiffness": 9}, SIDES[1]]}, ["TT513"]),
+        (
+            {
+                "wheels": {**WHEELS, "tyrePressure": 9},
+                "axles": [{"x": 0.25, "carcassStiffness": 9}, SIDES[1]],
+            },
+            [],
+        ),
+        # the most likely unit of these is Pa, bar, cm, mm
+        ({"wheels": {**WHEELS, "tyrePressure": 68_500}}, ["TT508"]),
+        ({"wheels": {**WHEELS, "tyrePressure": 1.4}}, ["TT508"]),
+        ({"axles": [{"x": 0.25, "radius": 0.005}, SIDES[1]]}, ["TT508"]),
+        ({"wheels": {**WHEELS, "grouserHeight": 25}}, ["TT512"]),
     ],
 )
 def test_rules_at_their_limits(change: Json, expected: list[str]) -> None:
@@ -399,9 +512,57 @@ def test_rules_say_nothing_of_what_only_follows() -> None:
         {"cog": {"x": "9", "height": 0.2}, "margins": {"tip": 89}},
         {"classes": {"slip": 0.9, "cautionSlip": 2}},
         {"overhang": {"front": "1", "frontHeight": 1}},
+        {"wheels": {**WHEELS, "kind": "tire", "grouserHeight": 1}},
+        {"wheels": {**WHEELS, "kind": "tyre", "tyrePressure": 0, "carcassStiffness": 9}},
+        {"axles": [SIDES[0], {"x": 0.2, "radius": "0.2"}]},
+        {"axles": [SIDES[0], {"x": -0.25, "width": "9"}], "track": 0.1},
+        {
+            "wheels": {**WHEELS, "kind": "rigid"},
+            "axles": [SIDES[0], {"x": -0.25, "kind": "lug", "grouserHeight": 0.02}],
+        },
+        {
+            "wheels": {**WHEELS, "maxTorque": 0.001},
+            "axles": [SIDES[0], {"x": -0.25, "maxTorque": "9"}],
+        },
         {"gravity": "Earth", "wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.01}},
     ):
         assert len(codes(changed(**change))) == 1, change
+
+
+@pytest.mark.parametrize(
+    ("wheels", "axle", "code", "pointer"),
+    [
+        ({"kind": "lugged"}, {"tyrePressure": 80}, "TT511", "/axles/1/tyrePressure"),
+        ({"grouserHeight": 0.02}, {"kind": "rigid", "tyrePressure": 80}, "TT511",
+         "/axles/1/tyrePressure"),
+        ({"kind": "lugged", "grouserHeight": 0.1}, {"radius": 0.09}, "TT512", "/axles/1/radius"),
+        ({}, {"radius": 0.09, "grouserHeight": 0.1}, "TT512", "/axles/1/grouserHeight"),
+        ({"contactLength": 0.2}, {"radius": 0.09}, "TT512", "/axles/1/radius"),
+        ({"contactLength": 0.4}, {"width": 0.1}, "TT512", "/wheels/contactLength"),
+        ({"kind": "rigid", "tyrePressure": 80}, {"kind": "rigid", "radius": 0.1}, "TT511",
+         "/wheels/tyrePressure"),
+        ({"contactLength": 0.4, "radius": 0.1}, {"radius": 0.15}, "TT512", None),
+        # another kind takes over neither lugs nor pressure nor contact
+        ({"kind": "lugged", "grouserHeight": 0.1}, {"kind": "tyre", "radius": 0.09}, None, ""),
+        ({"tyrePressure": 80}, {"kind": "rigid"}, None, ""),
+        ({"tyrePressure": 80, "contactLength": 0.2}, {"kind": "rigid", "radius": 0.09}, None, ""),
+        # the same kind does, and so does none
+        ({"tyrePressure": 80, "contactLength": 0.2}, {"kind": "tyre", "radius": 0.09}, "TT512",
+         "/axles/1/radius"),
+        ({"tyrePressure": 80}, {"grouserHeight": 0.02}, None, ""),
+        ({"grouserHeight": 0.02}, {"tyrePressure": 80}, None, ""),
+    ],
+)  # fmt: skip
+def test_an_axle_and_the_common_wheels_are_seen_together(
+    wheels: Json, axle: Json, code: str | None, pointer: str | None
+) -> None:
+    """A finding stands where the axle wrote what is wrong, and once."""
+    value = changed(wheels={**WHEELS, **wheels}, axles=[{"x": 0.3}, {"x": -0.3, **axle}])
+    found = [(f.code, f.pointer) for f in check(source(value), kind="vehicle").findings]
+    if pointer is None:
+        assert found == [(code, "/wheels/contactLength"), (code, "/axles/1/radius")]
+    else:
+        assert found == ([(code, pointer)] if code else [])
 
 
 # Recognising
@@ -467,6 +628,7 @@ def test_a_vehicle_has_a_canonical_layout() -> None:
     lines = text.splitlines()
     keys = re.findall(r'^  "([^"]+)"', text, re.MULTILINE)
     assert keys == ["$schema", *LOPSIDED]
-    assert '  "wheels": { "radius": 0.2, "width": 0.1, "maxTorque": 30, "maxSlip": 0.8 },' in lines
+    assert '    "kind": "lugged",' in lines
+    assert '    { "x": -0.3, "driven": true, "grouserHeight": 0.025, "maxTorque": 45 }' in lines
     assert canonical(text) == text
     assert json.loads(text) == {**LOPSIDED, "$schema": "vehicle"}

@@ -108,6 +108,26 @@ class TestDocument:
         assert document["routes"][0]["steepest"]["pitch_deg"] == pytest.approx(math.degrees(-0.21))
         assert document["map"]["fractions"]["unknown"] == pytest.approx(530 / 2330)
 
+    def test_axles_with_wheels_of_their_own_have_them(self) -> None:
+        """In the document as in the table of figures; the others have none."""
+        vehicle = as_dict(reports.KINDS["all"])["vehicle"]
+        front, middle, rear = (axle["wheel"] for axle in vehicle["axles"])
+        assert front is None
+        assert vehicle["wheel"]["grouser_height_m"] == 0
+        assert vehicle["wheel"]["patch_pressure_kPa"] is None  # a rigid rim
+        assert (middle["radius_m"], middle["patch_pressure_kPa"]) == (0.11, pytest.approx(95))
+        assert (rear["grouser_height_m"], rear["contact_length_m"]) == (0.02, 0.12)
+        assert (rear["max_torque_Nm"], rear["exit_ratio"]) == (5, 0.4)
+        page = as_markdown(reports.KINDS["all"])
+        assert "| radius 0.125 m, width 0.1 m |" in page
+        (axles,) = (line for line in page.splitlines() if line.startswith("| axles |"))
+        assert axles == (
+            "| axles | 2 driven wheels 0.3 m ahead; 2 towed wheels at the centre of gravity, of "
+            "radius 0.11 m, width 50 mm, 95 kPa on hard ground; 2 driven wheels 0.3 m behind, of "
+            "radius 0.125 m, width 0.1 m, lugs of 20 mm, a contact of 0.12 m or more, at most "
+            "5 N m |"
+        )
+
     def test_what_is_not_known_is_null(self) -> None:
         document = as_dict(reports.KINDS["all"])
         assert document["surfaces"][3]["sinkage_m"] is None

@@ -17,6 +17,7 @@ import terratool
 from terratool.definition.reader import check
 from terratool.errors import DefinitionError, ReadError
 from terratool.traversability.vehicle import (
+    CARCASS,
     Axle,
     Margins,
     Overhang,
@@ -50,7 +51,13 @@ def test_every_key_arrives_in_its_place_and_unit() -> None:
     assert [(axle.wheels, axle.driven) for axle in vehicle.axles] == [
         (4, True), (1, False), (2, True),
     ]  # fmt: skip
-    assert vehicle.wheel == Wheel(0.2, 0.1, 30.0, 0.8)
+    assert vehicle.wheel == Wheel(0.2, 0.1, 30.0, 0.8, grouser_height=0.015, exit_ratio=0.4)
+    # of another kind, and so without lugs; of the same kind, but with longer ones
+    castor = Wheel(0.12, 0.06, 30.0, 0.8, 0.0, 0.07, pytest.approx(95e3), 0.4)
+    assert [vehicle.wheel_of(axle) for axle in vehicle.axles] == [
+        vehicle.wheel, castor, Wheel(0.2, 0.1, 45.0, 0.8, 0.025, exit_ratio=0.4),
+    ]  # fmt: skip
+    assert [axle.wheel is None for axle in vehicle.axles] == [True, False, False]
     assert (vehicle.mass, vehicle.gravity, vehicle.track_width) == (120, 3.71, 0.9)
     assert (vehicle.cog_height, vehicle.clearance, vehicle.body_width) == (0.35, 0.17, 0.7)
     assert vehicle.front == Overhang(0.5, 0.25)
@@ -76,6 +83,78 @@ def test_what_is_left_out_has_its_default() -> None:
         cog_height=0.2,
         clearance=0.13,
     )
+
+
+WHEELS: Json = {"radius": 0.25, "width": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("wheels", "wheel"),
+    [
+        ({}, Wheel(0.25, 0.2)),
+        ({"kind": "rigid"}, Wheel(0.25, 0.2)),
+        ({"kind": "lugged"}, Wheel(0.25, 0.2, grouser_height=0.025)),
+        ({"grouserHeight": 0.01}, Wheel(0.25, 0.2, grouser_height=0.01)),
+        ({"kind": "tyre"}, Wheel(0.25, 0.2)),
+        ({"tyrePressure": 70}, Wheel(0.25, 0.2, patch_pressure=90e3)),
+        ({"tyrePressure": 70, "carcassStiffness": 0}, Wheel(0.25, 0.2, patch_pressure=70e3)),
+        (
+            {"tyrePressure": 70, "carcassStiffness": 35, "grouserHeight": 0.03},
+            Wheel(0.25, 0.2, grouser_height=0.03, patch_pressure=105e3),
+        ),
+        ({"kind": "tyre", "contactLength": 0.2}, Wheel(0.25, 0.2, contact_length=0.2)),
+        ({"exitAngleRatio": 0}, Wheel(0.25, 0.2, exit_ratio=0.0)),
+    ],
+)  # fmt: skip
+def test_a_kind_of_wheel_stands_for_its_figures(wheels: Json, wheel: Wheel) -> None:
+    """Lugs of a tenth of the radius; kPa become Pa, and the carcass adds 20 kPa to a pressure."""
+    assert meant({**SMALLEST, "wheels": {**WHEELS, **wheels}}).wheel == wheel
+
+
+@pytest.mark.parametrize(
+    ("wheels", "axle", "wheel"),
+    [
+        ({}, {"radius": 0.06}, Wheel(0.06, 0.2)),
+        # the lugs that the kind stands for are of the axle's own radius
+        ({"kind": "lugged"}, {"radius": 0.1}, Wheel(0.1, 0.2, grouser_height=0.1 * 0.1)),
+        ({"grouserHeight": 0.02}, {"radius": 0.1}, Wheel(0.1, 0.2, grouser_height=0.02)),
+        ({"grouserHeight": 0.02}, {"kind": "rigid"}, Wheel(0.25, 0.2)),
+        ({"grouserHeight": 0.02}, {"grouserHeight": 0}, Wheel(0.25, 0.2)),
+        ({"tyrePressure": 70}, {"kind": "rigid", "maxTorque": 3}, Wheel(0.25, 0.2, 3.0)),
+        ({"tyrePressure": 70}, {"tyrePressure": 50}, Wheel(0.25, 0.2, patch_pressure=70e3)),
+        ({"maxSlip": 0.5}, {"width": 0.1}, Wheel(0.25, 0.1, max_slip=0.5)),
+        ({}, {"tyrePressure": 50}, Wheel(0.25, 0.2, patch_pressure=70e3)),
+        ({}, {"radius": 0.25, "width": 0.2}, None),
+        ({"tyrePressure": 70}, {"kind": "tyre"}, None),
+    ],
+)
+def test_an_axle_has_wheels_of_its_own(wheels: Json, axle: Json, wheel: Wheel | None) -> None:
+    """Key by key, but for what belongs to another kind; the same wheels are none of its own."""
+    value = {key: item for key, item in SMALLEST.items() if key != "wheelbase"}
+    value["axles"] = [{"x": 0.4}, {"x": -0.4, **axle}]
+    front, rear = meant({**value, "wheels": {**WHEELS, **wheels}}).axles
+    assert (front.wheel, rear.wheel) == (None, wheel)
+
+
+@pytest.mark.parametrize("name", ["husky-a200", "warthog"])
+def test_samples_have_the_torque_of_their_climb(name: str) -> None:
+    """The data sheet's 45 degrees: a rear wheel pushes as it bears, by the moments of the axles.
+
+    The lever of the weight about the front axle is x_f cos α + h sin α, so that the rear bears
+    this by the wheelbase; of the thrust m g sin α it takes its share of the loads.
+    """
+    vehicle = load_vehicle(ROOT / "samples" / "vehicles" / f"{name}.json")
+    lever = vehicle.axles[0].x + vehicle.cog_height * math.tan(math.radians(45))
+    thrust = vehicle.weight * math.sin(math.radians(45)) * lever / vehicle.wheelbase
+    assert vehicle.axles[-1].wheels == 2
+    needed = 0.5 * thrust * vehicle.wheel.radius
+    assert needed <= vehicle.wheel.max_torque <= 1.005 * needed
+
+
+def test_the_castor_of_a_sample_has_its_own_radius() -> None:
+    """It is less than half of that of the driven wheels."""
+    vehicle = load_vehicle(ROOT / "samples" / "vehicles" / "neobotix-mp-500.json")
+    assert [vehicle.wheel_of(axle).radius for axle in vehicle.axles] == [0.13, 0.06]
 
 
 def test_the_centre_of_gravity_is_in_the_middle_unless_it_is_told() -> None:
@@ -220,3 +299,6 @@ def test_the_page_tells_the_truth() -> None:
     assert float(rows["speed"]) == meant(SMALLEST).speed
     assert float(rows["power"]) == meant(SMALLEST).power
     assert float(rows["maxSlip"]) == Wheel(1, 1).max_slip
+    assert float(rows["exitAngleRatio"]) == Wheel(1, 1).exit_ratio
+    assert float(rows["contactLength"]) == Wheel(1, 1).contact_length
+    assert float(rows["carcassStiffness"]) * 1e3 == CARCASS

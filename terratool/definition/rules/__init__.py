@@ -26,6 +26,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     usage,
     vehicle_geometry,
     vehicle_limits,
+    vehicle_wheels,
 )
 from terratool.definition.rules.base import Rule, registry
 

@@ -7,15 +7,15 @@ from functools import cached_property
 from inspect import cleandoc
 from typing import Any
 
-from msgspec import UNSET, Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Owner, Remark, Severity
-from terratool.definition.keys import Kind
+from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.model import Definition
 from terratool.definition.summaries import ShapeSummary, summarise_shape
 from terratool.definition.tree import Tree
-from terratool.definition.vehicle import AxleText, VehicleText
+from terratool.definition.vehicle import AxleText, VehicleText, WheelsText, WheelText
 
 
 class _Subject(Struct, frozen=True, dict=True, kw_only=True):
@@ -62,6 +62,10 @@ class Subject(_Subject, frozen=True, kw_only=True):
         return {name: summarise_shape(p) for name, p in primitives if name not in self.curve_errors}
 
 
+WHEEL_KEYS = tuple(key for key in SLOTS[WheelsText] if key in SLOTS[AxleText])
+"""What an axle may have of its own."""
+
+
 class VehicleSubject(_Subject, frozen=True, kw_only=True):
     """What a rule about vehicles looks at.
 
@@ -80,6 +84,42 @@ class VehicleSubject(_Subject, frozen=True, kw_only=True):
             for index, axle in enumerate(axles)
         )
         return axles if known else ()
+
+    @cached_property
+    def wheels(self) -> tuple[tuple[str, WheelText, WheelText], ...]:
+        """The wheels in common, and those of each axle that has keys of its own.
+
+        Of each the place, what is written there, and what it means together with the wheels in
+        common. None of those where a value did not fit.
+        """
+        common = self.vehicle.wheels
+        if self.left_out("", "wheels") or self.left_out("/wheels", *WHEEL_KEYS):
+            return ()
+        own = (
+            (f"/axles/{index}", axle, self.vehicle.wheels_of(axle))
+            for index, axle in enumerate(self.vehicle.all_axles)
+            if axle.has_own and not self.left_out(f"/axles/{index}", *WHEEL_KEYS)
+        )
+        return ("/wheels", common, common), *own
+
+    def figure(self, index: int, key: str) -> float | UnsetType:
+        """A figure of the wheels of one of `axles`; UNSET where it is not known."""
+        if self.left_out(f"/axles/{index}", key):
+            return UNSET
+        wheels = self.vehicle.wheels_of(self.axles[index])
+        figure: float | UnsetType = getattr(wheels, SLOTS[AxleText][key].name)
+        return figure
+
+    def figures(self, key: str) -> tuple[float, ...]:
+        """A figure of the wheels of each of `axles`, in their order; none if one is not known."""
+        found = [self.figure(index, key) for index in range(len(self.axles))]
+        known = tuple(figure for figure in found if figure is not UNSET)
+        return known if len(known) == len(found) else ()
+
+    def place(self, index: int, key: str) -> str:
+        """Where a key of the wheels of an axle stands: in the axle, or in the common ones."""
+        own = getattr(self.vehicle.all_axles[index], SLOTS[AxleText][key].name) is not UNSET
+        return f"/axles/{index}/{key}" if own else f"/wheels/{key}"
 
 
 Check = Callable[[Any], Iterator[Remark]]

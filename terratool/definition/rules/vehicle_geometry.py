@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import product
 
@@ -21,8 +22,9 @@ _AGREE = 1e-3
 def axles_overlap(subject: VehicleSubject) -> Iterator[Remark]:
     """The wheels of two axles stand in each other's place.
 
-    Axles whose wheels run in one track need a distance of twice the wheels' radius at least; a
-    single wheel in the middle may stand between two that are farther apart than its width.
+    Axles whose wheels run in one track need a distance of twice the wheels' radius at least, or of
+    2 √(r1 r2) where they have radii of their own; a single wheel in the middle may stand between
+    two that are farther apart than its width.
 
     Fails:
 
@@ -51,18 +53,22 @@ def axles_overlap(subject: VehicleSubject) -> Iterator[Remark]:
     are in metres.
     """
     vehicle = subject.vehicle
-    radius, width, track = vehicle.wheels.radius, vehicle.wheels.width, vehicle.track
-    if radius is UNSET or width is UNSET or track is UNSET:
+    radii, widths, track = subject.figures("radius"), subject.figures("width"), vehicle.track
+    if not radii or not widths or track is UNSET:
         return
     axles = sorted(enumerate(subject.axles), key=lambda item: -_x(item[1]))
     for place, (index, axle) in enumerate(axles):
-        for _, other in axles[:place]:
+        for ahead, other in axles[:place]:
             apart = _x(other) - _x(axle)
-            if apart < 2 * radius * (1 - _CLOSE) and _beside(axle, other, track) < width:
+            # circles on level ground touch at this distance
+            least = 2 * math.sqrt(radii[index] * radii[ahead])
+            if apart >= least * (1 - _CLOSE):
+                continue
+            if _beside(axle, other, track) < 0.5 * (widths[index] + widths[ahead]):
                 yield Remark(
                     "/wheelbase" if vehicle.axles is UNSET else f"/axles/{index}/x",
                     f"the wheels of this axle and those of the one {shown(_short(apart))} m ahead "
-                    f"stand in each other's place: they are {shown(_short(2 * radius))} m long.",
+                    f"stand in each other's place: their axles need {shown(_short(least))} m.",
                     'Check the positions, and "radius", which is half a diameter, in metres.',
                 )
                 break
@@ -110,11 +116,15 @@ def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
 
     To mend: look whether "width" is that of one wheel, and "track" the whole distance.
     """
-    width, track = subject.vehicle.wheels.width, subject.vehicle.track
-    if width is UNSET or track is UNSET:
+    track = subject.vehicle.track
+    rows = [
+        (width * (axle.count - 1), width, axle.count)
+        for axle, width in zip(subject.axles, subject.figures("width"), strict=False)
+    ]
+    if track is UNSET or not rows:
         return
-    most = max((axle.count for axle in subject.axles), default=1)
-    if track < width * (most - 1) * (1 - _CLOSE):
+    least, width, most = max(rows)
+    if track < least * (1 - _CLOSE):
         yield Remark(
             "/track",
             f"{most} wheels of {shown(width)} m do not stand side by side in a track of "
@@ -277,10 +287,11 @@ def idle_overhang(subject: VehicleSubject) -> Iterator[Remark]:
 
     To mend: measure from the middle of the wheel to the end of the body, or leave both keys out.
     """
-    overhang, radius = subject.vehicle.overhang, subject.vehicle.wheels.radius
-    for key, length, height in (
-        ("front", overhang.front, overhang.front_height),
-        ("rear", overhang.rear, overhang.rear_height),
+    overhang = subject.vehicle.overhang
+    placed = sorted(zip(map(_x, subject.axles), subject.figures("radius"), strict=False))
+    for key, length, height, end in (
+        ("front", overhang.front, overhang.front_height, placed[-1:]),
+        ("rear", overhang.rear, overhang.rear_height, placed[:1]),
     ):
         if height is UNSET or subject.left_out("/overhang", key, f"{key}Height"):
             continue
@@ -290,7 +301,7 @@ def idle_overhang(subject: VehicleSubject) -> Iterator[Remark]:
                 f'"{key}Height" has no effect without "{key}".',
                 f'Add "{key}", from the middle of the wheels to the end of the body, in metres.',
             )
-        elif radius is not UNSET and length**2 + (height - radius) ** 2 <= radius**2:
+        elif any(length**2 + (height - radius) ** 2 <= radius**2 for _, radius in end):
             yield Remark(
                 f"/overhang/{key}",
                 f"the {key} end of the body lies within the outline of the wheel and touches "

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import VehicleSubject, rule
-from terratool.definition.vehicle import VehicleText
 from terratool.text.display import shown
 
 _SLIP, _CAUTION_SLIP = 0.2, 0.6
@@ -18,12 +17,17 @@ _SLIP, _CAUTION_SLIP = 0.2, 0.6
 _ROLLING = 0.01
 """Resistance of hard ground, as a share of the weight: road tyres have 0.01 to 0.02."""
 
+_PLAUSIBLE_WHEEL = (
+    # key, low, high, unit
+    ("radius", 0.01, 2, "m"),
+    ("width", 0.003, 2, "m"),
+    ("tyrePressure", 3, 1500, "kPa"),
+    ("carcassStiffness", 0, 500, "kPa"),
+    ("maxTorque", 1e-3, 1e5, "N m"),
+)
 _PLAUSIBLE = (
     # pointer, low, high, unit
     ("mass", 0.1, 1e5, "kg"),
-    ("wheels/radius", 0.01, 2, "m"),
-    ("wheels/width", 0.003, 2, "m"),
-    ("wheels/maxTorque", 1e-3, 1e5, "N m"),
     ("wheelbase", 0.03, 20, "m"),
     ("track", 0.03, 10, "m"),
     ("cog/height", 0.01, 5, "m"),
@@ -100,19 +104,23 @@ def weak_drive(subject: VehicleSubject) -> Iterator[Remark]:
 
     To mend: give the torque at the wheel, that of the motor times the gear ratio, in N m.
     """
-    vehicle = subject.vehicle
-    radius, torque, mass = vehicle.wheels.radius, vehicle.wheels.max_torque, vehicle.mass
-    driven = sum(axle.count for axle in subject.axles if axle.is_driven)
-    if radius is UNSET or torque is UNSET or mass is UNSET or not driven:
+    vehicle, mass = subject.vehicle, subject.vehicle.mass
+    if mass is UNSET or subject.left_out("", "gravity"):
         return
-    if subject.left_out("", "gravity"):
-        return
-    share = driven * torque / radius / (mass * vehicle.acceleration)
-    if share < _ROLLING:
+    driven = [index for index, axle in enumerate(subject.axles) if axle.is_driven]
+    push, count = 0.0, 0
+    for index in driven:
+        radius, torque = subject.figure(index, "radius"), subject.figure(index, "maxTorque")
+        if radius is UNSET or torque is UNSET:
+            return
+        count += subject.axles[index].count
+        push += subject.axles[index].count * torque / radius
+    share = push / (mass * vehicle.acceleration)
+    if driven and share < _ROLLING:
         yield Remark(
-            "/wheels/maxTorque",
-            f"{driven} driven wheels with {shown(torque)} N m push with {share:.2g} of the "
-            "weight, which is less than hard level ground resists with.",
+            subject.place(driven[0], "maxTorque"),
+            f"{count} driven wheels push with {share:.2g} of the weight by their motors, which is "
+            "less than hard level ground resists with.",
             "Give the torque at the wheel, behind the gear, in N m.",
         )
 
@@ -121,9 +129,10 @@ def weak_drive(subject: VehicleSubject) -> Iterator[Remark]:
 def implausible_vehicle(subject: VehicleSubject) -> Iterator[Remark]:
     """A value is one that hardly any vehicle has; most often it is in another unit.
 
-    Looked at are mass (0.1 kg to 100 t), the wheels' radius (1 cm to 2 m) and width, torque,
-    wheelbase, track, the height of the centre of gravity, clearance, width of the body, overhangs,
-    speed (up to 30 m/s; nothing here knows of dynamics) and power.
+    Looked at are mass (0.1 kg to 100 t), the wheels' radius (1 cm to 2 m) and width, pressure
+    (3 to 1500 kPa), stiffness of the carcass and torque, in common and of an axle's own; wheelbase,
+    track, the height of the centre of gravity, clearance, width of the body, overhangs, speed (up
+    to 30 m/s; nothing here knows of dynamics) and power. Lugs and contact lengths have TT512.
 
     Fails:
 
@@ -139,22 +148,31 @@ def implausible_vehicle(subject: VehicleSubject) -> Iterator[Remark]:
           "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
         }
 
-    To mend: write lengths in metres, masses in kg and speeds in m/s; where the value is meant,
-    silence TT508 by x-ignore beside it.
+    To mend: write lengths in metres, masses in kg, pressures in kPa and speeds in m/s; where the
+    value is meant, silence TT508 by x-ignore beside it.
     """
-    for path, low, high, unit in _PLAUSIBLE:
-        value = _value(subject.vehicle, path)
+    vehicle = subject.vehicle
+    yield from _implausible(vehicle, "", _PLAUSIBLE)
+    yield from _implausible(vehicle.wheels, "/wheels", _PLAUSIBLE_WHEEL)
+    for index, axle in enumerate(() if vehicle.axles is UNSET else vehicle.axles):
+        yield from _implausible(axle, f"/axles/{index}", _PLAUSIBLE_WHEEL)
+
+
+def _implausible(
+    owner: object, pointer: str, ranges: Iterable[tuple[str, float, float, str]]
+) -> Iterator[Remark]:
+    for path, low, high, unit in ranges:
+        value = _value(owner, path)
         if isinstance(value, float) and not low <= value <= high:
             yield Remark(
-                f"/{path}",
+                f"{pointer}/{path}",
                 f'"{path.rpartition("/")[2]}" is {shown(value)} {unit}, which hardly any vehicle '
                 f"has: they have {low:g} to {high:g} {unit}.",
                 f"Check its unit, which is {unit}.",
             )
 
 
-def _value(vehicle: VehicleText, path: str) -> object:
-    owner: object = vehicle
+def _value(owner: object, path: str) -> object:
     for key in path.split("/"):
         owner = getattr(owner, "".join(f"_{c.lower()}" if c.isupper() else c for c in key))
     return owner
@@ -197,7 +215,7 @@ def used_up_margin(subject: VehicleSubject) -> Iterator[Remark]:
     vehicle, margins = subject.vehicle, subject.vehicle.margins
     for key, margin, limit, what, unit in (
         ("clearance", margins.clearance, vehicle.clearance, "the clearance is", "m"),
-        ("step", margins.step, _highest_step(vehicle), "no step is climbed above", "m"),
+        ("step", margins.step, _highest_step(subject), "no step is climbed above", "m"),
         ("tip", margins.tip, _tip(subject), "it tips over at", "degrees"),
     ):
         if margin is not UNSET and limit is not UNSET and margin >= limit:
@@ -209,8 +227,9 @@ def used_up_margin(subject: VehicleSubject) -> Iterator[Remark]:
             )
 
 
-def _highest_step(vehicle: VehicleText) -> float:
-    known = [each for each in (vehicle.wheels.radius, vehicle.clearance) if each is not UNSET]
+def _highest_step(subject: VehicleSubject) -> float:
+    clearance = subject.vehicle.clearance
+    known = subject.figures("radius") + (() if clearance is UNSET else (clearance,))
     return min(known, default=math.inf)
 
 

@@ -46,8 +46,9 @@ FORMAT_VERSION = 2
 _KEYS: dict[type, str] = {
     Vehicle: "name single_wheel mass_kg gravity_m_s2 weight_N wheel axles track_m cog_height_m "
     "clearance_m body_width_m front rear speed_m_s power_W margins classes",
-    Wheel: "radius_m width_m max_torque_Nm max_slip",
-    Axle: "x_m wheels driven",
+    Wheel: "radius_m width_m grouser_height_m contact_length_m patch_pressure_kPa exit_ratio "
+    "max_torque_Nm max_slip",
+    Axle: "x_m wheels driven wheel",
     Overhang: "length_m height_m",
     Margins: "clearance_m step_m tip_deg slope_deg",
     Thresholds: "utilisation slip caution_slip torque geometry",

@@ -18,7 +18,7 @@ from terratool.traversability.results import (
     Verdict,
     fraction_of,
 )
-from terratool.traversability.vehicle import Axle, Vehicle
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 
 WIDTH = 80
 _NAME = 16
@@ -226,7 +226,7 @@ def properties(vehicle: Vehicle) -> Table:
 def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     wheel, margins, limits = vehicle.wheel, vehicle.margins, vehicle.thresholds
     yield "model", vehicle.model
-    yield "wheel", f"radius {wording.length(wheel.radius)}, width {wording.length(wheel.width)}"
+    yield "wheel", _sizes(wheel)
     yield "largest torque of a wheel", wording.quantity(wheel.max_torque, "N m")
     yield "largest slip", wording.share(wheel.max_slip)
     if vehicle.is_single:
@@ -273,7 +273,24 @@ def what_binds(figures: Figures) -> str:
 
 def _axle(axle: Axle) -> str:
     wheels = counted(axle.wheels, "driven wheel" if axle.driven else "towed wheel")
-    return f"{wheels} {_ahead(axle.x)}"
+    own = ""
+    if axle.wheel is not None:
+        own = f", of {_sizes(axle.wheel)}"
+        if axle.driven and math.isfinite(axle.wheel.max_torque):
+            own += f", at most {wording.quantity(axle.wheel.max_torque, 'N m')}"
+    return f"{wheels} {_ahead(axle.x)}{own}"
+
+
+def _sizes(wheel: Wheel) -> str:
+    """Radius and width, and what makes it more than a smooth rigid rim."""
+    line = f"radius {wording.length(wheel.radius)}, width {wording.length(wheel.width)}"
+    if wheel.grouser_height > 0.0:
+        line += f", lugs of {wording.length(wheel.grouser_height)}"
+    if math.isfinite(wheel.patch_pressure):
+        line += f", {wording.quantity(wheel.patch_pressure / 1e3, 'kPa')} on hard ground"
+    if wheel.contact_length > 0.0:
+        line += f", a contact of {wording.length(wheel.contact_length)} or more"
+    return line
 
 
 def _ahead(x: float) -> str:
