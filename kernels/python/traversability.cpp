@@ -83,6 +83,7 @@ template <> struct Argument<Search> : KnownArgument<KeptSearch> {
 };
 
 void bind_traversability(nb::module_ m) {
+    m.attr("BLOCK") = int(BLOCK);
     visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
     m.def(
         "check_records",
@@ -175,6 +176,10 @@ void bind_traversability(nb::module_ m) {
     def<&bumps>(
         m, "bumps", "How far the ground under offsets stands above its plane at most.",
         {"ground[_,_,_]", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "out[h,w]"}
+    );
+    def<&raise_bumps>(
+        m, "raise_bumps", "Raise bumps to what of crests within a body stands above its plane.",
+        {"crests", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "body", "out[h,w]"}
     );
     def<&roughness>(
         m, "roughness", "RMS distance of the ground at offsets from its plane.",

@@ -121,6 +121,67 @@ inline void bumps(
     });
 }
 
+// The highest ground of the pixels, where it is not that of their centres: its height, and how far
+// to the east and the north of the centre it lies, m, laid out as ground is. Of each BLOCK columns
+// `any` says whether it has some.
+struct Crests {
+    Ground heights, east, north;
+    Cube<const u8> any;
+};
+
+template <class Visit> void visit_arguments(Crests& c, Visit visit) {
+    visit("heights[r,p,c]", c.heights), visit("east[r,p,c]", c.east);
+    visit("north[r,p,c]", c.north), visit("any[r,p,b]", c.any);
+}
+
+// A rectangle that heads along the unit vector `east`, `north`: from `begin` to `end` ahead of the
+// reference point and up to `side` to each side of it, m.
+struct Body {
+    double east, north, begin, end, side;
+};
+
+template <class Visit> void visit_arguments(Body& b, Visit visit) {
+    visit("east", b.east), visit("north", b.north), visit("begin", b.begin);
+    visit("end", b.end), visit("side", b.side);
+}
+
+// Raise what `bumps` found to where crests within a body stand above the plane.
+inline void raise_bumps(
+    const Crests& crests, i64 first, Offsets offsets, Matrix<const float> shifts, Ground plane,
+    const Body& body, Matrix<float> out
+) {
+    const float e = float(body.east), n = float(body.north), side = float(body.side);
+    const float half = float(0.5 * (body.end - body.begin));
+    const float middle = float(0.5 * (body.begin + body.end));
+    visit_points(out, [&](i64 i, i64 j, auto count) {
+        const float *level = &plane(0, i, j), *by_x = &plane(1, i, j), *by_y = &plane(2, i, j);
+        Block best;
+        best.fill(NO_GROUND);
+        bool found = false;
+        for (i64 k = 0; k < offsets.rows(); ++k) {
+            i64 row = first + crests.heights.rows() * i + offsets(k, 0), phase = offsets(k, 1);
+            i64 column = offsets(k, 2) + j;
+            if (!(crests.any(row, phase, column / BLOCK)
+                  | crests.any(row, phase, (column + count - 1) / BLOCK)))
+                continue;
+            found = true;
+            const float* z = &crests.heights(row, phase, column);
+            const float* to_east = &crests.east(row, phase, column);
+            const float* to_north = &crests.north(row, phase, column);
+            float dx = shifts(k, 0), dy = shifts(k, 1);
+            for (i64 m = 0; m < count; ++m) {
+                float x = dx + to_east[m], y = dy + to_north[m];
+                float beyond = max(abs(x * e + y * n - middle) - half, abs(y * e - x * n) - side);
+                float rise = z[m] - by_x[m] * x - by_y[m] * y;
+                best[m] = higher(beyond > 0.0f ? NO_GROUND : rise, best[m]);
+            }
+        }
+        if (!found) return;
+        for (i64 m = 0; m < count; ++m)
+            out(i, j + m) = higher(best[m] - level[m], out(i, j + m));
+    });
+}
+
 // For each reference point the RMS distance of the ground at offsets from its plane.
 // The plane is that of least squares; distances are along z. NaN where ground is missing. Offsets
 // are symmetric about the reference point; `plane` is as in `bumps` and only keeps numbers small;

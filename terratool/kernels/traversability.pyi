@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+BLOCK: int = 32
+
 UTILISATION: int = 0
 
 PITCH: int = 1
@@ -197,6 +199,21 @@ def bumps(
     How far the ground under offsets stands above its plane at most.
 
     Shapes: ground[_,_,_], offsets[k,3], shifts[k,2], plane[3,h,w], out[h,w].
+    """
+
+def raise_bumps(
+    crests: Any,
+    first: int,
+    offsets: NDArray[np.int64],
+    shifts: NDArray[np.float32],
+    plane: NDArray[np.float32],
+    body: Any,
+    out: NDArray[np.float32],
+) -> None:
+    """
+    Raise bumps to what of crests within a body stands above its plane.
+
+    Shapes: offsets[k,3], shifts[k,2], plane[3,h,w], out[h,w].
     """
 
 def roughness(

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.bounds import nonzero_edges
+from terratool.field.bounds import crest_lines, curve_weights, nonzero_edges
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
@@ -27,8 +27,25 @@ _NEAR = 1e-9
 """What is so near to an edge, in pixels, lies on it."""
 STEEP = 1.0
 """Tangent from which on a face counts as a step even if the model has no wall there."""
+LOW_CREST = 1.0 / 2000.0
+"""Crests that stand out by less than this share of the wheel's radius are left out."""
 _WALLS = 4
 """So many walls between two pixels count."""
+
+
+class Rectangle(NamedTuple):
+    """A part of the body, seen from above.
+
+    Attributes:
+        offsets: of the pixels whose centres lie in it; none if there is no such part.
+        begin, end: how far ahead of the reference point it lies, m.
+        side: how far it reaches to each side, m.
+    """
+
+    offsets: Offsets
+    begin: float = 0.0
+    end: float = 0.0
+    side: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +55,8 @@ class HeadingFootprint:
     Attributes:
         direction: unit vector of the heading, east and north.
         wheels: middle of each wheel, at the nearest pixel.
+        corners: (4, wheels, 2) pixels around the middle of each wheel.
+        shares: (4, wheels) of each of these in what lies right at the middle, along straight lines.
         fit: (3, wheels) float64: what the ground under the wheels says of the plane that is fitted
             to it: its height at the reference point, dz/dx to the east, dz/dy to the north.
         tread: what one wheel covers.
@@ -51,13 +70,15 @@ class HeadingFootprint:
 
     direction: tuple[float, float]
     wheels: Offsets
+    corners: Offsets
+    shares: NDArray[np.float64]
     fit: NDArray[np.float64]
     tread: Offsets
     lift: NDArray[np.float32]
     lane: Offsets
-    body: Offsets
-    front: Offsets
-    rear: Offsets
+    body: Rectangle
+    front: Rectangle
+    rear: Rectangle
     places: Offsets
 
 
@@ -139,22 +160,23 @@ def _heading_footprint(
 ) -> HeadingFootprint:
     radius, width = vehicle.wheel.radius, vehicle.wheel.width
     east, north = _turned(np.column_stack([x, y]), direction)
-    wheels = np.column_stack([_nearest(-north / resolution), _nearest(east / resolution)])
+    exact = np.column_stack([-north, east]) / resolution
+    wheels = _nearest(exact)
+    corners, shares = _corners(exact)
     # a lane is at least as wide as a line of pixels
     side = max(0.5 * width, 0.5 * resolution * (abs(direction[0]) + abs(direction[1])) - _NEAR)
     tread, along = _rectangle(-radius, radius, side, resolution, direction)
     strip, _ = _rectangle(0.0, reach, side, resolution, direction)
     lane = np.unique((wheels[:, None] + strip[None]).reshape(-1, 2), axis=0)
     half, body = 0.5 * vehicle.wheelbase, 0.5 * vehicle.body_width
-    nothing = np.empty((0, 2), np.int64)
-    middle = front = rear = nothing
-    if body > 0.0:
-        if math.isfinite(vehicle.clearance):
-            middle, _ = _rectangle(-half, half, body, resolution, direction)
-        if vehicle.front.length > 0.0 and math.isfinite(vehicle.front.height):
-            front, _ = _rectangle(half, half + vehicle.front.length, body, resolution, direction)
-        if vehicle.rear.length > 0.0 and math.isfinite(vehicle.rear.height):
-            rear, _ = _rectangle(-half - vehicle.rear.length, -half, body, resolution, direction)
+
+    def under(begin: float, end: float, height: float) -> Rectangle:
+        if not (body > 0.0 and begin <= end and math.isfinite(height)):
+            return Rectangle(np.empty((0, 2), np.int64))
+        offsets, _ = _rectangle(begin, end, body, resolution, direction)
+        return Rectangle(offsets, begin, end, body)
+
+    front, rear = vehicle.front, vehicle.rear
     # between the wheels' middles: what wheels would touch there reaches as far as they do
     length, across = half or radius, 0.5 * (vehicle.track_width or width)
     places, _ = _rectangle(-length, length, across, resolution, direction)
@@ -162,8 +184,10 @@ def _heading_footprint(
     places = places[(places % apart == 0).all(axis=1)]
     lift = np.sqrt(np.maximum(radius**2 - along**2, 0.0)) - radius
     return HeadingFootprint(
-        direction, wheels, _fit(vehicle, wheels, resolution), tread, lift.astype(np.float32), lane,
-        middle, front, rear, places,
+        direction, wheels, corners, shares, _fit(vehicle, exact, resolution), tread, lift.astype(np.float32), lane,
+        under(-half, half, vehicle.clearance),
+        under(half, half + front.length, front.height if front.length > 0.0 else math.inf),
+        under(-half - rear.length, -half, rear.height if rear.length > 0.0 else math.inf), places,
     )  # fmt: skip
 
 
@@ -171,6 +195,18 @@ def _nearest(pixels: NDArray[np.float64]) -> Offsets:
     """Nearest whole numbers, halves towards 0, so that opposite places have opposite ones."""
     whole: Offsets = (np.sign(pixels) * np.ceil(np.abs(pixels) - 0.5 - _NEAR)).astype(np.int64)
     return whole
+
+
+def _corners(pixels: NDArray[np.float64]) -> tuple[Offsets, NDArray[np.float64]]:
+    """Pixels around places, (4, n, 2), and their shares in these, (4, n)."""
+    near = np.round(pixels)
+    pixels = np.where(np.abs(pixels - near) < _NEAR, near, pixels)
+    low = np.floor(pixels)
+    part = pixels - low
+    steps = [(0, 0), (0, 1), (1, 0), (1, 1)]
+    corners = np.stack([low + step for step in steps]).astype(np.int64)
+    shares = np.stack([np.where(step, part, 1.0 - part).prod(axis=1) for step in steps])
+    return corners, shares
 
 
 def _rectangle(
@@ -189,12 +225,27 @@ def _rectangle(
     return np.column_stack([rows[inside], columns[inside]]), along[inside] * resolution
 
 
-def _fit(vehicle: Vehicle, wheels: Offsets, resolution: float) -> NDArray[np.float64]:
-    """Least squares of a plane over the wheels' pixels; a level one where they stand in a row."""
+def _fit(
+    vehicle: Vehicle, wheels: NDArray[np.float64], resolution: float
+) -> NDArray[np.float64]:
+    """Least squares of a plane over the wheels; a level one where they stand in a row."""
     places = np.column_stack([np.ones(len(wheels)), wheels[:, 1], -wheels[:, 0]])
     if vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0 or np.linalg.matrix_rank(places) < 3:
         return np.vstack([np.full((1, len(wheels)), 1.0 / len(wheels)), np.zeros((2, len(wheels)))])
     return np.asarray(np.linalg.pinv(places) / [[1.0], [resolution], [resolution]], np.float64)
+
+
+class Crests(NamedTuple):
+    """The highest ground of the pixels: that of their centres, or what stands out between these.
+
+    Attributes:
+        heights: (height, width) float32, minus infinity where there is no ground.
+        east, north: float32, how far from the centre it lies, m.
+    """
+
+    heights: NDArray[np.float32]
+    east: NDArray[np.float32]
+    north: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +260,7 @@ class Ground:
             pixel, and one for a pair from north to south.
         jumps: heights of these walls, m, or of the step that a wheel meets where another one
             follows close by; infinity for a face without one.
+        crests: None where no pixel has any.
     """
 
     heights: NDArray[np.float32]
@@ -217,6 +269,7 @@ class Ground:
     slope_y: NDArray[np.float32] | None
     pairs: NDArray[np.int64]
     jumps: NDArray[np.float64]
+    crests: Crests | None
 
 
 class GroundPainter:
@@ -232,6 +285,8 @@ class GroundPainter:
         self._terrain, self._grid, self._least, self._radius = terrain, grid, least, radius
         self._painter = Painter(terrain, grid, slopes=slopes, labels=True)
         self._edges = nonzero_edges(terrain.arrays)
+        self._lines = crest_lines(terrain.arrays)
+        self._weights = curve_weights(terrain.arrays)
         self._idle: deque[kernels.WallFinder] = deque()
 
     def paint(self, window: Window) -> Ground:
@@ -247,13 +302,27 @@ class GroundPainter:
         steep = ~found & (_rise(heights, pairs) > STEEP * self._grid.resolution)
         jumps[steep] = np.inf
         pairs, jumps = pairs[found | steep], jumps[found | steep]
+        crests = self._crests(window, heights)
         hole = np.isnan(heights)
         if hole.any():
             heights[hole] = -np.inf
             for slope in (planes.slope_x, planes.slope_y):
                 if slope is not None:
                     slope[hole] = 0.0
-        return Ground(heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps)
+        return Ground(
+            heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps, crests
+        )
+
+    def _crests(self, window: Window, heights: NDArray[np.float32]) -> Crests | None:
+        crests = Crests(heights.copy(), np.zeros_like(heights), np.zeros_like(heights))
+        if not kernels.raise_crests(
+            self._terrain.field, self._lines, self._weights, self._grid.columns(window),
+            self._grid.rows(window), self._grid.resolution, LOW_CREST * self._radius, heights,
+            crests,
+        ):  # fmt: skip
+            return None
+        crests.heights[np.isnan(crests.heights)] = -np.inf
+        return crests
 
     def _walls(self, window: Window, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
         places, jumps = np.empty((len(pairs), _WALLS)), np.empty((len(pairs), _WALLS))

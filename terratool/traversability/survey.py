@@ -24,10 +24,12 @@ from terratool.traversability.limits import (
 from terratool.traversability.results import HEADINGS
 from terratool.traversability.soil import soils
 from terratool.traversability.stance import (
+    Crests,
     Ground,
     GroundPainter,
     HeadingFootprint,
     Offsets,
+    Rectangle,
     VehicleFootprint,
     vehicle_footprint,
 )
@@ -287,7 +289,8 @@ class Surveyor:
                 step[heading] = sweep.step_ahead(footprint, steps)
                 stance = Stance(
                     plane, bump,
-                    sweep.bump(footprint.front, plane), sweep.bump(footprint.rear, plane),
+                    sweep.bump(footprint, footprint.front, plane),
+                    sweep.bump(footprint, footprint.rear, plane),
                     rough[heading], step[heading], self._reaches_beyond(window, heading),
                     sweep.ids, sweep.first, sweep.placed(footprint.wheels),
                 )  # fmt: skip
@@ -328,6 +331,30 @@ class Surveyor:
         return np.asarray(out_y[:, None] | out_x[None, :])
 
 
+class BodyPart(NamedTuple):
+    """A rectangle under the body, as in kernels/traversability/sweeps.hpp; m."""
+
+    east: float
+    north: float
+    begin: float
+    end: float
+    side: float
+
+
+class PhasedCrests(NamedTuple):
+    """The crests of the ground, (rows, phases, columns), as in kernels/traversability/sweeps.hpp.
+
+    Attributes:
+        heights, east, north: as in `Crests`.
+        any: uint8, whether there are some in each `kernels.BLOCK` columns.
+    """
+
+    heights: NDArray[np.float32]
+    east: NDArray[np.float32]
+    north: NDArray[np.float32]
+    any: NDArray[np.uint8]
+
+
 class _Sweep:
     """The ground of a window, laid out for sweeps of a footprint over it."""
 
@@ -338,6 +365,7 @@ class _Sweep:
         self.first = self._parts * self._halo + self._parts // 2
         self._heights = self._phased(ground.heights)
         self.ids = self._phased(ground.surfaces)
+        self._crests = None if ground.crests is None else self._laid_out(ground.crests)
         middle = np.zeros(2, np.int64)
         self.surfaces = self._at(self.ids, middle)
         heights = self._at(self._heights, middle)
@@ -348,6 +376,14 @@ class _Sweep:
         rows, columns = plane.shape
         return np.ascontiguousarray(
             plane.reshape(rows, columns // self._parts, self._parts).transpose(0, 2, 1)
+        )
+
+    def _laid_out(self, crests: Crests) -> PhasedCrests:
+        heights, east, north = (self._phased(plane) for plane in crests)
+        off = (east != 0.0) | (north != 0.0)
+        blocks = np.arange(0, off.shape[2], kernels.BLOCK)
+        return PhasedCrests(
+            heights, east, north, np.logical_or.reduceat(off, blocks, axis=2).astype(np.uint8)
         )
 
     def placed(self, offsets: Offsets) -> Offsets:
@@ -381,7 +417,7 @@ class _Sweep:
         phased = self._phased(supports)
         total = np.zeros((3, *self._shape))
         for n, wheel in enumerate(footprint.wheels):
-            support = self._at(phased, wheel)
+            support = self._support(phased, footprint, n)
             support[np.isneginf(self._at(self._heights, wheel))] = np.nan
             total += footprint.fit[:, n, None, None] * support
         plane = total.astype(np.float32)
@@ -398,14 +434,34 @@ class _Sweep:
             phased, self.first, self.placed(footprint.places), places, plane,
             _inverse_moments(places), rough,
         )  # fmt: skip
-        return plane, self.bump(footprint.body, plane), rough
+        return plane, self.bump(footprint, footprint.body, plane), rough
 
-    def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
-        """How far the ground stands above the plane under offsets, m."""
+    def _support(
+        self, phased: NDArray[np.float32], footprint: HeadingFootprint, wheel: int
+    ) -> NDArray[np.float64]:
+        """How high a wheel stands right where it is, between the pixels around it."""
+        total = np.zeros(self._shape)
+        for corner, share in zip(
+            footprint.corners[:, wheel], footprint.shares[:, wheel], strict=True
+        ):
+            if share > 0.0:
+                total += share * self._at(phased, corner)
+        # beside ground that is not there it is that of the nearest pixel
+        lost = np.isneginf(total)
+        if lost.any():
+            total[lost] = self._at(phased, footprint.wheels[wheel])[lost]
+        return total
+
+    def bump(
+        self, footprint: HeadingFootprint, under: Rectangle, plane: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """How far the ground stands above the plane under a part of the body, m."""
         out = self._empty()
-        kernels.bumps(
-            self._heights, self.first, self.placed(offsets), self._shifts(offsets), plane, out
-        )
+        offsets = self.placed(under.offsets), self._shifts(under.offsets)
+        kernels.bumps(self._heights, self.first, *offsets, plane, out)
+        if self._crests is not None and len(under.offsets):
+            body = BodyPart(*footprint.direction, under.begin, under.end, under.side)
+            kernels.raise_bumps(self._crests, self.first, *offsets, plane, body, out)
         return out
 
     def supports(self, footprint: HeadingFootprint) -> NDArray[np.float32]:
