@@ -170,6 +170,14 @@ void bind_traversability(nb::module_ m) {
         m, "supports", "How high a wheel stands at every pixel.",
         {"heights[h,w]", "tread[k,2]", "lift[k]", "out[h,w]"}
     );
+    def<&raise_supports>(
+        m, "raise_supports", "Raise supports where wheels meet crests.",
+        {"crests", "tread[k,2]", "shifts[k,2]", "wheel", "out[h,w]"}
+    );
+    def<&stand>(
+        m, "stand", "The plane through the supports of the wheels.",
+        {"supports[r,p,c]", "ground[r,p,c]", "first", "standing", "out[3,_,_]"}
+    );
     def<&mean>(
         m, "mean", "The mean over offsets.", {"ground[_,_,_]", "first", "offsets[k,3]", "out[_,_]"}
     );
@@ -188,7 +196,7 @@ void bind_traversability(nb::module_ m) {
     );
     def<&raise_steps>(
         m, "raise_steps", "Mark pixels beside walls with the step that a wheel meets.",
-        {"supports[h,w]", "pairs[n]", "jumps[n]", "east", "north", "strides", "out[h,w]"}
+        {"supports[h,w]", "pairs[n]", "jumps[n]", "gaps", "east", "north", "strides", "out[h,w]"}
     );
 
     visit_enumerators(Direction{}, [&](const char* name, Direction d) { m.attr(name) = int(d); });

@@ -27,6 +27,8 @@ _NEAR = 1e-9
 """What is so near to an edge, in pixels, lies on it."""
 STEEP = 1.0
 """Tangent from which on a face counts as a step even if the model has no wall there."""
+_LEANING = 3.0
+"""A wall that shifts by more pixels from line to line is another one."""
 LOW_CREST = 1.0 / 2000.0
 """Crests that stand out by less than this share of the wheel's radius are left out."""
 _WALLS = 4
@@ -34,11 +36,11 @@ _WALLS = 4
 
 
 class Rectangle(NamedTuple):
-    """A part of the body, seen from above.
+    """A part of the body or a wheel, seen from above.
 
     Attributes:
         offsets: of the pixels whose centres lie in it; none if there is no such part.
-        begin, end: how far ahead of the reference point it lies, m.
+        begin, end: how far ahead of the reference point it lies, or the wheel's middle, m.
         side: how far it reaches to each side, m.
     """
 
@@ -55,8 +57,8 @@ class HeadingFootprint:
     Attributes:
         direction: unit vector of the heading, east and north.
         wheels: middle of each wheel, at the nearest pixel.
-        corners: (4, wheels, 2) pixels around the middle of each wheel.
-        shares: (4, wheels) of each of these in what lies right at the middle, along straight lines.
+        corners: (wheels, 4, 2) pixels around the middle of each wheel.
+        shares: (wheels, 4) of each of these in what lies right at the middle, along straight lines.
         fit: (3, wheels) float64: what the ground under the wheels says of the plane that is fitted
             to it: its height at the reference point, dz/dx to the east, dz/dy to the north.
         tread: what one wheel covers.
@@ -73,7 +75,7 @@ class HeadingFootprint:
     corners: Offsets
     shares: NDArray[np.float64]
     fit: NDArray[np.float64]
-    tread: Offsets
+    tread: Rectangle
     lift: NDArray[np.float32]
     lane: Offsets
     body: Rectangle
@@ -184,7 +186,8 @@ def _heading_footprint(
     places = places[(places % apart == 0).all(axis=1)]
     lift = np.sqrt(np.maximum(radius**2 - along**2, 0.0)) - radius
     return HeadingFootprint(
-        direction, wheels, corners, shares, _fit(vehicle, exact, resolution), tread, lift.astype(np.float32), lane,
+        direction, wheels, corners, shares, _fit(vehicle, exact, resolution),
+        Rectangle(tread, -radius, radius, side), lift.astype(np.float32), lane,
         under(-half, half, vehicle.clearance),
         under(half, half + front.length, front.height if front.length > 0.0 else math.inf),
         under(-half - rear.length, -half, rear.height if rear.length > 0.0 else math.inf), places,
@@ -198,15 +201,15 @@ def _nearest(pixels: NDArray[np.float64]) -> Offsets:
 
 
 def _corners(pixels: NDArray[np.float64]) -> tuple[Offsets, NDArray[np.float64]]:
-    """Pixels around places, (4, n, 2), and their shares in these, (4, n)."""
+    """Pixels around places, (n, 4, 2), and their shares in these, (n, 4)."""
     near = np.round(pixels)
     pixels = np.where(np.abs(pixels - near) < _NEAR, near, pixels)
     low = np.floor(pixels)
     part = pixels - low
     steps = [(0, 0), (0, 1), (1, 0), (1, 1)]
-    corners = np.stack([low + step for step in steps]).astype(np.int64)
-    shares = np.stack([np.where(step, part, 1.0 - part).prod(axis=1) for step in steps])
-    return corners, shares
+    corners = np.stack([low + step for step in steps], axis=1).astype(np.int64)
+    shares = [np.where(step, part, 1.0 - part).prod(axis=1) for step in steps]
+    return corners, np.stack(shares, axis=1)
 
 
 def _rectangle(
@@ -225,14 +228,27 @@ def _rectangle(
     return np.column_stack([rows[inside], columns[inside]]), along[inside] * resolution
 
 
-def _fit(
-    vehicle: Vehicle, wheels: NDArray[np.float64], resolution: float
-) -> NDArray[np.float64]:
+def _fit(vehicle: Vehicle, wheels: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
     """Least squares of a plane over the wheels; a level one where they stand in a row."""
     places = np.column_stack([np.ones(len(wheels)), wheels[:, 1], -wheels[:, 0]])
     if vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0 or np.linalg.matrix_rank(places) < 3:
         return np.vstack([np.full((1, len(wheels)), 1.0 / len(wheels)), np.zeros((2, len(wheels)))])
     return np.asarray(np.linalg.pinv(places) / [[1.0], [resolution], [resolution]], np.float64)
+
+
+class Gaps(NamedTuple):
+    """Trenches so narrow that a wheel touches both of their edges, (pairs,) each.
+
+    Attributes:
+        width: along the axis of the pair, m; infinity for no such trench.
+        rise: of the one edge above the other, m.
+        lean: how far the wall shifts along the axis from its line of pixels to the next one, to the
+            south or the east, in pixels.
+    """
+
+    width: NDArray[np.float64]
+    rise: NDArray[np.float64]
+    lean: NDArray[np.float64]
 
 
 class Crests(NamedTuple):
@@ -260,6 +276,7 @@ class Ground:
             pixel, and one for a pair from north to south.
         jumps: heights of these walls, m, or of the step that a wheel meets where another one
             follows close by; infinity for a face without one.
+        gaps: of these pairs.
         crests: None where no pixel has any.
     """
 
@@ -269,6 +286,7 @@ class Ground:
     slope_y: NDArray[np.float32] | None
     pairs: NDArray[np.int64]
     jumps: NDArray[np.float64]
+    gaps: Gaps
     crests: Crests | None
 
 
@@ -296,12 +314,17 @@ class GroundPainter:
         heights = planes.heights
         pairs, same = _rises(heights, planes.labels, self._least, self._grid.resolution)
         jumps = np.full(len(pairs), np.inf)
-        jumps[~same] = self._walls(window, pairs[~same])
+        gaps = Gaps(np.full(len(pairs), np.inf), *np.zeros((2, len(pairs))))
+        apart = self._walls(window, pairs[~same])
+        jumps[~same] = steps_met(apart, self._radius)
+        for plane, found in zip(gaps, gaps_met(apart, self._radius), strict=True):
+            plane[~same] = found
         found = jumps >= self._least
         # where no wall is found the ground itself may still be too steep
         steep = ~found & (_rise(heights, pairs) > STEEP * self._grid.resolution)
         jumps[steep] = np.inf
-        pairs, jumps = pairs[found | steep], jumps[found | steep]
+        kept = found | steep
+        pairs, jumps, gaps = pairs[kept], jumps[kept], Gaps(*(plane[kept] for plane in gaps))
         crests = self._crests(window, heights)
         hole = np.isnan(heights)
         if hole.any():
@@ -310,7 +333,7 @@ class GroundPainter:
                 if slope is not None:
                     slope[hole] = 0.0
         return Ground(
-            heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps, crests
+            heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps, gaps, crests
         )
 
     def _crests(self, window: Window, heights: NDArray[np.float32]) -> Crests | None:
@@ -324,29 +347,66 @@ class GroundPainter:
         crests.heights[np.isnan(crests.heights)] = -np.inf
         return crests
 
-    def _walls(self, window: Window, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
-        places, jumps = np.empty((len(pairs), _WALLS)), np.empty((len(pairs), _WALLS))
-        if not len(pairs):
-            return jumps[:, 0]
-        try:
-            finder = self._idle.pop()
-        except IndexError:
-            finder = kernels.WallFinder(self._terrain.field, self._edges)
-        kernels.walls_between(
-            finder, pairs, self._grid.columns(window), self._grid.rows(window),
-            self._grid.resolution, 0.5 * self._least, places, jumps,
-        )  # fmt: skip
-        self._idle.append(finder)
-        return steps_met(pairs, window.width, places, jumps, self._radius)
+    def _walls(self, window: Window, pairs: NDArray[np.int64]) -> Walls:
+        places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
+        if len(pairs):
+            try:
+                finder = self._idle.pop()
+            except IndexError:
+                finder = kernels.WallFinder(self._terrain.field, self._edges)
+            kernels.walls_between(
+                finder, pairs, self._grid.columns(window), self._grid.rows(window),
+                self._grid.resolution, 0.5 * self._least, places, jumps,
+            )  # fmt: skip
+            self._idle.append(finder)
+        return walls_in_order(pairs, window.width, places, jumps, self._grid.resolution)
 
 
-def steps_met(
+class Walls(NamedTuple):
+    """Walls in pairs of pixels, line of pixels by line, along each in order.
+
+    Attributes:
+        count: of the pairs.
+        pixel: side of a pixel, m.
+        index: (n,) of the pair.
+        line: (n,) twice the row of a pair along x, twice the column and one of a pair along y.
+        place: (n,) where along its axis a wall stands, m.
+        jump: (n,) how much the ground rises there along the axis, m.
+    """
+
+    count: int
+    pixel: float
+    index: NDArray[np.int64]
+    line: NDArray[np.int64]
+    place: NDArray[np.float64]
+    jump: NDArray[np.float64]
+
+
+def walls_in_order(
     pairs: NDArray[np.int64],
     width: int,
     places: NDArray[np.float64],
     jumps: NDArray[np.float64],
-    radius: float,
-) -> NDArray[np.float64]:
+    pixel: float,
+) -> Walls:
+    """Walls line by line.
+
+    Args:
+        pairs: as in `Ground`.
+        width: of the window, pixels.
+        places: (pairs, walls) where each wall stands along its axis, m.
+        jumps: (pairs, walls) how much the ground rises there along it, m; 0 for no wall.
+        pixel: side of a pixel, m.
+    """
+    index, which = np.nonzero(jumps)
+    first, down = pairs[index] >> 1, pairs[index] & 1
+    line = 2 * np.where(down, first % width, first // width) + down
+    place, jump = places[index, which], jumps[index, which]
+    order = np.lexsort([place, line])
+    return Walls(len(pairs), pixel, index[order], line[order], place[order], jump[order])
+
+
+def steps_met(walls: Walls, radius: float) -> NDArray[np.float64]:
     """The step that a wheel meets at each pair: its highest wall, or more if two stand close by.
 
     A wheel that touches the edges of two walls, the upper one h above the other and t behind it,
@@ -354,22 +414,15 @@ def steps_met(
     is so if t² < 2 r h − h²; where they stand farther apart it rolls up one after the other.
 
     Args:
-        pairs: as in `Ground`.
-        width: of the window, pixels.
-        places: (pairs, walls) where each wall stands along its axis, m.
-        jumps: (pairs, walls) how much the ground rises there along it, m; 0 for no wall.
+        walls: by pairs.
         radius: of the wheels, m.
 
     Returns:
         (pairs,) heights, m; 0 without a wall.
     """
-    met: NDArray[np.float64] = np.abs(jumps).max(axis=1, initial=0.0)
-    index, which = np.nonzero(jumps)
-    pixel, down = pairs[index] >> 1, pairs[index] & 1
-    line = 2 * np.where(down, pixel % width, pixel // width) + down
-    place, jump = places[index, which], jumps[index, which]
-    order = np.lexsort([place, line])
-    index, line, place, jump = index[order], line[order], place[order], jump[order]
+    _, _, index, line, place, jump = walls
+    met = np.zeros(walls.count)
+    np.maximum.at(met, index, np.abs(jump))
     apart, up = np.diff(place), jump[1:] > 0.0
     upper = np.minimum(np.abs(np.where(up, jump[1:], jump[:-1])), radius)
     both = (np.diff(line) == 0) & (up == (jump[:-1] > 0.0))
@@ -380,6 +433,55 @@ def steps_met(
     for side in (index[:-1], index[1:]):
         np.maximum.at(met, side[both], height[both])
     return met
+
+
+def gaps_met(walls: Walls, radius: float) -> Gaps:
+    """The trenches whose walls stand in pairs: a wall down, then one up, both touched by a wheel.
+
+    Args:
+        walls: by pairs.
+        radius: of the wheels, m.
+    """
+    gaps = Gaps(np.full(walls.count, np.inf), *np.zeros((2, walls.count)))
+    _, _, index, line, place, jump = walls
+    width, rise = np.diff(place), np.abs(np.diff(np.abs(jump)))
+    gap = (np.diff(line) == 0) & (jump[:-1] < 0.0) & (jump[1:] > 0.0)
+    # obliquely a wheel may touch both edges of what is wider along the axis
+    gap &= (width < 4.0 * radius) & (rise < radius)
+    at = np.flatnonzero(gap)
+    # where a pair has two the wider one counts: it is put last
+    at = at[np.argsort(width[at], kind="stable")]
+    lean = _leans(walls, at)
+    for wall in (at, at + 1):
+        gaps.width[index[wall]], gaps.rise[index[wall]] = width[at], rise[at]
+        gaps.lean[index[wall]] = lean
+    return gaps
+
+
+def _leans(walls: Walls, at: NDArray[np.int64]) -> NDArray[np.float64]:
+    """How far walls shift from their line of pixels to the next, in pixels; 0 if it is not known."""
+    lean = np.zeros(len(at))
+    if not len(at):
+        return lean
+    _, pixel, _, line, place, jump = walls
+    start = place.min() - 1.0
+    length = place.max() - start + 1.0
+    known = np.zeros(len(at), np.bool_)
+    down = np.flatnonzero(jump < 0.0)
+    keys = line[down] + (place[down] - start) / length
+    for step in (2, -2):  # of the lines beside it the next, else the one before
+        wanted = line[at] + step + (place[at] - start) / length
+        after = np.searchsorted(keys, wanted)
+        for near in (after - 1, after):
+            other = down[np.clip(near, 0, len(down) - 1)]
+            shift = (place[other] - place[at]) / pixel
+            fits = (line[other] == line[at] + step) & (np.abs(shift) <= _LEANING)
+            better = fits & (~known | (np.abs(shift) < np.abs(lean)))
+            lean[better] = np.sign(step) * shift[better]
+            known |= fits
+        if known.all():
+            break
+    return lean
 
 
 def _rises(

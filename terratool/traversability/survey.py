@@ -341,6 +341,34 @@ class BodyPart(NamedTuple):
     side: float
 
 
+class GapsOfWheels(NamedTuple):
+    """`Gaps`, and the sides of wheels and pixels, as in kernels/traversability/sweeps.hpp."""
+
+    width: NDArray[np.float64]
+    rise: NDArray[np.float64]
+    lean: NDArray[np.float64]
+    radius: float
+    side: float
+
+
+class CrestPlanes(NamedTuple):
+    """`Crests`, as in kernels/traversability/sweeps.hpp; `any` is as in `PhasedCrests`."""
+
+    heights: NDArray[np.float32]
+    east: NDArray[np.float32]
+    north: NDArray[np.float32]
+    any: NDArray[np.uint8]
+
+
+class Standing(NamedTuple):
+    """How wheels stand on the pixels around them, as in kernels/traversability/sweeps.hpp."""
+
+    wheels: Offsets
+    corners: Offsets
+    shares: NDArray[np.float64]
+    fit: NDArray[np.float64]
+
+
 class PhasedCrests(NamedTuple):
     """The crests of the ground, (rows, phases, columns), as in kernels/traversability/sweeps.hpp.
 
@@ -379,12 +407,8 @@ class _Sweep:
         )
 
     def _laid_out(self, crests: Crests) -> PhasedCrests:
-        heights, east, north = (self._phased(plane) for plane in crests)
-        off = (east != 0.0) | (north != 0.0)
-        blocks = np.arange(0, off.shape[2], kernels.BLOCK)
-        return PhasedCrests(
-            heights, east, north, np.logical_or.reduceat(off, blocks, axis=2).astype(np.uint8)
-        )
+        phased = Crests(*(self._phased(plane) for plane in crests))
+        return PhasedCrests(*phased, _blocks_with(phased))
 
     def placed(self, offsets: Offsets) -> Offsets:
         """Rows, phases and columns of offsets."""
@@ -415,16 +439,16 @@ class _Sweep:
     ) -> tuple[NDArray[np.float32], Any, Any]:
         """The plane that the vehicle stands on, what rises above it under the body, roughness."""
         phased = self._phased(supports)
-        total = np.zeros((3, *self._shape))
-        for n, wheel in enumerate(footprint.wheels):
-            support = self._support(phased, footprint, n)
-            support[np.isneginf(self._at(self._heights, wheel))] = np.nan
-            total += footprint.fit[:, n, None, None] * support
-        plane = total.astype(np.float32)
+        plane = np.empty((3, *self._shape), np.float32)
+        standing = Standing(
+            self.placed(footprint.wheels), self.placed(footprint.corners.reshape(-1, 2)),
+            footprint.shares, footprint.fit,
+        )  # fmt: skip
+        kernels.stand(phased, self._heights, self.first, standing, plane)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
             # wheels in a row say nothing of a plane: they take the ground's own slope under them
             treads = np.concatenate(
-                [self.placed(wheel + footprint.tread) for wheel in footprint.wheels]
+                [self.placed(wheel + footprint.tread.offsets) for wheel in footprint.wheels]
             )
             for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
                 kernels.mean(self._phased(slope), self.first, treads, plane[axis])
@@ -435,22 +459,6 @@ class _Sweep:
             _inverse_moments(places), rough,
         )  # fmt: skip
         return plane, self.bump(footprint, footprint.body, plane), rough
-
-    def _support(
-        self, phased: NDArray[np.float32], footprint: HeadingFootprint, wheel: int
-    ) -> NDArray[np.float64]:
-        """How high a wheel stands right where it is, between the pixels around it."""
-        total = np.zeros(self._shape)
-        for corner, share in zip(
-            footprint.corners[:, wheel], footprint.shares[:, wheel], strict=True
-        ):
-            if share > 0.0:
-                total += share * self._at(phased, corner)
-        # beside ground that is not there it is that of the nearest pixel
-        lost = np.isneginf(total)
-        if lost.any():
-            total[lost] = self._at(phased, footprint.wheels[wheel])[lost]
-        return total
 
     def bump(
         self, footprint: HeadingFootprint, under: Rectangle, plane: NDArray[np.float32]
@@ -470,7 +478,12 @@ class _Sweep:
         Minus infinity where there is no ground, and along the edges, where not all of it is known.
         """
         out = np.empty_like(self._ground.heights)
-        kernels.supports(self._ground.heights, footprint.tread, footprint.lift, out)
+        tread = footprint.tread
+        kernels.supports(self._ground.heights, tread.offsets, footprint.lift, out)
+        if self._ground.crests is not None:
+            wheel = BodyPart(*footprint.direction, tread.begin, tread.end, tread.side)
+            crests = CrestPlanes(*self._ground.crests, _blocks_with(self._ground.crests))
+            kernels.raise_supports(crests, tread.offsets, self._shifts(tread.offsets), wheel, out)
         return out
 
     def steps(
@@ -482,9 +495,11 @@ class _Sweep:
         steps = np.zeros(supports.shape, np.float32)
         radius = self._surveyor.vehicle.wheel.radius
         strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
+        gaps = GapsOfWheels(*self._ground.gaps, radius, self._surveyor._fine.resolution)
         kernels.raise_steps(
-            supports, self._ground.pairs, self._ground.jumps, *footprint.direction, strides, steps
-        )
+            supports, self._ground.pairs, self._ground.jumps, gaps, *footprint.direction, strides,
+            steps,
+        )  # fmt: skip
         return self._phased(steps)
 
     def step_ahead(
@@ -496,6 +511,13 @@ class _Sweep:
         out = self._empty()
         kernels.highest(steps, self.first, self.placed(footprint.lane), out)
         return out
+
+
+def _blocks_with(crests: Crests) -> NDArray[np.uint8]:
+    """Whether there are crests beside centres in each `kernels.BLOCK` columns."""
+    beside = (crests.east != 0.0) | (crests.north != 0.0)
+    blocks = np.arange(0, beside.shape[-1], kernels.BLOCK)
+    return np.logical_or.reduceat(beside, blocks, axis=-1).astype(np.uint8)
 
 
 def _inverse_moments(places: NDArray[np.float32]) -> NDArray[np.float32]:

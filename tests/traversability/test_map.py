@@ -490,7 +490,8 @@ class TestSingleWheel:
 def slow(terrain: Terrain, x: float, y: float, heading: int, resolution: float) -> Any:
     """Pitch, roll, clearance and loads of the rover, read from the field point by point.
 
-    Wheels stand at the nearest pixels; so do the pixels that their circles touch.
+    Wheels stand between the pixels around them, whose circles touch pixels. Clearance is that of
+    pixels, and of the corners of the curves.
     """
     east, north = directions(8)[heading]
 
@@ -512,13 +513,33 @@ def slow(terrain: Terrain, x: float, y: float, heading: int, resolution: float) 
 
     rows, supports = [], []
     for ahead, aside in ((0.5, 0.4), (0.5, -0.4), (-0.5, 0.4), (-0.5, -0.4)):
-        shift_x, shift_y = (round(v / resolution) * resolution for v in world(ahead, aside))
+        shift_x, shift_y = world(ahead, aside)
         rows.append((1.0, shift_x, shift_y))
-        supports.append(touched(x + shift_x, y + shift_y))
+        column, row = shift_x / resolution, shift_y / resolution
+        low, below = math.floor(column + 1e-9), math.floor(row + 1e-9)
+        right, up = column - low, row - below
+        supports.append(
+            sum(
+                share * touched(x + (low + i) * resolution, y + (below + j) * resolution)
+                for i, j, share in (
+                    (0, 0, (1 - right) * (1 - up)), (1, 0, right * (1 - up)),
+                    (0, 1, (1 - right) * up), (1, 1, right * up),
+                )
+            )
+        )  # fmt: skip
     level, slope_x, slope_y = np.linalg.lstsq(np.array(rows), np.array(supports), rcond=None)[0]
     pitch = math.atan(slope_x * east + slope_y * north)
     roll = math.atan(slope_y * east - slope_x * north)
     dx, dy, along, left, z = around(x, y, 12)
+    # the corners of the curves in the pixels under the body, along both axes
+    across, up = np.meshgrid(12 / 8 * np.arange(9) - x, 9 / 6 * np.arange(7) - y)
+    for shift_x, shift_y in (
+        *((n, m) for n in across[0] for m in np.arange(-1.2, 1.2, 0.002)),
+        *((m, n) for n in up[:, 0] for m in np.arange(-1.2, 1.2, 0.002)),
+    ):
+        dx, dy = np.append(dx, shift_x), np.append(dy, shift_y)
+    along, left = dx * east + dy * north, dy * east - dx * north
+    z = terrain.height(x + dx, y + dy)
     under = (np.abs(along) <= 0.5 + 1e-9) & (np.abs(left) <= 0.35 + 1e-9)
     most = float((z - (level + slope_x * dx + slope_y * dy))[under].max())
     down = 1 / math.sqrt(1 + slope_x**2 + slope_y**2)
