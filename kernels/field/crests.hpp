@@ -77,8 +77,8 @@ private:
         const Element& element;
         const Kind& kind;
         double x, y, u_x, u_y, v_x, v_y;
-        double length[2];         // of the sides
-        double wide, tall;        // of the cell, which trims it
+        double length[2];   // of the sides
+        double wide, tall;  // of the cell, which trims it
         const double* weights;
     };
 
@@ -127,10 +127,20 @@ private:
         if (low[X] > east_ || low[X] + wide[X] < west_ || low[Y] > north_
             || low[Y] + wide[Y] < south_)
             return false;
-        Frame frame{element, field_.kinds[element.kind],
-                    low[X] + 0.5 * wide[X], low[Y] + 0.5 * wide[Y],
-                    wide[X], 0.0, 0.0, wide[Y], {wide[X], wide[Y]}, wide[X], wide[Y],
-                    &weights_(i64(index), 0)};
+        Frame frame{
+            element,
+            field_.kinds[element.kind],
+            low[X] + 0.5 * wide[X],
+            low[Y] + 0.5 * wide[Y],
+            wide[X],
+            0.0,
+            0.0,
+            wide[Y],
+            {wide[X], wide[Y]},
+            wide[X],
+            wide[Y],
+            &weights_(i64(index), 0)
+        };
         if (pose.turned) {
             frame.u_x = pose.cos * wide[X], frame.u_y = -pose.sin_u * wide[Y];
             frame.v_x = pose.sin_v * wide[X], frame.v_y = pose.cos * wide[Y];
@@ -151,8 +161,8 @@ private:
     // How much a line of a curve may raise a pixel, for each unit that the element weighs it with.
     double rise_of(i64 line, double length) const {
         double share = side_ / length;
-        return 0.5 * abs(lines_.drop[line]) * share
-            + 0.125 * abs(lines_.bend[line]) * share * share + lines_.wall[line];
+        return 0.5 * abs(lines_.drop[line]) * share + 0.125 * abs(lines_.bend[line]) * share * share
+            + lines_.wall[line];
     }
 
     // Whether a line may be the foot of a wall, as the end of a curve is with an offset.
@@ -216,14 +226,12 @@ private:
             double a = lines_.t[n] - 0.5;
             double x = f.x + a * (axis == X ? f.u_x : f.v_x) - 0.5 * (axis == X ? f.v_x : f.u_x);
             double y = f.y + a * (axis == X ? f.u_y : f.v_y) - 0.5 * (axis == X ? f.v_y : f.u_y);
-            auto [low, high] = steps_met(
-                x, y, axis == X ? f.v_x : f.u_x, axis == X ? f.v_y : f.u_y, count
-            );
-            for (i64 s = low; s <= high; ++s)
-                ask_crossing(f, axis, n, double(s) / double(count));
+            auto [low, high] =
+                steps_met(x, y, axis == X ? f.v_x : f.u_x, axis == X ? f.v_y : f.u_y, count);
+            for (i64 s = low; s <= high; ++s) ask_crossing(f, axis, n, double(s) / double(count));
             // where two lines cross stands the top of a pyramid
-            for (i64 m = lines_.first[2 * kind + other]; high >= low && axis == X
-                 && m < lines_.first[2 * kind + other + 1]; ++m) {
+            for (i64 m = lines_.first[2 * kind + other];
+                 high >= low && axis == X && m < lines_.first[2 * kind + other + 1]; ++m) {
                 double at = lines_.t[m] * double(count);
                 if (double(low) - 1.0 <= at && at <= double(high) + 1.0)
                     ask_crossing(f, axis, n, lines_.t[m]);
@@ -238,7 +246,8 @@ private:
             double factor = f.element.scale;
             if (f.kind.combine == PRODUCT) factor *= curve(f, 1 - axis, at).value;
             double share = side_ / f.length[axis];
-            double rise = 0.5 * lines_.drop[line] * share + 0.125 * lines_.bend[line] * share * share;
+            double rise =
+                0.5 * lines_.drop[line] * share + 0.125 * lines_.bend[line] * share * share;
             if (factor * rise < least_) return;
         }
         double t = lines_.t[line];
@@ -254,9 +263,8 @@ private:
             double a = at - 0.5;
             double x = f.x + a * (axis == X ? f.v_x : f.u_x) - 0.5 * (axis == X ? f.u_x : f.v_x);
             double y = f.y + a * (axis == X ? f.v_y : f.u_y) - 0.5 * (axis == X ? f.u_y : f.v_y);
-            auto [low, high] = steps_met(
-                x, y, axis == X ? f.u_x : f.v_x, axis == X ? f.u_y : f.v_y, across
-            );
+            auto [low, high] =
+                steps_met(x, y, axis == X ? f.u_x : f.v_x, axis == X ? f.u_y : f.v_y, across);
             for (i64 n = low; n < high; ++n) {
                 double one = double(n) / double(across), two = double(n + 1) / double(across);
                 bool above = curve(f, axis, one).value > level;

@@ -120,7 +120,8 @@ inline void raise_supports(
             bool found = false;
             for (i64 k = 0; k < tread.rows(); ++k) {
                 i64 row = i + tread(k, 0), column = lost + j + tread(k, 1);
-                if (!(crests.any(row, column / BLOCK) | crests.any(row, (column + count - 1) / BLOCK)))
+                if (!(crests.any(row, column / BLOCK)
+                      | crests.any(row, (column + count - 1) / BLOCK)))
                     continue;
                 found = true;
                 const float* z = &crests.heights(row, column);
@@ -130,7 +131,8 @@ inline void raise_supports(
                 for (i64 m = 0; m < count; ++m) {
                     float x = dx + to_east[m], y = dy + to_north[m];
                     float along = x * e + y * n, left = square - along * along;
-                    bool beyond = left < 0.0f || abs(y * e - x * n) > side;
+                    bool centre = (to_east[m] == 0.0f) & (to_north[m] == 0.0f);
+                    bool beyond = centre | (left < 0.0f) | (abs(y * e - x * n) > side);
                     float height = z[m] + sqrt(max(left, 0.0f)) - radius;
                     best[m] = higher(beyond ? NO_GROUND : height, best[m]);
                 }
@@ -144,10 +146,10 @@ inline void raise_supports(
 
 // How the wheels of a vehicle stand on the pixels around them, and what plane that makes.
 struct Standing {
-    Offsets wheels;                  // the pixel nearest to each
-    Offsets corners;                 // for each wheel the four pixels around it
-    Matrix<const double> shares;     // (wheels, 4), of these at the very middle of the wheel
-    Matrix<const double> fit;        // (3, wheels): what each says of the plane's height and slopes
+    Offsets wheels;               // the pixel nearest to each
+    Offsets corners;              // for each wheel the four pixels around it
+    Matrix<const double> shares;  // (wheels, 4), of these at the very middle of the wheel
+    Matrix<const double> fit;     // (3, wheels): what each says of the plane's height and slopes
 };
 
 template <class Visit> void visit_arguments(Standing& s, Visit visit) {
@@ -267,12 +269,13 @@ inline void raise_bumps(
                 float x = dx + to_east[m], y = dy + to_north[m];
                 float beyond = max(abs(x * e + y * n - middle) - half, abs(y * e - x * n) - side);
                 float rise = z[m] - by_x[m] * x - by_y[m] * y;
-                best[m] = higher(beyond > 0.0f ? NO_GROUND : rise, best[m]);
+                // of centres `bumps` knows, to the bit
+                bool centre = (to_east[m] == 0.0f) & (to_north[m] == 0.0f);
+                best[m] = higher(centre | (beyond > 0.0f) ? NO_GROUND : rise, best[m]);
             }
         }
         if (!found) return;
-        for (i64 m = 0; m < count; ++m)
-            out(i, j + m) = higher(best[m] - level[m], out(i, j + m));
+        for (i64 m = 0; m < count; ++m) out(i, j + m) = higher(best[m] - level[m], out(i, j + m));
     });
 }
 
@@ -310,9 +313,9 @@ inline void roughness(
 
 // Walls of trenches so narrow that a wheel touches both of their edges.
 struct Gaps {
-    In width;             // for each pair, along its axis, m; infinity for no such trench
-    In rise;              // of the one edge above the other, m
-    In lean;              // how far the wall shifts along the axis from a line of pixels to the next
+    In width;  // for each pair, along its axis, m; infinity for no such trench
+    In rise;   // of the one edge above the other, m
+    In lean;   // how far the wall shifts along the axis from a line of pixels to the next
     double radius, side;  // of the wheels and of the pixels, m
 };
 
@@ -331,7 +334,9 @@ inline double step_between(double width, double rise, double radius) {
 }
 
 // The step that a wheel meets at pair `n`: that of the trench there, or what it is seen to rise.
-inline double step_met(const Gaps& gaps, std::size_t n, double east, double north, bool down, double seen) {
+inline double step_met(
+    const Gaps& gaps, std::size_t n, double east, double north, bool down, double seen
+) {
     if (!(gaps.width[n] < INF)) return seen;
     double lean = gaps.lean[n];
     double across = abs(down ? north - lean * east : east + lean * north);
@@ -349,8 +354,8 @@ inline double step_met(const Gaps& gaps, std::size_t n, double east, double nort
 // ground is not counted: the median of its strides.
 // `supports` says how high a wheel stands. `pairs` have twice the index of the first pixel, and one
 // for a pair from north to south; `jumps` the heights of the walls, infinity for a steep face
-// without one; `gaps` are trenches, whose width counts and not what pixels make of it. `east` and `north` are the unit vector of the heading, `strides` are of a pixel's
-// side. `out` is 0 at first.
+// without one; `gaps` are trenches, whose width counts and not what pixels make of it. `east` and
+// `north` are the unit vector of the heading, `strides` are of a pixel's side. `out` is 0 at first.
 inline void raise_steps(
     Heights supports, Span<const i64> pairs, In jumps, const Gaps& gaps, double east, double north,
     i64 strides, Matrix<float> out

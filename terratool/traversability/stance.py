@@ -317,8 +317,8 @@ class GroundPainter:
         gaps = Gaps(np.full(len(pairs), np.inf), *np.zeros((2, len(pairs))))
         apart = self._walls(window, pairs[~same])
         jumps[~same] = steps_met(apart, self._radius)
-        for plane, found in zip(gaps, gaps_met(apart, self._radius), strict=True):
-            plane[~same] = found
+        for plane, met in zip(gaps, gaps_met(apart, self._radius), strict=True):
+            plane[~same] = met
         found = jumps >= self._least
         # where no wall is found the ground itself may still be too steep
         steep = ~found & (_rise(heights, pairs) > STEEP * self._grid.resolution)
@@ -366,17 +366,17 @@ class Walls(NamedTuple):
     """Walls in pairs of pixels, line of pixels by line, along each in order.
 
     Attributes:
-        count: of the pairs.
+        pairs: how many these are.
         pixel: side of a pixel, m.
-        index: (n,) of the pair.
+        pair: (n,) index of the pair.
         line: (n,) twice the row of a pair along x, twice the column and one of a pair along y.
         place: (n,) where along its axis a wall stands, m.
         jump: (n,) how much the ground rises there along the axis, m.
     """
 
-    count: int
+    pairs: int
     pixel: float
-    index: NDArray[np.int64]
+    pair: NDArray[np.int64]
     line: NDArray[np.int64]
     place: NDArray[np.float64]
     jump: NDArray[np.float64]
@@ -421,7 +421,7 @@ def steps_met(walls: Walls, radius: float) -> NDArray[np.float64]:
         (pairs,) heights, m; 0 without a wall.
     """
     _, _, index, line, place, jump = walls
-    met = np.zeros(walls.count)
+    met = np.zeros(walls.pairs)
     np.maximum.at(met, index, np.abs(jump))
     apart, up = np.diff(place), jump[1:] > 0.0
     upper = np.minimum(np.abs(np.where(up, jump[1:], jump[:-1])), radius)
@@ -442,7 +442,7 @@ def gaps_met(walls: Walls, radius: float) -> Gaps:
         walls: by pairs.
         radius: of the wheels, m.
     """
-    gaps = Gaps(np.full(walls.count, np.inf), *np.zeros((2, walls.count)))
+    gaps = Gaps(np.full(walls.pairs, np.inf), *np.zeros((2, walls.pairs)))
     _, _, index, line, place, jump = walls
     width, rise = np.diff(place), np.abs(np.diff(np.abs(jump)))
     gap = (np.diff(line) == 0) & (jump[:-1] < 0.0) & (jump[1:] > 0.0)
@@ -459,7 +459,7 @@ def gaps_met(walls: Walls, radius: float) -> Gaps:
 
 
 def _leans(walls: Walls, at: NDArray[np.int64]) -> NDArray[np.float64]:
-    """How far walls shift from their line of pixels to the next, in pixels; 0 if it is not known."""
+    """How far walls shift from one line of pixels to the next, in pixels; 0 if it is not known."""
     lean = np.zeros(len(at))
     if not len(at):
         return lean
