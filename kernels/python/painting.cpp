@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "../field/crests.hpp"
 #include "../field/walls.hpp"
 #include "field.hpp"
 #include "modules.hpp"
@@ -77,6 +78,17 @@ void footprint_holds(Span<const Pose> pose, In u, double v, bool disc, Span<bool
         out[n] = disc ? is_in_disc(pose[0], u[n], v) : !is_beyond(turned(pose[0], u[n], v));
 }
 
+i64 find_crests(
+    const Field& field, const CrestLines& lines, Matrix<const double> weights, In x, In y,
+    double resolution, double least, Matrix<const float> heights, const CrestPlanes& out
+) {
+    constexpr IndexCheck check_index{"raise_crests"};
+    check_index(lines.first.size() == 2 * field.kinds.size() + 1, "the first lines");
+    for (i64 n : lines.first) check_index(0 <= n && n <= count_of(lines.t), "a first line");
+    check_index(weights.rows() == count_of(field.elements), "a weight");
+    return raise_crests(field, lines, weights, x, y, resolution, least, heights, out);
+}
+
 // Looks for walls in one field; each thread needs its own.
 class KeptFinder {
 public:
@@ -132,6 +144,12 @@ void bind_painting(nb::module_ m) {
         {"pose[1]", "u[n]", "v", "disc", "out[n]"}
     );
 
+    def<&find_crests>(
+        m, "raise_crests",
+        "Give pixels their highest ground between centres; how often one was raised.",
+        {"field", "lines", "weights[e,2]", "x[w]", "y[h]", "resolution", "least", "heights[h,w]",
+         "planes"}
+    );
     def<&find_candidates>(
         m, "find_candidates", "Pairs of neighbours with different labels.",
         {"labels[h,w]", "heights[h,w]", "height", "width"}

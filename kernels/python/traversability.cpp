@@ -97,6 +97,7 @@ template <> struct Argument<Search> : KnownArgument<KeptSearch> {
 };
 
 void bind_traversability(nb::module_ m) {
+    m.attr("BLOCK") = int(BLOCK);
     visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
     m.def(
         "check_records",
@@ -184,12 +185,24 @@ void bind_traversability(nb::module_ m) {
         m, "supports", "How high a wheel stands at every pixel.",
         {"heights[h,w]", "tread[k,2]", "lift[k]", "out[h,w]"}
     );
+    def<&raise_supports>(
+        m, "raise_supports", "Raise supports where wheels meet crests.",
+        {"crests", "tread[k,2]", "shifts[k,2]", "wheel", "out[h,w]"}
+    );
+    def<&stand>(
+        m, "stand", "The plane through the supports of the wheels.",
+        {"supports[r,p,c]", "ground[r,p,c]", "first", "standing", "out[3,_,_]"}
+    );
     def<&mean>(
         m, "mean", "The mean over offsets.", {"ground[_,_,_]", "first", "offsets[k,3]", "out[_,_]"}
     );
     def<&bumps>(
         m, "bumps", "How far the ground under offsets stands above its plane at most.",
         {"ground[_,_,_]", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "out[h,w]"}
+    );
+    def<&raise_bumps>(
+        m, "raise_bumps", "Raise bumps to what of crests within a body stands above its plane.",
+        {"crests", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "body", "out[h,w]"}
     );
     def<&roughness>(
         m, "roughness", "RMS distance of the ground at offsets from its plane.",
@@ -198,7 +211,7 @@ void bind_traversability(nb::module_ m) {
     );
     def<&raise_steps>(
         m, "raise_steps", "Mark pixels beside walls with the step that a wheel meets.",
-        {"supports[h,w]", "pairs[n]", "jumps[n]", "east", "north", "strides", "out[h,w]"}
+        {"supports[h,w]", "pairs[n]", "jumps[n]", "gaps", "east", "north", "strides", "out[h,w]"}
     );
 
     visit_enumerators(Direction{}, [&](const char* name, Direction d) { m.attr(name) = int(d); });

@@ -81,6 +81,113 @@ inline void supports(Heights heights, Offsets tread, Span<const float> lift, Mat
     }
 }
 
+// A rectangle that heads along the unit vector `east`, `north`: from `begin` to `end` ahead of the
+// reference point and up to `side` to each side of it, m.
+struct Body {
+    double east, north, begin, end, side;
+};
+
+template <class Visit> void visit_arguments(Body& b, Visit visit) {
+    visit("east", b.east), visit("north", b.north), visit("begin", b.begin);
+    visit("end", b.end), visit("side", b.side);
+}
+
+// The highest ground of pixels, as in `Crests`, not laid out for sweeps: (rows, columns).
+struct CrestPlanes {
+    Heights heights, east, north;
+    Matrix<const u8> any;
+};
+
+template <class Visit> void visit_arguments(CrestPlanes& c, Visit visit) {
+    visit("heights[h,w]", c.heights), visit("east[h,w]", c.east), visit("north[h,w]", c.north);
+    visit("any[h,_]", c.any);
+}
+
+// Raise `supports` where a wheel's circle meets crests: `wheel` is what it covers, `shifts` are how
+// far east and north each offset of its tread is, m.
+inline void raise_supports(
+    const CrestPlanes& crests, Offsets tread, Matrix<const float> shifts, const Body& wheel,
+    Matrix<float> out
+) {
+    const float e = float(wheel.east), n = float(wheel.north), side = float(wheel.side);
+    const float radius = float(wheel.end), square = radius * radius;
+    i64 lost = 0;
+    for (i64 offset : tread.flat()) lost = max(lost, abs(offset));
+    for (i64 i = lost; i < out.rows() - lost; ++i) {
+        visit_blocks(out.columns() - 2 * lost, [&](i64 j, auto count) {
+            Block best;
+            best.fill(NO_GROUND);
+            bool found = false;
+            for (i64 k = 0; k < tread.rows(); ++k) {
+                i64 row = i + tread(k, 0), column = lost + j + tread(k, 1);
+                if (!(crests.any(row, column / BLOCK)
+                      | crests.any(row, (column + count - 1) / BLOCK)))
+                    continue;
+                found = true;
+                const float* z = &crests.heights(row, column);
+                const float* to_east = &crests.east(row, column);
+                const float* to_north = &crests.north(row, column);
+                float dx = shifts(k, 0), dy = shifts(k, 1);
+                for (i64 m = 0; m < count; ++m) {
+                    float x = dx + to_east[m], y = dy + to_north[m];
+                    float along = x * e + y * n, left = square - along * along;
+                    bool centre = (to_east[m] == 0.0f) & (to_north[m] == 0.0f);
+                    bool beyond = centre | (left < 0.0f) | (abs(y * e - x * n) > side);
+                    float height = z[m] + sqrt(max(left, 0.0f)) - radius;
+                    best[m] = higher(beyond ? NO_GROUND : height, best[m]);
+                }
+            }
+            if (!found) return;
+            float* row = &out(i, lost + j);
+            for (i64 m = 0; m < count; ++m) row[m] = higher(best[m], row[m]);
+        });
+    }
+}
+
+// How the wheels of a vehicle stand on the pixels around them, and what plane that makes.
+struct Standing {
+    Offsets wheels;               // the pixel nearest to each
+    Offsets corners;              // for each wheel the four pixels around it
+    Matrix<const double> shares;  // (wheels, 4), of these at the very middle of the wheel
+    Matrix<const double> fit;     // (3, wheels): what each says of the plane's height and slopes
+};
+
+template <class Visit> void visit_arguments(Standing& s, Visit visit) {
+    visit("wheels[k,3]", s.wheels), visit("corners[_,3]", s.corners);
+    visit("shares[k,4]", s.shares), visit("fit[3,k]", s.fit);
+}
+
+// For each reference point the plane through the supports of the wheels: height, dz/dx and dz/dy.
+// It is NaN where a wheel has no ground. Between pixels supports run along straight lines, but not
+// beside ground that is not there.
+inline void stand(
+    Ground supports, Ground ground, i64 first, const Standing& standing, Cube<float> out
+) {
+    visit_points(out[0], [&](i64 i, i64 j, auto count) {
+        std::array<std::array<double, BLOCK>, 3> total{};
+        std::array<double, BLOCK> height;
+        for (i64 n = 0; n < standing.wheels.rows(); ++n) {
+            height.fill(0.0);
+            for (i64 c = 0; c < 4; ++c) {
+                double share = standing.shares(n, c);
+                if (share == 0.0) continue;
+                const float* row = swept_row(supports, first, standing.corners[4 * n + c], i) + j;
+                for (i64 k = 0; k < count; ++k) height[k] += share * double(row[k]);
+            }
+            const float* nearest = swept_row(supports, first, standing.wheels[n], i) + j;
+            const float* under = swept_row(ground, first, standing.wheels[n], i) + j;
+            for (i64 k = 0; k < count; ++k) {
+                double z = height[k] > -INF ? height[k] : double(nearest[k]);
+                height[k] = under[k] > NO_GROUND ? z : NaN;
+            }
+            for (i64 p = 0; p < 3; ++p)
+                for (i64 k = 0; k < count; ++k) total[p][k] += standing.fit(p, n) * height[k];
+        }
+        for (i64 p = 0; p < 3; ++p)
+            for (i64 k = 0; k < count; ++k) out(p, i, j + k) = float(total[p][k]);
+    });
+}
+
 // For each reference point the mean over offsets.
 inline void mean(Ground ground, i64 first, Offsets offsets, Matrix<float> out) {
     float share = float(1.0 / double(offsets.rows()));
@@ -121,6 +228,57 @@ inline void bumps(
     });
 }
 
+// The highest ground of the pixels, where it is not that of their centres: its height, and how far
+// to the east and the north of the centre it lies, m, laid out as ground is. Of each BLOCK columns
+// `any` says whether it has some.
+struct Crests {
+    Ground heights, east, north;
+    Cube<const u8> any;
+};
+
+template <class Visit> void visit_arguments(Crests& c, Visit visit) {
+    visit("heights[r,p,c]", c.heights), visit("east[r,p,c]", c.east);
+    visit("north[r,p,c]", c.north), visit("any[r,p,b]", c.any);
+}
+
+// Raise what `bumps` found to where crests within a body stand above the plane.
+inline void raise_bumps(
+    const Crests& crests, i64 first, Offsets offsets, Matrix<const float> shifts, Ground plane,
+    const Body& body, Matrix<float> out
+) {
+    const float e = float(body.east), n = float(body.north), side = float(body.side);
+    const float half = float(0.5 * (body.end - body.begin));
+    const float middle = float(0.5 * (body.begin + body.end));
+    visit_points(out, [&](i64 i, i64 j, auto count) {
+        const float *level = &plane(0, i, j), *by_x = &plane(1, i, j), *by_y = &plane(2, i, j);
+        Block best;
+        best.fill(NO_GROUND);
+        bool found = false;
+        for (i64 k = 0; k < offsets.rows(); ++k) {
+            i64 row = first + crests.heights.rows() * i + offsets(k, 0), phase = offsets(k, 1);
+            i64 column = offsets(k, 2) + j;
+            if (!(crests.any(row, phase, column / BLOCK)
+                  | crests.any(row, phase, (column + count - 1) / BLOCK)))
+                continue;
+            found = true;
+            const float* z = &crests.heights(row, phase, column);
+            const float* to_east = &crests.east(row, phase, column);
+            const float* to_north = &crests.north(row, phase, column);
+            float dx = shifts(k, 0), dy = shifts(k, 1);
+            for (i64 m = 0; m < count; ++m) {
+                float x = dx + to_east[m], y = dy + to_north[m];
+                float beyond = max(abs(x * e + y * n - middle) - half, abs(y * e - x * n) - side);
+                float rise = z[m] - by_x[m] * x - by_y[m] * y;
+                // of centres `bumps` knows, to the bit
+                bool centre = (to_east[m] == 0.0f) & (to_north[m] == 0.0f);
+                best[m] = higher(centre | (beyond > 0.0f) ? NO_GROUND : rise, best[m]);
+            }
+        }
+        if (!found) return;
+        for (i64 m = 0; m < count; ++m) out(i, j + m) = higher(best[m] - level[m], out(i, j + m));
+    });
+}
+
 // For each reference point the RMS distance of the ground at offsets from its plane.
 // The plane is that of least squares; distances are along z. NaN where ground is missing. Offsets
 // are symmetric about the reference point; `plane` is as in `bumps` and only keeps numbers small;
@@ -153,17 +311,54 @@ inline void roughness(
     });
 }
 
+// Walls of trenches so narrow that a wheel touches both of their edges.
+struct Gaps {
+    In width;  // for each pair, along its axis, m; infinity for no such trench
+    In rise;   // of the one edge above the other, m
+    In lean;   // how far the wall shifts along the axis from a line of pixels to the next
+    double radius, side;  // of the wheels and of the pixels, m
+};
+
+template <class Visit> void visit_arguments(Gaps& g, Visit visit) {
+    visit("width[n]", g.width), visit("rise[n]", g.rise), visit("lean[n]", g.lean);
+    visit("radius", g.radius), visit("side", g.side);
+}
+
+// How deep a wheel sinks in between two edges, the one above the other, so far apart where it
+// heads: it touches the upper at γ + β from the downward vertical, tan γ = rise / width and
+// sin β = √(width² + rise²) / D.
+inline double step_between(double width, double rise, double radius) {
+    double chord = hypot(width, rise) / (2.0 * radius);
+    double angle = atan2(rise, width) + asin(min(chord, 1.0));
+    return chord >= 1.0 || angle >= 0.5 * PI ? radius : radius * (1.0 - cos(angle));
+}
+
+// The step that a wheel meets at pair `n`: that of the trench there, or what it is seen to rise.
+inline double step_met(
+    const Gaps& gaps, std::size_t n, double east, double north, bool down, double seen
+) {
+    if (!(gaps.width[n] < INF)) return seen;
+    double lean = gaps.lean[n];
+    double across = abs(down ? north - lean * east : east + lean * north);
+    double width = across > 0.0 ? gaps.width[n] / across : INF;
+    // pixels show a trench narrower or wider by up to one on each side; what shows much less of
+    // one is a hole that the wheel goes over with a part of its width
+    double shown = max(0.0, width - 2.0 * gaps.side);
+    if (seen < step_between(shown, 0.0, gaps.radius)) return seen;
+    return step_between(width, gaps.rise[n], gaps.radius);
+}
+
 // Mark pixels beside walls with the step that a wheel with a heading, or its opposite, meets.
 // That is the wall, or what the wheel rises or sinks within some strides before and behind it if
 // that is less: it bridges narrow gaps, and goes along walls. What it rises by the slope of the
 // ground is not counted: the median of its strides.
 // `supports` says how high a wheel stands. `pairs` have twice the index of the first pixel, and one
 // for a pair from north to south; `jumps` the heights of the walls, infinity for a steep face
-// without one. `east` and `north` are the unit vector of the heading, `strides` are of a pixel's
-// side. `out` is 0 at first.
+// without one; `gaps` are trenches, whose width counts and not what pixels make of it. `east` and
+// `north` are the unit vector of the heading, `strides` are of a pixel's side. `out` is 0 at first.
 inline void raise_steps(
-    Heights supports, Span<const i64> pairs, In jumps, double east, double north, i64 strides,
-    Matrix<float> out
+    Heights supports, Span<const i64> pairs, In jumps, const Gaps& gaps, double east, double north,
+    i64 strides, Matrix<float> out
 ) {
     i64 rows = supports.rows(), columns = supports.columns();
     std::vector<double> taken, sorted;
@@ -192,7 +387,8 @@ inline void raise_steps(
             at += rise - *median;
             least = min(least, at), most = max(most, at);
         }
-        float step = float(min(jumps[n], most - least));
+        double met = step_met(gaps, n, east, north, down, most - least);
+        float step = float(min(jumps[n], met));
         for (i64 p : {pixel, pixel + (down ? columns : 1)}) {
             float& marked = out.flat()[p];
             marked = max(marked, step);

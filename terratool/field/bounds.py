@@ -174,3 +174,72 @@ def _shortest(arrays: FieldArrays, kind: Any, axis: str, radial: bool) -> float:
     else:
         lengths = np.diff(np.concatenate([[0.0], marks, [1.0]]))
     return float(lengths[lengths > 0].min(initial=np.inf))
+
+
+class CrestLines(NamedTuple):
+    """Where the curves of all kinds have kinks, steps and peaks.
+
+    Attributes:
+        first: (2 kinds + 1,) int64: those of curve x, or y, of kind k are from first[2 k], or
+            first[2 k + 1], on to the next.
+        t: (n,) where; the ends of a curve are there, too.
+        drop: (n,) by how much the slope along t falls; below 0 where it rises.
+        bend: (n,) of a peak, how fast the slope along t falls; below 0 at the foot of a hollow.
+        wall: (n,) how high a step is, without sign; at an end what may stand up against no element.
+    """
+
+    first: NDArray[np.int64]
+    t: Floats
+    drop: Floats
+    bend: Floats
+    wall: Floats
+
+
+def crest_lines(arrays: FieldArrays) -> CrestLines:
+    """Where the curves of all kinds have kinks, steps and peaks."""
+    found: dict[tuple[int, bool], Floats] = {}
+    first, columns = [0], []
+    for kind in arrays.kinds:
+        alone = kind["combine"] == COMBINE["product"] or kind["combine"] == COMBINE["radial"]
+        for n, axis in enumerate("xy"):
+            key = int(kind["pieces"][n, 0]), bool(kind["knotted"][n])
+            if key not in found:
+                found[key] = _curve_lines(*curve_pieces(arrays, kind, axis))
+            lines = found[key]
+            if not alone:  # what the other curve adds may stand up at an end
+                other = np.abs(curve_hulls(curve_pieces(arrays, kind, "yx"[n])[1])).max()
+                ends = (lines[0] == 0.0) | (lines[0] == 1.0)
+                lines = np.vstack([lines[:3], lines[3] + np.where(ends, other, 0.0)])
+            columns.append(lines)
+            first.append(first[-1] + lines.shape[1])
+    return CrestLines(np.array(first, np.int64), *np.ascontiguousarray(np.hstack(columns)))
+
+
+def _curve_lines(starts: Floats, pieces: Floats) -> Floats:
+    """(4, n) of a curve: t, drop, bend and wall, as in `CrestLines`."""
+    lengths = np.diff(np.append(starts, 1.0))
+    per = np.divide(1.0, lengths, out=np.zeros(len(starts)), where=lengths > 0.0)
+    low, _, _, high = curve_hulls(pieces)
+    begin, end = pieces[:, 1] * per, (pieces[:, 1:] @ (1.0, 2.0, 3.0)) * per
+    level = _LEVEL * max(np.abs(low).max(), np.abs(high).max())
+    t = np.append(starts, 1.0)
+    drop = np.concatenate([[-begin[0]], end[:-1] - begin[1:], [end[-1]]])
+    wall = np.abs(np.concatenate([[low[0]], low[1:] - high[:-1], [high[-1]]]))
+    wall[wall <= level] = 0.0
+    kinks = np.stack([t, drop, np.zeros(len(t)), wall])
+    return np.hstack([kinks, _peaks(starts, lengths, pieces)])
+
+
+def _peaks(starts: Floats, lengths: Floats, pieces: Floats) -> Floats:
+    """(4, n) peaks and hollows inside the pieces of a curve, as in `CrestLines`."""
+    _, c1, c2, c3 = pieces.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(c2**2 - 3.0 * c1 * c3)
+        # the roots of c1 + 2 c2 s + 3 c3 s², without loss where c3 is nearly 0
+        far = -(c2 + np.copysign(root, c2))
+        s = np.stack([far / (3.0 * c3), c1 / far])
+        bend = -(2.0 * c2 + 6.0 * c3 * s) / lengths**2
+        inside = (s > 0.0) & (s < 1.0) & np.isfinite(bend)
+    t = (starts + lengths * s)[inside]
+    nothing = np.zeros(len(t))
+    return np.stack([t, nothing, bend[inside], nothing])

@@ -208,6 +208,23 @@ def footprint_holds(
     Shapes: pose[1], u[n], out[n].
     """
 
+def raise_crests(
+    field: Field,
+    lines: Any,
+    weights: NDArray[np.float64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    resolution: float,
+    least: float,
+    heights: NDArray[np.float32],
+    planes: Any,
+) -> int:
+    """
+    Give pixels their highest ground between centres; how often one was raised.
+
+    Shapes: weights[e,2], x[w], y[h], heights[h,w].
+    """
+
 def find_candidates(
     labels: NDArray[np.uint32],
     heights: NDArray[np.float32] | NDArray[np.float64],

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+BLOCK: int = 32
+
 UTILISATION: int = 0
 
 PITCH: int = 1
@@ -176,6 +178,32 @@ def supports(
     Shapes: heights[h,w], tread[k,2], lift[k], out[h,w].
     """
 
+def raise_supports(
+    crests: Any,
+    tread: NDArray[np.int64],
+    shifts: NDArray[np.float32],
+    wheel: Any,
+    out: NDArray[np.float32],
+) -> None:
+    """
+    Raise supports where wheels meet crests.
+
+    Shapes: tread[k,2], shifts[k,2], out[h,w].
+    """
+
+def stand(
+    supports: NDArray[np.float32],
+    ground: NDArray[np.float32],
+    first: int,
+    standing: Any,
+    out: NDArray[np.float32],
+) -> None:
+    """
+    The plane through the supports of the wheels.
+
+    Shapes: supports[r,p,c], ground[r,p,c], out[3,_,_].
+    """
+
 def mean(
     ground: NDArray[np.float32], first: int, offsets: NDArray[np.int64], out: NDArray[np.float32]
 ) -> None:
@@ -199,6 +227,21 @@ def bumps(
     Shapes: ground[_,_,_], offsets[k,3], shifts[k,2], plane[3,h,w], out[h,w].
     """
 
+def raise_bumps(
+    crests: Any,
+    first: int,
+    offsets: NDArray[np.int64],
+    shifts: NDArray[np.float32],
+    plane: NDArray[np.float32],
+    body: Any,
+    out: NDArray[np.float32],
+) -> None:
+    """
+    Raise bumps to what of crests within a body stands above its plane.
+
+    Shapes: offsets[k,3], shifts[k,2], plane[3,h,w], out[h,w].
+    """
+
 def roughness(
     ground: NDArray[np.float32],
     first: int,
@@ -218,6 +261,7 @@ def raise_steps(
     supports: NDArray[np.float32],
     pairs: NDArray[np.int64],
     jumps: NDArray[np.float64],
+    gaps: Any,
     east: float,
     north: float,
     strides: int,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.bounds import nonzero_edges
+from terratool.field.bounds import crest_lines, curve_weights, nonzero_edges
 from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
@@ -27,8 +27,27 @@ _NEAR = 1e-9
 """What is so near to an edge, in pixels, lies on it."""
 STEEP = 1.0
 """Tangent from which on a face counts as a step even if the model has no wall there."""
+_LEANING = 3.0
+"""A wall that shifts by more pixels from line to line is another one."""
+LOW_CREST = 1.0 / 2000.0
+"""Crests that stand out by less than this share of the wheel's radius are left out."""
 _WALLS = 4
 """So many walls between two pixels count."""
+
+
+class Rectangle(NamedTuple):
+    """A part of the body or a wheel, seen from above.
+
+    Attributes:
+        offsets: of the pixels whose centres lie in it; none if there is no such part.
+        begin, end: how far ahead of the reference point it lies, or the wheel's middle, m.
+        side: how far it reaches to each side, m.
+    """
+
+    offsets: Offsets
+    begin: float = 0.0
+    end: float = 0.0
+    side: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +57,8 @@ class HeadingFootprint:
     Attributes:
         direction: unit vector of the heading, east and north.
         wheels: middle of each wheel, at the nearest pixel.
+        corners: (wheels, 4, 2) pixels around the middle of each wheel.
+        shares: (wheels, 4) of each of these in what lies right at the middle, along straight lines.
         fit: (3, wheels) float64: what the ground under the wheels says of the plane that is fitted
             to it: its height at the reference point, dz/dx to the east, dz/dy to the north.
         tread: what one wheel covers.
@@ -51,13 +72,15 @@ class HeadingFootprint:
 
     direction: tuple[float, float]
     wheels: Offsets
+    corners: Offsets
+    shares: NDArray[np.float64]
     fit: NDArray[np.float64]
-    tread: Offsets
+    tread: Rectangle
     lift: NDArray[np.float32]
     lane: Offsets
-    body: Offsets
-    front: Offsets
-    rear: Offsets
+    body: Rectangle
+    front: Rectangle
+    rear: Rectangle
     places: Offsets
 
 
@@ -139,22 +162,23 @@ def _heading_footprint(
 ) -> HeadingFootprint:
     radius, width = vehicle.wheel.radius, vehicle.wheel.width
     east, north = _turned(np.column_stack([x, y]), direction)
-    wheels = np.column_stack([_nearest(-north / resolution), _nearest(east / resolution)])
+    exact = np.column_stack([-north, east]) / resolution
+    wheels = _nearest(exact)
+    corners, shares = _corners(exact)
     # a lane is at least as wide as a line of pixels
     side = max(0.5 * width, 0.5 * resolution * (abs(direction[0]) + abs(direction[1])) - _NEAR)
     tread, along = _rectangle(-radius, radius, side, resolution, direction)
     strip, _ = _rectangle(0.0, reach, side, resolution, direction)
     lane = np.unique((wheels[:, None] + strip[None]).reshape(-1, 2), axis=0)
     half, body = 0.5 * vehicle.wheelbase, 0.5 * vehicle.body_width
-    nothing = np.empty((0, 2), np.int64)
-    middle = front = rear = nothing
-    if body > 0.0:
-        if math.isfinite(vehicle.clearance):
-            middle, _ = _rectangle(-half, half, body, resolution, direction)
-        if vehicle.front.length > 0.0 and math.isfinite(vehicle.front.height):
-            front, _ = _rectangle(half, half + vehicle.front.length, body, resolution, direction)
-        if vehicle.rear.length > 0.0 and math.isfinite(vehicle.rear.height):
-            rear, _ = _rectangle(-half - vehicle.rear.length, -half, body, resolution, direction)
+
+    def under(begin: float, end: float, height: float) -> Rectangle:
+        if not (body > 0.0 and begin <= end and math.isfinite(height)):
+            return Rectangle(np.empty((0, 2), np.int64))
+        offsets, _ = _rectangle(begin, end, body, resolution, direction)
+        return Rectangle(offsets, begin, end, body)
+
+    front, rear = vehicle.front, vehicle.rear
     # between the wheels' middles: what wheels would touch there reaches as far as they do
     length, across = half or radius, 0.5 * (vehicle.track_width or width)
     places, _ = _rectangle(-length, length, across, resolution, direction)
@@ -162,8 +186,11 @@ def _heading_footprint(
     places = places[(places % apart == 0).all(axis=1)]
     lift = np.sqrt(np.maximum(radius**2 - along**2, 0.0)) - radius
     return HeadingFootprint(
-        direction, wheels, _fit(vehicle, wheels, resolution), tread, lift.astype(np.float32), lane,
-        middle, front, rear, places,
+        direction, wheels, corners, shares, _fit(vehicle, exact, resolution),
+        Rectangle(tread, -radius, radius, side), lift.astype(np.float32), lane,
+        under(-half, half, vehicle.clearance),
+        under(half, half + front.length, front.height if front.length > 0.0 else math.inf),
+        under(-half - rear.length, -half, rear.height if rear.length > 0.0 else math.inf), places,
     )  # fmt: skip
 
 
@@ -171,6 +198,18 @@ def _nearest(pixels: NDArray[np.float64]) -> Offsets:
     """Nearest whole numbers, halves towards 0, so that opposite places have opposite ones."""
     whole: Offsets = (np.sign(pixels) * np.ceil(np.abs(pixels) - 0.5 - _NEAR)).astype(np.int64)
     return whole
+
+
+def _corners(pixels: NDArray[np.float64]) -> tuple[Offsets, NDArray[np.float64]]:
+    """Pixels around places, (n, 4, 2), and their shares in these, (n, 4)."""
+    near = np.round(pixels)
+    pixels = np.where(np.abs(pixels - near) < _NEAR, near, pixels)
+    low = np.floor(pixels)
+    part = pixels - low
+    steps = [(0, 0), (0, 1), (1, 0), (1, 1)]
+    corners = np.stack([low + step for step in steps], axis=1).astype(np.int64)
+    shares = [np.where(step, part, 1.0 - part).prod(axis=1) for step in steps]
+    return corners, np.stack(shares, axis=1)
 
 
 def _rectangle(
@@ -189,12 +228,40 @@ def _rectangle(
     return np.column_stack([rows[inside], columns[inside]]), along[inside] * resolution
 
 
-def _fit(vehicle: Vehicle, wheels: Offsets, resolution: float) -> NDArray[np.float64]:
-    """Least squares of a plane over the wheels' pixels; a level one where they stand in a row."""
+def _fit(vehicle: Vehicle, wheels: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
+    """Least squares of a plane over the wheels; a level one where they stand in a row."""
     places = np.column_stack([np.ones(len(wheels)), wheels[:, 1], -wheels[:, 0]])
     if vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0 or np.linalg.matrix_rank(places) < 3:
         return np.vstack([np.full((1, len(wheels)), 1.0 / len(wheels)), np.zeros((2, len(wheels)))])
     return np.asarray(np.linalg.pinv(places) / [[1.0], [resolution], [resolution]], np.float64)
+
+
+class Gaps(NamedTuple):
+    """Trenches so narrow that a wheel touches both of their edges, (pairs,) each.
+
+    Attributes:
+        width: along the axis of the pair, m; infinity for no such trench.
+        rise: of the one edge above the other, m.
+        lean: how far the wall shifts along the axis from its line of pixels to the next one, to the
+            south or the east, in pixels.
+    """
+
+    width: NDArray[np.float64]
+    rise: NDArray[np.float64]
+    lean: NDArray[np.float64]
+
+
+class Crests(NamedTuple):
+    """The highest ground of the pixels: that of their centres, or what stands out between these.
+
+    Attributes:
+        heights: (height, width) float32, minus infinity where there is no ground.
+        east, north: float32, how far from the centre it lies, m.
+    """
+
+    heights: NDArray[np.float32]
+    east: NDArray[np.float32]
+    north: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +276,8 @@ class Ground:
             pixel, and one for a pair from north to south.
         jumps: heights of these walls, m, or of the step that a wheel meets where another one
             follows close by; infinity for a face without one.
+        gaps: of these pairs.
+        crests: None where no pixel has any.
     """
 
     heights: NDArray[np.float32]
@@ -217,6 +286,8 @@ class Ground:
     slope_y: NDArray[np.float32] | None
     pairs: NDArray[np.int64]
     jumps: NDArray[np.float64]
+    gaps: Gaps
+    crests: Crests | None
 
 
 class GroundPainter:
@@ -232,6 +303,8 @@ class GroundPainter:
         self._terrain, self._grid, self._least, self._radius = terrain, grid, least, radius
         self._painter = Painter(terrain, grid, slopes=slopes, labels=True)
         self._edges = nonzero_edges(terrain.arrays)
+        self._lines = crest_lines(terrain.arrays)
+        self._weights = curve_weights(terrain.arrays)
         self._idle: deque[kernels.WallFinder] = deque()
 
     def paint(self, window: Window) -> Ground:
@@ -241,43 +314,99 @@ class GroundPainter:
         heights = planes.heights
         pairs, same = _rises(heights, planes.labels, self._least, self._grid.resolution)
         jumps = np.full(len(pairs), np.inf)
-        jumps[~same] = self._walls(window, pairs[~same])
+        gaps = Gaps(np.full(len(pairs), np.inf), *np.zeros((2, len(pairs))))
+        apart = self._walls(window, pairs[~same])
+        jumps[~same] = steps_met(apart, self._radius)
+        for plane, met in zip(gaps, gaps_met(apart, self._radius), strict=True):
+            plane[~same] = met
         found = jumps >= self._least
         # where no wall is found the ground itself may still be too steep
         steep = ~found & (_rise(heights, pairs) > STEEP * self._grid.resolution)
         jumps[steep] = np.inf
-        pairs, jumps = pairs[found | steep], jumps[found | steep]
+        kept = found | steep
+        pairs, jumps, gaps = pairs[kept], jumps[kept], Gaps(*(plane[kept] for plane in gaps))
+        crests = self._crests(window, heights)
         hole = np.isnan(heights)
         if hole.any():
             heights[hole] = -np.inf
             for slope in (planes.slope_x, planes.slope_y):
                 if slope is not None:
                     slope[hole] = 0.0
-        return Ground(heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps)
+        return Ground(
+            heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps, gaps, crests
+        )
 
-    def _walls(self, window: Window, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
-        places, jumps = np.empty((len(pairs), _WALLS)), np.empty((len(pairs), _WALLS))
-        if not len(pairs):
-            return jumps[:, 0]
-        try:
-            finder = self._idle.pop()
-        except IndexError:
-            finder = kernels.WallFinder(self._terrain.field, self._edges)
-        kernels.walls_between(
-            finder, pairs, self._grid.columns(window), self._grid.rows(window),
-            self._grid.resolution, 0.5 * self._least, places, jumps,
-        )  # fmt: skip
-        self._idle.append(finder)
-        return steps_met(pairs, window.width, places, jumps, self._radius)
+    def _crests(self, window: Window, heights: NDArray[np.float32]) -> Crests | None:
+        crests = Crests(heights.copy(), np.zeros_like(heights), np.zeros_like(heights))
+        if not kernels.raise_crests(
+            self._terrain.field, self._lines, self._weights, self._grid.columns(window),
+            self._grid.rows(window), self._grid.resolution, LOW_CREST * self._radius, heights,
+            crests,
+        ):  # fmt: skip
+            return None
+        crests.heights[np.isnan(crests.heights)] = -np.inf
+        return crests
+
+    def _walls(self, window: Window, pairs: NDArray[np.int64]) -> Walls:
+        places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
+        if len(pairs):
+            try:
+                finder = self._idle.pop()
+            except IndexError:
+                finder = kernels.WallFinder(self._terrain.field, self._edges)
+            kernels.walls_between(
+                finder, pairs, self._grid.columns(window), self._grid.rows(window),
+                self._grid.resolution, 0.5 * self._least, places, jumps,
+            )  # fmt: skip
+            self._idle.append(finder)
+        return walls_in_order(pairs, window.width, places, jumps, self._grid.resolution)
 
 
-def steps_met(
+class Walls(NamedTuple):
+    """Walls in pairs of pixels, line of pixels by line, along each in order.
+
+    Attributes:
+        pairs: how many these are.
+        pixel: side of a pixel, m.
+        pair: (n,) index of the pair.
+        line: (n,) twice the row of a pair along x, twice the column and one of a pair along y.
+        place: (n,) where along its axis a wall stands, m.
+        jump: (n,) how much the ground rises there along the axis, m.
+    """
+
+    pairs: int
+    pixel: float
+    pair: NDArray[np.int64]
+    line: NDArray[np.int64]
+    place: NDArray[np.float64]
+    jump: NDArray[np.float64]
+
+
+def walls_in_order(
     pairs: NDArray[np.int64],
     width: int,
     places: NDArray[np.float64],
     jumps: NDArray[np.float64],
-    radius: float,
-) -> NDArray[np.float64]:
+    pixel: float,
+) -> Walls:
+    """Walls line by line.
+
+    Args:
+        pairs: as in `Ground`.
+        width: of the window, pixels.
+        places: (pairs, walls) where each wall stands along its axis, m.
+        jumps: (pairs, walls) how much the ground rises there along it, m; 0 for no wall.
+        pixel: side of a pixel, m.
+    """
+    index, which = np.nonzero(jumps)
+    first, down = pairs[index] >> 1, pairs[index] & 1
+    line = 2 * np.where(down, first % width, first // width) + down
+    place, jump = places[index, which], jumps[index, which]
+    order = np.lexsort([place, line])
+    return Walls(len(pairs), pixel, index[order], line[order], place[order], jump[order])
+
+
+def steps_met(walls: Walls, radius: float) -> NDArray[np.float64]:
     """The step that a wheel meets at each pair: its highest wall, or more if two stand close by.
 
     A wheel that touches the edges of two walls, the upper one h above the other and t behind it,
@@ -285,22 +414,15 @@ def steps_met(
     is so if t² < 2 r h − h²; where they stand farther apart it rolls up one after the other.
 
     Args:
-        pairs: as in `Ground`.
-        width: of the window, pixels.
-        places: (pairs, walls) where each wall stands along its axis, m.
-        jumps: (pairs, walls) how much the ground rises there along it, m; 0 for no wall.
+        walls: by pairs.
         radius: of the wheels, m.
 
     Returns:
         (pairs,) heights, m; 0 without a wall.
     """
-    met: NDArray[np.float64] = np.abs(jumps).max(axis=1, initial=0.0)
-    index, which = np.nonzero(jumps)
-    pixel, down = pairs[index] >> 1, pairs[index] & 1
-    line = 2 * np.where(down, pixel % width, pixel // width) + down
-    place, jump = places[index, which], jumps[index, which]
-    order = np.lexsort([place, line])
-    index, line, place, jump = index[order], line[order], place[order], jump[order]
+    _, _, index, line, place, jump = walls
+    met = np.zeros(walls.pairs)
+    np.maximum.at(met, index, np.abs(jump))
     apart, up = np.diff(place), jump[1:] > 0.0
     upper = np.minimum(np.abs(np.where(up, jump[1:], jump[:-1])), radius)
     both = (np.diff(line) == 0) & (up == (jump[:-1] > 0.0))
@@ -311,6 +433,55 @@ def steps_met(
     for side in (index[:-1], index[1:]):
         np.maximum.at(met, side[both], height[both])
     return met
+
+
+def gaps_met(walls: Walls, radius: float) -> Gaps:
+    """The trenches whose walls stand in pairs: a wall down, then one up, both touched by a wheel.
+
+    Args:
+        walls: by pairs.
+        radius: of the wheels, m.
+    """
+    gaps = Gaps(np.full(walls.pairs, np.inf), *np.zeros((2, walls.pairs)))
+    _, _, index, line, place, jump = walls
+    width, rise = np.diff(place), np.abs(np.diff(np.abs(jump)))
+    gap = (np.diff(line) == 0) & (jump[:-1] < 0.0) & (jump[1:] > 0.0)
+    # obliquely a wheel may touch both edges of what is wider along the axis
+    gap &= (width < 4.0 * radius) & (rise < radius)
+    at = np.flatnonzero(gap)
+    # where a pair has two the wider one counts: it is put last
+    at = at[np.argsort(width[at], kind="stable")]
+    lean = _leans(walls, at)
+    for wall in (at, at + 1):
+        gaps.width[index[wall]], gaps.rise[index[wall]] = width[at], rise[at]
+        gaps.lean[index[wall]] = lean
+    return gaps
+
+
+def _leans(walls: Walls, at: NDArray[np.int64]) -> NDArray[np.float64]:
+    """How far walls shift from one line of pixels to the next, in pixels; 0 if it is not known."""
+    lean = np.zeros(len(at))
+    if not len(at):
+        return lean
+    _, pixel, _, line, place, jump = walls
+    start = place.min() - 1.0
+    length = place.max() - start + 1.0
+    known = np.zeros(len(at), np.bool_)
+    down = np.flatnonzero(jump < 0.0)
+    keys = line[down] + (place[down] - start) / length
+    for step in (2, -2):  # of the lines beside it the next, else the one before
+        wanted = line[at] + step + (place[at] - start) / length
+        after = np.searchsorted(keys, wanted)
+        for near in (after - 1, after):
+            other = down[np.clip(near, 0, len(down) - 1)]
+            shift = (place[other] - place[at]) / pixel
+            fits = (line[other] == line[at] + step) & (np.abs(shift) <= _LEANING)
+            better = fits & (~known | (np.abs(shift) < np.abs(lean)))
+            lean[better] = np.sign(step) * shift[better]
+            known |= fits
+        if known.all():
+            break
+    return lean
 
 
 def _rises(

@@ -24,10 +24,12 @@ from terratool.traversability.limits import (
 from terratool.traversability.results import HEADINGS, MOST_HEADINGS
 from terratool.traversability.soil import soils
 from terratool.traversability.stance import (
+    Crests,
     Ground,
     GroundPainter,
     HeadingFootprint,
     Offsets,
+    Rectangle,
     VehicleFootprint,
     vehicle_footprint,
 )
@@ -283,7 +285,8 @@ class Surveyor:
                 step[heading] = sweep.step_ahead(footprint, steps)
                 stance = Stance(
                     plane, bump,
-                    sweep.bump(footprint.front, plane), sweep.bump(footprint.rear, plane),
+                    sweep.bump(footprint, footprint.front, plane),
+                    sweep.bump(footprint, footprint.rear, plane),
                     rough[heading], step[heading], self._reaches_beyond(window, heading),
                     sweep.ids, sweep.first, sweep.placed(footprint.wheels),
                 )  # fmt: skip
@@ -324,6 +327,58 @@ class Surveyor:
         return np.asarray(out_y[:, None] | out_x[None, :])
 
 
+class BodyPart(NamedTuple):
+    """A rectangle under the body, as in kernels/traversability/sweeps.hpp; m."""
+
+    east: float
+    north: float
+    begin: float
+    end: float
+    side: float
+
+
+class GapsOfWheels(NamedTuple):
+    """`Gaps`, and the sides of wheels and pixels, as in kernels/traversability/sweeps.hpp."""
+
+    width: NDArray[np.float64]
+    rise: NDArray[np.float64]
+    lean: NDArray[np.float64]
+    radius: float
+    side: float
+
+
+class CrestPlanes(NamedTuple):
+    """`Crests`, as in kernels/traversability/sweeps.hpp; `any` is as in `PhasedCrests`."""
+
+    heights: NDArray[np.float32]
+    east: NDArray[np.float32]
+    north: NDArray[np.float32]
+    any: NDArray[np.uint8]
+
+
+class Standing(NamedTuple):
+    """How wheels stand on the pixels around them, as in kernels/traversability/sweeps.hpp."""
+
+    wheels: Offsets
+    corners: Offsets
+    shares: NDArray[np.float64]
+    fit: NDArray[np.float64]
+
+
+class PhasedCrests(NamedTuple):
+    """The crests of the ground, (rows, phases, columns), as in kernels/traversability/sweeps.hpp.
+
+    Attributes:
+        heights, east, north: as in `Crests`.
+        any: uint8, whether there are some in each `kernels.BLOCK` columns.
+    """
+
+    heights: NDArray[np.float32]
+    east: NDArray[np.float32]
+    north: NDArray[np.float32]
+    any: NDArray[np.uint8]
+
+
 class _Sweep:
     """The ground of a window, laid out for sweeps of a footprint over it."""
 
@@ -334,6 +389,7 @@ class _Sweep:
         self.first = self._parts * self._halo + self._parts // 2
         self._heights = self._phased(ground.heights)
         self.ids = self._phased(ground.surfaces)
+        self._crests = None if ground.crests is None else self._laid_out(ground.crests)
         middle = np.zeros(2, np.int64)
         self.surfaces = self._at(self.ids, middle)
         heights = self._at(self._heights, middle)
@@ -345,6 +401,10 @@ class _Sweep:
         return np.ascontiguousarray(
             plane.reshape(rows, columns // self._parts, self._parts).transpose(0, 2, 1)
         )
+
+    def _laid_out(self, crests: Crests) -> PhasedCrests:
+        phased = Crests(*(self._phased(plane) for plane in crests))
+        return PhasedCrests(*phased, _blocks_with(phased))
 
     def placed(self, offsets: Offsets) -> Offsets:
         """Rows, phases and columns of offsets."""
@@ -375,16 +435,16 @@ class _Sweep:
     ) -> tuple[NDArray[np.float32], Any, Any]:
         """The plane that the vehicle stands on, what rises above it under the body, roughness."""
         phased = self._phased(supports)
-        total = np.zeros((3, *self._shape))
-        for n, wheel in enumerate(footprint.wheels):
-            support = self._at(phased, wheel)
-            support[np.isneginf(self._at(self._heights, wheel))] = np.nan
-            total += footprint.fit[:, n, None, None] * support
-        plane = total.astype(np.float32)
+        plane = np.empty((3, *self._shape), np.float32)
+        standing = Standing(
+            self.placed(footprint.wheels), self.placed(footprint.corners.reshape(-1, 2)),
+            footprint.shares, footprint.fit,
+        )  # fmt: skip
+        kernels.stand(phased, self._heights, self.first, standing, plane)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
             # wheels in a row say nothing of a plane: they take the ground's own slope under them
             treads = np.concatenate(
-                [self.placed(wheel + footprint.tread) for wheel in footprint.wheels]
+                [self.placed(wheel + footprint.tread.offsets) for wheel in footprint.wheels]
             )
             for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
                 kernels.mean(self._phased(slope), self.first, treads, plane[axis])
@@ -394,14 +454,18 @@ class _Sweep:
             phased, self.first, self.placed(footprint.places), places, plane,
             _inverse_moments(places), rough,
         )  # fmt: skip
-        return plane, self.bump(footprint.body, plane), rough
+        return plane, self.bump(footprint, footprint.body, plane), rough
 
-    def bump(self, offsets: Offsets, plane: NDArray[np.float32]) -> NDArray[np.float32]:
-        """How far the ground stands above the plane under offsets, m."""
+    def bump(
+        self, footprint: HeadingFootprint, under: Rectangle, plane: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """How far the ground stands above the plane under a part of the body, m."""
         out = self._empty()
-        kernels.bumps(
-            self._heights, self.first, self.placed(offsets), self._shifts(offsets), plane, out
-        )
+        offsets = self.placed(under.offsets), self._shifts(under.offsets)
+        kernels.bumps(self._heights, self.first, *offsets, plane, out)
+        if self._crests is not None and len(under.offsets):
+            body = BodyPart(*footprint.direction, under.begin, under.end, under.side)
+            kernels.raise_bumps(self._crests, self.first, *offsets, plane, body, out)
         return out
 
     def supports(self, footprint: HeadingFootprint) -> NDArray[np.float32]:
@@ -410,7 +474,12 @@ class _Sweep:
         Minus infinity where there is no ground, and along the edges, where not all of it is known.
         """
         out = np.empty_like(self._ground.heights)
-        kernels.supports(self._ground.heights, footprint.tread, footprint.lift, out)
+        tread = footprint.tread
+        kernels.supports(self._ground.heights, tread.offsets, footprint.lift, out)
+        if self._ground.crests is not None:
+            wheel = BodyPart(*footprint.direction, tread.begin, tread.end, tread.side)
+            crests = CrestPlanes(*self._ground.crests, _blocks_with(self._ground.crests))
+            kernels.raise_supports(crests, tread.offsets, self._shifts(tread.offsets), wheel, out)
         return out
 
     def steps(
@@ -422,9 +491,11 @@ class _Sweep:
         steps = np.zeros(supports.shape, np.float32)
         radius = self._surveyor.vehicle.wheel.radius
         strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
+        gaps = GapsOfWheels(*self._ground.gaps, radius, self._surveyor._fine.resolution)
         kernels.raise_steps(
-            supports, self._ground.pairs, self._ground.jumps, *footprint.direction, strides, steps
-        )
+            supports, self._ground.pairs, self._ground.jumps, gaps, *footprint.direction, strides,
+            steps,
+        )  # fmt: skip
         return self._phased(steps)
 
     def step_ahead(
@@ -436,6 +507,13 @@ class _Sweep:
         out = self._empty()
         kernels.highest(steps, self.first, self.placed(footprint.lane), out)
         return out
+
+
+def _blocks_with(crests: Crests) -> NDArray[np.uint8]:
+    """Whether there are crests beside centres in each `kernels.BLOCK` columns."""
+    beside = (crests.east != 0.0) | (crests.north != 0.0)
+    blocks = np.arange(0, beside.shape[-1], kernels.BLOCK)
+    return np.logical_or.reduceat(beside, blocks, axis=-1).astype(np.uint8)
 
 
 def _inverse_moments(places: NDArray[np.float32]) -> NDArray[np.float32]:

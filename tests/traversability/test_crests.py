@@ -1,0 +1,315 @@
+"""Crests and trenches wherever they lie between pixels, against exact limits and the field."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from terratool.field.terrain import Terrain
+from terratool.raster.grid import Grid, Window
+from terratool.traversability import limits
+from terratool.traversability.results import Reason, Verdict
+from terratool.traversability.soil import surface_figures
+from terratool.traversability.stance import GroundPainter
+from terratool.traversability.survey import Surveyor, WindowMeasures
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from tests.conftest import terrain_of
+
+ROVER = Vehicle(
+    Wheel(0.2, 0.1),
+    (Axle(0.5), Axle(-0.5)),
+    mass=40.0,
+    gravity=10.0,
+    track_width=0.8,
+    cog_height=0.1,
+    clearance=0.15,
+    body_width=0.7,
+)
+
+FIRM: dict[str, Any] = {"cohesion": 0, "fricAngle": 60, "sinkage": 0}
+SOUND: dict[str, Any] = {**FIRM, "fricAngle": 35}
+HEADINGS = 32
+
+turns = st.integers(0, HEADINGS - 1)
+shares = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+resolutions = st.sampled_from([0.02, 0.03, 0.05, 0.15])
+
+
+def breakover(vehicle: Vehicle) -> float:
+    """The exact angle between two planes that the body just clears, for equal wheels; rad."""
+    radius, half = vehicle.wheel.radius, 0.5 * vehicle.wheelbase
+    low = radius - vehicle.clearance
+    return 2.0 * (math.asin(radius / math.hypot(half, low)) - math.atan(low / half))
+
+
+def crossing(curve: list[Any], heading: int, surface: dict[str, Any], scale: float) -> Terrain:
+    """20 m of a curve, its middle at the origin, that one crosses at a right angle when heading so.
+
+    What comes first is behind who heads there.
+    """
+    return terrain_of(
+        {
+            "size": [20, 20],
+            "origin": [-10, -10],
+            "surfTypes": {"soil": surface},
+            "elemTypes": {"flat": {"x": [0]}, "curve": {"x": curve, "y": [1]}},
+            "elemTree": {
+                "type": "flat", "surface": "soil", "cells": 1,
+                "children": [
+                    {
+                        "type": "curve", "cellX": 0, "cellY": 0, "vScale": scale,
+                        "turnDeg": 360 * heading / HEADINGS - 90,
+                    }
+                ],
+            },
+        }
+    )  # fmt: skip
+
+
+def measured(
+    terrain: Terrain, vehicle: Vehicle, share: tuple[float, float], resolution: float, reach: float
+) -> WindowMeasures:
+    """The pixels around the origin, which lies at these shares of a pixel beside a centre."""
+    n = math.ceil(reach / resolution)
+    west, south = ((part - n - 0.5) * resolution for part in share)
+    grid = Grid(west, south, resolution, 2 * n + 1, 2 * n + 1)
+    return Surveyor(terrain, vehicle, grid, HEADINGS).measure(grid.whole)
+
+
+def high_centred(found: WindowMeasures, heading: int) -> bool:
+    here = found.verdict[heading] == Verdict.NO_GO
+    return bool((found.reason[heading][here] == Reason.HIGH_CENTRED).any())
+
+
+class TestRidge:
+    """A crest between two planes."""
+
+    @settings(max_examples=25)
+    @given(heading=turns, share=shares, resolution=st.sampled_from([0.01, 0.02, 0.03, 0.05]))
+    def test_exact_limit(self, heading: int, share: tuple[float, float], resolution: float) -> None:
+        """Within 0.1° wherever the crest runs between pixel centres, for any of its directions."""
+        for more, stopped in ((-0.1, False), (0.1, True)):
+            angle = 0.5 * breakover(ROVER) + math.radians(more)
+            ridge = crossing([[0, 0], [0.5, 1], [1, 0]], heading, FIRM, 10 * math.tan(angle))
+            found = measured(ridge, ROVER, share, resolution, 0.1)
+            assert high_centred(found, heading) == stopped
+            assert high_centred(found, (heading + HEADINGS // 2) % HEADINGS) == stopped
+
+    @settings(max_examples=15)
+    @given(heading=turns, share=shares, tilt=st.floats(-8, 8))
+    def test_sides_of_different_slopes(
+        self, heading: int, share: tuple[float, float], tilt: float
+    ) -> None:
+        """It is the angle between the planes that counts, on a slope as well, and asymmetrically.
+
+        The body is tilted half of the way, and stands square on each plane at a wheel: turned as a
+        whole the same stance. So wheels are a little nearer to each other as seen from above.
+        """
+        level = replace(ROVER, cog_height=0.01)
+        for more, stopped in ((-0.7, False), (0.7, True)):
+            half = 0.5 * breakover(level) + math.radians(more)
+            up, down = half + math.radians(tilt), half - math.radians(tilt)
+            curve = [[0, -0.5 * math.tan(up)], [0.5, 0], [1, -0.5 * math.tan(down)]]
+            found = measured(crossing(curve, heading, FIRM, 20.0), level, share, 0.05, 0.15)
+            assert high_centred(found, heading) == stopped
+
+    @settings(max_examples=10)
+    @given(heading=turns, share=shares, resolution=resolutions)
+    def test_a_slope_takes_no_clearance(
+        self, heading: int, share: tuple[float, float], resolution: float
+    ) -> None:
+        """Planes have no crest: what is left under the body is what the wheels leave, no less."""
+        rise = math.tan(math.radians(15))
+        plane = crossing([[0, 0], [1, 1]], heading, FIRM, 20 * rise)
+        found = measured(plane, ROVER, share, resolution, 0.1)
+        assert float(found.clearance.min()) >= 0.15 - 1e-4
+
+    def test_between_centres_is_as_between_columns(self) -> None:
+        """The crest that passed at 18.68°: half a pixel from the centres, of 0.05 m."""
+        ridge = crossing([[0, 0], [0.5, 1], [1, 0]], 8, FIRM, 10 * math.tan(math.radians(18.2)))
+        for resolution in (0.05, 0.02, 0.01):
+            assert high_centred(measured(ridge, ROVER, (0.5, 0.0), resolution, 0.1), 8)
+
+
+def crests_of(
+    terrain: Terrain, resolution: float, share: tuple[float, float], reach: float = 1.2
+) -> tuple[Grid, Any]:
+    """The ground of pixels around the origin."""
+    n = math.ceil(reach / resolution)
+    west, south = ((part - n - 0.5) * resolution for part in share)
+    grid = Grid(west, south, resolution, 2 * n + 1, 2 * n + 1)
+    ground = GroundPainter(terrain, grid, 0.004, False, 0.2).paint(
+        Window(0, 0, grid.height, grid.width)
+    )
+    return grid, ground
+
+
+def highest_within(terrain: Terrain, grid: Grid) -> Any:
+    """The highest ground of each pixel, at 41 × 41 places of it."""
+    part = np.linspace(-0.5, 0.5, 41) * grid.resolution
+    window = Window(0, 0, grid.height, grid.width)
+    x = (grid.columns(window)[:, None] + part).reshape(-1)
+    y = (grid.rows(window)[:, None] + part).reshape(-1)
+    z = terrain.height(*np.meshgrid(x, y)).reshape(grid.height, 41, grid.width, 41)
+    return np.nanmax(z, axis=(1, 3))
+
+
+class TestPixels:
+    """What pixels have for their highest ground."""
+
+    SHAPES: ClassVar[dict[str, Any]] = {
+        "roof": {"x": [0, 1, 0], "y": [0, 1, 0]},
+        "hip": {"x": [0, 1, 0], "y": [0, 1, 0], "combine": "min"},
+        "cone": {"x": [0, 1, 0], "combine": "radial"},
+        "post": {"x": [[0, 0], [0.49, 0], [0.49, 1], [0.51, 1], [0.51, 0], [1, 0]], "y": [0, 1, 0]},
+        "wave": {"x": "cos(12*pi*t)", "y": "sin(pi*t)"},
+        "box": {"x": [1], "y": [1]},
+    }
+
+    @pytest.mark.parametrize("shape", SHAPES)
+    @settings(max_examples=6)
+    @given(share=shares, turn=st.floats(-180, 180), sign=st.sampled_from([1, -1]))
+    def test_tops_are_found(
+        self, shape: str, share: tuple[float, float], turn: float, sign: int
+    ) -> None:
+        """On the terrain, in their pixel, and no lower than what close sampling finds at the top.
+
+        A pit has lips instead, where the ground around is level.
+        """
+        terrain = terrain_of(
+            {
+                "size": [4, 4],
+                "origin": [-2, -2],
+                "surfTypes": {"soil": FIRM},
+                "elemTypes": {"flat": {"x": [0]}, "shape": self.SHAPES[shape]},
+                "elemTree": {
+                    "type": "flat", "surface": "soil",
+                    "cells": [3, 4],
+                    "children": [
+                        {
+                            "type": "shape", "cellX": 1,
+                            "cellY": 2,
+                            "vScale": 0.3 * sign, "turnDeg": turn, "surface": "soil",
+                        }
+                    ],
+                },
+            }
+        )  # fmt: skip
+        grid, ground = crests_of(terrain, 0.07, share)
+        top = highest_within(terrain, grid)
+        if ground.crests is None:
+            assert top.max() - ground.heights.max() < 1e-4
+            return
+        heights, east, north = ground.crests
+        window = Window(0, 0, grid.height, grid.width)
+        x = grid.columns(window) + east.astype(np.float64)
+        y = grid.rows(window)[:, None] + north.astype(np.float64)
+        assert max(np.abs(east).max(), np.abs(north).max()) <= 0.5 * 0.07 + 1e-6
+        # places are known to a part of a micrometre: beside a wall that may be the other side
+        near = [
+            terrain.height(x + dx, y + dy) for dx in (-2e-7, 0, 2e-7) for dy in (-2e-7, 0, 2e-7)
+        ]
+        assert np.abs(np.array(near) - heights).min(axis=0).max() < 1e-5
+        assert heights.max() >= top.max() - 3e-3 * 0.3
+
+    @given(share=shares)
+    @settings(max_examples=10)
+    def test_a_thin_post_between_centres_stops_the_body(self, share: tuple[float, float]) -> None:
+        """5 mm of it, 0.2 m high, under 0.15 m of clearance: no pixel centre shows it."""
+        low, high = 0.5 - 0.0025 / 20, 0.5 + 0.0025 / 20
+        thin = [[0, 0], [low, 0], [low, 1], [high, 1], [high, 0], [1, 0]]
+        terrain = terrain_of(
+            {
+                "size": [20, 20],
+                "origin": [-10, -10],
+                "surfTypes": {"soil": SOUND},
+                "elemTypes": {"flat": {"x": [0]}, "post": {"x": thin, "y": thin}},
+                "elemTree": {
+                    "type": "flat", "surface": "soil",
+                    "cells": 1,
+                    "children": [
+                        {
+                            "type": "post", "cellX": 0,
+                            "cellY": 0,
+                            "vScale": 0.2, "surface": "soil",
+                        }
+                    ],
+                },
+            }
+        )  # fmt: skip
+        found = measured(terrain, ROVER, share, 0.05, 0.1)
+        assert (found.clearance.min(axis=(1, 2)) < -0.04).all()
+
+    def test_windows_make_no_difference(self) -> None:
+        """Each pixel is the same in any window, to the bit, crests on the edges of pixels too."""
+        ridge = crossing([[0, 0], [0.5, 1], [1, 0]], 8, FIRM, 2.0)
+        grid = Grid(-1.0, -0.8, 0.05, 30, 40)
+        surveyor = Surveyor(ridge, ROVER, grid, 8)
+        whole = surveyor.measure(grid.whole)
+        part = surveyor.measure(Window(7, 11, 13, 17))
+        for name in ("verdict", "reason", "numbers", "step", "rough", "clearance"):
+            cropped = getattr(whole, name)[..., 7:20, 11:28]
+            assert np.array_equal(cropped, getattr(part, name), equal_nan=name != "verdict")
+
+
+class TestTrench:
+    """A trench with upright sides, a metre deep."""
+
+    @settings(max_examples=25)
+    @given(heading=turns, share=shares, resolution=resolutions)
+    def test_report_and_map_have_one_limit(
+        self, heading: int, share: tuple[float, float], resolution: float
+    ) -> None:
+        """The width in the report's figures passes less 0.5 %, and 0.5 % more does not."""
+        wide = replace(ROVER, clearance=0.3)
+        limit = None
+        for more, stopped in ((-0.005, False), (0.005, True)):
+            if limit is None:
+                level = crossing([[0, 0], [1, 0]], 0, SOUND, 1.0)
+                limit = surface_figures("soil", level.surface_types["soil"], wide).gap
+                step = limits.step_of(wide, math.tan(math.radians(35)))[0]
+                assert limit == pytest.approx(limits.gap_width(0.2, step))
+            half = 0.5 * (1 + more) * limit / 20
+            sides = [[0, 0], [0.5 - half, 0], [0.5 - half, -1], [0.5 + half, -1],
+                     [0.5 + half, 0], [1, 0]]  # fmt: skip
+            terrain = crossing(sides, heading, SOUND, 1.0)
+            found = measured(terrain, wide, share, resolution, 1.1)
+            barred = found.verdict[heading] == Verdict.NO_GO
+            assert barred.any() == stopped
+            if stopped:
+                assert (found.reason[heading][barred] == Reason.STEP).any()
+
+    @pytest.mark.parametrize("depth", [0.03, 0.06])
+    def test_a_shallow_one_is_as_deep_as_its_floor(self, depth: float) -> None:
+        """Wheels that reach the floor climb out of it, and out of no more."""
+        half = 0.5 * 0.5 / 20
+        sides = [
+            [0, 0],
+            [0.5 - half, 0],
+            [0.5 - half, -1],
+            [0.5 + half, -1],
+            [0.5 + half, 0],
+            [1, 0],
+        ]
+        found = measured(crossing(sides, 8, SOUND, depth), ROVER, (0.3, 0.2), 0.05, 0.8)
+        assert found.step[8].max() == pytest.approx(depth, abs=1e-3)
+
+    def test_along_a_wide_one_nothing_is_met(self) -> None:
+        """Who has it between the wheels goes along it."""
+        half = 0.5 * 0.3 / 20
+        sides = [
+            [0, 0],
+            [0.5 - half, 0],
+            [0.5 - half, -1],
+            [0.5 + half, -1],
+            [0.5 + half, 0],
+            [1, 0],
+        ]
+        found = measured(crossing(sides, 8, SOUND, 1.0), ROVER, (0.3, 0.2), 0.05, 0.1)
+        assert found.step[0].max() == 0.0 and found.step[8].max() > 0.0
