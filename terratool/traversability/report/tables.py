@@ -69,7 +69,7 @@ def abilities(report: TraversabilityReport) -> Table:
         (Column("cross-slope"), lambda f: wording.degrees(f.cross_slope)),
         (Column("cross-slope limited by", False), lambda f: wording.because(f.cross_slope_binding)),
         (Column("step"), lambda f: wording.length(f.step)),
-        (Column("step limited by", False), lambda f: f.step_binding or wording.NOTHING),
+        (Column("step limited by", False), lambda f: wording.step_limit(f, report.vehicle)),
         (Column("gap"), lambda f: wording.length(f.gap)),
     )
 
@@ -312,6 +312,7 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
     yield ""
     if any(not figures.missing for figures in report.surfaces):
         yield from _aligned(_surfaces(report))
+        yield from _wrapped(wording.step_limits(report))
         yield ""
     if report.summary:
         yield from _aligned(_map(report.summary))
