@@ -65,8 +65,8 @@ ROCK = Figures(
 )  # fmt: skip
 BOG = Figures(
     LONG, "", (), 23.2, 100.0, 0.01, 0.01, None, 0.232, 0.1, 0.01, 2000.0, math.inf, 0.0, 0.0, 9.0,
-    -9.0, 4.0, math.inf, math.nan, None, Reason.SINKAGE, None, Reason.SINKAGE, 0.0, "sinkage", None, 0.0,
-    Verdict.NO_GO, Reason.SINKAGE,
+    -9.0, 4.0, math.inf, math.nan, None, Reason.SINKAGE, None, Reason.SINKAGE, 0.0, "sinkage",
+    None, 0.0, Verdict.NO_GO, Reason.SINKAGE,
 )  # fmt: skip
 BARE = Figures(NASTY, missing=("cohesion", "fricAngle"))
 

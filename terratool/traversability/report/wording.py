@@ -167,19 +167,6 @@ def step_limit(figures: Figures, vehicle: Vehicle) -> str:
     return f"{figures.step_binding} at the {axle(figures.step_axle, len(vehicle.axles))} axle"
 
 
-def step_limits(report: TraversabilityReport) -> str:
-    """What limits steps on which surfaces, in a sentence; nothing where no soil is known."""
-    by_limit: dict[str, list[str]] = {}
-    for figures in report.surfaces:
-        if figures.step_binding:
-            limit = step_limit(figures, report.vehicle)
-            by_limit.setdefault(limit, []).append(printable(figures.surface) or "(no surface)")
-    if len(by_limit) == 1:
-        return f"Steps are limited by {next(iter(by_limit))}."
-    parts = [f"{limit} ({', '.join(surfaces)})" for limit, surfaces in by_limit.items()]
-    return f"Steps are limited by {listed(parts)}." if parts else ""
-
-
 def axle(number: int, axles: int) -> str:
     """Which of the axles of a vehicle the one with a number is, 1 for the foremost, in a word."""
     if number in (1, axles):
