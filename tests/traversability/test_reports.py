@@ -448,7 +448,7 @@ class TestTable:
 
     def test_says_what_limits_steps(self) -> None:
         """Once where it is the same for all, else surface by surface."""
-        rock = replace(reports.ROCK, step_binding="friction", step_axle=2)
+        rock = replace(reports.ROCK, step_binding="friction", step_axle=3)
         stone = replace(rock, surface="stone")
         alike = " ".join(as_lines(reports.report(surfaces=(rock, stone))))
         assert "Steps are limited by friction at the rear axle." in alike
