@@ -60,17 +60,18 @@ SAND = Figures(
     "sand", "dry-sand", (), 23.2, 1040.0, math.radians(28), 1.8e-4, 0.025, 0.00417, 0.0453,
     0.00453, 5120.0, 9800.0, 5400.0, 0.31, None, None, 2.2, 12.3, 4.1, 8.2,
     0.61, 0.27, 0.21, math.radians(17.3), Reason.TRACTION, math.radians(21.0), Reason.SIDE_SLIP,
-    0.031, "torque", 0.11, Verdict.GO, Reason.SLIP, ("z/D is above 0.15, where the model's accuracy ends.",),
+    0.031, "torque", 1, 0.11, Verdict.GO, Reason.SLIP,
+    ("z/D is above 0.15, where the model's accuracy ends.",),
 )  # fmt: skip
 ROCK = Figures(
     "rock", "", (), 23.2, 0.0, math.radians(35), 0.0, None, 0.0, None, None, None, None, None,
     None, None, None, 2.6, 16.2, 0.0, 16.2, 0.0, 0.0, None, math.radians(35), Reason.TRACTION,
-    math.radians(56.3), Reason.TIP_OVER, 0.052, "friction", 0.2, Verdict.GO, Reason.NONE,
+    math.radians(56.3), Reason.TIP_OVER, 0.052, "friction", 1, 0.2, Verdict.GO, Reason.NONE,
 )  # fmt: skip
 BOG = Figures(
     LONG, "", (), 23.2, 100.0, 0.01, 0.01, None, 0.232, 0.1, 0.01, 2000.0, math.inf, 0.0, 1.5,
     None, None, 0.0, 0.0, 9.0, -9.0, 4.0, math.inf, math.nan, None, Reason.SINKAGE, None,
-    Reason.SINKAGE, 0.0, "sinkage", 0.0, Verdict.NO_GO, Reason.SINKAGE,
+    Reason.SINKAGE, 0.0, "sinkage", None, 0.0, Verdict.NO_GO, Reason.SINKAGE,
 )  # fmt: skip
 BARE = Figures(NASTY, missing=("cohesion", "fricAngle"))
 

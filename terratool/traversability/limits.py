@@ -1,4 +1,4 @@
-"""The limits of a vehicle: loads of its wheels, tip-over, steps, slopes, and verdicts by these."""
+"""The limits of a vehicle: loads of its wheels, tip-over, slopes, and verdicts by these."""
 
 from __future__ import annotations
 
@@ -179,69 +179,6 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def step_height(radius: float, angle: float) -> float:
-    """H = r (1 − cos α), the step that a wheel touches at α from the downward vertical, up to r."""
-    if angle >= math.pi / 2:
-        return radius
-    return float(2.0 * radius * np.sin(0.5 * angle) ** 2)
-
-
-def step_pushed(radius: float, friction: float, push: float, driven: bool = True) -> float:
-    """Step of a wheel that the others push; 0 for one by itself that is not driven.
-
-    The force in its contact lies within δ of the normal (on it if the wheel is not driven), and
-    the push leans its load by atan(push), so α = δ + atan(push). For the front wheels of an equally
-    loaded 4WD that is 2 r μ²/(1 + μ²).
-
-    Args:
-        radius: r, m.
-        friction: μ.
-        push: forward force of the other wheels, in loads of this one.
-        driven: whether it is.
-    """
-    own = np.arctan(friction) if driven else 0.0
-    return step_height(radius, own + np.arctan(push))
-
-
-def step_torque(radius: float, load: float, max_torque: float) -> float:
-    """Step that a motor lifts a wheel up: r (1 − cos α), α = asin(min(1, Tmax/(W r)))."""
-    return step_height(radius, np.arcsin(min(1.0, max_torque / max(load * radius, 1e-300))))
-
-
-def gap_width(radius: float, step: float) -> float:
-    """Gap over which a wheel rolls that climbs a step: 2 r sin α, α that of the step."""
-    share = min(max(step / radius, 0.0), 1.0)
-    return 2.0 * radius * math.sqrt(share * (2.0 - share))
-
-
-def step_of(vehicle: Vehicle, friction: float) -> tuple[float, str]:
-    """The highest step that all wheels of a vehicle get up with a friction μ, and what limits it.
-
-    The smallest of what friction and motors give on the axle where it is least, with level loads;
-    not beyond the wheel's radius, nor the clearance less its margin. The step's margin is taken
-    off at the end.
-    """
-    wheel, wheels = vehicle.wheel, wheel_layout(vehicle)
-    loads = np.maximum(vehicle.weight * wheels.shares[:, 0], 0.0)
-    force = np.minimum(loads * friction, wheel.max_torque / wheel.radius) * wheels.driven
-    limits = [(wheel.radius, "wheel radius")]
-    if not vehicle.is_single:
-        limits.append((vehicle.clearance - vehicle.margins.clearance, "clearance"))
-    for x in np.unique(wheels.x):
-        axle = wheels.x == x
-        load, count = float(loads[axle].sum()), int(axle.sum())
-        if load == 0.0:
-            continue
-        driven = bool(wheels.driven[axle].any())
-        push = float(force[~axle].sum()) / load
-        limits.append((step_pushed(wheel.radius, friction, push, driven), "friction"))
-        if driven and math.isfinite(wheel.max_torque):
-            lifted = step_torque(wheel.radius, load / count, wheel.max_torque)
-            limits.append((lifted, "motor torque"))
-    height, limit = min(limits, key=lambda each: each[0])
-    return max(0.0, height - vehicle.margins.step), limit
-
-
 @dataclass(frozen=True, slots=True)
 class SteepestSlope:
     """The largest slope.
@@ -279,9 +216,7 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
 
 
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
-    found = kernels.steepest(
-        across, wheel_layout(vehicle), vehicle.weight, one_soil(soil), slip
-    )
+    found = kernels.steepest(across, wheel_layout(vehicle), vehicle.weight, one_soil(soil), slip)
     angle = found["angle"]
     return SteepestSlope(max(angle, 0.0), angle >= 0.0, Reason(found["reason"]))
 

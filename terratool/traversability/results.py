@@ -142,6 +142,8 @@ class Figures:
         cross_slope_binding: what binds there.
         step: highest, m.
         step_binding: what binds there, in words.
+        step_axle: that does not get up a higher one, 1 for the foremost; None where it is the body,
+            or the wheel is by itself.
         gap: widest, m.
         verdict: on level ground.
         reason: what binds on level ground.
@@ -178,6 +180,7 @@ class Figures:
     cross_slope_binding: Reason = Reason.NONE
     step: float | None = None
     step_binding: str = ""
+    step_axle: int | None = None
     gap: float | None = None
     verdict: Verdict = Verdict.UNKNOWN
     reason: Reason = Reason.NONE

@@ -16,16 +16,15 @@ from terratool.traversability import wheel as wheels
 from terratool.traversability.limits import (
     SteepestSlope,
     climb,
-    gap_width,
     judge_level,
     level_demand,
     side_slip,
     slip_limit,
-    step_of,
     tip_over,
     wheel_layout,
 )
 from terratool.traversability.results import Figures, Reason, Verdict
+from terratool.traversability.steps import gap_width, step_of
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
 from terratool.traversability.wheel import LARGEST, Numbers
 
@@ -40,8 +39,8 @@ ASSUMPTIONS = (
     "two axles that is statics.",
     "Driven wheels share the push so that each uses the same share of its soil's strength; a "
     "wheel at its motor's limit leaves the rest to the others.",
-    "A step is rigid and has the friction of its surface; motors are not helped over it by the "
-    "push of other wheels.",
+    "A step is rigid and has the friction of its surface; while an axle climbs it, motors give "
+    "what holds the vehicle best.",
 )
 """Sentences for the end of every report."""
 
@@ -169,7 +168,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     to_side, backwards, _ = tip_over(vehicle)
     up, up_limit = _largest(climb(vehicle, soil, slip_limit(vehicle)), backwards, vehicle)
     across, across_limit = _largest(side_slip(vehicle, soil), to_side, vehicle)
-    step, step_limit = step_of(vehicle, math.tan(soil.friction))
+    step = step_of(vehicle, math.tan(soil.friction))
     soft = bool(contact.area > 0.0) and load > 0.0
     strength, motor = best.shear_stress, None
     if soft and math.isfinite(vehicle.wheel.max_torque):
@@ -206,9 +205,10 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         climb_binding=up_limit,
         cross_slope=across,
         cross_slope_binding=across_limit,
-        step=step,
-        step_binding=step_limit,
-        gap=gap_width(vehicle.wheel.radius, step),
+        step=step.height,
+        step_binding=step.reason,
+        step_axle=None if step.axle is None else step.axle + 1,
+        gap=min(gap_width(vehicle.wheel_of(axle).radius, step.height) for axle in vehicle.axles),
         verdict=verdict,
         reason=reason,
         warnings=(*wheels.remarks(load, soil, vehicle.wheel), *_remarks(vehicle, soil, load)),

@@ -17,7 +17,6 @@ from terratool.raster.grid import Grid, Window
 from terratool.traversability.limits import (
     WheelLayout,
     slip_limit,
-    step_of,
     tip_edges,
     wheel_layout,
 )
@@ -33,6 +32,7 @@ from terratool.traversability.stance import (
     VehicleFootprint,
     vehicle_footprint,
 )
+from terratool.traversability.steps import step_of
 from terratool.traversability.vehicle import Vehicle
 from terratool.traversability.wheel import SoilArrays
 
@@ -117,10 +117,10 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
     rows = []
     for soil in soils(terrain, vehicle):
         if soil is None:
-            rows.append((math.nan, math.nan, 0.0, 0.0, step_of(vehicle, _ANY)[0]))
+            rows.append((math.nan, math.nan, 0.0, 0.0, step_of(vehicle, _ANY).height))
         else:
             friction = math.tan(soil.friction)
-            step, _ = step_of(vehicle, friction)
+            step = step_of(vehicle, friction).height
             rows.append((soil.cohesion, friction, soil.sinkage, soil.shear_modulus, step))
     *members, steps = np.array(rows, np.float64).T.copy()
     return SoilArrays(*members), steps

@@ -15,10 +15,10 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
-from terratool.traversability import limits
 from terratool.traversability.limits import wheel_loads
 from terratool.traversability.results import Reason, Survey, Verdict
 from terratool.traversability.stance import directions
+from terratool.traversability.steps import gap_width, step_of
 from terratool.traversability.survey import Surveyor, WindowMeasures, soil_table
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Margins, Overhang, Vehicle, Wheel
@@ -165,7 +165,7 @@ def step(side: str, height: float) -> Terrain:
 class TestStep:
     """One kerb, 6 m along."""
 
-    LIMIT = limits.step_of(ROVER, math.tan(math.radians(35)))[0]
+    LIMIT = step_of(ROVER, math.tan(math.radians(35))).height
 
     @pytest.mark.parametrize("side", FACES)
     def test_below_the_limit_it_passes(self, side: str) -> None:
@@ -325,7 +325,7 @@ class TestGap:
     @pytest.mark.parametrize(("share", "passes"), [(0.9, True), (1.1, False)])
     def test_known_width(self, side: str, share: float, passes: bool) -> None:
         """2 r sin α passes, as the wheel does not sink in deeper than the step that it climbs."""
-        width = share * float(limits.gap_width(0.2, TestStep.LIMIT))
+        width = share * float(gap_width(0.2, TestStep.LIMIT))
         trench = [
             [0, 0],
             [0.5, 0],
@@ -482,7 +482,7 @@ class TestSingleWheel:
         """A wall under a wheel adds nothing to the slope of the ground."""
         found = surveyed(step("east", 0.1), self.WHEEL)
         assert np.abs(found.pitch[:, 30:-30, 30:-30]).max() < 1e-6
-        limit = limits.step_of(self.WHEEL, math.tan(math.radians(35)))[0]
+        limit = step_of(self.WHEEL, math.tan(math.radians(35))).height
         assert limit < 0.1
         assert found.reason[(EAST, *cut("east", 5.9))] == Reason.STEP
 

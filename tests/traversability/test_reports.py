@@ -466,6 +466,16 @@ class TestTable:
         told = [line for line in as_lines(odd) if not line.startswith('  "')]
         assert all(sum(map(columns_of, line)) <= 80 for line in told)
 
+    def test_says_what_limits_steps(self) -> None:
+        """Once where it is the same for all, else surface by surface."""
+        rock = replace(reports.ROCK, step_binding="friction", step_axle=3)
+        stone = replace(rock, surface="stone")
+        alike = " ".join(as_lines(reports.report(surfaces=(rock, stone))))
+        assert "Steps are limited by friction at the rear axle." in alike
+        text = " ".join(as_lines(reports.report(surfaces=(rock, reports.SAND, reports.BARE))))
+        told = "friction at the rear axle (rock) and torque at the front axle (sand)."
+        assert told in " ".join(text.split())
+
     def test_reasons_are_not_cut(self) -> None:
         """What is too long for a line goes on in the next."""
         reasons = {reason: 100 + reason for reason in (Reason.APPROACH, *range(4, 10))}

@@ -156,14 +156,6 @@ def test_reference_values_of_side_slip_and_tip_over() -> None:
     assert limits.side_slip(ROVER, E1).angle < limits.side_slip(flat, E1).angle
 
 
-def test_reference_values_of_obstacles() -> None:
-    """Steps alone, pushed and by torque, and gaps."""
-    assert printed(limits.step_pushed(0.2, 0.7, 0), "0.03615362")
-    assert printed(limits.step_pushed(0.2, 0.7, 0.7), "0.1315436")
-    assert printed(limits.step_torque(0.2, 100, 5), "0.006350833")
-    assert printed(limits.gap_width(0.2, limits.step_pushed(0.2, 0.7, 0)), "0.2293849")
-
-
 def test_reference_values_from_stresses() -> None:
     """Forces from stresses, and the way back."""
     small = Wheel(0.15, 0.08, slips=False)
@@ -358,7 +350,7 @@ def test_nothing_that_is_accepted_gives_nan(
         ]  # fmt: skip
         singles = [
             wheel.towed_resistance(load, soil, tyre), wheel.lateral_grip(load, soil, tyre),
-            share_of(abs(found[2].torque), torque), limits.step_torque(radius, load, torque),
+            share_of(abs(found[2].torque), torque),
         ]  # fmt: skip
     for value in found:
         for name in value.__slots__:
@@ -652,30 +644,6 @@ def test_to_be_held_back_is_no_slip_but_takes_strength() -> None:
         assert torque > 0
         assert slip == power == 0
         assert demand(100, E2, tyre, -50).torque < 0
-
-
-# Obstacles
-
-
-def test_the_push_of_others_helps_over_a_step() -> None:
-    """Front wheels that are not driven get up less; with equal 4WD it is 2 r μ²/(1 + μ²)."""
-
-    def rover(*axles: Axle, torque: float = math.inf) -> Vehicle:
-        return Vehicle(Wheel(0.2, 0.1, torque), axles, 40.0, track_width=0.8)
-
-    four, four_limit = limits.step_of(rover(Axle(0.5), Axle(-0.5)), 0.7)
-    assert four == pytest.approx(2 * 0.2 * 0.49 / 1.49)
-    assert four_limit == "friction"
-    rear, _ = limits.step_of(rover(Axle(0.5, driven=False), Axle(-0.5)), 0.7)
-    assert rear == pytest.approx(0.2 * (1 - math.cos(math.atan(0.7))))
-    assert limits.step_of(one(), 0.7)[0] == pytest.approx(limits.step_pushed(0.2, 0.7, 0))
-    six, limit = limits.step_of(rover(Axle(0.5), Axle(0), Axle(-0.5)), 0.9)
-    assert (six, limit) == (0.2, "wheel radius")
-    weak, limit = limits.step_of(rover(Axle(0.5), Axle(-0.5), torque=5), 0.7)
-    assert weak == pytest.approx(float(limits.step_torque(0.2, 10 * 9.80665, 5)))
-    assert limit == "motor torque"
-    assert limits.step_of(ROVER, 3.0) == (0.15, "clearance")
-    assert limits.step_of(ROVER, 0.0)[0] == 0
 
 
 # Classes

@@ -56,8 +56,8 @@ _KEYS: dict[type, str] = {
     "sinkage_rate_m_per_kN shear_modulus_m sinkage_m contact_length_m contact_area_m2 pressure_kPa "
     "normal_stress_kPa shear_stress_kPa entry_angle_deg strength_kPa motor_stress_kPa "
     "limit_torque_Nm thrust_N resistance_N drawbar_N torque_Nm utilisation slip "
-    "climb_deg climb_binding cross_slope_deg cross_slope_binding step_m step_binding gap_m "
-    "warnings",
+    "climb_deg climb_binding cross_slope_deg cross_slope_binding step_m step_binding step_axle "
+    "gap_m warnings",
     Location: "x y z surface element",
     Barrier: "binding bars width_m place",
     Route: "found planned verdict start goal length_m time_s energy_J steepest softest tightest "

@@ -69,7 +69,7 @@ def abilities(report: TraversabilityReport) -> Table:
         (Column("cross-slope"), lambda f: wording.degrees(f.cross_slope)),
         (Column("cross-slope limited by", False), lambda f: wording.because(f.cross_slope_binding)),
         (Column("step"), lambda f: wording.length(f.step)),
-        (Column("step limited by", False), lambda f: f.step_binding or wording.NOTHING),
+        (Column("step limited by", False), lambda f: wording.step_limit(f, report.vehicle)),
         (Column("gap"), lambda f: wording.length(f.gap)),
     )
 
@@ -340,6 +340,7 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
     yield ""
     if any(not figures.missing for figures in report.surfaces):
         yield from _aligned(_surfaces(report))
+        yield from _wrapped(_step_limits(report))
         yield ""
     if report.summary:
         yield from _aligned(_map(report.summary))
@@ -369,6 +370,20 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
             figures.verdict.label,
             what_binds(figures),
         )
+
+
+def _step_limits(report: TraversabilityReport) -> str:
+    """What limits steps on which surfaces, in a sentence."""
+    by_limit: dict[str, list[str]] = {}
+    for figures in report.surfaces:
+        if not figures.missing:
+            limit = wording.step_limit(figures, report.vehicle)
+            by_limit.setdefault(limit, []).append(cut(title(figures), _NAME))
+    by_limit.pop(wording.NOTHING, None)
+    if len(by_limit) == 1:
+        return f"Steps are limited by {next(iter(by_limit))}."
+    parts = [f"{limit} ({', '.join(surfaces)})" for limit, surfaces in by_limit.items()]
+    return f"Steps are limited by {wording.listed(parts)}." if parts else ""
 
 
 def _map(summary: MapSummary) -> Iterator[Sequence[str]]:

@@ -24,6 +24,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
+from terratool.traversability.vehicle import Vehicle
 
 NOTHING = "–"
 """Stands for what means nothing or is not known."""
@@ -157,6 +158,24 @@ def name(surface: str) -> str:
 def because(reason: Reason) -> str:
     """What binds; a dash for nothing."""
     return NOTHING if reason == Reason.NONE else reason.label
+
+
+def step_limit(figures: Figures, vehicle: Vehicle) -> str:
+    """What limits steps, and at which axle; a dash for nothing."""
+    if figures.step_axle is None:
+        return figures.step_binding or NOTHING
+    return f"{figures.step_binding} at the {axle(figures.step_axle, len(vehicle.axles))} axle"
+
+
+def axle(number: int, axles: int) -> str:
+    """Which of the axles of a vehicle the one with a number is, 1 for the foremost, in a word."""
+    if number in (1, axles):
+        return "front" if number == 1 else "rear"
+    if axles == 3:
+        return "middle"
+    endings = {1: "st", 2: "nd", 3: "rd"}
+    ending = "th" if 10 < number % 100 < 14 else endings.get(number % 10, "th")
+    return f"{number}{ending}"
 
 
 def barrier(bar: Barrier) -> str:
