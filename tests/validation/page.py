@@ -144,8 +144,8 @@ def lunar_rover() -> str:
             f"{100 * pull[24] / pull.max():.0f} %", f"{100 * slips[pull.argmax()]:.0f} %",
         ))  # fmt: skip
     return table(
-        "| length, m | 5 % | 15 % | 20 % | 25 % | 50 % | 100 % | at 25 %, of the largest "
-        "| largest at |",
+        "| length, m | pull/load at 5 % | 15 % | 20 % | 25 % | 50 % | 100 % "
+        "| at 25 %, of the largest | largest at |",
         rows,
     )
 

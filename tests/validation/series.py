@@ -39,7 +39,8 @@ LRV_LOAD = 253.0  # N
 MARS = 3.71  # m/s²
 OPPORTUNITY = Wheel(0.127, 0.16), 180 * MARS / 6
 """A turn is 0.8 m (NASA); the width is that of github.com/melanz/wheel-soil. Load in N."""
-CURIOSITY = Wheel(0.25, 0.4), 899 * MARS / 6
+CURIOSITY = Wheel(0.25, 0.4, grouser_height=0.0075), 899 * MARS / 6
+"""As in samples/vehicles."""
 LOOSE = "lunar-nominal", "dry-sand", "lete-sand"
 HUSKY = Vehicle(
     Wheel(0.1651, 0.1143), (Axle(0.256), Axle(-0.256)), 50.0, track_width=0.5708, cog_height=0.194
