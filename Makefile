@@ -80,8 +80,9 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
 	$(BIN)/python kernels/python/stubs.py
 
-docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules
+docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules, and the tables and picture of docs/validation.md
 	$(BIN)/terratool rules --markdown > docs/rules.md
+	$(BIN)/python -m tests.validation
 
 fuzz: $(VENV)/.installed-test  ## Try 1,400,000 broken files; FUZZ="rasters --share 0.01" for less
 	$(BIN)/python -m tests.fuzz $(FUZZ)
