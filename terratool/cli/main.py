@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from terratool import __version__
-from terratool.errors import TerratoolError, reason
+from terratool.errors import TerratoolError, interruption, reason
 
 _COMMANDS = {
     "validate": ("validate", "Check terrains and vehicles and say what is wrong, and where."),
@@ -140,6 +140,15 @@ def _run() -> int:
         return 3
     except _OutputError as error:
         return _cannot_write(error.cause)
+    except Exception as error:
+        # a kernel that is interrupted while it is loaded is an ImportError
+        stopped = interruption(error)
+        if stopped is None:
+            raise
+        if not isinstance(stopped, KeyboardInterrupt):
+            raise stopped from None
+        click.echo("terratool: stopped.", err=True)
+        return 130
 
 
 def _say(message: str, hint: str) -> None:

@@ -25,6 +25,11 @@ _RAW_DRIVERS = frozenset(
      "PDS", "PDS4", "PNM", "ROI_PAC", "RST", "SAGA", "SDTS", "SIGDEM", "Terragen", "USGSDEM",
      "VICAR", "XYZ", "ZMap"]
 )  # fmt: skip
+_TEXT_DRIVERS = frozenset(["AAIGrid", "GSAG", "ISG", "XYZ", "ZMap"])
+"""Each pixel of these is a digit and a space at least. GDAL reads what is missing row by row, and
+rasterio makes a chain of exceptions of that."""
+_TEXT_PACKED = 64
+"""Pixels of a text that a byte of an archive may stand for: more do only where all is level."""
 _PACKED_FILES = (".gz", ".jp2", ".tif", ".tiff", ".zip")
 
 _INDEX_BYTES = 6
@@ -119,6 +124,8 @@ def _most_pixels(file: Any, size: int, archived: bool) -> tuple[int, str]:
         and not archived
         and not any(part.lower().endswith(_PACKED_FILES) for part in file.files)
     )
+    if file.driver in _TEXT_DRIVERS and (raw or archived):
+        return size * (_TEXT_PACKED if archived else 1), _CUT_SHORT
     most = max(HARMLESS, size * (RAW if raw else PACKED))
     if file.driver == "netCDF" and not archived:
         with open(file.files[0], "rb") as begin:

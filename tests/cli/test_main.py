@@ -6,6 +6,7 @@ import json
 import os
 import re
 import subprocess
+import sys
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -73,6 +74,22 @@ def test_examples_in_the_help_work(tmp_path: Path) -> None:
         ran = run(*example)
         assert ran.code == 0, ran.err
         assert ran.out
+
+
+def test_a_command_interrupted_while_it_loads_is_stopped() -> None:
+    """What is loaded then may fail by an error of its own, whose cause is the Ctrl-C."""
+    code = """if True:
+        import sys, terratool.cli.main as main
+        def fail(**_):
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as error:
+                raise ImportError("broken") from error
+        main.cli = fail
+        main.main()
+    """
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stderr) == (130, "terratool: stopped.\n")
 
 
 def test_version() -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.expressions import formula, heavy, mutated, noise, spelled
+from terratool.definition.accuracy import SLACK, TOLERANCE
 from terratool.definition.expression import NAMED
 from terratool.definition.keys import ALL_KEYS, COMBINES, Kind
 from terratool.definition.layout import canonical
@@ -296,7 +297,7 @@ def try_curve(case: Case, folder: Path) -> str:
         except (ArithmeticError, ValueError):
             continue
         largest = max(map(abs, heights))
-        if abs(value - height) > max(1.01e-8, 1e-11 * largest):
+        if abs(value - height) > max(SLACK * TOLERANCE, 1e-11 * largest):
             raise WrongError("a compiled curve is off")
     return "valid"
 
