@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
-from terratool.traversability import limits
+from terratool.traversability import steps
 from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.stance import GroundPainter
@@ -273,8 +273,8 @@ class TestTrench:
             if limit is None:
                 level = crossing([[0, 0], [1, 0]], 0, SOUND, 1.0)
                 limit = surface_figures("soil", level.surface_types["soil"], wide).gap
-                step = limits.step_of(wide, math.tan(math.radians(35)))[0]
-                assert limit == pytest.approx(limits.gap_width(0.2, step))
+                step = steps.step_of(wide, math.tan(math.radians(35)))[0]
+                assert limit == pytest.approx(steps.gap_width(0.2, step))
             half = 0.5 * (1 + more) * limit / 20
             sides = [[0, 0], [0.5 - half, 0], [0.5 - half, -1], [0.5 + half, -1],
                      [0.5 + half, 0], [1, 0]]  # fmt: skip
