@@ -273,7 +273,7 @@ class TestTrench:
             if limit is None:
                 level = crossing([[0, 0], [1, 0]], 0, SOUND, 1.0)
                 limit = surface_figures("soil", level.surface_types["soil"], wide).gap
-                step = steps.step_of(wide, math.tan(math.radians(35)))[0]
+                step = steps.step_of(wide, math.tan(math.radians(35))).height
                 assert limit == pytest.approx(steps.gap_width(0.2, step))
             half = 0.5 * (1 + more) * limit / 20
             sides = [[0, 0], [0.5 - half, 0], [0.5 - half, -1], [0.5 + half, -1],
