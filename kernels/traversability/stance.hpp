@@ -1,10 +1,12 @@
 // Whether a vehicle with a heading can be at each reference point of a window, and why not.
 //
-// What a slope and a soil ask of a vehicle is wanted for every pixel and heading, and takes some
-// microseconds. So for each soil it is tabulated by slope, and interpolated where all wheels stand
-// on the same.
+// What a slope and soils ask of a vehicle is wanted for every pixel and heading, and takes some
+// microseconds. So it is tabulated by slope, and interpolated, where all wheels stand on one soil
+// or on two.
 #pragma once
 
+#include <atomic>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -81,27 +83,30 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     return out;
 }
 
-// The states of a vehicle on a soil, by slope.
+// The states of a vehicle whose wheels stand on soils, by slope, each when it is first wanted. May
+// be used by several threads at a time.
 class SlopeTable {
 public:
-    SlopeTable(const Vehicle& v, const Soil& soil) {
-        auto wheels = wheels_on(v.layout, soil);
-        for (int i = 0; i < SIDE; ++i)
-            for (int j = 0; j <= HALF; ++j)
-                states_.push_back(
-                    slope_state(v, (i - HALF) / double(STEPS), j / double(STEPS), wheels)
-                );
+    // Where the soils are `mirrored`, right and left alike, one side of slopes is that of the
+    // other.
+    SlopeTable(const Vehicle& v, std::vector<LoadedWheel> wheels, bool mirrored)
+        : vehicle_(v), wheels_(std::move(wheels)), mirrored_(mirrored),
+          states_(std::make_unique<std::atomic<const SlopeState*>[]>(SIDE * SIDE)) {}
+    SlopeTable(const SlopeTable&) = delete;
+    ~SlopeTable() {
+        for (int n = 0; n < SIDE * SIDE; ++n) delete states_[n].load();
     }
 
     // Interpolate between slopes; none where that would be none: where limits lie in between, or
     // where soil's strength and slip change much.
     std::optional<SlopeState> find(double along, double across) const {
-        double x = (along + STEEPEST) * STEPS, y = abs(across) * STEPS;
-        if (!(0.0 <= x && x < SIDE - 1 && y < HALF)) return {};
+        double x = (along + STEEPEST) * STEPS;
+        double y = ((mirrored_ ? abs(across) : across) + STEEPEST) * STEPS;
+        if (!(0.0 <= x && x < SIDE - 1 && 0.0 <= y && y < SIDE - 1)) return {};
         int i = int(x), j = int(y);
         double s = x - i, t = y - j;
-        const SlopeState *low = &states_[i * (HALF + 1) + j], *high = low + (HALF + 1);
-        const SlopeState &one = low[0], &two = low[1], &three = high[0], &four = high[1];
+        const SlopeState &one = at(i, j), &two = at(i, j + 1);
+        const SlopeState &three = at(i + 1, j), &four = at(i + 1, j + 1);
         Regime regime = regime_of(one);
         bool alike =
             regime_of(two) == regime && regime_of(three) == regime && regime_of(four) == regime;
@@ -131,12 +136,28 @@ public:
 
 private:
     static constexpr int STEPS = 50;         // for a tangent of 1 …
-    static constexpr double STEEPEST = 1.0;  // … up to which it goes, ahead both ways …
-    static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;  // … and to a side
+    static constexpr double STEEPEST = 1.0;  // … up to which it goes, along and across, both ways
+    static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;
     static constexpr double SMOOTH = 0.08;  // shares or slips that differ by more are not smooth
     enum Regime { MOVES, STUCK, ENDLESS };  // it does, does not, or what it takes is not finite
 
-    std::vector<SlopeState> states_;  // (SIDE, HALF + 1)
+    const Vehicle& vehicle_;
+    std::vector<LoadedWheel> wheels_;
+    bool mirrored_;
+    std::unique_ptr<std::atomic<const SlopeState*>[]> states_;  // (SIDE, SIDE)
+
+    const SlopeState& at(int i, int j) const {
+        auto& place = states_[i * SIDE + j];
+        const SlopeState* known = place.load(std::memory_order_acquire);
+        if (known) return *known;
+        auto wheels = wheels_;
+        double along = (i - HALF) / double(STEPS), across = (j - HALF) / double(STEPS);
+        auto made =
+            std::make_unique<const SlopeState>(slope_state(vehicle_, along, across, wheels));
+        // another thread may have been first
+        if (place.compare_exchange_strong(known, made.get())) return *made.release();
+        return *known;
+    }
 
     Regime regime_of(const SlopeState& s) const {
         if (s.share < 1.0 && s.slip < 1.0 && s.torque <= 1.0) return MOVES;
@@ -154,21 +175,29 @@ public:
 
     VehicleOnSoils(const Vehicle& vehicle, const Soils& all, In steps)
         : vehicle(vehicle), soils(each(all.size(), [&](std::size_t n) { return all[n]; })),
-          steps(steps), tables_(std::make_unique<Table[]>(all.size())) {}
+          steps(steps) {}
 
-    // Its state where all wheels stand on one soil, if that can be interpolated.
-    std::optional<SlopeState> find(i64 soil, double along, double across) const {
-        Table& table = tables_[soil];
-        std::call_once(table.once, [&] { table.made.emplace(vehicle, soils[soil]); });
-        return table.made->find(along, across);
+    // The table of wheels that stand on soils; none where these are more than two.
+    const SlopeTable* table(const std::vector<i64>& ids) const {
+        i64 first = ids[0], other = first;
+        for (i64 id : ids) {
+            if (id == first || id == other) continue;
+            if (other != first) return nullptr;
+            other = id;
+        }
+        std::lock_guard lock(mutex_);
+        auto& made = tables_[ids];
+        if (!made) {
+            auto wheels = wheels_on(vehicle.layout, soils[first]);
+            for (std::size_t n = 0; n < ids.size(); ++n) wheels[n].soil = soils[ids[n]];
+            made = std::make_unique<SlopeTable>(vehicle, std::move(wheels), other == first);
+        }
+        return made.get();
     }
 
 private:
-    struct Table {
-        std::once_flag once;
-        std::optional<SlopeTable> made;  // when it is first wanted
-    };
-    std::unique_ptr<Table[]> tables_;
+    mutable std::mutex mutex_;
+    mutable std::map<std::vector<i64>, std::unique_ptr<SlopeTable>> tables_;
 };
 
 // Planes of numbers that are found out with the verdicts.
@@ -223,6 +252,9 @@ void judge_points(
     const Vehicle& v = on.vehicle;
     auto wheels = wheels_on(v.layout, {});
     std::vector<const Id*> under(wheels.size());
+    std::vector<i64> ids(wheels.size(), -1);
+    const SlopeTable* table = nullptr;
+    bool stale = true;  // the table is that of other soils
     double shape = v.go_geometry;
     for (i64 i = 0; i < out.verdict.rows(); ++i) {
         for (i64 n = 0; n < count_of(under); ++n)
@@ -240,12 +272,13 @@ void judge_points(
             double along = dx * east + dy * north, across = dy * east - dx * north;
             Gravity g = gravity(along, across);
 
-            bool known = true, alike = true, vague = false;
+            bool known = true, vague = false;
             double limit = INF;
             for (std::size_t n = 0; n < wheels.size(); ++n) {
                 const Soil& soil = on.soils[under[n][j]];
                 known = known && !isnan(soil.cohesion);
-                alike = alike && under[n][j] == under[0][j];
+                stale = stale || i64(under[n][j]) != ids[n];
+                ids[n] = under[n][j];
                 bool slips = wheels[n].wheel.slips && soil.shear_modulus > 0.0;
                 vague = vague || (wheels[n].driven && !slips);
                 limit = min(limit, on.steps[under[n][j]]);
@@ -256,7 +289,8 @@ void judge_points(
                 need.tipping = tipping(v.layout, g);
                 need.reserve = tip_reserve(v.layout, g);
             } else {
-                auto found = alike ? on.find(under[0][j], along, across) : std::nullopt;
+                if (stale) table = on.table(ids), stale = false;
+                auto found = table ? table->find(along, across) : std::nullopt;
                 if (!found) {
                     for (std::size_t n = 0; n < wheels.size(); ++n)
                         wheels[n].soil = on.soils[under[n][j]];

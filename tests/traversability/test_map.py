@@ -606,16 +606,19 @@ class TestTables:
     def test_near(self, soil: dict[str, Any], vehicle: Vehicle) -> None:
         """Within 0.08 everywhere, 0.03 nearly everywhere; no limit is crossed.
 
-        Tables are for wheels that all stand on one soil: the same soil under two ids is computed.
+        Tables are for wheels that stand on one soil or on two: the same soil under three ids is
+        computed.
         """
         vehicle = replace(vehicle, clearance=math.inf)
         soils, steps = soil_table(slope("east", 0, soil), vehicle)
-        twice = SoilArrays(*(np.append(column, column[1]) for column in soils))
-        table = twice, np.append(steps, steps[1])
+        thrice = SoilArrays(*(np.append(column, column[[1, 1]]) for column in soils))
+        table = thrice, np.append(steps, steps[[1, 1]])
         slopes = np.random.default_rng(1).uniform(-0.5, 0.5, (1500, 2))
         wheels = vehicle.wheels
         found = judged(vehicle, table, slopes, [1] * wheels)
-        wanted = judged(vehicle, table, slopes, [1] * (wheels - 1) + [2])
+        wanted = judged(vehicle, table, slopes, [1] * (wheels - 2) + [2, 3])
+        two = judged(vehicle, table, slopes, [2] + [1] * (wheels - 1))
+        assert np.array_equal(found, two, equal_nan=True)
         direct = ((found == wanted) | (np.isnan(found) & np.isnan(wanted))).all(axis=0)
         assert direct.sum() < 300
         moves = np.isfinite(wanted[kernels.ENERGY])
