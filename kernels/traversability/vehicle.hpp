@@ -258,12 +258,16 @@ inline double common_share(LoadedWheels wheels, double pull, double max_slip, bo
     auto lacking = [&](double share) { return pull - pulls(wheels, share, motors).force; };
     double low = 0.0, high = 0.0, under = lacking(low), over = under;
     if (under <= 0.0) return 0.0;
-    // before the peak there is one root
-    auto force_at = [&](double slip) { return -lacking(least_mobilised(wheels, slip)); };
+    // before the peak there is one root; where a wheel sinks in to its axle the model ends
+    auto force_at = [&](double slip) {
+        double force = -lacking(least_mobilised(wheels, slip));
+        return deepest_share(wheels) < 1.0 ? force : -INF;
+    };
     BestSlip best{max_slip, force_at(max_slip)};
     if (best.force < 0.0) best = best_slip(force_at, max_slip, 0.0);
     double share = least_mobilised(wheels, best.slip);
-    (best.force >= 0.0 ? high : low) = share, (best.force >= 0.0 ? over : under) = -best.force;
+    if (best.force >= 0.0) high = share, over = -best.force;
+    else low = share, under = lacking(share);
     for (int n = 0; n < doublings && over > 0.0; ++n) {
         high = n == 0 ? 1.0 : 2.0 * high;
         over = lacking(high);
