@@ -287,10 +287,9 @@ def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
         none = ""
         if coding.exact and coding.nodata is not None and coding.nodata == coding.nodata:
             none = f", {coding.nodata:.9g} for none"
-        coarser = ""
-        if written.overviews is not None:
+        coarser = "" if written.overviews is None else ", one tile, which needs no overviews"
+        if written.overviews:
             coarser = f", {counted(len(written.overviews), 'overview')}"
-            coarser = coarser if written.overviews else ", one tile, which needs no overviews"
         yield f"{written.path}: {coding.dtype.name}{none}{coarser}"
         for index, name in enumerate(written.bands.names):
             yield f"  band {index + 1}: {_band(written, index, name)}"

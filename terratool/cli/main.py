@@ -127,8 +127,7 @@ def _run() -> int:
         error.show()
         return error.exit_code
     except click.Abort:
-        click.echo("terratool: stopped.", err=True)
-        return 130
+        return _stopped()
     except TerratoolError as error:
         _say(error.message, error.hint)
         return error.exit_code
@@ -147,8 +146,12 @@ def _run() -> int:
             raise
         if not isinstance(stopped, KeyboardInterrupt):
             raise stopped from None
-        click.echo("terratool: stopped.", err=True)
-        return 130
+        return _stopped()
+
+
+def _stopped() -> int:
+    click.echo("terratool: stopped.", err=True)
+    return 130
 
 
 def _say(message: str, hint: str) -> None:

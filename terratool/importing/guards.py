@@ -25,7 +25,7 @@ _RAW_DRIVERS = frozenset(
      "PDS", "PDS4", "PNM", "ROI_PAC", "RST", "SAGA", "SDTS", "SIGDEM", "Terragen", "USGSDEM",
      "VICAR", "XYZ", "ZMap"]
 )  # fmt: skip
-_TEXT_DRIVERS = frozenset(["AAIGrid", "GSAG", "ISG", "XYZ", "ZMap"])
+_TEXT_DRIVERS = frozenset(["AAIGrid", "GSAG", "XYZ", "ZMap"])
 """Each pixel of these is a digit and a space at least. GDAL reads what is missing row by row, and
 rasterio makes a chain of exceptions of that."""
 _TEXT_PACKED = 64

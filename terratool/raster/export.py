@@ -147,13 +147,14 @@ class RasterRequest:
                 f"There is no type {self.dtype!r}.", f"The types are {', '.join(DTYPES)}."
             )
         empty = math.nan if self.nodata is None else self.nodata
-        if math.isinf(empty) or not _is_of_type(empty, self.dtype):
-            wider = "" if self.dtype == "float64" else ", or add --dtype float64"
+        if math.isinf(empty):
             raise RequestError(
-                f"No {self.dtype} is {empty!r}, which is to stand for none."
-                if math.isfinite(empty)
-                else "Infinity cannot stand for none.",
-                f"Give another number, such as -9999{wider if math.isfinite(empty) else ''}.",
+                "Infinity cannot stand for none.", "Give another number, such as -9999."
+            )
+        if not _is_of_type(empty, self.dtype):
+            raise RequestError(
+                f"No {self.dtype} is {empty!r}, which is to stand for none.",
+                "Give another number, such as -9999, or add --dtype float64.",
             )
         files = files_of(layers, terrain, np.dtype(self.dtype), empty)
         if self.nodata is not None and all(bands.content != "number" for bands in files):

@@ -60,11 +60,8 @@ def columns_of(char: str) -> int:
 
 def _swapped(name: str, other: str) -> bool:
     """Whether two neighbouring letters have changed places."""
-    if len(name) != len(other):
-        return False
-    apart = [k for k, pair in enumerate(zip(name, other, strict=True)) if pair[0] != pair[1]]
-    return apart[1:] == [k + 1 for k in apart[:1]] and (
-        name[apart[0]] + name[apart[1]] == other[apart[1]] + other[apart[0]]
+    return any(
+        name == other[:k] + other[k + 1] + other[k] + other[k + 2 :] for k in range(len(other) - 1)
     )
 
 
