@@ -392,7 +392,9 @@ class _Sweep:
         self.first = self._parts * self._halo + self._parts // 2
         self._heights = self._phased(ground.heights)
         self.ids = self._phased(ground.surfaces)
-        self.ruts = (None, None) if ground.ruts is None else tuple(map(self._phased, ground.ruts))
+        self.ruts: tuple[Any, Any] = (None, None)
+        if ground.ruts is not None:
+            self.ruts = (self._phased(ground.ruts.depth), self._phased(ground.ruts.exponent))
         self._crests = None if ground.crests is None else self._laid_out(ground.crests)
         middle = np.zeros(2, np.int64)
         self.surfaces = self._at(self.ids, middle)
