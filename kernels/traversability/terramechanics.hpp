@@ -29,6 +29,7 @@ using std::acos;
 using std::asin;
 using std::atan;
 using std::atan2;
+using std::cbrt;
 using std::cos;
 using std::exp;
 using std::expm1;
@@ -67,10 +68,14 @@ struct Pressed {
     double exponent;  // a
 };
 
+constexpr double CUBES = 3.0;  // the usual exponent, worked out in a third of the time
+INLINE double cube(double x) { return x * x * x; }
+
 // z with z^a = x^a + y^a.
 INLINE double both_passes(double x, double y, double exponent) {
     double most = max(x, y), least = min(x, y);
     if (!(least > 0.0)) return most;
+    if (exponent == CUBES) return most * cbrt(1.0 + cube(least / most));
     return most * exp(log1p(pow(least / most, exponent)) / exponent);
 }
 
@@ -79,6 +84,10 @@ INLINE double further(const Pressed& ground, double first) {
     if (!(ground.depth > 0.0)) return first;
     if (first > ground.depth)
         return both_passes(first, ground.depth, ground.exponent) - ground.depth;
+    if (ground.exponent == CUBES) {
+        double q = cube(first / ground.depth), c = cbrt(1.0 + q);
+        return ground.depth * (q / (c * c + c + 1.0));  // c - 1, without cancellation
+    }
     double ratio = pow(first / ground.depth, ground.exponent);
     return ground.depth * expm1(log1p(ratio) / ground.exponent);
 }
