@@ -120,7 +120,7 @@ def judged(
     soils: Any,
     slopes: NDArray[np.float64],
     ids: list[int],
-    ruts: list[tuple[float, float]] | None = None,
+    ruts: list[tuple[float, float, float]] | None = None,
 ) -> NDArray[np.float32]:
     """The numbers of a vehicle on plane slopes, (kernels.PLANES, n).
 
@@ -129,7 +129,7 @@ def judged(
         soils: by id, and the steps on them, as of `soil_table`.
         slopes: (n, 2) tangents along and across.
         ids: of the soil under each wheel.
-        ruts: depth and exponent of the rut under each wheel; none if None.
+        ruts: depth of the first pass, passes and exponent of the rut under each wheel.
     """
     shape = (1, len(slopes))
     flat = np.zeros(shape, np.float32)
@@ -139,7 +139,7 @@ def judged(
         return np.array(wheels, dtype)[:, None, None].repeat(shape[1], axis=2)
 
     pressed = (
-        (None, None) if ruts is None else (under(of, np.float32) for of in zip(*ruts, strict=True))
+        (None,) * 3 if ruts is None else (under(of, np.float32) for of in zip(*ruts, strict=True))
     )
     wheels = np.array([[wheel, 0, 0] for wheel in range(len(wheel_layout(vehicle).x))])
     stance = Stance(

@@ -52,8 +52,9 @@ INLINE i64 cell_near(const Tracks& tracks, double x, double y) {
 
 struct Rut {
     double depth;
-    i64 surface_track;  // the track that decides the surface, -1 for none
-    i64 deepest;        // the track with the deepest first pass, -1 for none
+    i64 surface_track;     // the track that decides the surface, -1 for none
+    i64 deepest;           // the track with the deepest first pass, -1 for none
+    double first, passes;  // depth of that pass, and all passes
 };
 
 // The rut that tracks make together, which are added in any order, each once. The deepest after its
@@ -76,7 +77,7 @@ struct RutOfAll {
     }
     INLINE Rut rut() const {
         double depth = deepest < 0 ? 0.0 : deepened(first, passes, tracks.power[deepest]);
-        return {depth, surface_track, deepest};
+        return {depth, surface_track, deepest, first, passes};
     }
 };
 
@@ -89,7 +90,7 @@ inline Rut rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground
         i64 track = segment.track;
         if (track == last || !holds(segment, x, y)) continue;
         last = track;
-        if (!all.add(track, ground)) return {0.0, -1, -1};
+        if (!all.add(track, ground)) return {0.0, -1, -1, 0.0, 0.0};
     }
     return all.rut();
 }
@@ -98,25 +99,25 @@ inline Rut rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground
 // `ground` is the index of the ground's surface, -1 for none. In the void there is no rut.
 INLINE Rut rut_at(const Tracks& tracks, double x, double y, i64 ground) {
     i64 cell = cell_near(tracks, x, y);
-    return cell < 0 ? Rut{0.0, -1, -1} : rut_in(tracks, cell, x, y, ground);
+    return cell < 0 ? Rut{0.0, -1, -1, 0.0, 0.0} : rut_in(tracks, cell, x, y, ground);
 }
 
-// Ruts at the centres of pixels, rows from the north: their depths, and a of their passes; 0
-// elsewhere, and where a track has a surface of its own, which says what its ground is like.
-// `surfaces` are those of the ground and one. Whether there is any.
+// Ruts at the centres of pixels, rows from the north: depth of the deepest first pass, the passes
+// of all, and their a; 0 elsewhere, and where a track has a surface of its own, which says what its
+// ground is like. `surfaces` are those of the ground and one. Whether there is any.
 template <class Id>
 bool find_ruts(
-    const Tracks& tracks, In x, In y, Matrix<const Id> surfaces, Matrix<float> depth,
-    Matrix<float> exponent
+    const Tracks& tracks, In x, In y, Matrix<const Id> surfaces, Matrix<float> first,
+    Matrix<float> passes, Matrix<float> exponent
 ) {
     bool any = false;
-    depth.fill(0.0f), exponent.fill(0.0f);
-    for (i64 r = 0; r < depth.rows(); ++r) {
-        double at = y[depth.rows() - 1 - r];
-        for (i64 c = 0; c < depth.columns(); ++c) {
+    for (auto plane : {first, passes, exponent}) plane.fill(0.0f);
+    for (i64 r = 0; r < first.rows(); ++r) {
+        double at = y[first.rows() - 1 - r];
+        for (i64 c = 0; c < first.columns(); ++c) {
             Rut rut = rut_at(tracks, x[c], at, i64(surfaces(r, c)) - 1);
             if (rut.depth == 0.0 || rut.surface_track >= 0) continue;
-            depth(r, c) = float(rut.depth), any = true;
+            first(r, c) = float(rut.first), passes(r, c) = float(rut.passes), any = true;
             exponent(r, c) = float(1.0 / tracks.power[rut.deepest]);
         }
     }

@@ -92,17 +92,18 @@ i64 find_crests(
 using SurfacesBelow = std::variant<Matrix<const u8>, Matrix<const u16>, Matrix<const u32>>;
 
 bool ruts(
-    const Field& field, In x, In y, const SurfacesBelow& surfaces, Matrix<float> depth,
-    Matrix<float> exponent
+    const Field& field, In x, In y, const SurfacesBelow& surfaces, Matrix<float> first,
+    Matrix<float> passes, Matrix<float> exponent
 ) {
     constexpr IndexCheck check_index{"find_ruts"};
     if (!has_tracks(field)) return false;
     return std::visit(
         [&](auto ids) {
+            check_index(ids.rows() == first.rows() && ids.columns() == first.columns(), "surfaces");
             for (i64 r = 0; r < ids.rows(); ++r)
                 for (auto id : ids[r])
                     check_index(i64(id) < field.tracks.depths.columns(), "a surface");
-            return find_ruts(field.tracks, x, y, ids, depth, exponent);
+            return find_ruts(field.tracks, x, y, ids, first, passes, exponent);
         },
         surfaces
     );
@@ -155,8 +156,9 @@ void bind_painting(nb::module_ m) {
     );
 
     def<&ruts>(
-        m, "find_ruts", "Depths and exponents of the ruts at the centres of pixels; whether any.",
-        {"field", "x[w]", "y[h]", "surfaces", "depth[h,w]", "exponent[h,w]"}
+        m, "find_ruts",
+        "First depths, passes and exponents of the ruts at the centres of pixels; whether any.",
+        {"field", "x[w]", "y[h]", "surfaces", "first[h,w]", "passes[h,w]", "exponent[h,w]"}
     );
     def<&footprint_run>(
         m, "footprint_run", "The columns of a row that a footprint holds.",

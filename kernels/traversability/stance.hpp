@@ -57,14 +57,13 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     out.deepest = 0.0, out.sunk = deepest_share(wheels);
     double tilt_along = along, tilt_across = across;
     for (i64 n = 0; n < count_of(wheels); ++n) {
-        double sinkage = wheels[n].below();
+        double sinkage = depth_of(wheels, n);
         out.deepest = max(out.deepest, sinkage);
         tilt_along -= v.fit_along[n] * sinkage;
         tilt_across -= v.fit_across[n] * sinkage;
     }
     double holding = held_on(g), towing = resistances(wheels);
-    double mobile = least_mobilised(wheels, v.slip);
-    out.drawbar = pulls(wheels, mobile, true).force - towing + v.weight * g.forward;
+    out.drawbar = most_pull(wheels, v.slip) - towing + v.weight * g.forward;
     double slope = hypot(along, across);
     if (v.slope_margin > 0.0) {
         // what it must be able to do is that on slopes steeper by so much
@@ -168,7 +167,7 @@ private:
 // What a wheel stands on: a soil by its id, and what others have done to it.
 struct Footing {
     i64 soil = -1;
-    float rut = 0.0f, exponent = 0.0f;  // as in `Pressed`; 0 for no rut
+    float first = 0.0f, passes = 0.0f, exponent = 0.0f;  // as in `Pressed`; 0 for no rut
 
     auto operator<=>(const Footing&) const = default;
 };
@@ -207,9 +206,9 @@ public:
     // Let wheels stand so.
     void place(LoadedWheels wheels, const std::vector<Footing>& footings) const {
         for (std::size_t n = 0; n < wheels.size(); ++n) {
-            auto [soil, rut, exponent] = footings[n];
+            auto [soil, first, passes, exponent] = footings[n];
             wheels[n].soil = soils[soil];
-            wheels[n].ground = {rut, rut > 0.0f ? exponent : vehicle.layout.multipass};
+            wheels[n].ground = {first, passes, exponent};
         }
     }
 
@@ -240,16 +239,17 @@ struct Stance {
     Heights step;               // the highest ahead of the wheels, m
     Matrix<const bool> beyond;  // whether it reaches beyond the terrain
     SurfaceIds surfaces;
-    Ground rut, exponent;  // as in `Pressed`; none where there is no rut
-    i64 first;             // row of the first reference points in these
-    Offsets wheels;        // where the wheels stand in these
+    Ground first_pass, passes, exponent;  // as in `Pressed`; none where there is no rut
+    i64 first;                            // row of the first reference points in these
+    Offsets wheels;                       // where the wheels stand in these
 };
 
 template <class Visit> void visit_arguments(Stance& s, Visit visit) {
     visit("plane[3,h,w]", s.plane), visit("bump[h,w]", s.bump), visit("front[h,w]", s.front);
     visit("rear[h,w]", s.rear), visit("rough[h,w]", s.rough), visit("step[h,w]", s.step);
     visit("beyond[h,w]", s.beyond), visit("surfaces", s.surfaces);
-    visit("?rut[_,_,_]", s.rut), visit("?exponent[_,_,_]", s.exponent), visit("first", s.first);
+    visit("?first_pass[r,p,c]", s.first_pass), visit("?passes[r,p,c]", s.passes);
+    visit("?exponent[r,p,c]", s.exponent), visit("first", s.first);
     visit("wheels[_,3]", s.wheels);
 }
 
@@ -273,8 +273,8 @@ void judge_points(
     const Vehicle& v = on.vehicle;
     auto wheels = wheels_on(v.layout, {});
     std::vector<const Id*> under(wheels.size());
-    bool rutted = stance.rut.size() > 0;
-    std::vector<const float*> rut(wheels.size()), exponent(wheels.size());
+    bool rutted = stance.passes.size() > 0;
+    std::vector<std::array<const float*, 3>> ruts(wheels.size());
     std::vector<Footing> footings(wheels.size());
     const SlopeTable* table = nullptr;
     bool stale = true;  // the table is that of other footings
@@ -283,8 +283,10 @@ void judge_points(
         for (i64 n = 0; n < count_of(under); ++n) {
             under[n] = swept_row(surfaces, stance.first, stance.wheels[n], i);
             if (!rutted) continue;
-            rut[n] = swept_row(stance.rut, stance.first, stance.wheels[n], i);
-            exponent[n] = swept_row(stance.exponent, stance.first, stance.wheels[n], i);
+            auto row = [&](Ground plane) {
+                return swept_row(plane, stance.first, stance.wheels[n], i);
+            };
+            ruts[n] = {row(stance.first_pass), row(stance.passes), row(stance.exponent)};
         }
         for (i64 j = 0; j < out.verdict.columns(); ++j) {
             auto number = [&](Plane plane) -> float& { return out.numbers(plane, i, j); };
@@ -305,7 +307,11 @@ void judge_points(
                 const Soil& soil = on.soils[under[n][j]];
                 known = known && !isnan(soil.cohesion);
                 Footing footing{i64(under[n][j])};
-                if (rutted) footing.rut = rut[n][j], footing.exponent = exponent[n][j];
+                if (rutted) {
+                    auto [first, passes, exponent] = ruts[n];
+                    footing.first = first[j], footing.passes = passes[j];
+                    footing.exponent = exponent[j];
+                }
                 if (footing != footings[n]) footings[n] = footing, stale = true;
                 bool slips = wheels[n].wheel.slips && soil.shear_modulus > 0.0;
                 vague = vague || (wheels[n].driven && !slips);

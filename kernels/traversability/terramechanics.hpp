@@ -13,9 +13,9 @@
 // Hanamoto 1961, for a flat patch as in Wong, Theory of Ground Vehicles). l belongs to the wheel:
 // it does not depend on the sinkage, so that harder ground never holds a wheel less.
 //
-// In the model `slip` a wheel that runs where others ran sinks in less: first passes of depths z_i
-// make a rut as deep as z with z^a = Σ z_i^a. For equal ones that is z_n = z_1 n^(1/a) (Abebe,
-// Tanaka and Yamazaki, Journal of Terramechanics 26, 1989), the law of kernels/field/tracks.hpp.
+// In the model `slip` a wheel that runs where others ran sinks in by what it adds to their rut: of
+// n passes that is z_1 n^(1/a) deep, z_1 that of the deepest on fresh ground (Abebe, Tanaka and
+// Yamazaki, Journal of Terramechanics 26, 1989), as in kernels/field/tracks.hpp.
 //
 // Everything is in N, m, Pa and rad. Of wheels that sink deeper than to their axles the models say
 // nothing; forces are then those at that depth.
@@ -62,35 +62,22 @@ struct Soil {
     double shear_modulus;  // K, m; 0 where it is not known: all strength is mobilised at any slip
 };
 
-// What others have done to the ground that a wheel runs on.
+// What wheels have done to the ground: so many passes, of which the deepest was `first` deep when
+// it came to fresh ground, make a rut that is first · passes^(1/a) deep.
 struct Pressed {
-    double depth;     // of their rut, m
-    double exponent;  // a
-};
+    double first, passes, exponent;  // m, a number, a
 
-constexpr double CUBES = 3.0;  // the usual exponent, worked out in a third of the time
-INLINE double cube(double x) { return x * x * x; }
-
-// z with z^a = x^a + y^a.
-INLINE double both_passes(double x, double y, double exponent) {
-    double most = max(x, y), least = min(x, y);
-    if (!(least > 0.0)) return most;
-    if (exponent == CUBES) return most * cbrt(1.0 + cube(least / most));
-    return most * exp(log1p(pow(least / most, exponent)) / exponent);
-}
-
-// How much deeper a rut gets by one more pass, which is `first` deep on fresh ground.
-INLINE double further(const Pressed& ground, double first) {
-    if (!(ground.depth > 0.0)) return first;
-    if (first > ground.depth)
-        return both_passes(first, ground.depth, ground.exponent) - ground.depth;
-    if (ground.exponent == CUBES) {
-        double q = cube(first / ground.depth), c = cbrt(1.0 + q);
-        return ground.depth * (q / (c * c + c + 1.0));  // c - 1, without cancellation
+    double depth() const {
+        if (!(passes > 1.0)) return passes > 0.0 ? first : 0.0;
+        return first * (exponent == 3.0 ? cbrt(passes) : pow(passes, 1.0 / exponent));
     }
-    double ratio = pow(first / ground.depth, ground.exponent);
-    return ground.depth * expm1(log1p(ratio) / ground.exponent);
-}
+    // After one more pass, of a wheel that sinks in by `own` on fresh ground, where a is `usual`.
+    Pressed after(double own, double usual) const {
+        constexpr double alike = 1.0 + 1e-6;  // ruts of terrains are known in single precision
+        if (passes > 0.0 && own <= first * alike) return {first, passes + 1.0, exponent};
+        return {own, passes + 1.0, usual};
+    }
+};
 
 // Where a wheel touches the soil, and what all formulas take from it.
 struct Contact {
@@ -114,9 +101,10 @@ INLINE Contact contact_at(double entry, double exit_ratio, const Wheel& wheel, d
     return {sinkage, entry, sine, sqrt(1.0 - sine * sine), area, arm, 0.0, area};
 }
 
-// l, the length along which a wheel shears the ground.
+// l, the length along which a wheel shears the ground; no patch is longer than the wheel.
 INLINE double shear_length(double load, const Wheel& wheel) {
-    return max(wheel.shear_length, load / (wheel.width * wheel.patch_pressure));
+    double patch = load / (wheel.width * wheel.patch_pressure);
+    return max(wheel.shear_length, min(patch, 2.0 * wheel.radius));
 }
 
 // The contact of a wheel that sinks in by `rest` under a load, at a slip.

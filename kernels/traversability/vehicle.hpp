@@ -96,23 +96,25 @@ inline double tip_reserve(const Layout& layout, const Gravity& g) {
     return least;
 }
 
+constexpr i64 MOST_AXLES = 64;  // so many wheels in one line are looked at
+
 // A wheel of a vehicle, what it bears, and the soil that it stands on.
 struct LoadedWheel {
     bool driven;
     i64 ahead;  // the wheel in whose track it runs, -1 for none; it stands before this one
     Wheel wheel;
     Soil soil;
-    Pressed ground;  // before the vehicle came
+    double multipass;  // a of passes one after the other
+    Pressed ground{};  // before the vehicle came
     double load = 0.0;
-    double passed = 0.0;  // the load whose first pass is as deep as all up to its own together
-    double found = 0.0;   // depth of the rut that it finds, m
-    double rest = 0.0;    // how far it sinks in there without slip, m
+    double found = 0.0;  // depth of the rut that it finds, m
+    double rest = 0.0;   // how far it sinks in there without slip, m
     double slip = 0.0;
     Contact contact{};  // at the slip
 
     double modulus() const { return wheel.slips ? soil.shear_modulus : 0.0; }
     // How deep it stands under the ground as it was before the vehicle came.
-    double below() const { return found - ground.depth + contact.sinkage; }
+    double below() const { return found - ground.depth() + contact.sinkage; }
     void slip_at(double amount) {
         slip = amount;
         contact = contact_sunk(rest, load, wheel, slip);
@@ -125,7 +127,7 @@ using LoadedWheels = Span<LoadedWheel>;
 inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soil& soil) {
     return each(layout.driven.size(), [&](std::size_t n) {
         return LoadedWheel{
-            layout.driven[n], layout.ahead[n], layout.wheels[n], soil, {0.0, layout.multipass}
+            layout.driven[n], layout.ahead[n], layout.wheels[n], soil, layout.multipass
         };
     });
 }
@@ -149,17 +151,42 @@ inline bool load_wheels(
     return lifted;
 }
 
-// Let loaded wheels sink in, at rest.
-inline void sink_wheels(LoadedWheels wheels) {
-    for (LoadedWheel& f : wheels) {
-        double before = f.ahead < 0 ? 0.0 : wheels[f.ahead].passed, a = f.ground.exponent;
-        f.passed = both_passes(before, f.load, a);
-        f.found = both_passes(f.ground.depth, f.soil.sinkage * before, a);
-        f.rest = f.soil.sinkage * f.load;
-        if (f.wheel.slips) f.rest = further({f.found, a}, f.rest);
-        else f.found = f.ground.depth;
-        f.slip_at(0.0);
+// Let a loaded wheel sink in, at rest, in the ground that those ahead in its line have pressed,
+// too. None sinks in further than where nobody else has been.
+inline void sink_wheel(LoadedWheels wheels, LoadedWheel& f) {
+    f.found = f.ground.depth(), f.rest = f.soil.sinkage * f.load;
+    if (f.wheel.slips && (f.ahead >= 0 || f.ground.passes > 0.0)) {
+        Pressed ground = f.ground, fresh{};
+        bool rut = f.ground.passes > 0.0;
+        auto deepened = [&](Pressed& soil, double own, double usual) {
+            Pressed before = std::exchange(soil, soil.after(own, usual));
+            return max(soil.depth() - before.depth(), 0.0);
+        };
+        auto press = [&](double own) {
+            double on_fresh = deepened(fresh, own, rut ? f.ground.exponent : f.multipass);
+            return rut ? min(deepened(ground, own, f.multipass), on_fresh) : on_fresh;
+        };
+        std::array<double, MOST_AXLES> ahead;
+        i64 count = 0;
+        for (i64 k = f.ahead; k >= 0 && count < MOST_AXLES; k = wheels[k].ahead)
+            ahead[count++] = wheels[k].load;
+        while (count > 0) f.found += press(f.soil.sinkage * ahead[--count]);
+        f.rest = min(press(f.rest), f.rest);
     }
+    f.slip_at(0.0);
+}
+
+inline void sink_wheels(LoadedWheels wheels) {
+    for (LoadedWheel& f : wheels) sink_wheel(wheels, f);
+}
+
+// How deep a wheel stands under the ground as it was: no higher than those ahead, as they slip,
+// have left it.
+inline double depth_of(LoadedWheels wheels, i64 n) {
+    double depth = wheels[n].below();
+    for (i64 k = wheels[n].ahead; k >= 0 && wheels[n].wheel.slips; k = wheels[k].ahead)
+        depth = max(depth, wheels[k].below());
+    return depth;
 }
 
 // The largest part of its radius that a wheel sinks in.
@@ -245,13 +272,13 @@ BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF) {
     int at = 0;
     for (int n = 1; n <= NODES; ++n) {
         double slip = max_slip * n / NODES, force = force_at(slip);
-        if (force == best.force) return best;  // nothing depends on it
+        if (force == best.force && force > -INF) return best;  // nothing depends on it
         if (force > best.force) best = {slip, force}, at = n;
         if (best.force > enough) return best;
         if (at < n - 1) break;
     }
     if (at == NODES) return best;
-    double low = max_slip * (at - 1) / NODES, high = max_slip * (at + 1) / NODES;
+    double low = max_slip * max(at - 1, 0) / NODES, high = max_slip * (at + 1) / NODES;
     double left = high - golden * (high - low), right = low + golden * (high - low);
     double on_left = force_at(left), on_right = force_at(right);
     for (int n = 0; n < steps; ++n) {
@@ -268,6 +295,18 @@ BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF) {
         }
     }
     return best;
+}
+
+// The most that driven wheels pull at slips up to the largest, N; motors limit them.
+inline double most_pull(LoadedWheels wheels, double max_slip) {
+    auto force_at = [&](double slip) {
+        double force = pulls(wheels, least_mobilised(wheels, slip), true).force;
+        return deepest_share(wheels) < 1.0 ? force : -INF;
+    };
+    double last = force_at(max_slip);
+    if (last > -INF && last >= force_at(max_slip * (NODES - 1) / NODES)) return last;
+    double most = best_slip(force_at, max_slip).force;
+    return most > -INF ? most : pulls(wheels, least_mobilised(wheels, max_slip), true).force;
 }
 
 // The least share of strength at which all driven wheels together push with `pull`; or infinity.

@@ -169,7 +169,7 @@ KEYS: dict[type, dict[str, Key]] = {
 
 LEAST, MOST = 1e-6, 1e6
 """Of lengths and other measures of a vehicle; their products then stay finite."""
-MAX_AXLES = 64
+MAX_AXLES = 16
 MAX_WHEELS = 16
 
 

@@ -95,7 +95,9 @@ PRESETS: dict[str, Preset] = {
     ),
     "snow-us": Preset("snow (US)", 1.6, 4.37, 196.72, 1.03, 19.7, 0.04, IAGNEMMA),
     "snow-sweden": Preset("snow (Sweden)", 1.44, 10.55, 66.08, 6, 20.7, 0.04, _SNOW),
-    "lunar-nominal": Preset("lunar soil, nominal", 1, 1.4, 820, 0.17, 35, 0.018, SOURCEBOOK),
+    "lunar-nominal": Preset(
+        "lunar soil, nominal", 1, 1.4, 820, 0.17, 35, 0.018, SOURCEBOOK, SOURCEBOOK
+    ),
     "concrete": _hard("dry concrete or asphalt", 0.75),
     "asphalt-wet": _hard("wet asphalt", 0.45),
     "gravel": _hard("a gravel road", 0.55),

@@ -195,13 +195,14 @@ def find_ruts(
     x: NDArray[np.float64],
     y: NDArray[np.float64],
     surfaces: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32],
-    depth: NDArray[np.float32],
+    first: NDArray[np.float32],
+    passes: NDArray[np.float32],
     exponent: NDArray[np.float32],
 ) -> bool:
     """
-    Depths and exponents of the ruts at the centres of pixels; whether any.
+    First depths, passes and exponents of the ruts at the centres of pixels; whether any.
 
-    Shapes: x[w], y[h], depth[h,w], exponent[h,w].
+    Shapes: x[w], y[h], first[h,w], passes[h,w], exponent[h,w].
     """
 
 def footprint_run(

@@ -164,7 +164,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         )
     wheels.check(load, soil, vehicle.wheel)
     contact = wheels.contact(load, soil, vehicle.wheel)
-    best = wheels.traction(load, soil, vehicle.wheel, slip_limit(vehicle))
+    best = wheels.best_traction(load, soil, vehicle.wheel, slip_limit(vehicle))
     need = level_demand(vehicle, soil)
     verdict, reason, _ = judge_level(vehicle, need)
     to_side, backwards, _ = tip_over(vehicle)

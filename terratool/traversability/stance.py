@@ -268,11 +268,13 @@ class Ruts(NamedTuple):
     """Ground that wheels have pressed, (height, width) float32 each; 0 where none have.
 
     Attributes:
-        depth: m under the ground as it was.
+        first: z_1, depth of the deepest first pass, m.
+        passes: n.
         exponent: a of z_n = z_1 n^(1/a).
     """
 
-    depth: NDArray[np.float32]
+    first: NDArray[np.float32]
+    passes: NDArray[np.float32]
     exponent: NDArray[np.float32]
 
 
@@ -352,7 +354,7 @@ class GroundPainter:
         )  # fmt: skip
 
     def _ruts(self, window: Window, surfaces: NDArray[Any]) -> Ruts | None:
-        found = Ruts(*np.empty((2, *surfaces.shape), np.float32))
+        found = Ruts(*np.empty((3, *surfaces.shape), np.float32))
         y = np.ascontiguousarray(self._grid.rows(window)[::-1])
         any_there = kernels.find_ruts(
             self._terrain.field, self._grid.columns(window), y, surfaces, *found

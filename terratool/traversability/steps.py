@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,6 +92,7 @@ def gap_width(radius: float, step: float) -> float:
     return 2.0 * radius * math.sqrt(share * (2.0 - share))
 
 
+@lru_cache(maxsize=256)
 def step_of(vehicle: Vehicle, friction: float) -> StepLimit:
     """The highest step that a vehicle gets up with a friction μ: that of the axle that gets least.
 

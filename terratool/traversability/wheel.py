@@ -20,6 +20,8 @@ LARGEST = 1e30
 """No size, load or property of a soil may be larger, no size or mass smaller than 1/LARGEST."""
 STEEP_FRICTION = math.radians(50.0)
 """Friction angles above it are unusual."""
+_SLIPS = 64
+"""Among so many slips the best is looked for, twice."""
 DEEP = 0.15
 """z/D up to which the model is accurate."""
 
@@ -210,6 +212,17 @@ def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Tr
     out = np.empty(len(weights), TRACTION)
     kernels.tractions(weights, soils, slips, torque, wheel, out)
     return Traction(**members(out, shape))
+
+
+def best_traction(load: float, soil: Soil, wheel: Wheel, max_slip: float) -> Traction:
+    """What a driven wheel can do at the slip up to the largest at which it pulls most."""
+    low, high = 0.0, max_slip
+    for _ in range(2):
+        slips = np.linspace(low, high, _SLIPS + 1)[1:]
+        pulls = np.asarray(traction(load, soil, wheel, slips).drawbar)
+        best = _SLIPS - 1 - int(np.argmax(pulls[::-1]))  # of equals the last
+        low, high = slips[best - 1] if best else low, slips[min(best + 1, _SLIPS - 1)]
+    return traction(load, soil, wheel, slips[best])
 
 
 def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:

@@ -228,7 +228,7 @@ def test_findings_stand_where_the_fault_is() -> None:
         ({"cog": {"height": 1, "y": 0}}, "of the centre of gravity.", "It has x, height."),
         ({"margins": {"tips": 1}}, '"tips" is no key of the margins.', 'Did you mean "tip"?'),
         ({"clearance": 0}, '"clearance" is 0, out of its range.', "from 1e-06 to 1e+06"),
-        ({"axles": [{"x": 1}]}, '"axles" is a list of 1 item, which', "2 to 64 axles"),
+        ({"axles": [{"x": 1}]}, '"axles" is a list of 1 item, which', "2 to 16 axles"),
         ({"cog": {}}, '"cog" has no "height".', 'Add "height", a height in metres'),
         ({"wheels": {**WHEELS, "tyrePressure": 0}}, '"tyrePressure" is 0, out of its', "in kPa"),
         ({"wheels": {**WHEELS, "exitAngleRatio": 1}}, '"exitAngleRatio" is 1, out', "to below 1."),

@@ -49,13 +49,12 @@ class TestFollowing:
         count = len(vehicle.axles)
         assert level_demand(vehicle, SAND).sinkage == pytest.approx(first * count ** (1 / 3))
 
-    @given(ahead=st.floats(0.1, 0.9))
+    @given(ahead=st.floats(0.25, 0.75))
     def test_unequal_wheels(self, ahead: float) -> None:
-        """Cubes of first passes add up; the front wheel sinks in as on fresh ground."""
+        """The deepest first pass counts, and how many there are, unless one bears next to nothing."""
         vehicle = machine(ahead, ahead - 1.0)
-        depths = float(SAND.sinkage) * wheel_loads(vehicle)
-        both = (depths[0] ** 3 + depths[2] ** 3) ** (1 / 3)
-        assert level_demand(vehicle, SAND).sinkage == pytest.approx(both)
+        deepest = float(SAND.sinkage) * float(wheel_loads(vehicle).max())
+        assert level_demand(vehicle, SAND).sinkage == pytest.approx(deepest * 2 ** (1 / 3))
 
     def test_only_what_runs_in_one_line_counts(self) -> None:
         """A wheel between the others' lines finds fresh ground, as do four on one axle."""
@@ -120,11 +119,15 @@ class TestRuts:
     @pytest.mark.parametrize("heading", [NORTH, EAST])
     @pytest.mark.parametrize("passes", [1, 2, 7])
     @pytest.mark.parametrize("multipass", [None, 2.0, 4.5])
+    @pytest.mark.parametrize("ahead", [0.5, 0.3, 0.7])
     def test_a_drive_sinks_in_by_what_it_adds(
-        self, tmp_path: Path, heading: int, passes: int, multipass: float | None
+        self, tmp_path: Path, heading: int, passes: int, multipass: float | None, ahead: float
     ) -> None:
-        """The verdict's sinkage on a rutted terrain is how much deeper the next drive makes it."""
-        path, vehicle, line = flat(tmp_path), machine(), LINES[heading]
+        """The verdict's sinkage on a rutted terrain is how much deeper the next drive makes it.
+
+        Whether the wheels bear the same, or those ahead or behind more.
+        """
+        path, vehicle, line = flat(tmp_path), machine(ahead, ahead - 1.0), LINES[heading]
         before, after = (
             driven(path, vehicle, count, line, multipass=multipass)
             for count in (passes, passes + 1)
@@ -133,14 +136,13 @@ class TestRuts:
         x, y = (12.4, 15.0) if heading == NORTH else (12.0, 15.4)
         grown = float(before.height(x, y) - after.height(x, y))
         found = around(before, vehicle, 12.0, 15.0)
-        if multipass is None:  # the wheels behind count with that of the rut that they run in
-            assert found.sinkage[heading, 1, 1] == pytest.approx(grown, rel=1e-5)
+        assert found.sinkage[heading, 1, 1] == pytest.approx(grown, rel=1e-4)
         a = 3.0 if multipass is None else multipass
-        first = 2e-4 * 100.0
+        first = 2e-4 * float(wheel_loads(vehicle).max())
         want = first * ((2 * passes + 2) ** (1 / a) - (2 * passes) ** (1 / a))
-        assert found.sinkage[heading, 1, 1] == pytest.approx(want, rel=1e-5)
+        assert found.sinkage[heading, 1, 1] == pytest.approx(want, rel=1e-4)
         fresh = around(Terrain(load_checked(path)), vehicle, 12.0, 15.0)
-        assert fresh.sinkage[heading, 1, 1] == pytest.approx(first * 2 ** (1 / 3), rel=1e-5)
+        assert fresh.sinkage[heading, 1, 1] == pytest.approx(first * 2 ** (1 / 3), rel=1e-4)
         assert found.energy[heading, 1, 1] < 0.8 * fresh.energy[heading, 1, 1]
 
     def test_beside_the_ruts_it_is_fresh(self, tmp_path: Path) -> None:
@@ -190,36 +192,45 @@ LEVEL = np.zeros((1, 2))
 class TestLaw:
     """What all ruts have in common."""
 
-    @given(soil=SOILS, depths=DEPTHS, deeper=st.floats(0.0, 0.2), a=st.floats(3.0, 6.0))
+    @given(
+        soil=SOILS, depths=DEPTHS, deeper=st.floats(0.0, 0.2), passes=st.integers(1, 9),
+        a=st.floats(3.0, 6.0),
+    )  # fmt: skip
     def test_pressed_ground_never_holds_less(
-        self, soil: Soil, depths: list[float], deeper: float, a: float
+        self, soil: Soil, depths: list[float], deeper: float, passes: int, a: float
     ) -> None:
-        """The deeper the ruts, the less is asked of the wheels, and the less they sink in.
+        """Ruts are no worse than fresh ground, and more passes no worse than fewer.
 
-        Where passes count for no less in a rut than they do one behind the other on fresh ground.
+        Where a pass in them counts for no less than one behind another on fresh ground.
         """
         vehicle = machine(clearance=math.inf)
         soils = table(soil, vehicle)
-        shallow, deep, fresh = (
-            judged(vehicle, soils, LEVEL, [1, 1, 2, 3], [(np.float32(d), a) for d in ruts])
-            for ruts in (depths, [d + deeper for d in depths], [0.0] * 4)
-        )
-        for plane in (kernels.UTILISATION, kernels.SINKAGE, kernels.ENERGY):
-            for less, more in ((deep, shallow), (shallow, fresh)):
-                assert less[plane, 0] <= more[plane, 0] * (1 + 1e-5) + 1e-9
-        assert deep[kernels.DRAWBAR, 0] >= shallow[kernels.DRAWBAR, 0] - 1e-3
 
-    @given(soil=SOILS, a=st.floats(1.5, 6.0))
-    def test_a_rut_of_no_depth_is_none(self, soil: Soil, a: float) -> None:
-        """The rut of 1e-20 m is fresh ground; a deep one hardly yields."""
-        vehicle = machine(clearance=math.inf)
-        soils = table(soil, vehicle)
-        ids = [1, 1, 2, 3]
-        fresh = judged(vehicle, soils, LEVEL, ids, [(0.0, a)] * 4)
-        least = judged(vehicle, soils, LEVEL, ids, [(1e-20, 3.0)] * 4)
-        assert np.allclose(fresh, least, rtol=1e-5, atol=1e-9, equal_nan=True)
-        deep = judged(vehicle, soils, LEVEL, ids, [(1e6, a)] * 4)
-        assert deep[kernels.SINKAGE, 0] < 1e-3 * max(fresh[kernels.SINKAGE, 0], 1e-9)
+        def asked(ruts: list[tuple[float, float, float]]) -> Any:
+            return judged(vehicle, soils, LEVEL, [1, 1, 2, 3], ruts)[:, 0]
+
+        once, often = (
+            asked([(np.float32(d + deeper), passes + more, a) for d in depths]) for more in (0, 5)
+        )
+        fresh = asked([(0.0, 0.0, 0.0)] * 4)
+        pairs = [(once, fresh), (often, fresh), (often, once)]
+        for plane in (kernels.UTILISATION, kernels.SINKAGE, kernels.ENERGY):
+            for less, more in pairs:
+                assert less[plane] <= more[plane] * (1 + 1e-5) + 1e-9
+        assert often[kernels.DRAWBAR] >= fresh[kernels.DRAWBAR] - 1e-3
+
+    @given(soil=SOILS, light=st.floats(0.001, 1.0), a=st.floats(1.0, 6.0))
+    def test_no_wheel_sinks_further_than_into_fresh_ground(
+        self, soil: Soil, light: float, a: float
+    ) -> None:
+        """Also a light one in the deep rut of a heavy one."""
+        vehicle = machine(clearance=math.inf, mass=40.0 * light)
+        soils = table(replace(soil, shear_modulus=0.0), vehicle)
+        ruts = [(1.0, 3.0, a)] * 4
+        found = judged(vehicle, soils, LEVEL, [1, 1, 2, 3], ruts)[kernels.SINKAGE, 0]
+        fresh = judged(vehicle, soils, LEVEL, [1, 1, 2, 3])[kernels.SINKAGE, 0]
+        # the wheels behind stand where those ahead have sunk in as far again
+        assert found <= 2.0 * fresh * (1 + 1e-5)
 
     @pytest.mark.parametrize("vehicle", [machine(), machine(0.6, 0.1, -0.6)])
     def test_tables(self, vehicle: Vehicle) -> None:
@@ -228,7 +239,7 @@ class TestLaw:
         soils = table(Soil.of(1.0, 30.0, 0.3, 0.02), vehicle)
         slopes = np.random.default_rng(2).uniform(-0.3, 0.3, (500, 2))
         count = vehicle.wheels
-        ruts = [(0.04, 2.5), (0.0, 0.0)] * (count // 2)
+        ruts = [(0.04, 1.0, 2.5), (0.0, 0.0, 0.0)] * (count // 2)
         found = judged(vehicle, soils, slopes, [1] * count, ruts)
         wanted = judged(vehicle, soils, slopes, [1] * (count - 2) + [2, 3], ruts)
         other = judged(vehicle, soils, slopes, [1] * count, ruts[::-1])
