@@ -38,8 +38,9 @@ MODELS = ("slip", "paper")
     "--report",
     "reports",
     multiple=True,
-    metavar="OUT.json|.md|.html|.geojson",
-    help="Write a report, once or several times; as .geojson the routes alone.",
+    metavar="OUT.json|.md|.html|.geojson|.svg",
+    help="Write a report, once or several times; as .geojson the routes alone, as .svg a picture "
+    "of slip against slope.",
 )
 @click.option(
     "--map",
@@ -153,12 +154,16 @@ def command(
 
     checks = [parse(text) for text in conditions]
     travels = bool(routes or waypoints)
-    lines_only = [path for path in reports if Path(path).suffix.lower() == ".geojson"]
-    _refuse_unasked(checks, travels, start is not None, [*lines_only, *["--return"] * returns])
+    lines_only, curves = (
+        [path for path in reports if Path(path).suffix.lower() == suffix]
+        for suffix in (".geojson", ".svg")
+    )
+    routed = [*lines_only, *["--return"] * returns]
+    _refuse_unasked(checks, travels, start is not None, routed, curves, model)
     renderers = [document.renderer_of(path) for path in reports]
     _refuse_outputs(file, values["vehicle"], waypoints, reports, map_, overwrite)
     vehicle = vehicle_from(values).by_model(model)
-    wants_map = map_ is not None or len(lines_only) < len(reports)
+    wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
     request = Request(
         routes=routes,
         waypoints=tuple(map(read_waypoints, waypoints)),
@@ -206,12 +211,17 @@ def command(
 
 
 def _refuse_unasked(
-    checks: list[Condition], routed: bool, reaching: bool, others: list[str]
-) -> None:
+    checks: list[Condition], routed: bool, reaching: bool, others: list[str], curves: list[str],
+    model: str,
+) -> None:  # fmt: skip
     """Refuse conditions on what is not asked for, and what else makes no sense without a route."""
     if others and not routed:
         raise click.UsageError(
             f"{others[0]} needs a route. Add --route X0 Y0 X1 Y1 or --waypoints FILE."
+        )
+    for path in curves * (model == "paper"):
+        raise click.UsageError(
+            f"{path}: there is no slip in the model paper. Leave it out, or take --model slip."
         )
     for check in checks:
         if check.needs == "route" and not routed:

@@ -106,6 +106,21 @@ kernels.check_enumerations(Verdict, Reason)
 
 
 @dataclass(frozen=True, slots=True)
+class SlipCurve:
+    """The slip of a vehicle that drives straight up a slope, or down, by the slope.
+
+    Every half degree, and at the largest climb.
+
+    Attributes:
+        slope: rad, rising; below 0 downhill.
+        slip: of the driven wheel that slips most; NaN where it cannot drive.
+    """
+
+    slope: tuple[float, ...]
+    slip: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Figures:
     """A surface and a wheel: what ground and vehicle do to each other on it.
 
@@ -148,6 +163,7 @@ class Figures:
         verdict: on level ground.
         reason: what binds on level ground.
         warnings: sentences.
+        slip_curve: None where slip is not known.
     """
 
     surface: str
@@ -185,6 +201,7 @@ class Figures:
     verdict: Verdict = Verdict.UNKNOWN
     reason: Reason = Reason.NONE
     warnings: tuple[str, ...] = ()
+    slip_curve: SlipCurve | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from terratool import __version__
 from terratool.errors import RequestError
 from terratool.text.display import shown
 from terratool.traversability.report import wording
+from terratool.traversability.report.curves import as_svg
 from terratool.traversability.report.page import as_markdown, as_page
 from terratool.traversability.report.routes import route_features
 from terratool.traversability.results import (
@@ -29,6 +30,7 @@ from terratool.traversability.results import (
     Reason,
     Route,
     RouteProfile,
+    SlipCurve,
     TraversabilityReport,
     Verdict,
 )
@@ -57,7 +59,8 @@ _KEYS: dict[type, str] = {
     "normal_stress_kPa shear_stress_kPa entry_angle_deg strength_kPa motor_stress_kPa "
     "limit_torque_Nm thrust_N resistance_N drawbar_N torque_Nm utilisation slip "
     "climb_deg climb_binding cross_slope_deg cross_slope_binding step_m step_binding step_axle "
-    "gap_m warnings",
+    "gap_m warnings slip_curve",
+    SlipCurve: "slope_deg slip",
     Location: "x y z surface element",
     Barrier: "binding bars width_m place",
     Route: "found planned verdict start goal length_m time_s energy_J steepest softest tightest "
@@ -133,7 +136,7 @@ def _plain(value: Any, factor: float = 1.0) -> Any:
     if isinstance(value, Reason):
         return None if value == Reason.NONE else value.label
     if isinstance(value, tuple):
-        return [_plain(each) for each in value]
+        return [_plain(each, factor) for each in value]
     if isinstance(value, np.ndarray):
         return [_plain(each, factor) for each in value.tolist()]
     return _record(value) if type(value) in _KEYS else value
@@ -214,6 +217,7 @@ FORMATS: dict[str, Callable[[TraversabilityReport], str]] = {
     ".json": as_json,
     ".md": as_markdown,
     ".html": as_page,
+    ".svg": as_svg,
     ".geojson": as_geojson,
 }
 

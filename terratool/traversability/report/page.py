@@ -13,7 +13,7 @@ import numpy as np
 
 from terratool import __version__
 from terratool.text.display import printable
-from terratool.traversability.report import tables, wording
+from terratool.traversability.report import curves, tables, wording
 from terratool.traversability.report.drawing import (
     chart,
     contour_interval,
@@ -75,8 +75,8 @@ def _rendered(
     )  # fmt: skip
     return environment.get_template(template).render(
         report=report, conclusion=wording.conclusion(report), tables=tables, wording=wording,
-        MARKS=MARKS, version=__version__, chart=chart, first_width=_first_width, suffix=_suffix,
-        **more,
+        MARKS=MARKS, version=__version__, chart=chart, curves=curves, first_width=_first_width,
+        suffix=_suffix, **more,
     )  # fmt: skip
 
 

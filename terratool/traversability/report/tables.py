@@ -24,6 +24,9 @@ WIDTH = 80
 _NAME = 16
 """Columns for names of surfaces; longer ones are cut."""
 
+_SLOPES, _STEEPEST = 5, 45
+"""Slopes of which a table has the slip, degrees: so many apart, up to the last."""
+
 _SPACE = re.compile(r"\s+(?!%)")
 """Where a line may be broken; not between a number and its "%"."""
 
@@ -114,6 +117,25 @@ def soils(report: TraversabilityReport) -> Table:
         (Column("shear modulus K, m"), lambda f: wording.number(f.shear_modulus)),
         (Column("preset", False), lambda f: f.preset or wording.NOTHING),
     )
+
+
+def slips(report: TraversabilityReport) -> Table:
+    """The slip on slopes of 0, 5, 10° and so on, as far as the vehicle climbs."""
+    known = [one for one in report.surfaces if one.slip_curve is not None]
+    most = max((math.degrees(one.climb) for one in known if one.climb is not None), default=0.0)
+    slopes = range(0, min(math.floor(most), _STEEPEST) + 1, _SLOPES)
+    columns = (Column("surface", False), *(Column(f"{slope}°") for slope in slopes))
+    return Table(
+        columns, tuple((title(one), *(_slip_on(one, slope) for slope in slopes)) for one in known)
+    )
+
+
+def _slip_on(figures: Figures, slope: int) -> str:
+    """The slip on a slope, degrees; a dash where the vehicle does not climb it."""
+    curve, angle = figures.slip_curve, math.radians(slope)
+    if curve is None or figures.climb is None or angle > figures.climb:
+        return wording.NOTHING
+    return wording.share(curve.slip[curve.slope.index(angle)])
 
 
 def shares(report: TraversabilityReport) -> Table:
