@@ -185,7 +185,7 @@ def test_rises_up_to_the_climb_and_ends_there() -> None:
         curve, climb = figures.slip_curve, figures.climb
         assert curve is not None
         steps = [math.degrees(b - a) for a, b in pairwise(curve.slope)]
-        assert 0.0 < min(steps) and max(steps) <= CURVE_STEP + 1e-9
+        assert min(steps) > 0.0 and max(steps) <= CURVE_STEP + 1e-9
         last = math.degrees(climb or 0.0) + CURVE_BEYOND
         assert last - CURVE_STEP < math.degrees(curve.slope[-1]) <= last + 1e-9
         if climb is None:
@@ -399,7 +399,7 @@ class TestReports:
     def test_have_the_same_numbers(self) -> None:
         """Of the curve itself, in degrees; a table of each 5°, up to each climb."""
         report = report_of(NOSE_HEAVY, TURF, FIRM, replace(TURF, shear_modulus=0.0))
-        turf, firm, bare = report.surfaces
+        turf, firm, _ = report.surfaces
         told = as_dict(report)["surfaces"]
         assert told[2]["slip_curve"] is None
         for one, kept in ((told[0], turf), (told[1], firm)):
@@ -480,7 +480,7 @@ def test_a_terrain_without_shear_moduli_has_a_sentence() -> None:
 
 
 def test_the_samples_reach_their_limit() -> None:
-    """The Husky on turf: 60 % of slip, where its caution ends, at what the table calls the climb."""
+    """The Husky on turf: 60 % of slip, where its caution ends, at what is called its climb."""
     vehicle = load_vehicle(HUSKY)
     one = figures_of(vehicle, TURF)
     assert one.slip_curve is not None and one.climb is not None
