@@ -513,3 +513,36 @@ class TraversabilityReport:
     assumptions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     geojson: dict[str, Any] = field(default_factory=lambda: {"type": "FeatureCollection"})
+
+    @property
+    def drives(self) -> bool:
+        """Whether the vehicle can: go or caution."""
+        return self.verdict in (Verdict.GO, Verdict.CAUTION)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Reports of several vehicles of which the same was asked on one terrain, one or more.
+
+    Attributes:
+        reports: one for each vehicle, in the order in which they were given.
+        notes: sentences on their grids.
+    """
+
+    reports: tuple[TraversabilityReport, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the worst."""
+        return max((one.verdict for one in self.reports), key=RANKS.__getitem__)
+
+    @property
+    def terrain(self) -> str:
+        """Name of the definition's file."""
+        return self.reports[0].terrain
+
+    @property
+    def descr(self) -> str:
+        """Of the terrain."""
+        return self.reports[0].descr

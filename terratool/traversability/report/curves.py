@@ -32,6 +32,8 @@ _LETTER = 6.4
 _NEAR = 4.0
 """A curve is looked at every so many pixels where a name might cover it."""
 
+NO_SURFACE = "There is no surface to drive on."
+
 
 class Frame(NamedTuple):
     """A part of a picture that shows x from `x[0]` to `x[1]` and y from `y[0]` up to `y[1]`."""
@@ -112,24 +114,55 @@ def slip_chart(
 
     Slope in degrees runs to the right, slip upwards. Its colours are those of curves.css.
     """
-    if not any(sum(map(len, line.drawn())) > 1 for line in lines):
+    if not _can_draw(lines):
         return ""
+    parts, tall = _chart(lines, marks, width, heading)
+    return _element(parts, width, tall, _described(lines))
+
+
+def slip_sheet(
+    panels: Sequence[tuple[Sequence[Line], Sequence[tuple[float, str]], str]], width: float
+) -> str:
+    """Charts of so many pixels' width by their lines, marks and headings, two in a row."""
+    parts, top, tall, number = [], 0.0, 0.0, 0
+    for lines, marks, heading in panels:
+        if not _can_draw(lines):
+            continue
+        if number and number % 2 == 0:
+            top, tall = top + tall, 0.0
+        chart, own = _chart(lines, marks, width, heading)
+        tall = max(tall, own + _ROW)
+        at = f"{width * (number % 2):g} {top:g}"
+        parts += [f'<g transform="translate({at})"><title>{escape(heading)}</title>', *chart]
+        parts.append("</g>")
+        number += 1
+    described = "Slip against slope, surface by surface."
+    return _element(parts, width * min(number, 2), top + tall, described) if number else ""
+
+
+def _can_draw(lines: Sequence[Line]) -> bool:
+    return any(sum(map(len, line.drawn())) > 1 for line in lines)
+
+
+def _element(parts: Sequence[str], width: float, tall: float, described: str) -> str:
+    head = (
+        f'<svg class="slip" xmlns="http://www.w3.org/2000/svg" role="img" '
+        f'viewBox="0 0 {width:g} {tall:g}" width="{width:g}" height="{tall:g}" '
+        f'aria-label="{escape(described)}">'
+    )
+    return "".join((head, *parts, "</svg>"))
+
+
+def _chart(
+    lines: Sequence[Line], marks: Sequence[tuple[float, str]], width: float, heading: str
+) -> tuple[list[str], float]:
+    """What a chart consists of, and how tall it is."""
     slopes = [math.degrees(slope) for line in lines for slope in line.curve.slope]
     ends = 5.0 * math.floor(min(slopes) / 5.0), 5.0 * math.ceil(max(slopes) / 5.0)
     frame = Frame(_LEFT, _TOP, width - _LEFT - _RIGHT, _TALL, ends, (0.0, 1.08))
     legend, rows = _legend(lines, frame.left, width)
     tall = _TOP + _TALL + _BELOW + rows * _ROW
-    return "".join(
-        (
-            f'<svg class="slip" xmlns="http://www.w3.org/2000/svg" role="img" '
-            f'viewBox="0 0 {width:g} {tall:g}" width="{width:g}" height="{tall:g}" '
-            f'aria-label="{escape(_described(lines))}">',
-            *_axes(frame, heading),
-            *_curves(frame, lines, marks),
-            *legend,
-            "</svg>",
-        )
-    )
+    return [*_axes(frame, heading), *_curves(frame, lines, marks), *legend], tall
 
 
 @cache
@@ -141,11 +174,7 @@ def style() -> str:
 def alone(chart: str, without: str) -> str:
     """A chart as the text of a file of its own; of a sentence where there is none."""
     if not chart:
-        chart = (
-            '<svg class="slip" xmlns="http://www.w3.org/2000/svg" role="img" viewBox="0 0 720 60" '
-            f'width="720" height="60"><text class="title" x="20" y="34">{escape(without)}</text>'
-            "</svg>"
-        )
+        chart = _element([_text(without, 20.0, 34.0, "title")], 720.0, 60.0, without)
     head, _, body = chart.partition(">")
     paper = '<rect class="paper" width="100%" height="100%"/>'
     return f"{head}>\n<style>\n{style()}</style>\n{paper}\n{body}\n".replace("><", ">\n<")
@@ -155,7 +184,7 @@ def as_svg(report: TraversabilityReport) -> str:
     """The slip of a report by the slope, as the text of an SVG file."""
     heading = f"{report.terrain}, {report.vehicle.name or 'a wheel'}"
     chart = slip_chart(slip_lines(report), slip_marks([report.vehicle]), 900.0, heading)
-    return alone(chart, wording.slip_unknown(report) or "There is no surface to drive on.")
+    return alone(chart, wording.slip_unknown(report) or NO_SURFACE)
 
 
 def _described(lines: Sequence[Line]) -> str:
@@ -231,6 +260,8 @@ def _curves(
 ) -> Iterator[str]:
     """The marks, the curves over them, and names where there is room for these."""
     taken: list[_Box] = []
+    most = int((frame.width - 10.0) / _LETTER)
+    marks = [(slip, cut(text, most)) for slip, text in marks]
     for slip, text in marks:
         y = frame.down(slip)
         yield f'<path class="limit" d="M{frame.left:g} {y:.1f}h{frame.width:g}"/>'

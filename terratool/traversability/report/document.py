@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +119,12 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
 
 def as_json(report: TraversabilityReport) -> str:
     """A report as the text of a JSON file."""
-    return json.dumps(as_dict(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(as_dict(report))
+
+
+def json_text(value: Any) -> str:
+    """A plain value as the text of a JSON file."""
+    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _plain(value: Any, factor: float = 1.0) -> Any:
@@ -208,8 +213,13 @@ def _summary(summary: MapSummary) -> dict[str, Any]:
 
 def as_geojson(report: TraversabilityReport) -> str:
     """The routes of a report as the text of a GeoJSON file, a line for each feature."""
+    return geojson_text(report, route_features(report.routes))
+
+
+def geojson_text(report: TraversabilityReport, features: Iterable[dict[str, Any]]) -> str:
+    """Features as the text of a GeoJSON file, with the head that a report has for it."""
     head = {**report.geojson, "terratool": __version__}
-    lines = ",\n".join(json.dumps(one, ensure_ascii=False) for one in route_features(report.routes))
+    lines = ",\n".join(json.dumps(one, ensure_ascii=False) for one in features)
     return f'{json.dumps(head, ensure_ascii=False)[:-1]}, "features": [\n{lines}\n]}}\n'
 
 
@@ -222,14 +232,16 @@ FORMATS: dict[str, Callable[[TraversabilityReport], str]] = {
 }
 
 
-def renderer_of(path: str | Path) -> Callable[[TraversabilityReport], str]:
-    """What makes the text of a report's file of this name.
+def renderer_of(
+    path: str | Path, formats: Mapping[str, Callable[[Any], str]] = FORMATS
+) -> Callable[[Any], str]:
+    """What makes the text of a report's file of this name, of some formats by suffix.
 
     Raises:
         RequestError: there is no such format.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in FORMATS:
+    if suffix not in formats:
         what = f"there are no reports as {shown(suffix)}" if suffix else "has no suffix"
-        raise RequestError(f"{path}: {what}.", f"Let it end in {', '.join(FORMATS)}.")
-    return FORMATS[suffix]
+        raise RequestError(f"{path}: {what}.", f"Let it end in {', '.join(formats)}.")
+    return formats[suffix]
