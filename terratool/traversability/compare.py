@@ -19,7 +19,7 @@ from terratool.traversability.assess import (
 )
 from terratool.traversability.map_files import refuse_full_disk_of_maps
 from terratool.traversability.route.routes import narrow_note
-from terratool.traversability.survey import parts_of
+from terratool.traversability.survey import finest_resolution, parts_of
 from terratool.traversability.vehicle import Vehicle, name_of
 
 _ONE_GRID = "one grid for all vehicles"
@@ -98,30 +98,33 @@ def prepare(
 def _common(
     terrain: Terrain, vehicles: Sequence[Vehicle], request: Request, written: bool
 ) -> tuple[Request, tuple[str, ...]]:
-    """The request with the finest resolution of those that the vehicles would have that all allow.
+    """The request with one resolution for all, and sentences on it; as it is where there is none.
 
-    And sentences on it; as it is, where there is none.
+    It is the finest that one of the vehicles would have by itself, or coarser, as all allow it.
     """
     if request.resolution is not None:
         return request, ()
     own = [chosen_resolution(terrain, vehicle, request, written) for vehicle in vehicles]
+    finest = {finest_resolution(vehicle): vehicle.name for vehicle in vehicles}
     refused = ""
-    for resolution in sorted(set(own)):
+    for resolution in sorted({*own, *(side for side in finest if side > min(own))}):
         try:
             for vehicle in vehicles:
                 parts_of(vehicle, resolution)
         except RequestError as error:
             refused = refused or f"{vehicle.name}: {error}"
             continue
-        whose = vehicles[own.index(resolution)].name
+        why = f"the finest that {finest.get(resolution)} allows"
+        if resolution in own:
+            why = f"as {vehicles[own.index(resolution)].name} would have by itself"
         narrow = [
             f"{vehicle.name}: {note}"
             for vehicle in vehicles
             if request.travels and (note := narrow_note(vehicle, resolution))
         ]
         said = (
-            f"All vehicles have pixels of {resolution:.4g} m, as {whose} would have by itself: the "
-            "finest that all allow, so that maps can be compared pixel by pixel."
+            f"All vehicles have pixels of {resolution:.4g} m, {why}, so that maps can be compared "
+            "pixel by pixel."
         )
         return replace(request, resolution=resolution, why=_ONE_GRID), (said, *narrow)
     return request, (

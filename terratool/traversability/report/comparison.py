@@ -19,8 +19,10 @@ from terratool.traversability.report.tables import (
     Judged,
     Table,
     aligned,
+    columns_in,
     cut,
     grounds_of,
+    mending_lines,
     properties,
     slips,
     title,
@@ -137,10 +139,10 @@ def shares(comparison: Comparison) -> Table:
     kinds = [
         ground for ground in wording.GROUNDS if any(ground in grounds_of(one) for one in summaries)
     ]
-    rows = (
+    rows: list[tuple[Cell, ...]] = [
         (ground, *(wording.share(fraction_of(one.counts, ground)) for one in summaries))
         for ground in kinds
-    )
+    ]
     return Table(_columns(comparison, "ground", True), tuple(rows))
 
 
@@ -212,9 +214,9 @@ def _columns(comparison: Comparison, first: str, numeric: bool = False) -> tuple
 
 def panels(comparison: Comparison, narrow: bool = False) -> list[str]:
     """A picture of slip against slope for each surface, with a line for each vehicle; as SVG."""
-    width = _NARROW if narrow else _PANEL
+    wide = _NARROW if narrow else _PANEL
     charts = (
-        curves.slip_chart(lines, marks, width, name) for lines, marks, name in _panels(comparison)
+        curves.slip_chart(lines, marks, wide, name) for lines, marks, name in _panels(comparison)
     )
     return [chart for chart in charts if chart]
 
@@ -263,6 +265,7 @@ def as_lines(comparison: Comparison) -> Iterator[str]:
     for n, one in enumerate(comparison.reports):
         line = printable(wording.conclusion(one))
         yield from wrapped(f"{vehicle_name(comparison, n)}: {one.verdict.label}: {line}")
+    yield from mending_lines(comparison.reports[0])
     for number in range(len(comparison.reports[0].routes)):
         yield ""
         yield f"way {wording.ends(comparison.reports[0].routes[number])}"
@@ -282,10 +285,11 @@ def as_lines(comparison: Comparison) -> Iterator[str]:
 
 
 def _rows(table: Table) -> Iterator[Sequence[str]]:
-    """Titles and cells as texts."""
+    """Titles and cells as texts, names cut."""
     yield [cut(column.title, _NAME) for column in table.columns]
     for row in table.rows:
-        yield [cell if isinstance(cell, str) else cell.label for cell in row]
+        first, *cells = (cell if isinstance(cell, str) else cell.label for cell in row)
+        yield [cut(first, _NAME), *cells]
 
 
 def _parts(table: Table) -> Iterator[Table]:
@@ -293,11 +297,11 @@ def _parts(table: Table) -> Iterator[Table]:
     if not table.rows:
         return
     texts = [list(row) for row in _rows(table)]
-    wide = [max(len(row[n]) for row in texts) + 2 for n in range(len(table.columns))]
-    first, begin = min(wide[0], _NAME), 1
+    wide = [max(columns_in(row[n]) for row in texts) + 2 for n in range(len(table.columns))]
+    begin = 1
     while begin < len(wide):
         end = begin + 1
-        while end < len(wide) and first + sum(wide[begin : end + 1]) <= WIDTH:
+        while end < len(wide) and wide[0] + sum(wide[begin : end + 1]) - 2 <= WIDTH:
             end += 1
         pick = [0, *range(begin, end)]
         yield Table(

@@ -364,15 +364,7 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
             yield from wrapped(f"{route.verdict.label}: {line}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
         yield from wrapped(printable(line))
-    mends = list(wording.mending(report))
-    if mends:
-        lacks = wording.lacking(report)
-        if lacks not in wording.conclusion(report):
-            yield from wrapped(printable(lacks))
-        yield "Give them a soil, for example this one; docs/format.md has others:"
-        for place, line in mends:
-            yield f"  {printable(line)}"
-            yield f"    {printable(place)}"
+    yield from mending_lines(report)
     yield ""
     if any(not figures.missing for figures in report.surfaces):
         yield from aligned(_surfaces(report))
@@ -389,6 +381,19 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
         yield from wrapped(f"{cut(name, _NAME)}: {warning}")
     for note in report.notes:
         yield from wrapped(printable(note))
+
+
+def mending_lines(report: TraversabilityReport) -> Iterator[str]:
+    """Which surfaces lack what of a soil, and the lines of JSON that mend it."""
+    mends = list(wording.mending(report))
+    if mends:
+        lacks = wording.lacking(report)
+        if lacks not in wording.conclusion(report):
+            yield from wrapped(printable(lacks))
+        yield "Give them a soil, for example this one; docs/format.md has others:"
+        for place, line in mends:
+            yield f"  {printable(line)}"
+            yield f"    {printable(place)}"
 
 
 def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
@@ -434,7 +439,7 @@ def _map(summary: MapSummary) -> Iterator[Sequence[str]]:
 
 def cut(text: str, columns: int) -> str:
     """A text that takes at most so many columns of a terminal."""
-    if _width(text) <= columns:
+    if columns_in(text) <= columns:
         return text
     kept, room = "", columns - 1
     for char in text:
@@ -452,7 +457,7 @@ def aligned(rows: Iterator[Sequence[str]], left: bool = False) -> Iterator[str]:
     where that is not enough.
     """
     cells = [list(row) for row in rows]
-    widths = [max(_width(row[i]) for row in cells) for i in range(len(cells[0]))]
+    widths = [max(columns_in(row[i]) for row in cells) for i in range(len(cells[0]))]
     widths[-1] = WIDTH - sum(widths[:-1]) - 2 * (len(widths) - 1)
     labels = {verdict.label for verdict in Verdict}
     indent = " " * (WIDTH - widths[-1])
@@ -461,7 +466,7 @@ def aligned(rows: Iterator[Sequence[str]], left: bool = False) -> Iterator[str]:
         parts = []
         for index, (whole, width) in enumerate(zip(row, widths, strict=True)):
             text = cut(whole, width)
-            room = " " * (width - _width(text))
+            room = " " * (width - columns_in(text))
             first = left or index in (0, len(row) - 1) or cells[1][index] in labels
             parts.append(text + room if first else room + text)
         yield "  ".join(parts).rstrip()
@@ -469,7 +474,8 @@ def aligned(rows: Iterator[Sequence[str]], left: bool = False) -> Iterator[str]:
             yield f"{indent}{cut(text, widths[-1])}"
 
 
-def _width(text: str) -> int:
+def columns_in(text: str) -> int:
+    """Columns that a text takes of a terminal."""
     return sum(map(columns_of, text))
 
 
@@ -478,7 +484,7 @@ def wrapped(text: str, indent: str = "  ", width: int = WIDTH) -> Iterator[str]:
     line = ""
     for word in _SPACE.split(text.strip()):
         longer = f"{line} {word}" if line else word
-        if line and _width(longer) > width:
+        if line and columns_in(longer) > width:
             yield line
             longer = indent + word
         line = longer
