@@ -100,7 +100,7 @@ def way(comparison: Comparison, number: int, brief: bool = False) -> Table:
     """What each vehicle makes of one of the ways that were asked for; places left out if brief."""
     routes = [one.routes[number] for one in comparison.reports]
     titles = [("verdict", False), ("length", True), ("time", True), ("energy", True)]
-    titles += [("least margin", True), ("what binds or bars", False)]
+    titles += [("least margin", True), ("binds or bars", False)]
     if any(route.one_way or route.back for route in routes) and not brief:
         titles.append(("way back", False))
     rows: list[tuple[Cell, ...]] = [
@@ -127,8 +127,17 @@ def _journey(route: Route, brief: bool) -> tuple[Cell, ...]:
         wording.energy(route.energy),
         wording.NOTHING if margin is None else wording.share(max(margin.value, 0.0)),
         binds,
-        wording.returning(route) or wording.NOTHING,
+        _back(route),
     )
+
+
+def _back(route: Route) -> str:
+    """The way back, in brief."""
+    if route.back is None:
+        return "not the same way" if route.one_way else wording.NOTHING
+    if not route.back.found:
+        return "none"
+    return f"{wording.length(route.back.length)}, {wording.duration(route.back.time)}"
 
 
 def shares(comparison: Comparison) -> Table:
@@ -285,11 +294,12 @@ def as_lines(comparison: Comparison) -> Iterator[str]:
 
 
 def _rows(table: Table) -> Iterator[Sequence[str]]:
-    """Titles and cells as texts, names cut."""
-    yield [cut(column.title, _NAME) for column in table.columns]
+    """Titles and cells as texts, names cut; a last column of numbers is not the last then."""
+    more = [""] * table.columns[-1].numeric
+    yield [*(cut(column.title, _NAME) for column in table.columns), *more]
     for row in table.rows:
         first, *cells = (cell if isinstance(cell, str) else cell.label for cell in row)
-        yield [cut(first, _NAME), *cells]
+        yield [cut(first, _NAME), *cells, *more]
 
 
 def _parts(table: Table) -> Iterator[Table]:
