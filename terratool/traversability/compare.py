@@ -36,7 +36,7 @@ def names_of(paths: Sequence[str]) -> list[str]:
             if path == other or is_same_file(path, other):
                 also = "" if path == other else f", also as {other}"
                 raise RequestError(f"{path}: is given twice{also}.", "Name each vehicle once.")
-    plain = [name_of(path) for path in paths]
+    plain = ["stdin" if path == "-" else name_of(path) for path in paths]
     count = Counter(plain)
     names = [
         "/".join(filter(None, (Path(path).parent.name, name))) if count[name] > 1 else name

@@ -24,7 +24,7 @@ from terratool.raster.grid import Window
 from terratool.text.display import columns_of
 from terratool.traversability.assess import Request
 from terratool.traversability.compare import prepare
-from terratool.traversability.report.comparison import as_lines, as_page, together
+from terratool.traversability.report.comparison import as_lines, as_page, conclusion, together
 from terratool.traversability.results import Comparison, GroundClass, Verdict
 from terratool.traversability.survey import Surveyor, finest_resolution
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
@@ -124,7 +124,10 @@ class TestSideBySide:
         assert document["verdict"] == "no-go"
         able = {one["vehicle"]: one["drives"] for one in document["vehicles"]}
         assert able == {"narrow": True, "wide": False}
-        assert document["sentence"].startswith("1 of 2 vehicles can drive there: narrow (")
+        assert re.fullmatch(
+            r"1 of 2 vehicles can drive there: narrow \((go|caution)\); wide cannot\.",
+            document["sentence"],
+        )
 
     def agrees(self, document: Json, alone: list[Json], names: list[str]) -> None:
         """What is picked out of the reports is theirs, each at its vehicle."""
@@ -458,6 +461,28 @@ class TestForms:
         text = as_page(Comparison(tuple(nasty)))
         ElementTree.fromstring(text.removeprefix("<!DOCTYPE html>\n"))
         assert "<b>" not in text and "&lt;b&gt;" in text
+
+    @pytest.mark.parametrize(
+        ("verdicts", "sentence"),
+        [
+            ("go caution", "All of 2 vehicles can drive there: v0 (go) and v1 (caution)."),
+            ("no-go go no-go", "1 of 3 vehicles can drive there: v1 (go); v0 and v2 cannot."),
+            ("unknown go", "1 of 2 vehicles can drive there: v1 (go); of v0 it is not known."),
+            ("no-go no-go", "None of 2 vehicles can drive there; v0 and v1 cannot."),
+            (
+                "no-go unknown",
+                "None of 2 vehicles is known to drive there; v0 cannot; of v1 it is not known.",
+            ),
+        ],
+    )
+    def test_the_sentence_names_who_can(self, verdicts: str, sentence: str) -> None:
+        by_label = {verdict.label: verdict for verdict in Verdict}
+        wheel = Vehicle.single(Wheel(0.2, 0.1), 100.0)
+        several = (
+            reports.report(verdict=by_label[label], vehicle=named(wheel, f"v{n}"))
+            for n, label in enumerate(verdicts.split())
+        )
+        assert conclusion(Comparison(tuple(several))) == sentence
 
     def test_the_worst_is_that_of_the_whole(self) -> None:
         order = [Verdict.GO, Verdict.CAUTION, Verdict.UNKNOWN, Verdict.NO_GO]

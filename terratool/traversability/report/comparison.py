@@ -62,23 +62,25 @@ def vehicle_name(comparison: Comparison, number: int) -> str:
 
 
 def conclusion(comparison: Comparison) -> str:
-    """Which of the vehicles can drive there, in a sentence or two."""
-    by_verdict = [(printable(one.vehicle.name), one.verdict) for one in comparison.reports]
-    able = [f"{name} ({verdict.label})" for name, verdict in by_verdict if _drives(verdict)]
-    rest = [f"{name} ({verdict.label})" for name, verdict in by_verdict if not _drives(verdict)]
-    count = counted(len(by_verdict), "vehicle")
-    if not rest:
-        return f"All of {count} can drive there: {wording.listed(able)}."
-    if not able:
-        return f"None of {count} can drive there: {wording.listed(rest)}."
-    return (
-        f"{len(able)} of {count} can drive there: {wording.listed(able)}; not "
-        f"{wording.listed(rest)}."
-    )
-
-
-def _drives(verdict: Verdict) -> bool:
-    return verdict in (Verdict.GO, Verdict.CAUTION)
+    """Which of the vehicles can drive there, in a sentence."""
+    able, cannot, unknown = [], [], []
+    for n, one in enumerate(comparison.reports):
+        if one.drives:
+            able.append(f"{vehicle_name(comparison, n)} ({one.verdict.label})")
+        else:
+            kind = unknown if one.verdict == Verdict.UNKNOWN else cannot
+            kind.append(vehicle_name(comparison, n))
+    count = counted(len(comparison.reports), "vehicle")
+    if able:
+        number = "All" if not cannot and not unknown else str(len(able))
+        parts = [f"{number} of {count} can drive there: {wording.listed(able)}"]
+    else:
+        parts = [f"None of {count} {'is known to' if unknown else 'can'} drive there"]
+    if cannot:
+        parts.append(f"{wording.listed(cannot)} cannot")
+    if unknown:
+        parts.append(f"of {wording.listed(unknown)} it is not known")
+    return f"{'; '.join(parts)}."
 
 
 def surfaces(comparison: Comparison) -> Table:
