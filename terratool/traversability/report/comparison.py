@@ -63,7 +63,9 @@ def vehicle_name(comparison: Comparison, number: int) -> str:
 
 def conclusion(comparison: Comparison) -> str:
     """Which of the vehicles can drive there, in a sentence."""
-    able, cannot, unknown = [], [], []
+    able: list[str] = []
+    cannot: list[str] = []
+    unknown: list[str] = []
     for n, one in enumerate(comparison.reports):
         if one.drives:
             able.append(f"{vehicle_name(comparison, n)} ({one.verdict.label})")
