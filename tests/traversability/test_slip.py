@@ -75,7 +75,8 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
 
     Loads are (m g/L)(l_r cos α − h sin α) and (m g/L)(l_f cos α + h sin α); the driven wheels use
     one share of strength, for which each has a slip; their pull is what the slope and towed wheels
-    ask for. 0 where they are held back.
+    ask for. 0 where they are held back. The rear wheels run in the ruts of the front ones, which
+    they make deeper: z³ = z_front³ + z_rear³.
     """
     front, rear = vehicle.axles
     base = front.x - rear.x
@@ -85,13 +86,16 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
         vehicle.weight / base * (front.x * cosine + vehicle.cog_height * sine) / rear.wheels,
     )
     need, driven = vehicle.weight * sine, []
-    for axle, load in zip(vehicle.axles, loads, strict=True):
+    first, second = (soil.sinkage * load for load in loads)
+    deeper = (first**3 + second**3) ** (1 / 3) - first
+    soils = soil, replace(soil, sinkage=deeper / loads[1])
+    for axle, load, under in zip(vehicle.axles, loads, soils, strict=True):
         own = vehicle.wheel_of(axle)
         if axle.driven:
-            length = float(wheels.contact(load, soil, own).shear_length)
-            driven.append((axle.wheels, own, load, length))
+            length = float(wheels.contact(load, under, own).shear_length)
+            driven.append((axle.wheels, own, load, under, length))
         else:
-            need += axle.wheels * float(wheels.towed_resistance(load, soil, own))
+            need += axle.wheels * float(wheels.towed_resistance(load, under, own))
 
     def slips(share: float) -> list[float]:
         return [
@@ -105,8 +109,8 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
     def pull(share: float) -> float:
         found = zip(driven, slips(share), strict=True)
         return sum(
-            count * float(wheels.traction(load, soil, own, slip).drawbar)
-            for (count, own, load, _), slip in found
+            count * float(wheels.traction(load, under, own, slip).drawbar)
+            for (count, own, load, under, _), slip in found
         )
 
     if pull(0.0) >= need:
