@@ -243,6 +243,7 @@ class Chart:
         across = sorted((float(t[:-1].replace("−", "-")), x) for t, x, _ in plain if "°" in t)
         self._y = np.polyfit(*zip(*down, strict=True), 1)
         self._x = np.polyfit(*zip(*across, strict=True), 1)
+        assert self._y[0] < 0.0 < self._x[0]  # slip upwards, slope to the right
 
     def slip(self, y: float) -> float:
         return float((y - self._y[1]) / self._y[0])
@@ -326,6 +327,18 @@ class TestChart:
                 apart = x + 6 * len(a) <= u or u + 6 * len(b) <= x
                 assert apart or abs(y - v) >= 12, (a, b)
             assert all(x + 6 * len(name) <= width for name, x, _ in chart.names)
+            dots = [
+                (float(one.get("cx", 0)), float(one.get("cy", 0)))
+                for one in chart.root.iter(f"{SVG}circle")
+            ]
+            for name, x, y in chart.names:
+                # the nearest dot is its own
+                far = [
+                    math.hypot(max(x - u, 0, u - x - 6 * len(name)), max(y - 10 - v, 0, v - y - 3))
+                    for u, v in dots
+                ]
+                own = dots[int(name.removeprefix("ground "))]
+                assert dots[int(np.argmin(far))] == own, name
 
     def test_lines_differ_in_colour_or_dashes(self) -> None:
         soils = [replace(TURF, friction=math.radians(angle)) for angle in range(18, 42)]

@@ -14,7 +14,6 @@ from typing import NamedTuple
 from terratool.text.display import columns_of, printable
 from terratool.traversability.limits import slip_limit
 from terratool.traversability.report import wording
-from terratool.traversability.report.drawing import ticks
 from terratool.traversability.report.tables import cut, title
 from terratool.traversability.results import SlipCurve, TraversabilityReport
 from terratool.traversability.vehicle import Vehicle
@@ -29,6 +28,8 @@ _LEFT, _RIGHT, _TOP, _BELOW, _ROW = 52.0, 14.0, 24.0, 46.0, 20.0
 _TALL, _NAME, _SWATCH = 280.0, 24, 30.0
 _LETTER = 6.4
 """Width of a letter, about."""
+_SLOPES, _NUMBER = (5, 10, 15, 30, 45, 90), 36.0
+"""Degrees that numbers of slopes may be apart, and the room that each takes."""
 _NEAR = 4.0
 """A curve is looked at every so many pixels where a name might cover it."""
 
@@ -203,10 +204,12 @@ def _axes(frame: Frame, heading: str) -> Iterator[str]:
         y = frame.down(percent / 100)
         yield f'<path class="rule" d="M{frame.left:g} {y:.1f}h{frame.width:g}"/>'
         yield f'<text x="{frame.left - 6:g}" y="{y + 4:.1f}" text-anchor="end">{percent} %</text>'
-    for slope in ticks(*frame.x, max(3, round(frame.width / 70))):
+    low, high = frame.x
+    apart = next(step for step in _SLOPES if frame.width * step / (high - low) > _NUMBER)
+    for slope in range(apart * math.ceil(low / apart), math.floor(high) + 1, apart):
         x = frame.right(slope)
         yield f'<path class="tick" d="M{x:.1f} {bottom:g}v5"/>'
-        text = f"{slope + 0.0:g}°".replace("-", "−")
+        text = f"{slope}°".replace("-", "−")
         yield f'<text x="{x:.1f}" y="{bottom + 18:g}" text-anchor="middle">{text}</text>'
     yield f'<path class="rule" d="M{frame.right(0.0):.1f} {frame.top:g}v{frame.height:g}"/>'
     yield f'<path class="tick" d="M{frame.left:g} {bottom:g}h{frame.width:g}"/>'
@@ -250,9 +253,10 @@ class _Box(NamedTuple):
             and self.top < other.bottom and other.top < self.bottom
         )  # fmt: skip
 
-    def holds(self, x: float, y: float) -> bool:
-        """Whether a point lies in it."""
-        return self.left <= x <= self.right and self.top <= y <= self.bottom
+    def distance(self, x: float, y: float) -> float:
+        """Of a point; 0 inside."""
+        across = max(self.left - x, 0.0, x - self.right)
+        return math.hypot(across, max(self.top - y, 0.0, y - self.bottom))
 
 
 def _curves(
@@ -285,11 +289,15 @@ def _curves(
         yield _text(text, frame.left + 5.0, frame.down(slip) - 6.0, "halo")
     for x, y, line in ends:
         name = cut(line.name, _NAME)
-        wide = _wide(name)
-        for left, down in ((8, 4), (8, 16), (8, -8), (-8 - wide, 4), (-8 - wide, -8)):
+        others = [end[:2] for end in ends if end[:2] != (x, y)]
+        for left, down in ((8, 4), (8, 16), (8, -8), (-8 - _wide(name), 4), (-8 - _wide(name), -8)):
             box = _Box.of(name, x + left, y + down)
+            # nobody must take it for the name of another curve
+            own = box.distance(x, y) + 3.0
+            alone = all(box.distance(*end) > own for end in others)
             inside = box.left > frame.left and box.right < frame.left + frame.width
-            if inside and not any(map(box.meets, taken)) and not any(box.holds(*p) for p in trails):
+            covers = any(map(box.meets, taken)) or any(box.distance(*at) == 0.0 for at in trails)
+            if alone and inside and not covers:
                 taken.append(box)
                 yield _text(name, x + left, y + down, "name halo")
                 break
