@@ -455,6 +455,27 @@ class TestForms:
         assert all(sum(map(columns_of, line)) <= 80 for line in lines if line not in pointers)
         assert sum(line.startswith("sand ") for line in lines) >= 2
 
+    def test_what_each_can_reach_is_said(self, site: tuple[str, str, str], tmp_path: Path) -> None:
+        """In all forms for people, as of each by itself."""
+        terrain, *vehicles = site
+        asked = ("--resolution", 0.1, "--from", 102, 51)
+        lines = []
+        for path in vehicles:
+            reach = json.loads(drive(terrain, "--vehicle", path, *asked, "--json").out)["reach"]
+            share = 100 * reach["share"]
+            lines.append(f"{Path(path).stem}: From (102, 51) {share:.3g} % of the ground can be")
+        named_ = [part for path in vehicles for part in ("--vehicle", path)]
+        outs = [tmp_path / "r.md", tmp_path / "r.html"]
+        ran = drive(terrain, *named_, *asked, *(w for out in outs for w in ("--report", out)))
+        table, text, page = ran.out, *(out.read_text("utf-8") for out in outs)
+        root = ElementTree.fromstring(page.removeprefix("<!DOCTYPE html>\n"))
+        words = " ".join(" ".join(root.itertext()).split())
+        for line in lines:
+            assert line in " ".join(table.split())
+            assert line in text
+            assert line.partition(": ")[2] in words
+        assert lines[0].partition(": ")[2] != lines[1].partition(": ")[2]
+
     def test_nothing_of_the_users_is_markup(self) -> None:
         vehicle = Vehicle.single(Wheel(0.2, 0.1), 100.0)
         nasty = (reports.report(vehicle=named(vehicle, name)) for name in (reports.NASTY, "b"))

@@ -194,6 +194,13 @@ class TestPage:
         assert root.tag == f"{XHTML}html"
         assert root.get("lang") == "en"
 
+    def test_a_tiny_share_is_no_markup(self) -> None:
+        """In the legend of the map, too."""
+        counts = {GroundClass.GO: 99_999, GroundClass.ONE_WAY: 1}
+        summary = replace(reports.SUMMARY, counts=counts)
+        text = text_in(page_of(reports.report(summary=summary)))
+        assert "one-way <0.1 %" in text
+
     @every_kind
     def test_takes_nothing_from_elsewhere(self, kind: str) -> None:
         """No script, no link, no address but those of namespaces, which nobody follows."""

@@ -144,6 +144,15 @@ def _back(route: Route) -> str:
     return f"{wording.length(route.back.length)}, {wording.duration(route.back.time)}"
 
 
+def reaches(comparison: Comparison) -> list[tuple[str, str]]:
+    """Names of vehicles, and what each can reach, in a sentence; none where nobody asked."""
+    return [
+        (vehicle_name(comparison, n), wording.reach_line(one.reach))
+        for n, one in enumerate(comparison.reports)
+        if one.reach is not None
+    ]
+
+
 def shares(comparison: Comparison) -> Table:
     """How much of the ground is what for each vehicle, by the best heading."""
     summaries = [one.summary for one in comparison.reports if one.summary is not None]
@@ -288,6 +297,8 @@ def as_lines(comparison: Comparison) -> Iterator[str]:
             yield ""
             yield from aligned(_rows(part), left=table.columns[0].title == "surface")
     yield ""
+    for name, line in reaches(comparison):
+        yield from wrapped(printable(f"{name}: {line}"))
     if line := together_line(comparison):
         yield from wrapped(line)
         yield ""
@@ -433,6 +444,7 @@ def _told(comparison: Comparison) -> dict[str, Any]:
         "conclusion": conclusion(comparison),
         "vehicles": vehicles,
         "ways": [(wording.ends(first.routes[n]), way(comparison, n)) for n in ways],
+        "reaches": reaches(comparison),
         "surfaces": surfaces(comparison),
         "slopes": slopes(comparison),
         "shares": shares(comparison),
