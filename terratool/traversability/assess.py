@@ -80,7 +80,7 @@ class Request:
         start: the place from which the ground counts; its largest part if None.
         prefer: what routes are to be the least of.
         resolution: of the map, and of routes where that is not too fine; chosen if None.
-        why: that resolution, for a note.
+        why: in words, it has that resolution; for a note.
         bounds: west, south, east, north of the part that counts; all if None.
         headings: at each place; HEADINGS if None, and more where these show no way.
         mapped: whether the whole ground is to be judged; it is where there are no routes, or a

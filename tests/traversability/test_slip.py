@@ -20,7 +20,7 @@ from terratool.traversability.limits import slip_limit, slope_demand
 from terratool.traversability.report import curves, tables
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.page import as_markdown, as_page
-from terratool.traversability.results import Figures, Reason, TraversabilityReport
+from terratool.traversability.results import Figures, Reason, SlipCurve, TraversabilityReport
 from terratool.traversability.soil import CURVE_BEYOND, CURVE_STEP, slip_curve, surface_figures
 from terratool.traversability.vehicle import (
     Axle,
@@ -135,8 +135,8 @@ def test_agrees_with_wheels_one_by_one(vehicle: Vehicle, soil: Soil) -> None:
     assert chosen[0][1] == 0.0 and chosen[-1][1] > 0.3
 
 
-def _members(curve: object) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    return curve.slope, curve.slip  # type: ignore[attr-defined]
+def _members(curve: SlipCurve) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return curve.slope, curve.slip
 
 
 def figures_of(vehicle: Vehicle, soil: Soil) -> Figures:
@@ -462,13 +462,12 @@ HUSKY = str(ROOT / "samples" / "vehicles" / "husky-a200.json")
 
 def test_a_picture_of_its_own(tmp_path: Path) -> None:
     """Standing alone, in colours of its own; the same bytes again; no map is asked for by it."""
-    out, json_ = tmp_path / "slip.svg", tmp_path / "r.json"
+    out = tmp_path / "slip.svg"
     route = ("--route", 10, 60, 12, 60, "--headings", 4)
     ran = call("traversability", YARD, "--vehicle", HUSKY, *route, "--report", out, "--json")
     assert (ran.code, ran.err) == (0, "")
     document = json.loads(ran.out)
     assert document["map"] is None
-    json_.write_text(ran.out, "utf-8")
     text = out.read_text("utf-8")
     chart = Chart(text)
     assert "prefers-color-scheme: dark" in text and "ramp-yard.json, husky-a200" in text
