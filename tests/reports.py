@@ -64,7 +64,7 @@ SAND = Figures(
     0.00453, 5120.0, 9800.0, 5400.0, 0.31, None, None, 2.2, 12.3, 4.1, 8.2,
     0.61, 0.27, 0.21, math.radians(17.3), Reason.TRACTION, math.radians(21.0), Reason.SIDE_SLIP,
     0.031, "torque", 1, 0.11, Verdict.GO, Reason.SLIP,
-    ("z/D is above 0.15, where the model's accuracy ends.",), SLIPS,
+    ("z/D is above 0.15, where the model's accuracy ends.",), slip_curve=SLIPS,
 )  # fmt: skip
 ROCK = Figures(
     "rock", "", (), 23.2, 0.0, math.radians(35), 0.0, None, 0.0, None, None, None, None, None,

@@ -112,7 +112,7 @@ def _common(
             for vehicle in vehicles:
                 parts_of(vehicle, resolution)
         except RequestError as error:
-            refused = refused or f"{vehicle.name}: {error}"
+            refused = refused or f"{vehicle.name}: {error.message}"
             continue
         why = f"the finest that {finest.get(resolution)} allows"
         if resolution in own:
@@ -128,6 +128,5 @@ def _common(
         )
         return replace(request, resolution=resolution, why=_ONE_GRID), (said, *narrow)
     return request, (
-        f"Each vehicle has a grid of its own, as there is no resolution that all allow. {refused} "
-        "With --resolution all have the same.",
+        f"Each vehicle has a grid of its own, as there is no resolution that all allow. {refused}",
     )

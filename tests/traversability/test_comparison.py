@@ -221,7 +221,7 @@ class TestGrids:
         first, second = (one.grid.resolution for one in planned)
         assert first < second
         assert said.startswith("Each vehicle has a grid of its own")
-        assert "long: A resolution of" in said and "--resolution" in said
+        assert "long: A resolution of 0.00117188 is too fine" in said  # 1.2 m / 1024
 
     def test_of_grids_that_differ_nothing_is_added_up(self) -> None:
         one = reports.report()
