@@ -80,9 +80,11 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
 	$(BIN)/python kernels/python/stubs.py
 
-docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules, and the tables and picture of docs/validation.md
+docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules, the tables and picture of docs/validation.md, and docs/images/slip.svg
 	$(BIN)/terratool rules --markdown > docs/rules.md
 	$(BIN)/python -m tests.validation
+	$(BIN)/terratool traversability samples/ramp-yard.json --vehicle samples/vehicles/husky-a200.json \
+		--report docs/images/slip.svg --overwrite > /dev/null
 
 fuzz: $(VENV)/.installed-test  ## Try 1,400,000 broken files; FUZZ="rasters --share 0.01" for less
 	$(BIN)/python -m tests.fuzz $(FUZZ)

@@ -21,6 +21,7 @@ from terratool.traversability.results import (
     Reason,
     Route,
     RouteProfile,
+    SlipCurve,
     TraversabilityReport,
     Verdict,
 )
@@ -56,12 +57,14 @@ def place(x: float = 110.5, y: float = 210.25, surface: str = "sand", **more: An
     return Location(x, y, more.get("height", 1.25), surface, more.get("element", "/elemTree"))
 
 
+_SLOPES = tuple(math.radians(angle) for angle in (-10, -5, 0, 5, 10, 15, 17.3, 18, 19))
+SLIPS = SlipCurve(_SLOPES, (math.nan, 0.0, 0.21, 0.25, 0.3, 0.45, 0.6, 0.7, math.nan))
 SAND = Figures(
     "sand", "dry-sand", (), 23.2, 1040.0, math.radians(28), 1.8e-4, 0.025, 0.00417, 0.0453,
     0.00453, 5120.0, 9800.0, 5400.0, 0.31, None, None, 2.2, 12.3, 4.1, 8.2,
     0.61, 0.27, 0.21, math.radians(17.3), Reason.TRACTION, math.radians(21.0), Reason.SIDE_SLIP,
     0.031, "torque", 1, 0.11, Verdict.GO, Reason.SLIP,
-    ("z/D is above 0.15, where the model's accuracy ends.",),
+    ("z/D is above 0.15, where the model's accuracy ends.",), slip_curve=SLIPS,
 )  # fmt: skip
 ROCK = Figures(
     "rock", "", (), 23.2, 0.0, math.radians(35), 0.0, None, 0.0, None, None, None, None, None,

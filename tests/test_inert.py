@@ -101,13 +101,18 @@ def of_xml(text: str | bytes) -> Any:
     return [(element.tag, sorted(element.attrib)) for element in root.iter()]
 
 
+# names stand beside their curves only where there is room for them
+BESIDE = ("text", "name halo")
+
+
 class _Tags(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
         self.found: list[Any] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found.append((tag, [name for name, _ in attrs]))
+        if (tag, dict(attrs).get("class")) != BESIDE:
+            self.found.append((tag, [name for name, _ in attrs]))
 
     def handle_comment(self, data: str) -> None:  # noqa: ARG002, as the parser calls it
         self.found.append("comment")
@@ -254,10 +259,12 @@ def as_vrt(folder: Path) -> Any:
     return names, found
 
 
-def report(folder: Path, ending: str) -> str:
+def report(folder: Path, ending: str, *more: object) -> str:
     path = folder / f"report.{ending}"
     words = ("--resolution", 1, "--headings", 4, "--route", 1, 1, 5, 3, "--report", path)
-    printable(ran("traversability", folder / "site.json", "--vehicle", folder / VEHICLE, *words))
+    printable(
+        ran("traversability", folder / "site.json", "--vehicle", folder / VEHICLE, *words, *more)
+    )
     return path.read_text(encoding="utf-8")
 
 
@@ -273,6 +280,24 @@ def as_html(folder: Path) -> Any:
 
 def as_markdown(folder: Path) -> Any:
     return of_markdown(report(folder, "md"))
+
+
+def as_slip(folder: Path) -> Any:
+    text = report(folder, "svg")
+    assert ElementTree.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"
+    return of_html(text)
+
+
+def compared(ending: str) -> Callable[[Path], Any]:
+    """The page or the Markdown of two vehicles side by side."""
+
+    def output(folder: Path) -> Any:
+        other = folder / "other.json"
+        other.write_bytes((folder / VEHICLE).read_bytes())
+        skeleton = {"html": of_html, "md": of_markdown}[ending]
+        return skeleton(report(folder, ending, "--vehicle", other))
+
+    return output
 
 
 def as_report(folder: Path) -> Any:
@@ -357,7 +382,8 @@ OUTPUTS: dict[str, Callable[[Path], Any]] = {
     "obj": as_obj, "vrml": as_vrml, "elevation grid": as_grid, "x3d": as_x3d, "usda": as_usd,
     "usdc": lambda folder: as_usd(folder, "usdc"), "glb": as_glb, "ply": as_ply, "stl": as_stl,
     "geotiff": as_geotiff, "png": as_image, "vrt": as_vrt, "html": as_html,
-    "markdown": as_markdown, "report": as_report, "csv": as_csv, "json": as_json,
+    "markdown": as_markdown, "slip": as_slip, "compared": compared("html"),
+    "compared markdown": compared("md"), "report": as_report, "csv": as_csv, "json": as_json,
     "info": as_info, "info json": as_info_json, "geojson": as_geojson, "text": as_text,
     "github": as_github, "canonical": as_canonical, "deform": as_driven,
     **{form: as_findings(form) for form in ("sarif", "junit", "gitlab")},

@@ -119,9 +119,20 @@ def _slip(ctx: click.Context, param: click.Parameter, value: float | None) -> fl
 
 def vehicle_options(command: _Command) -> _Command:
     """Add the options to a command; it gets them by name, and `vehicle_from` collects them."""
+    vehicle = click.option("--vehicle", metavar="V.json", help="The vehicle, from its file.")
+    return vehicle(_wheel_options(command))
+
+
+def vehicles_options(command: _Command) -> _Command:
+    """The same, with one vehicle or several; `vehicles_from` collects them."""
+    text = "The vehicle, from its file; several are compared side by side."
+    vehicle = click.option("--vehicle", multiple=True, metavar="V.json", help=text)
+    return vehicle(_wheel_options(command))
+
+
+def _wheel_options(command: _Command) -> _Command:
     for option in reversed(
         (
-            click.option("--vehicle", metavar="V.json", help="The vehicle, from its file."),
             _measure("--wheel-radius", "R", "Instead of a vehicle: a driven wheel's radius, m."),
             _measure("--wheel-width", "B", "Its width, m."),
             _measure("--load", "W", "The load that it bears, N."),
@@ -200,6 +211,27 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
 
     figures = {key: wheel[name] for name, key in _FIGURES.items() if name in wheel}
     return Vehicle.single(wheel_of(WheelsText(**figures)), wheel["load"])
+
+
+def vehicles_from(values: dict[str, Any]) -> list[Vehicle]:
+    """Likewise, of one vehicle or several, which have names that differ.
+
+    Raises:
+        RequestError: a vehicle is given twice, or two cannot be told apart.
+        click.UsageError, ReadError, DefinitionError: as of `vehicle_from`.
+    """
+    paths = values.pop("vehicle")
+    wheel = {name: values.pop(name) for name in _WHEEL}
+    if len(paths) < 2:
+        return [vehicle_from({"vehicle": paths[0] if paths else None, **wheel})]
+    from dataclasses import replace
+
+    from terratool.traversability.compare import names_of
+
+    return [
+        replace(vehicle_from({"vehicle": path, **wheel}), name=name)
+        for path, name in zip(paths, names_of(paths), strict=True)
+    ]
 
 
 def _named(names: Any) -> str:

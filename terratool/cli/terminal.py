@@ -41,6 +41,7 @@ class Status:
 
     def __init__(self, what: str, total: int | None = None, then: str = "finishing") -> None:
         self._what, self._total, self._then = printable(what), total, then
+        self._of = ""
         self._done = 0.0
         self._stream: TextIO | None = sys.stderr  # None where it was closed
         self._width = 0
@@ -54,8 +55,12 @@ class Status:
 
     def say(self, what: str, total: int | None = None) -> None:
         """Something else is being done now, of which there is so much, if that is known."""
-        self._what, self._total, self._done = printable(what), total, 0.0
+        self._what, self._total, self._done = printable(f"{self._of}{what}"), total, 0.0
         self._since = time.monotonic()
+
+    def about(self, name: str) -> None:
+        """From now on it is said of this, too, whatever it is; of nothing where that is empty."""
+        self._of = f"{name}: " * bool(name)
 
     def clear(self) -> None:
         """Take the line off the terminal, as something else is to be said."""

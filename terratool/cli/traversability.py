@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import Names, vehicle_from, vehicle_options
+from terratool.cli.options import Names, vehicles_from, vehicles_options
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
+    from terratool.traversability.assess import PreparedRequest
     from terratool.traversability.conditions import Condition
+    from terratool.traversability.results import TraversabilityReport
 
 # as terratool.traversability.route.graph and terratool.traversability.vehicle have them, which are
 # not imported for --help; a test holds them equal
@@ -25,7 +27,7 @@ MODELS = ("slip", "paper")
     "--vehicle samples/vehicles/husky-a200.json --route 4 60 70 8 --report yard.html",
 )
 @click.argument("file")
-@vehicle_options
+@vehicles_options
 @click.option(
     "--model",
     type=Names(MODELS),
@@ -38,8 +40,9 @@ MODELS = ("slip", "paper")
     "--report",
     "reports",
     multiple=True,
-    metavar="OUT.json|.md|.html|.geojson",
-    help="Write a report, once or several times; as .geojson the routes alone.",
+    metavar="OUT.json|.md|.html|.geojson|.svg",
+    help="Write a report, once or several times; as .geojson the routes alone, as .svg a picture "
+    "of slip against slope.",
 )
 @click.option(
     "--map",
@@ -138,6 +141,9 @@ def command(
     says what bars it where there is none; the command ends with 1 then. With a route and without
     --map, --report or --from only the ground that matters to it is looked at.
 
+    Several --vehicle are compared; maps have the vehicles' names in theirs. The command ends with
+    1 if it would with any of them alone.
+
     --fail-on compares a figure by >, >=, < or <=: go-, caution-, no-go-, unknown-, one-way-,
     cut-off-, edge- or reachable-fraction, route-length (m), route-time (s), route-energy (J),
     least-margin, steepest (degrees), sinkage (m).
@@ -145,20 +151,27 @@ def command(
     from pathlib import Path
 
     from terratool.output import whole_file
-    from terratool.text.display import printable
-    from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
+    from terratool.traversability.assess import Request
+    from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import parse
-    from terratool.traversability.report import document, tables
+    from terratool.traversability.report import comparison, document
+    from terratool.traversability.results import Comparison
     from terratool.traversability.route.waypoints import read_waypoints
 
     checks = [parse(text) for text in conditions]
     travels = bool(routes or waypoints)
-    lines_only = [path for path in reports if Path(path).suffix.lower() == ".geojson"]
-    _refuse_unasked(checks, travels, start is not None, [*lines_only, *["--return"] * returns])
-    renderers = [document.renderer_of(path) for path in reports]
-    _refuse_outputs(file, values["vehicle"], waypoints, reports, map_, overwrite)
-    vehicle = vehicle_from(values).by_model(model)
-    wants_map = map_ is not None or len(lines_only) < len(reports)
+    lines_only, curves = (
+        [path for path in reports if Path(path).suffix.lower() == suffix]
+        for suffix in (".geojson", ".svg")
+    )
+    routed = [*lines_only, *["--return"] * returns]
+    _refuse_unasked(checks, travels, start is not None, routed, curves, model)
+    paths = values["vehicle"]
+    formats = comparison.FORMATS if len(paths) > 1 else document.FORMATS
+    renderers = [document.renderer_of(path, formats) for path in reports]
+    _refuse_outputs((file, *paths, *waypoints), reports, _maps(map_, paths), overwrite)
+    vehicles = [vehicle.by_model(model) for vehicle in vehicles_from(values)]
+    wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)
     request = Request(
         routes=routes,
         waypoints=tuple(map(read_waypoints, waypoints)),
@@ -171,47 +184,106 @@ def command(
         mapped=wants_map or any(check.needs == "map" for check in checks),
         threads=threads,
     )
-    planned = prepare_assessment(load(file), vehicle, request, map_path=map_, overwrite=overwrite)
-
-    doing = "judging" if planned.pixels else "looking for ways"
+    planned, notes = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
+    doing = "judging" if planned[0].pixels else "looking for ways"
     # every file is complete before the first one takes its place
-    with Status(doing, planned.pixels) as progress, contextlib.ExitStack() as stack:
+    with Status(doing, planned[0].pixels) as progress, contextlib.ExitStack() as stack:
         parts = [stack.enter_context(whole_file(path, overwrite)) for path in reports]
-        for line in first_look(planned):
-            progress.clear()
-            click.echo(f"terratool: {printable(line)}", err=True)
-        report = assess(
-            planned, name=Path(file).name, map_path=map_, overwrite=overwrite, progress=progress,
-            stack=stack,
-        )  # fmt: skip
+        found = _assessed(planned, Path(file).name, map_, overwrite, progress, stack)
+        result = Comparison(found, notes) if len(found) > 1 else found[0]
         if parts or map_:
             progress.say("writing files")
         for part, render in zip(parts, renderers, strict=True):
-            part.write_text(render(report), encoding="utf-8", newline="\n")
-    held = [(check.text, why) for check in checks if (why := check.held(report))]
-    lost = not all(route.holds for route in report.routes)
-    code = int(bool(held or lost or (report.reach is not None and report.reach.note)))
+            part.write_text(render(result), encoding="utf-8", newline="\n")
+    return _told(found, result, checks, as_json)
+
+
+def _assessed(
+    planned: list[PreparedRequest], name: str, map_: str | None, overwrite: bool, progress: Status,
+    stack: contextlib.ExitStack,
+) -> tuple[TraversabilityReport, ...]:  # fmt: skip
+    """What is found out for each vehicle, after what is known of its starts and goals at once.
+
+    Takes the requests out of their list, one by one, as each keeps much in memory.
+    """
+    from terratool.text.display import printable
+    from terratool.traversability.assess import assess, first_look
+    from terratool.traversability.compare import map_path_of
+
+    several, found = len(planned) > 1, []
+    for one in planned:
+        whose = f"{one.vehicle.name}: " * several
+        for line in first_look(one):
+            progress.clear()
+            click.echo(f"terratool: {printable(whose + line)}", err=True)
+    while planned:
+        one, path = planned.pop(0), map_
+        if several:
+            progress.about(one.vehicle.name)
+            progress.say("judging" if one.pixels else "looking for ways", one.pixels)
+            path = map_ and str(map_path_of(map_, one.vehicle.name))
+        report = assess(
+            one, name=name, map_path=path, overwrite=overwrite, progress=progress, stack=stack
+        )
+        found.append(report)
+    progress.about("")
+    return tuple(found)
+
+
+def _told(
+    reports: tuple[TraversabilityReport, ...], result: Any, checks: list[Condition], as_json: bool
+) -> int:
+    """Print the result, and say what makes it a "no"; the exit code."""
+    from terratool.text.display import printable
+    from terratool.traversability.report import comparison, document, tables
+
+    several = len(reports) > 1
+    held = [
+        (check.text.strip(), f"{report.vehicle.name}: " * several + why)
+        for report in reports
+        for check in checks
+        if (why := check.held(report))
+    ]
+    lost = not all(route.holds for report in reports for route in report.routes)
+    nowhere = any(report.reach is not None and report.reach.note for report in reports)
+    code = int(bool(held or lost or nowhere))
+    form = comparison if several else document
+    lines = comparison.as_lines if several else tables.as_lines
     try:
         if as_json:
-            click.echo(document.as_json(report), nl=False)
+            click.echo(form.as_json(result), nl=False)
         else:
-            for line in tables.as_lines(report):
+            for line in lines(result):
                 say(line)
     except BrokenPipeError:
         if not code:  # a "no" is one, whether somebody reads on or not
             raise
     for text, why in held:
-        click.echo(f"terratool: --fail-on {printable(text.strip())}: {why}.", err=True)
+        click.echo(f"terratool: --fail-on {printable(text)}: {printable(why)}.", err=True)
     return code
 
 
+def _maps(map_: str | None, vehicles: tuple[str, ...]) -> list[str]:
+    """The names of the maps that are wanted: of several vehicles one for each."""
+    if map_ is None or len(vehicles) < 2:
+        return [] if map_ is None else [map_]
+    from terratool.traversability.compare import map_path_of, names_of
+
+    return [str(map_path_of(map_, name)) for name in names_of(vehicles)]
+
+
 def _refuse_unasked(
-    checks: list[Condition], routed: bool, reaching: bool, others: list[str]
-) -> None:
+    checks: list[Condition], routed: bool, reaching: bool, others: list[str], curves: list[str],
+    model: str,
+) -> None:  # fmt: skip
     """Refuse conditions on what is not asked for, and what else makes no sense without a route."""
     if others and not routed:
         raise click.UsageError(
             f"{others[0]} needs a route. Add --route X0 Y0 X1 Y1 or --waypoints FILE."
+        )
+    for path in curves * (model == "paper"):
+        raise click.UsageError(
+            f"{path}: there is no slip in the model paper. Leave it out, or take --model slip."
         )
     for check in checks:
         if check.needs == "route" and not routed:
@@ -224,12 +296,7 @@ def _refuse_unasked(
 
 
 def _refuse_outputs(
-    file: str,
-    vehicle: str | None,
-    waypoints: tuple[str, ...],
-    reports: tuple[str, ...],
-    map_: str | None,
-    overwrite: bool,
+    sources: tuple[str, ...], reports: tuple[str, ...], maps: list[str], overwrite: bool
 ) -> None:
     """Refuse files that cannot be, or that are something else, before any work."""
     import os
@@ -242,8 +309,7 @@ def _refuse_outputs(
 
     outputs: dict[str, str] = {}
     names: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reports]
-    if map_ is not None:
-        names += [(str(path), COMPANIONS) for path in map_paths(map_)]
+    names += [(str(path), COMPANIONS) for map_ in maps for path in map_paths(map_)]
     for name, companions in names:
         real = os.path.realpath(name)
         if real in outputs:
@@ -252,8 +318,8 @@ def _refuse_outputs(
                 "Give each file a name of its own.",
             )
         outputs[real] = name
-        for source in (file, vehicle, *waypoints):
-            if source and is_same_file(name, source):
+        for source in sources:
+            if is_same_file(name, source):
                 raise WriteError(f"{name}: is read, too, as {source}.", "Choose another name.")
         refuse_existing(Path(name), overwrite, companions)
         refuse_missing_folder(Path(name))

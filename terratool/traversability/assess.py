@@ -80,6 +80,7 @@ class Request:
         start: the place from which the ground counts; its largest part if None.
         prefer: what routes are to be the least of.
         resolution: of the map, and of routes where that is not too fine; chosen if None.
+        why: in words, it has that resolution; for a note.
         bounds: west, south, east, north of the part that counts; all if None.
         headings: at each place; HEADINGS if None, and more where these show no way.
         mapped: whether the whole ground is to be judged; it is where there are no routes, or a
@@ -93,6 +94,7 @@ class Request:
     start: Point | None = None
     prefer: Preference = "time"
     resolution: float | None = None
+    why: str = "as asked"
     bounds: Bounds | None = None
     headings: int | None = None
     mapped: bool = True
@@ -198,6 +200,15 @@ class _Grids(NamedTuple):
     routes: Grid | None
     headings: int
     notes: list[str]
+
+
+def chosen_resolution(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> float:
+    """The resolution that a request has, or gets; `written` is whether the map goes into a file.
+
+    Raises:
+        RequestError: what is asked for lies outside the terrain, or is too large.
+    """
+    return _grids(terrain, vehicle, request, written).grid.resolution
 
 
 def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> _Grids:
@@ -484,7 +495,7 @@ def _map_grid(
     terrain: Terrain, vehicle: Vehicle, request: Request, written: bool
 ) -> tuple[Grid, str]:
     if request.resolution is not None:
-        return grid_over(terrain, request.resolution, request.bounds), "as asked"
+        return grid_over(terrain, request.resolution, request.bounds), request.why
     most = DEFAULT_PIXELS if written else MOST_PIXELS
     resolution, why = default_resolution(terrain, vehicle, request.bounds, most)
     if not written and why.endswith("longer side"):

@@ -282,8 +282,8 @@ def slip_limit(vehicle: Vehicle) -> float:
     return min(vehicle.wheel.max_slip, vehicle.thresholds.caution_slip)
 
 
-class LevelDemand(NamedTuple):
-    """What the wheels of a vehicle need to roll on the level, the largest of all each.
+class SlopeDemand(NamedTuple):
+    """What the wheels of a vehicle need to drive along a slope, the largest of all each.
 
     Attributes:
         torque: N m.
@@ -292,6 +292,7 @@ class LevelDemand(NamedTuple):
         slip: 0 where it is not known.
         sinkage: m.
         depth: share of its radius that a wheel sinks in.
+        lifts: whether a wheel would be pulled up.
     """
 
     torque: float
@@ -300,21 +301,37 @@ class LevelDemand(NamedTuple):
     slip: float
     sinkage: float
     depth: float
+    lifts: bool
+
+    @property
+    def drives(self) -> bool:
+        """Whether wheels, soil and motors give that."""
+        able = self.utilisation <= 1.0 and self.slip <= 1.0 and self.torque_used <= 1.0
+        return able and self.depth < 1.0 and not self.lifts
 
 
-def level_demand(vehicle: Vehicle, soil: Soil) -> LevelDemand:
-    """What the wheels need to roll on the level."""
-    layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
-    sinkage = np.empty_like(loads)
-    need = kernels.drive(layout, loads, one_soil(soil), 0.0, slip_limit(vehicle), sinkage)
-    depth = float(np.max(sinkage / layout.wheels.radius))
-    return LevelDemand(
+def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDemand:
+    """What the wheels need to drive straight up a slope, rad, below 0 downhill.
+
+    They bear what they do on that slope, and push m g sin α and what towed ones resist.
+    """
+    layout = wheel_layout(vehicle)
+    loads = kernels.wheel_loads(layout, vehicle.weight, slope, 0.0)
+    sinkage, push = np.empty_like(loads), vehicle.weight * math.sin(slope)
+    need = kernels.drive(layout, loads, one_soil(soil), push, slip_limit(vehicle), sinkage)
+    return SlopeDemand(
         need["torque"], need["torque_used"], need["utilisation"], need["slip"],
-        float(sinkage.max()), depth,
+        float(sinkage.max()), float(np.max(sinkage / layout.wheels.radius)),
+        bool((loads <= 0.0).any()),
     )  # fmt: skip
 
 
-def judge_level(vehicle: Vehicle, need: LevelDemand) -> Judgement:
+def level_demand(vehicle: Vehicle, soil: Soil) -> SlopeDemand:
+    """What the wheels need to roll on the level."""
+    return slope_demand(vehicle, soil)
+
+
+def judge_level(vehicle: Vehicle, need: SlopeDemand) -> Judgement:
     """The verdict on level ground: of the wheels, and of the body over wheels that have sunk in."""
     limits, slip = vehicle.thresholds, slip_limit(vehicle)
     measures = [

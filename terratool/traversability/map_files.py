@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -160,6 +160,16 @@ def refuse_map(terrain: Terrain, grid: Grid, path: Path, overwrite: bool) -> Non
         refuse_existing(name, overwrite, COMPANIONS)
     crs_of(terrain)
     refuse_full_disk(path, grid, _FILES, raster_format(path, cog=True))
+
+
+def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path) -> None:
+    """Refuse maps that do not all fit on the disk together; `path` is beside them.
+
+    Raises:
+        WriteError: they do not.
+    """
+    largest = max(grids, key=lambda grid: grid.width * grid.height)
+    refuse_full_disk(path, largest, _FILES * len(grids), raster_format(path, cog=True))
 
 
 @contextlib.contextmanager

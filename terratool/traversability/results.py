@@ -106,6 +106,21 @@ kernels.check_enumerations(Verdict, Reason)
 
 
 @dataclass(frozen=True, slots=True)
+class SlipCurve:
+    """The slip of a vehicle that drives straight up a slope, or down, by the slope.
+
+    Every half degree, and at the largest climb.
+
+    Attributes:
+        slope: rad, rising; below 0 downhill.
+        slip: of the driven wheel that slips most; NaN where it cannot drive.
+    """
+
+    slope: tuple[float, ...]
+    slip: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Figures:
     """A surface and a wheel: what ground and vehicle do to each other on it.
 
@@ -148,6 +163,7 @@ class Figures:
         verdict: on level ground.
         reason: what binds on level ground.
         warnings: sentences.
+        slip_curve: None where slip is not known.
     """
 
     surface: str
@@ -185,6 +201,7 @@ class Figures:
     verdict: Verdict = Verdict.UNKNOWN
     reason: Reason = Reason.NONE
     warnings: tuple[str, ...] = ()
+    slip_curve: SlipCurve | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -496,3 +513,36 @@ class TraversabilityReport:
     assumptions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     geojson: dict[str, Any] = field(default_factory=lambda: {"type": "FeatureCollection"})
+
+    @property
+    def drives(self) -> bool:
+        """Whether the vehicle can: go or caution."""
+        return self.verdict in (Verdict.GO, Verdict.CAUTION)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Reports of several vehicles of which the same was asked on one terrain, one or more.
+
+    Attributes:
+        reports: one for each vehicle, in the order in which they were given.
+        notes: sentences on their grids.
+    """
+
+    reports: tuple[TraversabilityReport, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the worst."""
+        return max((one.verdict for one in self.reports), key=RANKS.__getitem__)
+
+    @property
+    def terrain(self) -> str:
+        """Name of the definition's file."""
+        return self.reports[0].terrain
+
+    @property
+    def descr(self) -> str:
+        """Of the terrain."""
+        return self.reports[0].descr

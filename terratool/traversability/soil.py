@@ -20,10 +20,11 @@ from terratool.traversability.limits import (
     level_demand,
     side_slip,
     slip_limit,
+    slope_demand,
     tip_over,
     wheel_layout,
 )
-from terratool.traversability.results import Figures, Reason, Verdict
+from terratool.traversability.results import Figures, Reason, SlipCurve, Verdict
 from terratool.traversability.steps import gap_width, step_of
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
 from terratool.traversability.wheel import LARGEST, Numbers
@@ -59,6 +60,12 @@ BY_MODEL = {
     ),
 }
 """Sentences for reports that are computed with a model."""
+
+
+CURVE_STEP, CURVE_LOW, CURVE_BEYOND = 0.5, -10.0, 2.0
+"""Of slip against slope, degrees: from one slope to the next, where it begins, and how far beyond
+the largest climb it ends."""
+_BELOW = 1e-9
 
 
 def bekker_sinkage(preset: Preset, wheel: Wheel, load: Any) -> Numbers:
@@ -214,7 +221,27 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         verdict=verdict,
         reason=reason,
         warnings=(*wheels.remarks(load, soil, vehicle.wheel), *_remarks(vehicle, soil, load)),
+        slip_curve=slip_curve(vehicle, soil, up),
     )
+
+
+def slip_curve(vehicle: Vehicle, soil: Soil, climb: float | None) -> SlipCurve | None:
+    """Slip against slope, to a little beyond the largest climb, rad, or the level if there is none.
+
+    On each slope it is that of `slope_demand`, without the margin that the climb keeps in reserve.
+    None where slip is not known: in the model `paper`, and without K.
+    """
+    if not (vehicle.wheel.slips and soil.shear_modulus > 0.0):
+        return None
+    last = math.degrees(climb or 0.0) + CURVE_BEYOND
+    steps = range(round(CURVE_LOW / CURVE_STEP), math.floor(last / CURVE_STEP) + 1)
+    slopes = {math.radians(step * CURVE_STEP) for step in steps} | {climb or 0.0}
+    found = []
+    for slope in sorted(slopes):
+        # the climb is where something ends: looked at from below
+        need = slope_demand(vehicle, soil, slope - _BELOW * (slope == climb))
+        found.append((slope, need.slip if need.drives else math.nan))
+    return SlipCurve(*zip(*found, strict=True))
 
 
 def _largest(found: SteepestSlope, tips: float, vehicle: Vehicle) -> tuple[float | None, Reason]:

@@ -199,6 +199,12 @@ def coarsest_resolution(vehicle: Vehicle) -> float:
     return _MOST_PARTS * _FINE * vehicle.wheel.radius
 
 
+def finest_resolution(vehicle: Vehicle) -> float:
+    """The smallest side of a pixel of ground that a vehicle can be judged on."""
+    front, rear, _ = vehicle.rectangle
+    return (front + rear) / _MOST_ACROSS
+
+
 def parts_of(vehicle: Vehicle, resolution: float) -> int:
     """Pixels of ground for one of a grid along each side: odd, so that their centres agree.
 
@@ -214,7 +220,7 @@ def parts_of(vehicle: Vehicle, resolution: float) -> int:
             f"A resolution of {resolution:g} is too coarse for wheels of radius {radius:g}.",
             f"Give at most {coarsest_resolution(vehicle):g}.",
         )
-    least = (front + rear) / _MOST_ACROSS
+    least = finest_resolution(vehicle)
     if resolution / parts < least:
         raise RequestError(
             f"A resolution of {resolution:g} is too fine for a vehicle {front + rear:g} long: it "

@@ -278,8 +278,12 @@ def load_vehicle(path: str | Path) -> Vehicle:
                 "Name a vehicle file here, such as samples/vehicles/husky-a200.json.",
             )
         raise refusal(checked)
-    name = Path(source.name).name.removesuffix(".gz").removesuffix(".json")
-    return vehicle_of(checked.vehicle, name)
+    return vehicle_of(checked.vehicle, name_of(source.name))
+
+
+def name_of(path: str | Path) -> str:
+    """What the vehicle of a file is called."""
+    return Path(path).name.removesuffix(".gz").removesuffix(".json")
 
 
 def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:

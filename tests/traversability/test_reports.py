@@ -194,6 +194,13 @@ class TestPage:
         assert root.tag == f"{XHTML}html"
         assert root.get("lang") == "en"
 
+    def test_a_tiny_share_is_no_markup(self) -> None:
+        """In the legend of the map, too."""
+        counts = {GroundClass.GO: 99_999, GroundClass.ONE_WAY: 1}
+        summary = replace(reports.SUMMARY, counts=counts)
+        text = text_in(page_of(reports.report(summary=summary)))
+        assert "one-way <0.1 %" in text
+
     @every_kind
     def test_takes_nothing_from_elsewhere(self, kind: str) -> None:
         """No script, no link, no address but those of namespaces, which nobody follows."""
@@ -298,7 +305,11 @@ class TestPage:
     def test_the_way_lies_where_it_is(self) -> None:
         """In thousandths of the picture from its north-west: a mirrored one would be caught."""
         root = page_of(reports.KINDS["way"])
-        lines = [line.get("points", "") for line in root.iter(f"{SVG}polyline")]
+        lines = [
+            line.get("points", "")
+            for line in root.iter(f"{SVG}polyline")
+            if line.get("class") == "way"
+        ]
         first, last = lines[-1].split()[0], lines[-1].split()[-1]
         # the picture is 100 to 140 by 200 to 215
         assert tuple(map(float, first.split(","))) == pytest.approx((125.0, 866.7), abs=0.05)

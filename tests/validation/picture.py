@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from terratool.traversability.report.curves import Frame
 from tests.validation.series import (
     AGAIN,
     DING,
@@ -39,33 +40,22 @@ class Panel:
 
     def __init__(self, left: float, title: str) -> None:
         self.left = left
+        self.frame = Frame(left, TOP, SIDE, HEIGHT, (0.0, 1.0), (-5.0, 35.0))
         self.parts = [f'<text class="t" x="{left}" y="28">{title}</text>']
         for angle in range(0, 31, 10):
             self._line("g", np.array([0.0, 1.0]), np.full(2, float(angle)))
-            self._text(left - 6, self.down(angle) + 4, f"{angle}°", "end")
+            self._text(left - 6, self.frame.down(angle) + 4, f"{angle}°", "end")
         for slip in (0, 20, 40, 60, 80, 100):
-            self._text(self.right(slip / 100), TOP + HEIGHT + 16, f"{slip} %", "middle")
-        self._text(self.right(0.5), TOP + HEIGHT + 34, "slip", "middle")
-
-    def right(self, slip: float) -> float:
-        """Where a slip is, in pixels."""
-        return self.left + SIDE * slip
-
-    def down(self, angle: float) -> float:
-        """Where an angle is, in pixels."""
-        return TOP + HEIGHT * (35.0 - angle) / 40.0
+            self._text(self.frame.right(slip / 100), TOP + HEIGHT + 16, f"{slip} %", "middle")
+        self._text(self.frame.right(0.5), TOP + HEIGHT + 34, "slip", "middle")
 
     def _text(self, x: float, y: float, text: str, anchor: str = "start") -> None:
         self.parts.append(
             f'<text class="s" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{text}</text>'
         )
 
-    def _points(self, slips: Array, angles: Array) -> str:
-        pairs = zip(slips, angles, strict=True)
-        return " ".join(f"{self.right(s):.1f},{self.down(a):.1f}" for s, a in pairs)
-
     def _line(self, kind: str, slips: Array, angles: Array) -> None:
-        self.parts.append(f'<polyline class="{kind}" points="{self._points(slips, angles)}"/>')
+        self.parts.append(f'<polyline class="{kind}" points="{self.frame.points(slips, angles)}"/>')
 
     def curve(
         self, kind: str, series: Series, angles: Callable[[Series, Array], Array] = angles_of
@@ -79,22 +69,22 @@ class Panel:
         slips = _slips(series)
         upper, lower = with_modulus(low)(series, slips), with_modulus(high)(series, slips)
         around = np.concatenate([slips, slips[::-1]]), np.concatenate([upper, lower[::-1]])
-        self.parts.insert(0, f'<polygon class="b" points="{self._points(*around)}"/>')
+        self.parts.insert(0, f'<polygon class="b" points="{self.frame.points(*around)}"/>')
 
     def dots(self, kind: str, series: Series) -> None:
         """What was measured."""
         for slip, angle in zip(*series.measured, strict=True):
-            x, y = self.right(slip), self.down(angle)
+            x, y = self.frame.right(slip), self.frame.down(angle)
             self.parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="4"/>')
 
     def legend(self, *rows: tuple[str, str]) -> None:
         """What its marks mean, from the bottom up."""
-        x, y, high = self.left + 90.0, self.down(-3.7), 15.0 * len(rows)
+        x, y, high = self.left + 90.0, self.frame.down(-3.7), 15.0 * len(rows)
         self.parts.append(
             f'<rect x="{x - 14}" y="{y + 4 - high:.1f}" width="180" height="{high}" fill="#fff"/>'
         )
         for n, (kind, text) in enumerate(rows):
-            y = self.down(-3.7) - 15.0 * n
+            y = self.frame.down(-3.7) - 15.0 * n
             if kind in "pq":
                 self.parts.append(f'<circle class="{kind}" cx="{x}" cy="{y - 4:.1f}" r="4"/>')
             elif kind == "b":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from terratool import __version__
 from terratool.errors import RequestError
 from terratool.text.display import shown
 from terratool.traversability.report import wording
+from terratool.traversability.report.curves import as_svg
 from terratool.traversability.report.page import as_markdown, as_page
 from terratool.traversability.report.routes import route_features
 from terratool.traversability.results import (
@@ -29,6 +30,7 @@ from terratool.traversability.results import (
     Reason,
     Route,
     RouteProfile,
+    SlipCurve,
     TraversabilityReport,
     Verdict,
 )
@@ -57,7 +59,8 @@ _KEYS: dict[type, str] = {
     "normal_stress_kPa shear_stress_kPa entry_angle_deg strength_kPa motor_stress_kPa "
     "limit_torque_Nm thrust_N resistance_N drawbar_N torque_Nm utilisation slip "
     "climb_deg climb_binding cross_slope_deg cross_slope_binding step_m step_binding step_axle "
-    "gap_m warnings",
+    "gap_m warnings slip_curve",
+    SlipCurve: "slope_deg slip",
     Location: "x y z surface element",
     Barrier: "binding bars width_m place",
     Route: "found planned verdict start goal length_m time_s energy_J steepest softest tightest "
@@ -116,7 +119,12 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
 
 def as_json(report: TraversabilityReport) -> str:
     """A report as the text of a JSON file."""
-    return json.dumps(as_dict(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(as_dict(report))
+
+
+def json_text(value: Any) -> str:
+    """A plain value as the text of a JSON file."""
+    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _plain(value: Any, factor: float = 1.0) -> Any:
@@ -133,7 +141,7 @@ def _plain(value: Any, factor: float = 1.0) -> Any:
     if isinstance(value, Reason):
         return None if value == Reason.NONE else value.label
     if isinstance(value, tuple):
-        return [_plain(each) for each in value]
+        return [_plain(each, factor) for each in value]
     if isinstance(value, np.ndarray):
         return [_plain(each, factor) for each in value.tolist()]
     return _record(value) if type(value) in _KEYS else value
@@ -205,8 +213,13 @@ def _summary(summary: MapSummary) -> dict[str, Any]:
 
 def as_geojson(report: TraversabilityReport) -> str:
     """The routes of a report as the text of a GeoJSON file, a line for each feature."""
+    return geojson_text(report, route_features(report.routes))
+
+
+def geojson_text(report: TraversabilityReport, features: Iterable[dict[str, Any]]) -> str:
+    """Features as the text of a GeoJSON file, with the head that a report has for it."""
     head = {**report.geojson, "terratool": __version__}
-    lines = ",\n".join(json.dumps(one, ensure_ascii=False) for one in route_features(report.routes))
+    lines = ",\n".join(json.dumps(one, ensure_ascii=False) for one in features)
     return f'{json.dumps(head, ensure_ascii=False)[:-1]}, "features": [\n{lines}\n]}}\n'
 
 
@@ -214,18 +227,21 @@ FORMATS: dict[str, Callable[[TraversabilityReport], str]] = {
     ".json": as_json,
     ".md": as_markdown,
     ".html": as_page,
+    ".svg": as_svg,
     ".geojson": as_geojson,
 }
 
 
-def renderer_of(path: str | Path) -> Callable[[TraversabilityReport], str]:
-    """What makes the text of a report's file of this name.
+def renderer_of(
+    path: str | Path, formats: Mapping[str, Callable[[Any], str]] = FORMATS
+) -> Callable[[Any], str]:
+    """What makes the text of a report's file of this name, of some formats by suffix.
 
     Raises:
         RequestError: there is no such format.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in FORMATS:
+    if suffix not in formats:
         what = f"there are no reports as {shown(suffix)}" if suffix else "has no suffix"
-        raise RequestError(f"{path}: {what}.", f"Let it end in {', '.join(FORMATS)}.")
-    return FORMATS[suffix]
+        raise RequestError(f"{path}: {what}.", f"Let it end in {', '.join(formats)}.")
+    return formats[suffix]

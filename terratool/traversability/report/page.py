@@ -13,7 +13,7 @@ import numpy as np
 
 from terratool import __version__
 from terratool.text.display import printable
-from terratool.traversability.report import tables, wording
+from terratool.traversability.report import curves, tables, wording
 from terratool.traversability.report.drawing import (
     chart,
     contour_interval,
@@ -50,18 +50,27 @@ _MARKUP = re.compile(r"([\\`*_{}\[\]<>&|~#$])")
 
 def as_page(report: TraversabilityReport) -> str:
     """A report as the text of an HTML file; the same from run to run."""
-    picture = None if report.preview is None else _picture(report, report.preview)
-    return _rendered("page.html.jinja", _escaped_html, report, picture=picture)
+    picture = None if report.preview is None else picture_of(report, report.preview)
+    told = {"report": report, "conclusion": wording.conclusion(report), "picture": picture}
+    return rendered_html("page.html.jinja", **told)
 
 
 def as_markdown(report: TraversabilityReport) -> str:
     """A report as the text of a Markdown file (GitHub's flavour, for its tables)."""
-    return _rendered("page.md.jinja", _escaped_markdown, report)
+    return rendered_markdown("page.md.jinja", report=report, conclusion=wording.conclusion(report))
 
 
-def _rendered(
-    template: str, escape: Callable[[str], str], report: TraversabilityReport, **more: Any
-) -> str:
+def rendered_html(template: str, **told: Any) -> str:
+    """A template of HTML with what it tells, of which nothing is markup unless it says so."""
+    return _rendered(template, _escaped_html, told)
+
+
+def rendered_markdown(template: str, **told: Any) -> str:
+    """Likewise of Markdown."""
+    return _rendered(template, _escaped_markdown, told)
+
+
+def _rendered(template: str, escape: Callable[[str], str], told: dict[str, Any]) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -74,9 +83,8 @@ def _rendered(
         trim_blocks=True, undefined=StrictUndefined,
     )  # fmt: skip
     return environment.get_template(template).render(
-        report=report, conclusion=wording.conclusion(report), tables=tables, wording=wording,
-        MARKS=MARKS, version=__version__, chart=chart, first_width=_first_width, suffix=_suffix,
-        **more,
+        tables=tables, wording=wording, MARKS=MARKS, version=__version__, chart=chart,
+        curves=curves, first_width=_first_width, suffix=_suffix, **told,
     )  # fmt: skip
 
 
@@ -110,7 +118,7 @@ class _Pin(NamedTuple):
     top: float
 
 
-def _picture(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
+def picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
     """What the template says of the map: its picture, what lies over it, a scale, a caption."""
     reached = None
     if report.reach is not None and report.summary is not None:

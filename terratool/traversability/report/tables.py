@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from terratool.text.display import columns_of, counted, printable
 from terratool.traversability.report import wording
@@ -24,10 +25,26 @@ WIDTH = 80
 _NAME = 16
 """Columns for names of surfaces; longer ones are cut."""
 
+_SLOPES, _STEEPEST = 5, 45
+"""Slopes of which a table has the slip, degrees: so many apart, up to the last."""
+
 _SPACE = re.compile(r"\s+(?!%)")
 """Where a line may be broken; not between a number and its "%"."""
 
-Cell = str | Verdict | GroundClass
+
+class Judged(NamedTuple):
+    """A verdict, and what there is to say of it."""
+
+    verdict: Verdict
+    text: str
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"{self.verdict.label}, {self.text}"
+
+
+Cell = str | Verdict | GroundClass | Judged
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +133,25 @@ def soils(report: TraversabilityReport) -> Table:
     )
 
 
+def slips(report: TraversabilityReport) -> Table:
+    """The slip on slopes of 0, 5, 10° and so on, as far as the vehicle climbs."""
+    known = [one for one in report.surfaces if one.slip_curve is not None]
+    most = max((math.degrees(one.climb) for one in known if one.climb is not None), default=0.0)
+    slopes = range(0, min(math.floor(most), _STEEPEST) + 1, _SLOPES)
+    columns = (Column("surface", False), *(Column(f"{slope}°") for slope in slopes))
+    return Table(
+        columns, tuple((title(one), *(_slip_on(one, slope) for slope in slopes)) for one in known)
+    )
+
+
+def _slip_on(figures: Figures, slope: int) -> str:
+    """The slip on a slope, degrees; a dash where the vehicle does not climb it."""
+    curve, angle = figures.slip_curve, math.radians(slope)
+    if curve is None or figures.climb is None or angle > figures.climb:
+        return wording.NOTHING
+    return wording.share(curve.slip[curve.slope.index(angle)])
+
+
 def shares(report: TraversabilityReport) -> Table:
     """How much of the ground is what, by the best and by the worst heading."""
     summary = report.summary
@@ -126,13 +162,13 @@ def shares(report: TraversabilityReport) -> Table:
             wording.share(summary.fraction(ground)),
             wording.share(fraction_of(summary.worst_counts, ground)),
         )
-        for ground in (_grounds(summary) if summary else ())
+        for ground in (grounds_of(summary) if summary else ())
         if summary
     )
     return Table(columns, tuple(rows))
 
 
-def _grounds(summary: MapSummary) -> list[GroundClass]:
+def grounds_of(summary: MapSummary) -> list[GroundClass]:
     """What ground there is to be told of: the verdicts always, the rest if there is any."""
     return [
         ground
@@ -160,7 +196,7 @@ def grounds(report: TraversabilityReport) -> Table:
     """How much of each surface's ground is what, by the best heading."""
     if report.summary is None:
         return Table((), ())
-    kinds, pixels = _grounds(report.summary), report.summary.pixels
+    kinds, pixels = grounds_of(report.summary), report.summary.pixels
     columns = (
         Column("surface", False), Column("share of the ground"),
         *(Column(ground.label) for ground in kinds),
@@ -321,38 +357,43 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
 
     What cannot be broken, as a JSON pointer, may be longer.
     """
-    yield from _wrapped(f"{report.verdict.label}: {printable(wording.conclusion(report))}", "")
+    yield from wrapped(f"{report.verdict.label}: {printable(wording.conclusion(report))}", "")
     for route in report.routes:
         line = printable(wording.route_line(route))
         if line not in printable(wording.conclusion(report)):
-            yield from _wrapped(f"{route.verdict.label}: {line}")
+            yield from wrapped(f"{route.verdict.label}: {line}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
-        yield from _wrapped(printable(line))
+        yield from wrapped(printable(line))
+    yield from mending_lines(report)
+    yield ""
+    if any(not figures.missing for figures in report.surfaces):
+        yield from aligned(_surfaces(report))
+        yield from wrapped(_step_limits(report))
+        yield ""
+    if report.summary:
+        yield from aligned(_map(report.summary))
+        if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
+            yield from wrapped(f"What binds: {binding}")
+        if (counted := wording.counted_from(report)) not in wording.conclusion(report):
+            yield from wrapped(counted)
+        yield ""
+    for name, warning in warnings(report):
+        yield from wrapped(f"{cut(name, _NAME)}: {warning}")
+    for note in report.notes:
+        yield from wrapped(printable(note))
+
+
+def mending_lines(report: TraversabilityReport) -> Iterator[str]:
+    """Which surfaces lack what of a soil, and the lines of JSON that mend it."""
     mends = list(wording.mending(report))
     if mends:
         lacks = wording.lacking(report)
         if lacks not in wording.conclusion(report):
-            yield from _wrapped(printable(lacks))
+            yield from wrapped(printable(lacks))
         yield "Give them a soil, for example this one; docs/format.md has others:"
         for place, line in mends:
             yield f"  {printable(line)}"
             yield f"    {printable(place)}"
-    yield ""
-    if any(not figures.missing for figures in report.surfaces):
-        yield from _aligned(_surfaces(report))
-        yield from _wrapped(_step_limits(report))
-        yield ""
-    if report.summary:
-        yield from _aligned(_map(report.summary))
-        if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
-            yield from _wrapped(f"What binds: {binding}")
-        if (counted := wording.counted_from(report)) not in wording.conclusion(report):
-            yield from _wrapped(counted)
-        yield ""
-    for name, warning in warnings(report):
-        yield from _wrapped(f"{cut(name, _NAME)}: {warning}")
-    for note in report.notes:
-        yield from _wrapped(printable(note))
 
 
 def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
@@ -387,7 +428,7 @@ def _step_limits(report: TraversabilityReport) -> str:
 
 
 def _map(summary: MapSummary) -> Iterator[Sequence[str]]:
-    kinds = _grounds(summary)
+    kinds = grounds_of(summary)
     yield "ground", *(ground.label for ground in kinds), ""
     for heading, counts in (
         ("best heading", summary.counts),
@@ -398,7 +439,7 @@ def _map(summary: MapSummary) -> Iterator[Sequence[str]]:
 
 def cut(text: str, columns: int) -> str:
     """A text that takes at most so many columns of a terminal."""
-    if _width(text) <= columns:
+    if columns_in(text) <= columns:
         return text
     kept, room = "", columns - 1
     for char in text:
@@ -409,39 +450,41 @@ def cut(text: str, columns: int) -> str:
     return f"{kept.rstrip()}…"
 
 
-def _aligned(rows: Iterator[Sequence[str]]) -> Iterator[str]:
+def aligned(rows: Iterator[Sequence[str]], left: bool = False) -> Iterator[str]:
     """Rows in columns: the first and the last, and verdicts, flush left, the others right.
 
-    The last column gets what the others leave, and goes on below where that is not enough.
+    With `left` all are flush left. The last column gets what the others leave, and goes on below
+    where that is not enough.
     """
     cells = [list(row) for row in rows]
-    widths = [max(_width(row[i]) for row in cells) for i in range(len(cells[0]))]
+    widths = [max(columns_in(row[i]) for row in cells) for i in range(len(cells[0]))]
     widths[-1] = WIDTH - sum(widths[:-1]) - 2 * (len(widths) - 1)
     labels = {verdict.label for verdict in Verdict}
     indent = " " * (WIDTH - widths[-1])
     for row in cells:
-        row[-1], *below = _wrapped(row[-1], "", widths[-1]) if row[-1] else [""]
+        row[-1], *below = wrapped(row[-1], "", widths[-1]) if row[-1] else [""]
         parts = []
         for index, (whole, width) in enumerate(zip(row, widths, strict=True)):
             text = cut(whole, width)
-            room = " " * (width - _width(text))
-            left = index == 0 or index == len(row) - 1 or cells[1][index] in labels
-            parts.append(text + room if left else room + text)
+            room = " " * (width - columns_in(text))
+            first = left or index in (0, len(row) - 1) or cells[1][index] in labels
+            parts.append(text + room if first else room + text)
         yield "  ".join(parts).rstrip()
         for text in below:
             yield f"{indent}{cut(text, widths[-1])}"
 
 
-def _width(text: str) -> int:
+def columns_in(text: str) -> int:
+    """Columns that a text takes of a terminal."""
     return sum(map(columns_of, text))
 
 
-def _wrapped(text: str, indent: str = "  ", width: int = WIDTH) -> Iterator[str]:
+def wrapped(text: str, indent: str = "  ", width: int = WIDTH) -> Iterator[str]:
     """Lines of words; the module `textwrap` does not know that some letters take two columns."""
     line = ""
     for word in _SPACE.split(text.strip()):
         longer = f"{line} {word}" if line else word
-        if line and _width(longer) > width:
+        if line and columns_in(longer) > width:
             yield line
             longer = indent + word
         line = longer

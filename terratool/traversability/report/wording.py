@@ -329,6 +329,27 @@ def without_surface(report: TraversabilityReport) -> bool:
     return bool(report.summary.by_surface.get("", {}).get(GroundClass.UNKNOWN))
 
 
+def slip_unknown(report: TraversabilityReport) -> str:
+    """Why slip is not known, and where, in a sentence; nothing where it is."""
+    if report.vehicle.model == "paper":
+        return "There is no slip in the model paper."
+    names = [name(one.surface) for one in report.surfaces if one.load and one.slip_curve is None]
+    if not names:
+        return ""
+    have = "has" if len(names) == 1 else "have"
+    return f"Slip is not known on {listed(names)}, which {have} no shearModulus."
+
+
+def slip_caption(vehicle: Vehicle) -> str:
+    """What a picture of slip against slope shows."""
+    reserve = vehicle.margins.slope
+    kept = f", which keeps {degrees(reserve)} in reserve" if reserve else ""
+    return (
+        "Slip of the wheel that slips most, by the slope that the vehicle drives straight up, or "
+        f"down. A dot is the largest climb{kept}; what lies beyond it is pale."
+    )
+
+
 def mending(report: TraversabilityReport) -> Iterator[tuple[str, str]]:
     """Lines of JSON that mend what surfaces lack, by an example of a soil, and where each goes."""
     known = [one.surface for one in report.surfaces if not one.missing]

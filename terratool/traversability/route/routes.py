@@ -92,7 +92,7 @@ def route_grid(
     Raises:
         RequestError: the bounds are empty or miss the terrain; or so many states are too few.
     """
-    width = max(2.0 * vehicle.rectangle[2], vehicle.wheel.radius)
+    width = _width(vehicle)
     if bounds is not None:
         check_bounds(bounds, terrain)
     west, south, east, north = clip_bounds(terrain, bounds)
@@ -111,13 +111,22 @@ def route_grid(
             f"{vehicle.wheel.radius:g} m take at most {coarsest:.4g} m.",
             "Look at a part of it with --bounds W S E N.",
         )
-    note = ""
-    if resolution > width / _COARSE:
-        note = (
-            f"The route's grid has pixels of {resolution:.3g} m for a vehicle {width:.3g} m wide: "
-            "narrow passages may seem closed. A smaller part, with --bounds, makes it finer."
-        )
-    return grid, note
+    return grid, narrow_note(vehicle, resolution)
+
+
+def narrow_note(vehicle: Vehicle, resolution: float) -> str:
+    """A sentence where pixels are wider than a third of the vehicle; else empty."""
+    width = _width(vehicle)
+    if resolution <= width / _COARSE:
+        return ""
+    return (
+        f"The route's grid has pixels of {resolution:.3g} m for a vehicle {width:.3g} m wide: "
+        "narrow passages may seem closed. A smaller part, with --bounds, makes it finer."
+    )
+
+
+def _width(vehicle: Vehicle) -> float:
+    return max(2.0 * vehicle.rectangle[2], vehicle.wheel.radius)
 
 
 def plan_route(

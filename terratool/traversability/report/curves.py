@@ -1,0 +1,339 @@
+"""Pictures of slip against slope as SVG: a line for each surface, or for each vehicle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from html import escape
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from terratool.text.display import columns_of, printable
+from terratool.traversability.limits import slip_limit
+from terratool.traversability.report import wording
+from terratool.traversability.report.tables import cut, title
+from terratool.traversability.results import SlipCurve, TraversabilityReport
+from terratool.traversability.vehicle import Vehicle
+
+COLOURS = 6
+"""Of curves.css, distinct for any kind of colour vision …"""
+DASHES = ("", "7 3", "2 3", "9 3 2 3")
+"""… and of these each goes with each, so that lines differ in grey, too."""
+
+_LEFT, _RIGHT, _TOP, _BELOW, _ROW = 52.0, 14.0, 24.0, 46.0, 20.0
+"""Room for numbers and titles around the curves, and the height of a row of the legend."""
+_TALL, _NAME, _SWATCH = 280.0, 24, 30.0
+_LETTER = 6.4
+"""Width of a letter, about."""
+_SLOPES, _NUMBER = (5, 10, 15, 30, 45, 90), 36.0
+"""Degrees that numbers of slopes may be apart, and the room that each takes."""
+_NEAR = 4.0
+"""A curve is looked at every so many pixels where a name might cover it."""
+
+NO_SURFACE = "There is no surface to drive on."
+
+
+class Frame(NamedTuple):
+    """A part of a picture that shows x from `x[0]` to `x[1]` and y from `y[0]` up to `y[1]`."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def right(self, x: float) -> float:
+        """Where an x is, in pixels from the left."""
+        return self.left + self.width * (x - self.x[0]) / (self.x[1] - self.x[0])
+
+    def down(self, y: float) -> float:
+        """Where a y is, in pixels from the top."""
+        return self.top + self.height * (self.y[1] - y) / (self.y[1] - self.y[0])
+
+    def points(self, xs: Sequence[float], ys: Sequence[float]) -> str:
+        """Points as the attribute of a polyline has them."""
+        pairs = zip(xs, ys, strict=True)
+        return " ".join(f"{self.right(x):.1f},{self.down(y):.1f}" for x, y in pairs)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A curve of a picture.
+
+    Attributes:
+        name: what it is of.
+        curve: slip against slope.
+        climb: the largest slope, rad; None where it cannot even drive on the level.
+    """
+
+    name: str
+    curve: SlipCurve
+    climb: float | None
+
+    def drawn(self) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+        """Degrees and slips up to the largest climb, and from there on, until it cannot drive."""
+        known = [
+            (math.degrees(slope), slip, self.climb is not None and slope <= self.climb)
+            for slope, slip in zip(self.curve.slope, self.curve.slip, strict=True)
+            if not math.isnan(slip)
+        ]
+        able = [(slope, slip) for slope, slip, able in known if able]
+        return able, [*able[-1:], *((slope, slip) for slope, slip, able in known if not able)]
+
+
+def slip_lines(report: TraversabilityReport) -> list[Line]:
+    """A line for each surface whose slip is known."""
+    return [
+        Line(title(one), one.slip_curve, one.climb) for one in report.surfaces if one.slip_curve
+    ]
+
+
+def slip_marks(vehicles: Sequence[Vehicle]) -> list[tuple[float, str]]:
+    """Slips that mean something, from the lowest, and what; of several vehicles whose they are."""
+    by_slip: dict[tuple[float, str], list[str]] = {}
+    for vehicle in vehicles:
+        most = slip_limit(vehicle)
+        if vehicle.thresholds.slip < most:
+            by_slip.setdefault((vehicle.thresholds.slip, "go ends"), []).append(vehicle.name)
+        if most < 1.0:
+            by_slip.setdefault((most, "caution ends"), []).append(vehicle.name)
+    marks = []
+    for (slip, what), names in sorted(by_slip.items()):
+        whose = f" ({', '.join(map(printable, names))})" if len(names) < len(vehicles) else ""
+        marks.append((slip, f"{wording.share(slip)}: {what}{whose}"))
+    return [*marks, (1.0, f"{wording.share(1.0)}: it stays where it is")]
+
+
+def slip_chart(
+    lines: Sequence[Line], marks: Sequence[tuple[float, str]], width: float, heading: str = ""
+) -> str:
+    """An SVG element, `width` pixels wide, 240 or more; empty where there are no lines.
+
+    Slope in degrees runs to the right, slip upwards. Its colours are those of curves.css.
+    """
+    if not _can_draw(lines):
+        return ""
+    parts, tall = _chart(lines, marks, width, heading)
+    return _element(parts, width, tall, _described(lines))
+
+
+def slip_sheet(
+    panels: Sequence[tuple[Sequence[Line], Sequence[tuple[float, str]], str]], width: float
+) -> str:
+    """Charts of so many pixels' width by their lines, marks and headings, two in a row."""
+    parts, top, tall, number = [], 0.0, 0.0, 0
+    for lines, marks, heading in panels:
+        if not _can_draw(lines):
+            continue
+        if number and number % 2 == 0:
+            top, tall = top + tall, 0.0
+        chart, own = _chart(lines, marks, width, heading)
+        tall = max(tall, own + _ROW)
+        at = f"{width * (number % 2):g} {top:g}"
+        parts += [f'<g transform="translate({at})"><title>{escape(heading)}</title>', *chart]
+        parts.append("</g>")
+        number += 1
+    described = "Slip against slope, surface by surface."
+    return _element(parts, width * min(number, 2), top + tall, described) if number else ""
+
+
+def _can_draw(lines: Sequence[Line]) -> bool:
+    return any(sum(map(len, line.drawn())) > 1 for line in lines)
+
+
+def _element(parts: Sequence[str], width: float, tall: float, described: str) -> str:
+    head = (
+        f'<svg class="slip" xmlns="http://www.w3.org/2000/svg" role="img" '
+        f'viewBox="0 0 {width:g} {tall:g}" width="{width:g}" height="{tall:g}" '
+        f'aria-label="{escape(described)}">'
+    )
+    return "".join((head, *parts, "</svg>"))
+
+
+def _chart(
+    lines: Sequence[Line], marks: Sequence[tuple[float, str]], width: float, heading: str
+) -> tuple[list[str], float]:
+    """What a chart consists of, and how tall it is."""
+    slopes = [math.degrees(slope) for line in lines for slope in line.curve.slope]
+    ends = 5.0 * math.floor(min(slopes) / 5.0), 5.0 * math.ceil(max(slopes) / 5.0)
+    frame = Frame(_LEFT, _TOP, width - _LEFT - _RIGHT, _TALL, ends, (0.0, 1.08))
+    legend, rows = _legend(lines, frame.left, width)
+    tall = _TOP + _TALL + _BELOW + rows * _ROW
+    return [*_axes(frame, heading), *_curves(frame, lines, marks), *legend], tall
+
+
+@cache
+def style() -> str:
+    """The text of curves.css."""
+    return Path(__file__).with_name("curves.css").read_text("utf-8")
+
+
+def alone(chart: str, without: str) -> str:
+    """A chart as the text of a file of its own; of a sentence where there is none."""
+    if not chart:
+        chart = _element([_text(without, 20.0, 34.0, "title")], 720.0, 60.0, without)
+    head, _, body = chart.partition(">")
+    paper = '<rect class="paper" width="100%" height="100%"/>'
+    return f"{head}>\n<style>\n{style()}</style>\n{paper}\n{body}\n".replace("><", ">\n<")
+
+
+def as_svg(report: TraversabilityReport) -> str:
+    """The slip of a report by the slope, as the text of an SVG file."""
+    heading = f"{report.terrain}, {report.vehicle.name or 'a wheel'}"
+    chart = slip_chart(slip_lines(report), slip_marks([report.vehicle]), 900.0, heading)
+    return alone(chart, wording.slip_unknown(report) or NO_SURFACE)
+
+
+def _described(lines: Sequence[Line]) -> str:
+    parts = []
+    for line in lines:
+        able, _ = line.drawn()
+        far = f"{wording.share(able[-1][1])} at {able[-1][0]:.1f}°" if able else "not on the level"
+        parts.append(f"{printable(line.name)} {far}")
+    return f"Slip against slope, to the largest climb: {'; '.join(parts)}."
+
+
+def _axes(frame: Frame, heading: str) -> Iterator[str]:
+    """Lines and numbers of both axes, and what the picture is of."""
+    bottom = frame.top + frame.height
+    for percent in range(0, 101, 20):
+        y = frame.down(percent / 100)
+        yield f'<path class="rule" d="M{frame.left:g} {y:.1f}h{frame.width:g}"/>'
+        yield f'<text x="{frame.left - 6:g}" y="{y + 4:.1f}" text-anchor="end">{percent} %</text>'
+    low, high = frame.x
+    apart = next(step for step in _SLOPES if frame.width * step / (high - low) > _NUMBER)
+    for slope in range(apart * math.ceil(low / apart), math.floor(high) + 1, apart):
+        x = frame.right(slope)
+        yield f'<path class="tick" d="M{x:.1f} {bottom:g}v5"/>'
+        text = f"{slope}°".replace("-", "−")
+        yield f'<text x="{x:.1f}" y="{bottom + 18:g}" text-anchor="middle">{text}</text>'
+    yield f'<path class="rule" d="M{frame.right(0.0):.1f} {frame.top:g}v{frame.height:g}"/>'
+    yield f'<path class="tick" d="M{frame.left:g} {bottom:g}h{frame.width:g}"/>'
+    end = frame.left + frame.width
+    yield (
+        f'<text class="title" x="{end:g}" y="{bottom + 34:g}" text-anchor="end">'
+        "slope, downhill below 0</text>"
+    )
+    yield f'<text class="title" x="{frame.left:g}" y="{frame.top - 8:g}">slip</text>'
+    if heading:
+        most = int((frame.width - 40.0) / _LETTER)
+        yield (
+            f'<text class="title" x="{end:g}" y="{frame.top - 8:g}" text-anchor="end">'
+            f"{escape(cut(printable(heading), most))}</text>"
+        )
+
+
+def _style_of(number: int) -> tuple[str, str]:
+    """Class of the colour, and the attribute of the dashes, of a line."""
+    dashes = DASHES[(number + number // COLOURS) % len(DASHES)]
+    return f"s{number % COLOURS}", f' stroke-dasharray="{dashes}"' if dashes else ""
+
+
+class _Box(NamedTuple):
+    """A rectangle of a picture that something covers."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    @classmethod
+    def of(cls, text: str, x: float, y: float) -> _Box:
+        """Of a text that begins at x on the line y."""
+        return cls(x, y - 10.0, x + _wide(text), y + 3.0)
+
+    def meets(self, other: _Box) -> bool:
+        """Whether they overlap."""
+        return (
+            self.left < other.right and other.left < self.right
+            and self.top < other.bottom and other.top < self.bottom
+        )  # fmt: skip
+
+    def distance(self, x: float, y: float) -> float:
+        """Of a point; 0 inside."""
+        across = max(self.left - x, 0.0, x - self.right)
+        return math.hypot(across, max(self.top - y, 0.0, y - self.bottom))
+
+
+def _curves(
+    frame: Frame, lines: Sequence[Line], marks: Sequence[tuple[float, str]]
+) -> Iterator[str]:
+    """The marks, the curves over them, and names where there is room for these."""
+    taken: list[_Box] = []
+    most = int((frame.width - 10.0) / _LETTER)
+    marks = [(slip, cut(text, most)) for slip, text in marks]
+    for slip, text in marks:
+        y = frame.down(slip)
+        yield f'<path class="limit" d="M{frame.left:g} {y:.1f}h{frame.width:g}"/>'
+        taken.append(_Box.of(text, frame.left + 5.0, y - 6.0))
+        taken.append(_Box(frame.left, y - 1.0, frame.left + frame.width, y + 1.0))
+    trails, ends = [], []
+    for number, line in enumerate(lines):
+        colour, dashes = _style_of(number)
+        for kind, points in zip(("", " beyond"), line.drawn(), strict=True):
+            if len(points) > 1:
+                at = frame.points(*zip(*points, strict=True))
+                yield f'<polyline class="curve{kind} {colour}"{dashes} points="{at}"/>'
+                trails += _trail([(frame.right(x), frame.down(y)) for x, y in points])
+        if line.drawn()[0]:
+            slope, slip = line.drawn()[0][-1]
+            x, y = frame.right(slope), frame.down(slip)
+            ends.append((x, y, line))
+            taken.append(_Box(x - 5.0, y - 5.0, x + 5.0, y + 5.0))
+            yield f'<circle class="{colour}" cx="{x:.1f}" cy="{y:.1f}" r="4.5"/>'
+    for slip, text in marks:
+        yield _text(text, frame.left + 5.0, frame.down(slip) - 6.0, "halo")
+    for x, y, line in ends:
+        name = cut(line.name, _NAME)
+        others = [end[:2] for end in ends if end[:2] != (x, y)]
+        for left, down in ((8, 4), (8, 16), (8, -8), (-8 - _wide(name), 4), (-8 - _wide(name), -8)):
+            box = _Box.of(name, x + left, y + down)
+            # nobody must take it for the name of another curve
+            own = box.distance(x, y) + 3.0
+            alone = all(box.distance(*end) > own for end in others)
+            inside = box.left > frame.left and box.right < frame.left + frame.width
+            covers = any(map(box.meets, taken)) or any(box.distance(*at) == 0.0 for at in trails)
+            if alone and inside and not covers:
+                taken.append(box)
+                yield _text(name, x + left, y + down, "name halo")
+                break
+
+
+def _trail(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Points of a polyline, close to each other."""
+    found = [points[0]]
+    for (x0, y0), (x1, y1) in pairwise(points):
+        count = max(1, math.ceil(math.hypot(x1 - x0, y1 - y0) / _NEAR))
+        found += [
+            (x0 + (x1 - x0) * n / count, y0 + (y1 - y0) * n / count) for n in range(1, count + 1)
+        ]
+    return found
+
+
+def _legend(lines: Sequence[Line], left: float, width: float) -> tuple[list[str], int]:
+    """The lines by name, with the largest climb, and how many rows that takes."""
+    parts, x, row = [], left, 0
+    for number, line in enumerate(lines):
+        climb = "not on the level" if line.climb is None else wording.degrees(line.climb)
+        text = f"{cut(line.name, _NAME)} {climb}"
+        wide = _SWATCH + _wide(text) + 14.0
+        if x > left and x + wide > width:
+            x, row = left, row + 1
+        y = _TOP + _TALL + _BELOW + _ROW * row + 8.0
+        colour, dashes = _style_of(number)
+        parts.append(f'<path class="curve {colour}"{dashes} d="M{x:.1f} {y - 4:.1f}h24"/>')
+        parts.append(_text(text, x + _SWATCH, y, "name"))
+        x += wide
+    return parts, row + 1
+
+
+def _wide(text: str) -> float:
+    return _LETTER * sum(map(columns_of, printable(text)))
+
+
+def _text(text: str, x: float, y: float, kind: str) -> str:
+    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(printable(text))}</text>'
