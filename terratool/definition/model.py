@@ -28,6 +28,10 @@ DEFAULT_MULTIPASS = 3.0
 Pair = tuple[float, float]
 CurveValue = tuple[float | Pair, ...] | str
 """A vector, a list of knots (never both in one list; a rule sees to that), or a string."""
+SoilFigure = float | Pair
+"""A number, or a range [low, high] in which every value is equally likely."""
+SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus")
+"""Attributes of a surface that may be ranges."""
 
 
 # the ranges of numbers of elements, held against while decoding: later it takes far longer
@@ -53,18 +57,37 @@ def pair_of(
     return value if isinstance(value, tuple) else (value, value)
 
 
+def middle_of(figure: SoilFigure) -> float:
+    """The one number that counts for a figure of a soil: of a range its middle."""
+    if not isinstance(figure, tuple):
+        return figure
+    low, high = figure
+    return 0.5 * low + 0.5 * high
+
+
+def ends_of(figure: SoilFigure) -> Pair:
+    """The least and the largest value that a figure of a soil may have."""
+    return figure if isinstance(figure, tuple) else (figure, figure)
+
+
 class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
     """The micro-terrain: soil, friction, colour and sonar of a surface."""
 
     descr: str | UnsetType = UNSET
     preset: str | UnsetType = UNSET
-    cohesion: float | UnsetType = UNSET
-    fric_angle: float | UnsetType = UNSET
-    sinkage: float | UnsetType = UNSET
+    cohesion: SoilFigure | UnsetType = UNSET
+    fric_angle: SoilFigure | UnsetType = UNSET
+    sinkage: SoilFigure | UnsetType = UNSET
     color: tuple[int, int, int] | UnsetType = UNSET
     sonar_refl: float | UnsetType = UNSET
-    shear_modulus: float | UnsetType = UNSET
+    shear_modulus: SoilFigure | UnsetType = UNSET
     void: bool | UnsetType = UNSET
+
+    @property
+    def ranges(self) -> dict[str, Pair]:
+        """The figures that are ranges, by attribute; none where there is no ground."""
+        figures = ((name, getattr(self, name)) for name in SOIL_FIGURES if self.void is not True)
+        return {name: figure for name, figure in figures if isinstance(figure, tuple)}
 
 
 class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):

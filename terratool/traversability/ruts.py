@@ -14,7 +14,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.layout import TERRAIN
-from terratool.definition.model import Definition, Track
+from terratool.definition.model import Definition, Track, middle_of
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.errors import DefinitionError, MissedError, RequestError
@@ -290,7 +290,7 @@ def _depth(definition: Definition, name: str, vehicle: Vehicle, load: float) -> 
     surface = definition.surfaces[name]
     preset = preset_of(surface)
     if surface.sinkage is not UNSET:
-        depth = load * 1e-3 * surface.sinkage
+        depth = load * 1e-3 * middle_of(surface.sinkage)
     elif preset is not None:
         depth = float(bekker_sinkage(preset, vehicle.wheel, load))
     else:
