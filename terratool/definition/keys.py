@@ -78,9 +78,12 @@ _CURVE = Key(
 )  # fmt: skip
 
 
-def _figure(what: str, low: float, high: float = inf, **bounds: bool) -> Key:
+def _figure(
+    what: str, low: float, high: float = inf, *, open_low: bool = False, open_high: bool = False
+) -> Key:
     """Of a soil: a number, or a range of them."""
-    return Key(f"{what}, or a range [low, high]", "number", low, high, length=2, **bounds)
+    words = f"{what}, or a range [low, high]"
+    return Key(words, "number", low, high, open_low, open_high, length=2)
 
 
 KEYS: dict[type, dict[str, Key]] = {
