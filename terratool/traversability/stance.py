@@ -264,6 +264,18 @@ class Crests(NamedTuple):
     north: NDArray[np.float32]
 
 
+class Ruts(NamedTuple):
+    """Ground that wheels have pressed, (height, width) float32 each; 0 where none have.
+
+    Attributes:
+        depth: m under the ground as it was.
+        exponent: a of z_n = z_1 n^(1/a).
+    """
+
+    depth: NDArray[np.float32]
+    exponent: NDArray[np.float32]
+
+
 @dataclass(frozen=True, slots=True)
 class Ground:
     """What lies in a window of the fine grid.
@@ -278,6 +290,7 @@ class Ground:
             follows close by; infinity for a face without one.
         gaps: of these pairs.
         crests: None where no pixel has any.
+        ruts: None where no pixel has any.
     """
 
     heights: NDArray[np.float32]
@@ -288,6 +301,7 @@ class Ground:
     jumps: NDArray[np.float64]
     gaps: Gaps
     crests: Crests | None
+    ruts: Ruts | None
 
 
 class GroundPainter:
@@ -333,8 +347,17 @@ class GroundPainter:
                 if slope is not None:
                     slope[hole] = 0.0
         return Ground(
-            heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps, gaps, crests
+            heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps, gaps, crests,
+            self._ruts(window, planes.surfaces),
+        )  # fmt: skip
+
+    def _ruts(self, window: Window, surfaces: NDArray[Any]) -> Ruts | None:
+        found = Ruts(*np.empty((2, *surfaces.shape), np.float32))
+        y = np.ascontiguousarray(self._grid.rows(window)[::-1])
+        any_there = kernels.find_ruts(
+            self._terrain.field, self._grid.columns(window), y, surfaces, *found
         )
+        return found if any_there else None
 
     def _crests(self, window: Window, heights: NDArray[np.float32]) -> Crests | None:
         crests = Crests(heights.copy(), np.zeros_like(heights), np.zeros_like(heights))
