@@ -13,10 +13,11 @@ from terratool.cli.terminal import Status, load, say
 if TYPE_CHECKING:
     from terratool.traversability.conditions import Condition
 
-# as terratool.traversability.route.graph and terratool.traversability.vehicle have them, which are
-# not imported for --help; a test holds them equal
+# as route.graph, vehicle and ranges of terratool.traversability have them, which are not imported
+# for --help; tests hold them equal
 PREFERENCES = ("length", "time", "energy", "margin")
 MODELS = ("slip", "paper")
+SAMPLES = (256, 16, 1024)  # the default, least and most
 
 
 @click.command(
@@ -103,6 +104,22 @@ MODELS = ("slip", "paper")
     "32]",
 )
 @click.option(
+    "--samples",
+    type=click.IntRange(*SAMPLES[1:]),
+    default=SAMPLES[0],
+    show_default=True,
+    metavar="N",
+    help="Samples of soils whose figures are ranges, for probabilities of go.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**63 - 1),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Seed of these samples.",
+)
+@click.option(
     "--fail-on",
     "conditions",
     multiple=True,
@@ -125,6 +142,8 @@ def command(
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
     headings: int | None,
+    samples: int,
+    seed: int,
     conditions: tuple[str, ...],
     threads: int | None,
     overwrite: bool,
@@ -170,6 +189,8 @@ def command(
         headings=headings,
         mapped=wants_map or any(check.needs == "map" for check in checks),
         threads=threads,
+        samples=samples,
+        seed=seed,
     )
     planned = prepare_assessment(load(file), vehicle, request, map_path=map_, overwrite=overwrite)
 

@@ -85,9 +85,15 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
 
     @property
     def ranges(self) -> dict[str, Pair]:
-        """The figures that are ranges, by attribute; none where there is no ground."""
-        figures = ((name, getattr(self, name)) for name in SOIL_FIGURES if self.void is not True)
-        return {name: figure for name, figure in figures if isinstance(figure, tuple)}
+        """Figures that may have several values, by attribute; none where there is no ground."""
+        if self.void is True:
+            return {}
+        figures = ((name, getattr(self, name)) for name in SOIL_FIGURES)
+        return {
+            name: figure
+            for name, figure in figures
+            if isinstance(figure, tuple) and figure[0] < figure[1]
+        }
 
 
 class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
