@@ -7,8 +7,8 @@ they depend on the place in the tree, and `terratool.field` gives them their mea
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Annotated, TypeVar
+from collections.abc import Iterator, Mapping
+from typing import Annotated, NamedTuple, TypeVar
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -94,6 +94,25 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
             for name, figure in figures
             if isinstance(figure, tuple) and figure[0] < figure[1]
         }
+
+
+class Range(NamedTuple):
+    """A figure of a surface that may have several values: the surface's name, the key, the ends."""
+
+    surface: str
+    key: str
+    low: float
+    high: float
+
+
+def ranges_of(surfaces: Mapping[str, Surface]) -> tuple[Range, ...]:
+    """The figures of surfaces, by name, that may have several values."""
+    keys = dict(names_of(Surface))
+    return tuple(
+        Range(name, keys[attribute], low, high)
+        for name, surface in surfaces.items()
+        for attribute, (low, high) in surface.ranges.items()
+    )
 
 
 class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):

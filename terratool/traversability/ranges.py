@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.definition.model import Pair, Surface, names_of
+from terratool.definition.model import Pair, Range, Surface, ranges_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.traversability.limits import climb, judge_level, level_demand, slip_limit, tip_over
@@ -28,17 +27,6 @@ _TAIL = 0.05
 """Share of samples beyond each end of an interval."""
 _STEPS = 33
 """Frictions of a range for which the highest step is worked out; it is interpolated in between."""
-
-_KEYS = dict(names_of(Surface))
-
-
-class Range(NamedTuple):
-    """A figure of a surface of which only a range is known: name of the surface, key, ends."""
-
-    surface: str
-    key: str
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,19 +79,21 @@ def draw(terrain: Terrain, samples: int = SAMPLES, seed: int = 0) -> Draws | Non
         )
     if not 0 <= seed <= MOST_SEED:
         raise RequestError(f"The seed is {seed}.", "Give a whole number from 0 to 2^63 - 1.")
-    surfaces, ranges = {}, []
+    surfaces = {}
     for name, surface in terrain.surface_types.items():
         if not surface.ranges:
             continue
-        figures = {}
-        for attribute, (low, high) in surface.ranges.items():
-            ranges.append(Range(name, _KEYS[attribute], low, high))
-            figures[attribute] = _stratified(name, attribute, (low, high), samples, seed).tolist()
+        figures = {
+            attribute: _stratified(name, attribute, ends, samples, seed).tolist()
+            for attribute, ends in surface.ranges.items()
+        }
         surfaces[name] = tuple(
             msgspec.structs.replace(surface, **dict(zip(figures, values, strict=True)))
             for values in zip(*figures.values(), strict=True)
         )
-    return Draws(samples, seed, surfaces, tuple(ranges)) if surfaces else None
+    if not surfaces:
+        return None
+    return Draws(samples, seed, surfaces, ranges_of(terrain.surface_types))
 
 
 def _stratified(

@@ -142,6 +142,7 @@ class Deformed:
         length: m of the wheels' lines.
         points: their vertices.
         ruts: a row for each surface.
+        ranged: names of surfaces whose sinkage is a range, of which the middle counts.
     """
 
     tracks: tuple[Track, ...]
@@ -150,6 +151,7 @@ class Deformed:
     length: float
     points: int
     ruts: tuple[Rut, ...]
+    ranged: tuple[str, ...] = ()
 
 
 def deform(
@@ -228,6 +230,7 @@ def deform(
         length=sum(lengths.values()),
         points=sum(len(track.path) for track in fresh),  # type: ignore[arg-type, misc]
         ruts=tuple(Rut(name, lengths[name], deepest[name]) for name in sorted(lengths)),
+        ranged=tuple(n for n in sorted(lengths) if "sinkage" in definition.surfaces[n].ranges),
     )
 
 

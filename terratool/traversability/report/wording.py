@@ -236,8 +236,9 @@ def _way(route: Route) -> str:
     if caution := careful(route):
         line += f"; caution on {caution}"
     if route.least_chance is not None and route.chance is not None:
-        line += f"; probability of go {share(route.least_chance.value)} at the least"
-        line += f", at {coordinates(route.least_chance.place)}, all of it {share(route.chance)}"
+        line += f"; probability of go {share(route.chance)} for all of it"
+        line += f", least {share(route.least_chance.value)}"
+        line += f" at {coordinates(route.least_chance.place)}"
     if route.tightest is not None:
         reason = route.tightest.reason
         of = f" ({reason.label})" if reason != Reason.NONE else ""
