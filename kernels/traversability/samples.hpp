@@ -37,24 +37,33 @@ template <class Each> void visit_bits(u64 word, i64 index, Each each) {
     for (; word; word &= word - 1) each(64 * index + std::countr_zero(word));
 }
 
-// Whether soils let a vehicle go, by a wide enough margin that states in between do, too.
-inline bool surely_goes(const Vehicle& v, const SlopeState& s) {
-    Judgement judged{Verdict::GO};
-    SlopeState near = s;
-    for (auto n :
-         {&SlopeState::share, &SlopeState::slip, &SlopeState::torque, &SlopeState::sunk,
-          &SlopeState::sliding, &SlopeState::tipping})
-        near.*n *= 1.0 + 1e-9;
-    judge_soils(v, near, judged);
-    judged.add(Reason::TIP_OVER, near.tipping, v.go_geometry, false);
-    return judged.verdict == Verdict::GO;
+// What is known of four slopes is taken to hold between them where it holds by this much.
+constexpr double MARGIN = 1.02;
+
+using Corners = std::array<const SlopeState*, 4>;
+
+// Whether soils let a vehicle go in all of these states.
+inline bool surely_goes(const Vehicle& v, const Corners& states) {
+    SlopeGrid middle{0, 0, 0.5, 0.5};
+    if (!interpolate(*states[0], *states[1], *states[2], *states[3], middle)) return false;
+    return std::all_of(states.begin(), states.end(), [&](const SlopeState* s) {
+        Judgement judged{Verdict::GO};
+        SlopeState near = *s;
+        for (auto n :
+             {&SlopeState::share, &SlopeState::slip, &SlopeState::torque, &SlopeState::sunk,
+              &SlopeState::sliding, &SlopeState::tipping})
+            near.*n *= MARGIN;
+        judge_soils(v, near, judged);
+        judged.add(Reason::TIP_OVER, near.tipping, v.go_geometry, false);
+        return judged.verdict == Verdict::GO;
+    });
 }
 
-// Whether one and the same measure of the soils forbids go in all states, by a margin likewise.
-inline bool never_goes(const Vehicle& v, const std::array<const SlopeState*, 4>& states) {
+// Whether one and the same measure of the soils forbids go in all of these states.
+inline bool never_goes(const Vehicle& v, const Corners& states) {
     auto beyond = [&](double SlopeState::* n, double limit) {
         return std::all_of(states.begin(), states.end(), [&](const SlopeState* s) {
-            return s->*n >= limit * (1.0 + 1e-9);
+            return s->*n >= limit * MARGIN;
         });
     };
     double shape = v.go_geometry;
@@ -64,14 +73,23 @@ inline bool never_goes(const Vehicle& v, const std::array<const SlopeState*, 4>&
         || beyond(&SlopeState::tipping, shape);
 }
 
-// A vehicle on samples of the soils of a terrain. May be used by several threads at a time.
+// The deepest sinkage in these states, m.
+inline double deepest_of(const Corners& states) {
+    double most = 0.0;
+    for (const SlopeState* s : states) most = max(most, s->deepest);
+    return most;
+}
+
 class VehicleOnSamples;
 
 // What samples say of wheels that stand so, by slope, each when it is first wanted. May be used by
 // several threads at a time.
+//
+// Of every other slope along and across the states of all samples are known. What they leave open
+// in the block of four cells between them is looked at cell by cell.
 class SampledTable {
 public:
-    // What all samples say on the slopes of a cell, whatever the ground's shape.
+    // What samples say on the slopes of a cell, whatever the ground's shape.
     struct Cell {
         std::vector<u64> sure, open;  // those that go, and those that differ from slope to slope
         double deepest = 0.0;         // sinkage of the sure ones, m
@@ -80,24 +98,31 @@ public:
     SampledTable(const VehicleOnSamples& on, const Footings& footings, bool mirrored);
     SampledTable(const SampledTable&) = delete;
     ~SampledTable() {
-        for (int n = 0; n < SIDE * SIDE; ++n) delete[] states_[n].load(), delete cells_[n].load();
+        for (int n = 0; n < WIDE * WIDE; ++n) delete[] states_[n].load(), delete blocks_[n].load();
     }
 
     // The cell of a slope; none for slopes that are too steep.
     const Cell* find(double along, double across) const {
         auto place = SlopeGrid::find(along, across, mirrored_);
-        if (!place) return nullptr;
-        auto& cell = cells_[place->i * SIDE + place->j];
-        const Cell* known = cell.load(std::memory_order_acquire);
-        return known ? known : keep(cell, made(place->i, place->j));
+        return place ? &block(place->i / 2, place->j / 2).cell(place->i % 2, place->j % 2)
+                     : nullptr;
     }
 
     // The state of a sample, interpolated as that of a plain table is.
     std::optional<SlopeState> state(i64 sample, double along, double across) const {
         auto place = SlopeGrid::find(along, across, mirrored_);
         if (!place) return {};
-        auto corner = corners(place->i, place->j, sample);
-        return interpolate(*corner[0], *corner[1], *corner[2], *corner[3], *place);
+        return block(place->i / 2, place->j / 2).state(sample, *place);
+    }
+
+    // Whether a sample that is sure goes where the ground has a shape; none where that takes a
+    // closer look. `goes(deepest)` says it for a sinkage.
+    template <class Goes>
+    std::optional<bool> shaped(i64 sample, double along, double across, Goes goes) const {
+        auto place = SlopeGrid::find(along, across, mirrored_);
+        double deepest = deepest_of(corners(place->i / 2, place->j / 2, sample));
+        if (goes(MARGIN * deepest)) return true;
+        return goes(0.5 * deepest) ? std::optional<bool>{} : false;
     }
 
     // The highest step that wheels of a sample get up, and the least of these, m.
@@ -105,26 +130,56 @@ public:
     double least_step = INF;
 
 private:
-    static constexpr int SIDE = SlopeGrid::SIDE;
+    static constexpr int WIDE = SlopeGrid::SIDE / 2 + 1;
     template <class T> using Places = std::unique_ptr<std::atomic<const T*>[]>;
+    using States = std::unique_ptr<const SlopeState[]>;
+
+    class Block {
+    public:
+        Block(const SampledTable& table, int i, int j);
+        const Cell& cell(int down, int right) const { return cells_[2 * down + right]; }
+        std::optional<SlopeState> state(i64 sample, const SlopeGrid& at) const;
+
+    private:
+        const SampledTable& table_;
+        int i_, j_;
+        std::vector<u64> open_;
+        std::vector<i64> ranks_;  // how many open samples there are before each word
+        States states_[9];        // of the open samples on slopes in between, by rows
+        std::array<Cell, 4> cells_;
+
+        // How many open samples there are before one; -1 if it is none of them.
+        i64 rank(i64 sample) const {
+            u64 word = open_[sample / 64], bit = u64(1) << (sample % 64);
+            return word & bit ? ranks_[sample / 64] + std::popcount(word & (bit - 1)) : -1;
+        }
+        // The state of an open sample at one of nine slopes.
+        const SlopeState* at(int down, int right, i64 sample, i64 rank) const {
+            if (down % 2 == 0 && right % 2 == 0)
+                return table_.at(i_ + down / 2, j_ + right / 2) + sample;
+            return &states_[3 * down + right][rank];
+        }
+    };
 
     const VehicleOnSamples& on_;
     Footings footings_;
     bool mirrored_;
-    Places<SlopeState> states_;  // (SIDE, SIDE), of each the states of all samples
-    Places<Cell> cells_;         // likewise, of the cell to the next slopes
+    Places<SlopeState> states_;  // (WIDE, WIDE), of every other slope, the states of all samples
+    Places<Block> blocks_;       // likewise, of the block to the next ones
 
-    // Another thread may have been first.
-    static const Cell* keep(std::atomic<const Cell*>& place, std::unique_ptr<const Cell> made) {
-        const Cell* known = nullptr;
-        if (place.compare_exchange_strong(known, made.get())) return made.release();
-        return known;
+    const Block& block(int i, int j) const {
+        auto& place = blocks_[i * WIDE + j];
+        const Block* known = place.load(std::memory_order_acquire);
+        if (known) return *known;
+        auto made = std::make_unique<const Block>(*this, i, j);
+        // another thread may have been first
+        if (place.compare_exchange_strong(known, made.get())) return *made.release();
+        return *known;
     }
-
     const SlopeState* at(int i, int j) const;
-    std::unique_ptr<const Cell> made(int i, int j) const;
+    SlopeState computed(int i, int j, i64 sample, LoadedWheels wheels) const;
 
-    std::array<const SlopeState*, 4> corners(int i, int j, i64 sample) const {
+    Corners corners(int i, int j, i64 sample) const {
         return {
             at(i, j) + sample, at(i, j + 1) + sample, at(i + 1, j) + sample,
             at(i + 1, j + 1) + sample
@@ -132,6 +187,7 @@ private:
     }
 };
 
+// A vehicle on samples of the soils of a terrain. May be used by several threads at a time.
 class VehicleOnSamples {
 public:
     const Vehicle& vehicle;
@@ -189,43 +245,87 @@ inline SampledTable::SampledTable(
     const VehicleOnSamples& on, const Footings& footings, bool mirrored
 )
     : steps(on.samples, INF), on_(on), footings_(footings), mirrored_(mirrored),
-      states_(std::make_unique<std::atomic<const SlopeState*>[]>(SIDE * SIDE)),
-      cells_(std::make_unique<std::atomic<const Cell*>[]>(SIDE * SIDE)) {
+      states_(std::make_unique<std::atomic<const SlopeState*>[]>(WIDE * WIDE)),
+      blocks_(std::make_unique<std::atomic<const Block*>[]>(WIDE * WIDE)) {
     for (i64 n = 0; n < on.samples; ++n) {
         for (const Footing& one : footings) steps[n] = min(steps[n], on.steps(n, one.soil));
         least_step = min(least_step, steps[n]);
     }
 }
 
+inline SlopeState SampledTable::computed(int i, int j, i64 sample, LoadedWheels wheels) const {
+    double along = SlopeGrid::tangent(i), across = SlopeGrid::tangent(j);
+    return on_.state(sample, footings_, along, across, wheels);
+}
+
 inline const SlopeState* SampledTable::at(int i, int j) const {
-    auto& place = states_[i * SIDE + j];
+    auto& place = states_[i * WIDE + j];
     const SlopeState* known = place.load(std::memory_order_acquire);
     if (known) return known;
     auto wheels = wheels_on(on_.vehicle.layout, {});
     auto made = std::make_unique<SlopeState[]>(on_.samples);
-    double along = SlopeGrid::tangent(i), across = SlopeGrid::tangent(j);
-    for (i64 n = 0; n < on_.samples; ++n) made[n] = on_.state(n, footings_, along, across, wheels);
+    for (i64 n = 0; n < on_.samples; ++n) made[n] = computed(2 * i, 2 * j, n, wheels);
     // another thread may have been first
     if (place.compare_exchange_strong(known, made.get())) return made.release();
     return known;
 }
 
-inline std::unique_ptr<const SampledTable::Cell> SampledTable::made(int i, int j) const {
-    auto cell = std::make_unique<Cell>();
-    cell->sure.resize(on_.words), cell->open.resize(on_.words);
-    SlopeGrid middle{i, j, 0.5, 0.5};
-    for (i64 n = 0; n < on_.samples; ++n) {
-        auto states = corners(i, j, n);
-        if (never_goes(on_.vehicle, states)) continue;
-        bool sure = interpolate(*states[0], *states[1], *states[2], *states[3], middle).has_value()
-            && std::all_of(states.begin(), states.end(), [&](const SlopeState* s) {
-                        return surely_goes(on_.vehicle, *s);
-                    });
-        (sure ? cell->sure : cell->open)[n / 64] |= u64(1) << (n % 64);
-        if (!sure) continue;
-        for (const SlopeState* s : states) cell->deepest = max(cell->deepest, s->deepest);
+inline SampledTable::Block::Block(const SampledTable& table, int i, int j)
+    : table_(table), i_(i), j_(j), open_(table.on_.words) {
+    const VehicleOnSamples& on = table.on_;
+    Cell whole{std::vector<u64>(on.words), std::vector<u64>(on.words)};
+    for (i64 n = 0; n < on.samples; ++n) {
+        Corners states = table.corners(i, j, n);
+        if (never_goes(on.vehicle, states)) continue;
+        bool sure = surely_goes(on.vehicle, states);
+        (sure ? whole.sure : open_)[n / 64] |= u64(1) << (n % 64);
+        if (sure) whole.deepest = max(whole.deepest, MARGIN * deepest_of(states));
     }
-    return cell;
+    i64 count = 0;
+    for (u64 word : open_) ranks_.push_back(count), count += std::popcount(word);
+    auto each_open = [&](auto visit) {
+        for (i64 w = 0; w < on.words; ++w) visit_bits(open_[w], w, visit);
+    };
+    auto wheels = wheels_on(on.vehicle.layout, {});
+    for (int slope = 1; slope < 8 && count; ++slope) {
+        if (slope / 3 % 2 == 0 && slope % 3 % 2 == 0) continue;
+        auto states = std::make_unique<SlopeState[]>(count);
+        each_open([&](i64 n) {
+            states[rank(n)] = table.computed(2 * i + slope / 3, 2 * j + slope % 3, n, wheels);
+        });
+        states_[slope] = std::move(states);
+    }
+    for (int down : {0, 1})
+        for (int right : {0, 1}) {
+            Cell& cell = cells_[2 * down + right] = whole;
+            each_open([&](i64 n) {
+                i64 r = rank(n);
+                Corners states{
+                    at(down, right, n, r), at(down, right + 1, n, r), at(down + 1, right, n, r),
+                    at(down + 1, right + 1, n, r)
+                };
+                if (never_goes(on.vehicle, states)) return;
+                bool sure = surely_goes(on.vehicle, states);
+                (sure ? cell.sure : cell.open)[n / 64] |= u64(1) << (n % 64);
+                if (sure) cell.deepest = max(cell.deepest, MARGIN * deepest_of(states));
+            });
+        }
+}
+
+inline std::optional<SlopeState> SampledTable::Block::state(
+    i64 sample, const SlopeGrid& place
+) const {
+    i64 r = rank(sample);
+    auto wheels = wheels_on(table_.on_.vehicle.layout, {});
+    auto corner = [&](int i, int j) {
+        int down = i - 2 * i_, right = j - 2 * j_;
+        bool known = r >= 0 || (down % 2 == 0 && right % 2 == 0);
+        return known ? *at(down, right, sample, r) : table_.computed(i, j, sample, wheels);
+    };
+    auto [i, j, s, t] = place;
+    return interpolate(
+        corner(i, j), corner(i, j + 1), corner(i + 1, j), corner(i + 1, j + 1), place
+    );
 }
 
 // A reference point of a window, and how a vehicle stands there.
@@ -258,13 +358,25 @@ inline void judge_samples_at(
             if (all_sure) go[w] |= rest & cell->sure[w], rest &= cell->open[w];
         }
         visit_bits(rest, w, [&](i64 n) {
-            auto found = cell ? table->state(n, p.along, p.across) : std::nullopt;
-            if (!found) found = on.state(n, footings, p.along, p.across, wheels);
             double step = INF;
             for (const Footing& one : footings) step = min(step, on.steps(n, one.soil));
+            u64 bit = u64(1) << (n % 64);
+            if (cell && (cell->sure[w] & bit)) {
+                auto known = table->shaped(n, p.along, p.across, [&](double deepest) {
+                    SlopeState need{};
+                    need.deepest = deepest;
+                    return shaped(step, need).verdict == Verdict::GO;
+                });
+                if (known) {
+                    if (*known) go[w] |= bit;
+                    return;
+                }
+            }
+            auto found = cell ? table->state(n, p.along, p.across) : std::nullopt;
+            if (!found) found = on.state(n, footings, p.along, p.across, wheels);
             Judgement judged = shaped(step, *found);
             judge_soils(v, *found, judged);
-            if (judged.verdict == Verdict::GO) go[w] |= u64(1) << (n % 64);
+            if (judged.verdict == Verdict::GO) go[w] |= bit;
         });
     }
 }
