@@ -131,7 +131,7 @@ def apart(terrain: Terrain) -> None:
     west, south, east, north = terrain.bounds
     grid = grid_over(terrain, default_resolution(terrain, MARS)[0])
     surveyor = Surveyor(terrain, MARS, grid)
-    stream_map(surveyor, MapBuilder(terrain, grid, HEADINGS, keep=False), None, 2)
+    stream_map(surveyor, MapBuilder(terrain, surveyor, keep=False), None, 2)
     surveyed = survey_all(terrain, MARS, route_grid(terrain, MARS)[0])
     ends = ((west + 30.0, north - 30.0), (east - 40.0, south + 40.0))
     plan_route(terrain, MARS, surveyed, *ends)

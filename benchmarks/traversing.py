@@ -53,6 +53,33 @@ def slipping(pixels: int, runs: int) -> None:
     )
 
 
+def sampled(pixels: int, runs: int) -> None:
+    """Measure what ranges of a soil cost, on the rougher terrain, where slip counts."""
+    definition = terrains.s2()
+    for surface in definition["surfTypes"].values():
+        surface["shearModulus"] = 0.02
+    without = Terrain(check(Source("s2", terrains.text(definition))))
+    for key, share in (("cohesion", 0.3), ("fricAngle", 0.1), ("sinkage", 0.3)):
+        sand = definition["surfTypes"]["sand"]
+        sand[key] = [sand[key] * (1 - share), sand[key] * (1 + share)]
+    ranged = Terrain(check(Source("s2", terrains.text(definition))))
+    resolution = grid_over(ranged, 100 / pixels).resolution
+    seconds = medians(
+        {
+            "without": lambda: mapped(without, Request(resolution=resolution)),
+            "64": lambda: mapped(ranged, Request(resolution=resolution, samples=64)),
+            "256": lambda: mapped(ranged, Request(resolution=resolution)),
+        },
+        runs,
+    )
+    for samples in ("64", "256"):
+        line(
+            f"S2 {pixels}², 8 headings: {samples} samples of a soil with ranges against none",
+            seconds[samples] / seconds["without"],
+            "none",
+        )
+
+
 def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -> None:
     """Measure one terrain."""
     grid = grid_over(terrain, 100 / pixels)
@@ -83,3 +110,4 @@ if __name__ == "__main__":
             definition = check(Source(name, terrains.text(getattr(terrains, name)()))).definition
             compare(name, Terrain(definition), size, Path(folder), runs)
         slipping(size, runs)
+        sampled(size, runs)

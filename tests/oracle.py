@@ -281,7 +281,10 @@ class Track:
         if depth is not None:
             return float(depth)
         soil = self.surfaces[ground] if ground is not None else {}
-        return float(self.node.get("load", 0) * soil.get("sinkage", 0))
+        rate = soil.get("sinkage", 0)
+        if isinstance(rate, list):  # the middle of a range
+            rate = sum(rate) / 2
+        return float(self.node.get("load", 0) * rate)
 
 
 class Oracle:

@@ -42,6 +42,12 @@ SURFACES: Json = {
     "sand": {"sinkage": 0.01, "cohesion": 0.5, "fricAngle": 28.5, "shearModulus": 0.025},
     "bare": {},
     "moon": {"preset": "lunar-nominal", "sinkage": 0.3},
+    "loose": {
+        "sinkage": [0.05, 0.2],
+        "cohesion": [0, 1],
+        "fricAngle": [26, 30.5],
+        "shearModulus": [0.01, 0.025],
+    },
     "hole": {"void": True},
     "filled": {"void": False, "x-note": "surveyed"},
 }

@@ -23,7 +23,7 @@ from terratool import kernels
 from terratool.field.bounds import nonzero_edges
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
-from terratool.traversability.survey import soil_table, vehicle_params
+from terratool.traversability.survey import SoilSamples, soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, level_costs
 
@@ -64,6 +64,9 @@ def known(kind: str) -> Any:
     if kind == "VehicleOnSoils":
         soils = soil_table(TERRAIN, ROVER)
         return kernels.traversability.VehicleOnSoils(vehicle_params(ROVER), *soils)
+    if kind == "VehicleOnSamples":
+        samples = SoilSamples(*np.ones((5, 70, len(TERRAIN.surfaces) + 1)))
+        return kernels.traversability.VehicleOnSamples(vehicle_params(ROVER), samples)
     plan, _ = plan_of(TERRAIN, 0.1)
     if kind == "Plan":
         return plan.kept

@@ -1,6 +1,6 @@
 // What Python sees of kernels/traversability.
 #include "../traversability/routing.hpp"
-#include "../traversability/stance.hpp"
+#include "../traversability/samples.hpp"
 #include "bind.hpp"
 #include "modules.hpp"
 
@@ -27,6 +27,24 @@ private:
 
 public:
     VehicleOnSoils on;
+};
+
+// A vehicle on samples of the soils of a terrain, whose arrays are kept.
+class KeptSamples {
+public:
+    KeptSamples(nb::handle vehicle, nb::handle soils)
+        : vehicle_(vehicle, where("vehicle")), soils_(soils, where("soils")),
+          on(vehicle_.get(), soils_.get()) {}
+
+private:
+    Sizes sizes_;
+    Bundled<Vehicle> vehicle_;
+    Bundled<SoilSamples> soils_;
+
+    Where where(const char* name) { return {"VehicleOnSamples", name, sizes_}; }
+
+public:
+    VehicleOnSamples on;
 };
 
 // A search over costs, whose arrays are kept; between two calls more of them may become known.
@@ -85,11 +103,26 @@ void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Span<Dema
     }
 }
 
+// Samples are marked in as many words as there are.
+void mark_samples(
+    const VehicleOnSamples& on, const Stance& stance, double east, double north,
+    Matrix<const u8> verdict, Cube<u64> go
+) {
+    constexpr IndexCheck check_index{"judge_samples"};
+    check_index(go.columns() == on.words, "the number of words");
+    judge_samples(on, stance, east, north, verdict, go);
+}
+
 }  // namespace
 
 template <> struct Argument<VehicleOnSoils> : KnownArgument<KeptVehicle> {
     using KnownArgument::KnownArgument;
     VehicleOnSoils& get() { return kept->on; }
+};
+
+template <> struct Argument<VehicleOnSamples> : KnownArgument<KeptSamples> {
+    using KnownArgument::KnownArgument;
+    VehicleOnSamples& get() { return kept->on; }
 };
 
 template <> struct Argument<Search> : KnownArgument<KeptSearch> {
@@ -122,6 +155,11 @@ void bind_traversability(nb::module_ m) {
         m, "VehicleOnSoils", "A vehicle on the soils of a terrain, and its tables."
     )
         .def(nb::init<nb::handle, nb::handle, nb::handle>(), "vehicle"_a, "soils"_a, "steps"_a);
+
+    nb::class_<KeptSamples>(
+        m, "VehicleOnSamples", "A vehicle on samples of the soils of a terrain, and its tables."
+    )
+        .def(nb::init<nb::handle, nb::handle>(), "vehicle"_a, "soils"_a);
 
     nb::class_<KeptSearch> search(m, "Search", "A search for the cheapest way to a cell.");
     search.def(
@@ -177,6 +215,13 @@ void bind_traversability(nb::module_ m) {
     def<&judge_cells>(
         m, "judge_cells", "Judge a vehicle with a heading at every reference point.",
         {"vehicle", "stance", "east", "north", "out"}
+    );
+    def<&mark_samples>(
+        m, "judge_samples", "Mark the samples on which a vehicle with a heading goes, as bits.",
+        {"vehicle", "stance", "east", "north", "verdict[h,w]", "go[h,w,k]"}
+    );
+    def<&count_samples>(
+        m, "count_samples", "How many samples are marked at each place.", {"go[h,w,_]", "out[h,w]"}
     );
     def<&highest>(
         m, "highest", "The highest ground under offsets.",

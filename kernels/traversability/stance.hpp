@@ -82,12 +82,72 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     return out;
 }
 
+// Slopes of a table: a square grid of tangents, along and across.
+struct SlopeGrid {
+    static constexpr int STEPS = 50;         // for a tangent of 1 …
+    static constexpr double STEEPEST = 1.0;  // … up to which it goes, along and across, both ways
+    static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;
+
+    // Where a slope lies: its cell, and how far along and across in it.
+    int i, j;
+    double s, t;
+
+    // None for slopes that are too steep. Where the soils are `mirrored`, right and left alike, one
+    // side of slopes is that of the other.
+    static std::optional<SlopeGrid> find(double along, double across, bool mirrored) {
+        double x = (along + STEEPEST) * STEPS;
+        double y = ((mirrored ? abs(across) : across) + STEEPEST) * STEPS;
+        if (!(0.0 <= x && x < SIDE - 1 && 0.0 <= y && y < SIDE - 1)) return {};
+        int i = int(x), j = int(y);
+        return SlopeGrid{i, j, x - i, y - j};
+    }
+    static double tangent(int n) { return (n - HALF) / double(STEPS); }
+};
+
+enum Regime { MOVES, STUCK, ENDLESS };  // it does, does not, or what it takes is not finite
+
+inline Regime regime_of(const SlopeState& s) {
+    if (s.share < 1.0 && s.slip < 1.0 && s.torque <= 1.0) return MOVES;
+    return abs(s.share + s.torque + s.sliding + s.tipping) < INF ? STUCK : ENDLESS;
+}
+
+// The state within a cell of slopes with these at its corners, by rows; none where that would be
+// none: where limits lie in between, or where soil's strength and slip change much.
+inline std::optional<SlopeState> interpolate(
+    const SlopeState& one, const SlopeState& two, const SlopeState& three, const SlopeState& four,
+    const SlopeGrid& at
+) {
+    constexpr double smooth = 0.08;  // shares or slips that differ by more are not
+    Regime regime = regime_of(one);
+    bool alike =
+        regime_of(two) == regime && regime_of(three) == regime && regime_of(four) == regime;
+    if (regime == ENDLESS || !alike) return {};
+    if (regime == MOVES) {
+        for (auto n : {&SlopeState::share, &SlopeState::slip}) {
+            double least = min(min(one.*n, two.*n), min(three.*n, four.*n));
+            double most = max(max(one.*n, two.*n), max(three.*n, four.*n));
+            if (most - least > smooth) return {};
+        }
+    }
+    auto between = [](double a, double b, double at) { return at > 0.0 ? a + (b - a) * at : a; };
+    SlopeState out;
+    for (auto n :
+         {&SlopeState::share, &SlopeState::torque, &SlopeState::slip, &SlopeState::energy,
+          &SlopeState::drawbar, &SlopeState::deepest, &SlopeState::sunk, &SlopeState::sliding,
+          &SlopeState::tipping, &SlopeState::reserve})
+        out.*n = between(between(one.*n, two.*n, at.t), between(three.*n, four.*n, at.t), at.s);
+    if (regime == STUCK) {
+        out.energy = INF;
+        if (!(out.slip < INF)) out.slip = INF;
+    }
+    return out;
+}
+
 // The states of a vehicle whose wheels stand on soils, by slope, each when it is first wanted. May
 // be used by several threads at a time.
 class SlopeTable {
 public:
-    // Where the soils are `mirrored`, right and left alike, one side of slopes is that of the
-    // other.
+    // `mirrored` is as in `SlopeGrid`.
     SlopeTable(const Vehicle& v, std::vector<LoadedWheel> wheels, bool mirrored)
         : vehicle_(v), wheels_(std::move(wheels)), mirrored_(mirrored),
           states_(std::make_unique<std::atomic<const SlopeState*>[]>(SIDE * SIDE)) {}
@@ -96,49 +156,16 @@ public:
         for (int n = 0; n < SIDE * SIDE; ++n) delete states_[n].load();
     }
 
-    // Interpolate between slopes; none where that would be none: where limits lie in between, or
-    // where soil's strength and slip change much.
+    // Interpolate between slopes; none where `interpolate` has none, or that are too steep.
     std::optional<SlopeState> find(double along, double across) const {
-        double x = (along + STEEPEST) * STEPS;
-        double y = ((mirrored_ ? abs(across) : across) + STEEPEST) * STEPS;
-        if (!(0.0 <= x && x < SIDE - 1 && 0.0 <= y && y < SIDE - 1)) return {};
-        int i = int(x), j = int(y);
-        double s = x - i, t = y - j;
-        const SlopeState &one = at(i, j), &two = at(i, j + 1);
-        const SlopeState &three = at(i + 1, j), &four = at(i + 1, j + 1);
-        Regime regime = regime_of(one);
-        bool alike =
-            regime_of(two) == regime && regime_of(three) == regime && regime_of(four) == regime;
-        if (regime == ENDLESS || !alike) return {};
-        if (regime == MOVES) {
-            for (auto n : {&SlopeState::share, &SlopeState::slip}) {
-                double least = min(min(one.*n, two.*n), min(three.*n, four.*n));
-                double most = max(max(one.*n, two.*n), max(three.*n, four.*n));
-                if (most - least > SMOOTH) return {};
-            }
-        }
-        auto between = [](double a, double b, double at) {
-            return at > 0.0 ? a + (b - a) * at : a;
-        };
-        SlopeState out;
-        for (auto n :
-             {&SlopeState::share, &SlopeState::torque, &SlopeState::slip, &SlopeState::energy,
-              &SlopeState::drawbar, &SlopeState::deepest, &SlopeState::sunk, &SlopeState::sliding,
-              &SlopeState::tipping, &SlopeState::reserve})
-            out.*n = between(between(one.*n, two.*n, t), between(three.*n, four.*n, t), s);
-        if (regime == STUCK) {
-            out.energy = INF;
-            if (!(out.slip < INF)) out.slip = INF;
-        }
-        return out;
+        auto cell = SlopeGrid::find(along, across, mirrored_);
+        if (!cell) return {};
+        auto [i, j, s, t] = *cell;
+        return interpolate(at(i, j), at(i, j + 1), at(i + 1, j), at(i + 1, j + 1), *cell);
     }
 
 private:
-    static constexpr int STEPS = 50;         // for a tangent of 1 …
-    static constexpr double STEEPEST = 1.0;  // … up to which it goes, along and across, both ways
-    static constexpr int HALF = int(STEPS * STEEPEST), SIDE = 2 * HALF + 1;
-    static constexpr double SMOOTH = 0.08;  // shares or slips that differ by more are not smooth
-    enum Regime { MOVES, STUCK, ENDLESS };  // it does, does not, or what it takes is not finite
+    static constexpr int SIDE = SlopeGrid::SIDE;
 
     const Vehicle& vehicle_;
     std::vector<LoadedWheel> wheels_;
@@ -150,17 +177,12 @@ private:
         const SlopeState* known = place.load(std::memory_order_acquire);
         if (known) return *known;
         auto wheels = wheels_;
-        double along = (i - HALF) / double(STEPS), across = (j - HALF) / double(STEPS);
-        auto made =
-            std::make_unique<const SlopeState>(slope_state(vehicle_, along, across, wheels));
+        auto made = std::make_unique<const SlopeState>(
+            slope_state(vehicle_, SlopeGrid::tangent(i), SlopeGrid::tangent(j), wheels)
+        );
         // another thread may have been first
         if (place.compare_exchange_strong(known, made.get())) return *made.release();
         return *known;
-    }
-
-    Regime regime_of(const SlopeState& s) const {
-        if (s.share < 1.0 && s.slip < 1.0 && s.torque <= 1.0) return MOVES;
-        return abs(s.share + s.torque + s.sliding + s.tipping) < INF ? STUCK : ENDLESS;
     }
 };
 
@@ -171,6 +193,30 @@ struct Footing {
 
     auto operator<=>(const Footing&) const = default;
 };
+
+using Footings = std::vector<Footing>;
+
+// Whether wheels stand in no more than two ways; the first and the last of these.
+inline std::optional<std::pair<Footing, Footing>> two_ways(const Footings& footings) {
+    Footing first = footings[0], other = first;
+    for (const Footing& one : footings) {
+        if (one == first || one == other) continue;
+        if (other != first) return {};
+        other = one;
+    }
+    return std::pair{first, other};
+}
+
+// Let wheels stand so.
+inline void place_wheels(LoadedWheels wheels, const Footings& footings, Span<const Soil> soils) {
+    for (std::size_t n = 0; n < wheels.size(); ++n) {
+        auto [soil, first, passes, exponent] = footings[n];
+        wheels[n].soil = soils[soil];
+        wheels[n].ground = {first, passes, exponent};
+    }
+}
+
+constexpr std::size_t MOST_TABLES = 1024;  // of 80 kB and more
 
 // A vehicle, and the soils of a terrain by id, the index of the surface and one. May be used by
 // several threads at a time.
@@ -184,38 +230,30 @@ public:
         : vehicle(vehicle), soils(each(all.size(), [&](std::size_t n) { return all[n]; })),
           steps(steps) {}
 
-    // The table of wheels that stand so; none where they do in more than two ways, or there are
-    // many tables.
-    const SlopeTable* table(const std::vector<Footing>& footings) const {
-        Footing first = footings[0], other = first;
-        for (const Footing& one : footings) {
-            if (one == first || one == other) continue;
-            if (other != first) return nullptr;
-            other = one;
-        }
+    // The table of wheels that stand so; none where they do in more than two ways. Where there are
+    // many tables it is not kept.
+    std::shared_ptr<const SlopeTable> table(const Footings& footings) const {
+        auto ways = two_ways(footings);
+        if (!ways) return nullptr;
         std::lock_guard lock(mutex_);
         auto known = tables_.find(footings);
-        if (known != tables_.end()) return known->second.get();
-        if (tables_.size() >= MOST_TABLES) return nullptr;
+        if (known != tables_.end()) return known->second;
         auto wheels = wheels_on(vehicle.layout, {});
         place(wheels, footings);
-        auto made = std::make_unique<SlopeTable>(vehicle, std::move(wheels), other == first);
-        return (tables_[footings] = std::move(made)).get();
+        auto made =
+            std::make_shared<SlopeTable>(vehicle, std::move(wheels), ways->first == ways->second);
+        if (tables_.size() < MOST_TABLES) tables_[footings] = made;
+        return made;
     }
 
     // Let wheels stand so.
-    void place(LoadedWheels wheels, const std::vector<Footing>& footings) const {
-        for (std::size_t n = 0; n < wheels.size(); ++n) {
-            auto [soil, first, passes, exponent] = footings[n];
-            wheels[n].soil = soils[soil];
-            wheels[n].ground = {first, passes, exponent};
-        }
+    void place(LoadedWheels wheels, const Footings& footings) const {
+        place_wheels(wheels, footings, soils);
     }
 
 private:
-    static constexpr std::size_t MOST_TABLES = 1024;  // of 80 kB and more
     mutable std::mutex mutex_;
-    mutable std::map<std::vector<Footing>, std::unique_ptr<SlopeTable>> tables_;
+    mutable std::map<Footings, std::shared_ptr<SlopeTable>> tables_;
 };
 
 // Planes of numbers that are found out with the verdicts.
@@ -264,6 +302,71 @@ template <class Visit> void visit_arguments(Verdicts& v, Visit visit) {
     visit("numbers[8,h,w]", v.numbers);
 }
 
+// What a vehicle's shape says at a reference point: `down` is as in `Gravity`, `limit` the highest
+// step.
+INLINE Judgement judge_shape(
+    const Vehicle& v, const Stance& stance, i64 i, i64 j, double down, double limit,
+    const SlopeState& need
+) {
+    double shape = v.go_geometry;
+    Judgement judged{Verdict::GO};
+    judged.add(Reason::TIP_OVER, need.tipping, shape, false);
+    judged.add(Reason::STEP, share_of(stance.step(i, j), limit), shape, false);
+    if (stance.rough(i, j) > 0.0f) {
+        double share = share_of(stance.rough(i, j), v.roughness);
+        judged.add(Reason::ROUGHNESS, share, shape, false);
+    }
+    auto add_bump = [&](Heights rises, double room, Reason why) {
+        if (!(room < INF)) return;
+        double rise = max(0.0, double(rises(i, j))) * down + need.deepest;
+        judged.add(why, share_of(rise, room), shape, true);
+    };
+    add_bump(stance.bump, v.clearance, Reason::HIGH_CENTRED);
+    add_bump(stance.front, v.front, Reason::APPROACH);
+    add_bump(stance.rear, v.rear, Reason::APPROACH);
+    return judged;
+}
+
+// … and what the soils say.
+INLINE void judge_soils(const Vehicle& v, const SlopeState& need, Judgement& judged) {
+    judged.add(Reason::TRACTION, need.share, v.go_traction, true);
+    judged.add(Reason::SLIP, need.slip / v.slip, v.go_slip, true);
+    judged.add(Reason::TORQUE, need.torque, v.go_torque, false);
+    judged.add(Reason::SINKAGE, need.sunk, v.go_geometry, true);
+    judged.add(Reason::SIDE_SLIP, need.sliding, v.go_geometry, false);
+}
+
+// What the wheels stand on at the reference points, row by row.
+template <class Id> class FootingRows {
+public:
+    FootingRows(const Stance& stance, Cube<const Id> surfaces)
+        : stance_(stance), surfaces_(surfaces), under_(stance.wheels.rows()), ruts_(under_.size()) {
+    }
+
+    void begin(i64 i) {
+        for (i64 n = 0; n < count_of(under_); ++n) {
+            auto row = [&](auto plane) {
+                return swept_row(plane, stance_.first, stance_.wheels[n], i);
+            };
+            under_[n] = row(surfaces_);
+            if (stance_.passes.size())
+                ruts_[n] = {row(stance_.first_pass), row(stance_.passes), row(stance_.exponent)};
+        }
+    }
+    INLINE Footing operator()(std::size_t wheel, i64 j) const {
+        Footing footing{i64(under_[wheel][j])};
+        if (!stance_.passes.size()) return footing;
+        auto [first, passes, exponent] = ruts_[wheel];
+        return {footing.soil, first[j], passes[j], exponent[j]};
+    }
+
+private:
+    const Stance& stance_;
+    Cube<const Id> surfaces_;
+    std::vector<const Id*> under_;
+    std::vector<std::array<const float*, 3>> ruts_;
+};
+
 // Judge a vehicle with the heading of the unit vector `east`, `north` at every reference point.
 template <class Id>
 void judge_points(
@@ -272,22 +375,12 @@ void judge_points(
 ) {
     const Vehicle& v = on.vehicle;
     auto wheels = wheels_on(v.layout, {});
-    std::vector<const Id*> under(wheels.size());
-    bool rutted = stance.passes.size() > 0;
-    std::vector<std::array<const float*, 3>> ruts(wheels.size());
-    std::vector<Footing> footings(wheels.size());
-    const SlopeTable* table = nullptr;
+    FootingRows<Id> under(stance, surfaces);
+    Footings footings(wheels.size());
+    std::shared_ptr<const SlopeTable> table;
     bool stale = true;  // the table is that of other footings
-    double shape = v.go_geometry;
     for (i64 i = 0; i < out.verdict.rows(); ++i) {
-        for (i64 n = 0; n < count_of(under); ++n) {
-            under[n] = swept_row(surfaces, stance.first, stance.wheels[n], i);
-            if (!rutted) continue;
-            auto row = [&](Ground plane) {
-                return swept_row(plane, stance.first, stance.wheels[n], i);
-            };
-            ruts[n] = {row(stance.first_pass), row(stance.passes), row(stance.exponent)};
-        }
+        under.begin(i);
         for (i64 j = 0; j < out.verdict.columns(); ++j) {
             auto number = [&](Plane plane) -> float& { return out.numbers(plane, i, j); };
             for (int p = 0; p < PLANES; ++p) number(Plane(p)) = float(NaN);
@@ -304,18 +397,13 @@ void judge_points(
             bool known = true, vague = false;
             double limit = INF;
             for (std::size_t n = 0; n < wheels.size(); ++n) {
-                const Soil& soil = on.soils[under[n][j]];
+                Footing footing = under(n, j);
+                const Soil& soil = on.soils[footing.soil];
                 known = known && !isnan(soil.cohesion);
-                Footing footing{i64(under[n][j])};
-                if (rutted) {
-                    auto [first, passes, exponent] = ruts[n];
-                    footing.first = first[j], footing.passes = passes[j];
-                    footing.exponent = exponent[j];
-                }
                 if (footing != footings[n]) footings[n] = footing, stale = true;
                 bool slips = wheels[n].wheel.slips && soil.shear_modulus > 0.0;
                 vague = vague || (wheels[n].driven && !slips);
-                limit = min(limit, on.steps[under[n][j]]);
+                limit = min(limit, on.steps[footing.soil]);
             }
             SlopeState need{};
             if (!known) {
@@ -332,29 +420,11 @@ void judge_points(
                 need = *found;
             }
 
-            Judgement judged{Verdict::GO};
-            judged.add(Reason::TIP_OVER, need.tipping, shape, false);
-            judged.add(Reason::STEP, share_of(stance.step(i, j), limit), shape, false);
-            if (stance.rough(i, j) > 0.0f) {
-                double share = share_of(stance.rough(i, j), v.roughness);
-                judged.add(Reason::ROUGHNESS, share, shape, false);
-            }
-            double sunk = need.deepest;
-            auto add_bump = [&](Heights rises, double room, Reason why) {
-                if (!(room < INF)) return;
-                double rise = max(0.0, double(rises(i, j))) * g.down + sunk;
-                judged.add(why, share_of(rise, room), shape, true);
-            };
-            add_bump(stance.bump, v.clearance, Reason::HIGH_CENTRED);
-            add_bump(stance.front, v.front, Reason::APPROACH);
-            add_bump(stance.rear, v.rear, Reason::APPROACH);
+            Judgement judged = judge_shape(v, stance, i, j, g.down, limit, need);
             if (known) {
-                judged.add(Reason::TRACTION, need.share, v.go_traction, true);
-                judged.add(Reason::SLIP, need.slip / v.slip, v.go_slip, true);
-                judged.add(Reason::TORQUE, need.torque, v.go_torque, false);
-                judged.add(Reason::SINKAGE, need.sunk, shape, true);
-                judged.add(Reason::SIDE_SLIP, need.sliding, shape, false);
-                number(SINKAGE) = float(sunk), number(SLIP) = float(vague ? NaN : need.slip);
+                judge_soils(v, need, judged);
+                number(SINKAGE) = float(need.deepest),
+                number(SLIP) = float(vague ? NaN : need.slip);
                 number(ENERGY) = float(need.energy), number(DRAWBAR) = float(need.drawbar);
             } else if (judged.verdict != Verdict::NO_GO) {
                 // whatever the soil is like, the rest can be driven

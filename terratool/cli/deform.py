@@ -11,7 +11,7 @@ import click
 
 from terratool.cli.options import vehicle_from, vehicle_options
 from terratool.cli.terminal import Status, called, say
-from terratool.text.display import counted
+from terratool.text.display import counted, listed, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -122,7 +122,7 @@ def command(
 
 def as_dict(deformed: Deformed, output: str, added_bytes: int) -> dict[str, Any]:
     """What was done, ready for JSON."""
-    return {
+    document = {
         "format_version": 1,
         "file": output,
         "added_bytes": added_bytes,
@@ -133,6 +133,9 @@ def as_dict(deformed: Deformed, output: str, added_bytes: int) -> dict[str, Any]
         "points": deformed.points,
         "surfaces": list(map(asdict, deformed.ruts)),
     }
+    if deformed.ranged:
+        document["ranged"] = list(deformed.ranged)
+    return document
 
 
 def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:
@@ -146,3 +149,6 @@ def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:
     for rut in deformed.ruts:
         depth = f"{1e3 * rut.depth:.3g} mm deep at the first pass" if rut.depth else "no rut"
         yield f"  {rut.surface}: {rut.length:,.1f} m, {depth}"
+    if deformed.ranged:
+        names = listed([shown(name) for name in deformed.ranged])
+        yield f"  The sinkage of {names} is a range: its middle counts."

@@ -220,7 +220,7 @@ def as_dict(report: RasterReport, choice: GridChoice) -> dict[str, Any]:
     from terratool.text.display import plain
 
     grid = report.grid
-    return {
+    document = {
         "format_version": 2,
         "width": grid.width,
         "height": grid.height,
@@ -236,6 +236,9 @@ def as_dict(report: RasterReport, choice: GridChoice) -> dict[str, Any]:
         "losses": msgspec.to_builtins(report.losses),
         "tiles": msgspec.to_builtins(report.tiles, enc_hook=plain),
     }
+    if report.ranged:
+        document["ranged"] = report.ranged
+    return document
 
 
 def _file_as_dict(written: WrittenFile, pixels: int) -> dict[str, Any]:
@@ -306,6 +309,9 @@ def as_text(report: RasterReport, choice: GridChoice) -> Iterator[str]:
             f"{tiles.folder}: {tiles.rows} × {tiles.columns} tiles of {tiles.size}², "
             f"{tiles.made} made, {tiles.kept} kept of an earlier run"
         )
+    for layer, names in report.ranged.items():
+        some = ", ".join(map(repr, names[:5])) + (", …" if len(names) > 5 else "")
+        yield f"The {layer} of {some} is a range: its middle is written."
     for layer, names in report.lacking.items():
         some = ", ".join(map(repr, names[:5])) + (", …" if len(names) > 5 else "")
         what = "grey" if layer == "color" else "nodata"

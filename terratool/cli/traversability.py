@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from terratool.traversability.conditions import Condition
     from terratool.traversability.results import TraversabilityReport
 
-# as terratool.traversability.route.graph and terratool.traversability.vehicle have them, which are
-# not imported for --help; a test holds them equal
+# as route.graph, vehicle and ranges of terratool.traversability have them, which are not imported
+# for --help; tests hold them equal
 PREFERENCES = ("length", "time", "energy", "margin")
 MODELS = ("slip", "paper")
+SAMPLES = (256, 16, 1024)  # the default, least and most
 
 
 @click.command(
@@ -106,6 +107,22 @@ MODELS = ("slip", "paper")
     "32]",
 )
 @click.option(
+    "--samples",
+    type=click.IntRange(*SAMPLES[1:]),
+    default=SAMPLES[0],
+    show_default=True,
+    metavar="N",
+    help="Samples of soils whose figures are ranges, for probabilities of go.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**63 - 1),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Seed of these samples.",
+)
+@click.option(
     "--fail-on",
     "conditions",
     multiple=True,
@@ -128,6 +145,8 @@ def command(
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
     headings: int | None,
+    samples: int,
+    seed: int,
     conditions: tuple[str, ...],
     threads: int | None,
     overwrite: bool,
@@ -183,6 +202,8 @@ def command(
         headings=headings,
         mapped=wants_map or any(check.needs == "map" for check in checks),
         threads=threads,
+        samples=samples,
+        seed=seed,
     )
     planned, notes = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
     doing = "judging" if planned[0].pixels else "looking for ways"

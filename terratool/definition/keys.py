@@ -77,6 +77,15 @@ _CURVE = Key(
     -LARGEST, LARGEST,
 )  # fmt: skip
 
+
+def _figure(
+    what: str, low: float, high: float = inf, *, open_low: bool = False, open_high: bool = False
+) -> Key:
+    """Of a soil: a number, or a range of them."""
+    words = f"{what}, or a range [low, high]"
+    return Key(words, "number", low, high, open_low, open_high, length=2)
+
+
 KEYS: dict[type, dict[str, Key]] = {
     Definition: {
         "$schema": Key("the address of the JSON Schema, a text", "text"),
@@ -98,17 +107,17 @@ KEYS: dict[type, dict[str, Key]] = {
     Surface: {
         "descr": _TEXT,
         "preset": Key("the name of a soil, a text", "text"),
-        "cohesion": Key("a cohesion in kPa, 0 or more", "number", 0),
-        "fricAngle": Key(
-            "a friction angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True
+        "cohesion": _figure("a cohesion in kPa, 0 or more", 0),
+        "fricAngle": _figure(
+            "a friction angle in degrees, from 0 to below 90", 0, 90, open_high=True
         ),
-        "sinkage": Key("metres of sinkage per kN of wheel load, 0 or more", "number", 0),
+        "sinkage": _figure("metres of sinkage per kN of wheel load, 0 or more", 0),
         "color": Key(
             "three whole numbers [red, green, blue] from 0 to 255", "whole", 0, 255,
             alone=False, length=3,
         ),
         "sonarRefl": Key("a reflection from 0 to 1", "number", 0, 1),
-        "shearModulus": Key("a shear modulus in metres, above 0", "number", 0, open_low=True),
+        "shearModulus": _figure("a shear modulus in metres, above 0", 0, open_low=True),
         "void": Key("true or false", "flag"),
     },
     Primitive: {

@@ -7,8 +7,8 @@ they depend on the place in the tree, and `terratool.field` gives them their mea
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Annotated, TypeVar
+from collections.abc import Iterator, Mapping
+from typing import Annotated, NamedTuple, TypeVar
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -28,6 +28,10 @@ DEFAULT_MULTIPASS = 3.0
 Pair = tuple[float, float]
 CurveValue = tuple[float | Pair, ...] | str
 """A vector, a list of knots (never both in one list; a rule sees to that), or a string."""
+SoilFigure = float | Pair
+"""A number, or a range [low, high] in which every value is equally likely."""
+SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus")
+"""Attributes of a surface that may be ranges."""
 
 
 # the ranges of numbers of elements, held against while decoding: later it takes far longer
@@ -53,18 +57,62 @@ def pair_of(
     return value if isinstance(value, tuple) else (value, value)
 
 
+def middle_of(figure: SoilFigure) -> float:
+    """The one number that counts for a figure of a soil: of a range its middle."""
+    if not isinstance(figure, tuple):
+        return figure
+    low, high = figure
+    return 0.5 * low + 0.5 * high
+
+
+def ends_of(figure: SoilFigure) -> Pair:
+    """The least and the largest value that a figure of a soil may have."""
+    return figure if isinstance(figure, tuple) else (figure, figure)
+
+
 class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
     """The micro-terrain: soil, friction, colour and sonar of a surface."""
 
     descr: str | UnsetType = UNSET
     preset: str | UnsetType = UNSET
-    cohesion: float | UnsetType = UNSET
-    fric_angle: float | UnsetType = UNSET
-    sinkage: float | UnsetType = UNSET
+    cohesion: SoilFigure | UnsetType = UNSET
+    fric_angle: SoilFigure | UnsetType = UNSET
+    sinkage: SoilFigure | UnsetType = UNSET
     color: tuple[int, int, int] | UnsetType = UNSET
     sonar_refl: float | UnsetType = UNSET
-    shear_modulus: float | UnsetType = UNSET
+    shear_modulus: SoilFigure | UnsetType = UNSET
     void: bool | UnsetType = UNSET
+
+    @property
+    def ranges(self) -> dict[str, Pair]:
+        """Figures that may have several values, by attribute; none where there is no ground."""
+        if self.void is True:
+            return {}
+        figures = ((name, getattr(self, name)) for name in SOIL_FIGURES)
+        return {
+            name: figure
+            for name, figure in figures
+            if isinstance(figure, tuple) and figure[0] < figure[1]
+        }
+
+
+class Range(NamedTuple):
+    """A figure of a surface that may have several values: the surface's name, the key, the ends."""
+
+    surface: str
+    key: str
+    low: float
+    high: float
+
+
+def ranges_of(surfaces: Mapping[str, Surface]) -> tuple[Range, ...]:
+    """The figures of surfaces, by name, that may have several values."""
+    keys = dict(names_of(Surface))
+    return tuple(
+        Range(name, keys[attribute], low, high)
+        for name, surface in surfaces.items()
+        for attribute, (low, high) in surface.ranges.items()
+    )
 
 
 class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):

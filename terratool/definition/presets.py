@@ -9,10 +9,11 @@ load (Bekker 1969; `terratool.traversability.soil`). On hard ground only frictio
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET, Struct
 
-from terratool.definition.model import Surface
+from terratool.definition.model import SOIL_FIGURES, Surface, middle_of
 
 WONG = "Wong, Theory of Ground Vehicles, 4th ed., 2008"
 IAGNEMMA = (
@@ -114,12 +115,15 @@ def preset_of(surface: Surface) -> Preset | None:
     return None if surface.preset is UNSET else PRESETS.get(surface.preset)
 
 
-def property_of(surface: Surface, attribute: str) -> float | UnsetType:
+def property_of(surface: Surface, attribute: str) -> Any:
     """A number of a surface: what it says itself, else what its preset has; `UNSET` for neither.
 
-    The sinkage of a soil is `UNSET`, as it depends on the wheel and its load; of hard ground 0.
+    Of a range it is the middle. The sinkage of a soil is `UNSET`, as it depends on the wheel and
+    its load; of hard ground 0.
     """
-    own: float | UnsetType = getattr(surface, attribute)
+    own: Any = getattr(surface, attribute)
+    if attribute in SOIL_FIGURES and own is not UNSET:
+        own = middle_of(own)
     preset = preset_of(surface)
     if own is not UNSET or preset is None:
         return own

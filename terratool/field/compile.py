@@ -16,6 +16,7 @@ from terratool.definition.model import (
     LARGEST,
     Definition,
     Track,
+    middle_of,
     pair_of,
 )
 from terratool.definition.tree import Tree
@@ -116,7 +117,8 @@ def _laws(definition: Definition) -> tuple[NDArray[np.uint32], Floats]:
             whole = depth if isinstance(depth, float) else None
             row = [0.0 if whole is None else whole]
             for name, surface in surfaces.items():
-                sunk = min(load * _or(surface.sinkage, 0.0), LARGEST)  # not infinite
+                rate = middle_of(_or(surface.sinkage, 0.0))
+                sunk = min(load * rate, LARGEST)  # not infinite
                 given = by_name.get(name, sunk) if whole is None else whole
                 row.append(math.nan if surface.void is True else given)
             rows.append(row)

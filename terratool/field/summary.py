@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
+from terratool.definition.model import ranges_of
 from terratool.field.compile import track_lengths
 from terratool.field.terrain import Terrain, clip_bounds
 
@@ -26,7 +27,7 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
     """
     low, high, points = height_range(terrain)
     bounds = terrain.bounds
-    return {
+    summary = {
         "format_version": 1,
         "descr": terrain.descr,
         "size": list(terrain.size),
@@ -46,6 +47,9 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
         "height": {"low": low, "high": high, "points": points},
         "bytes": terrain.nbytes,
     }
+    if ranges := ranges_of(terrain.surface_types):
+        summary["ranges"] = [one._asdict() for one in ranges]
+    return summary
 
 
 def height_range(

@@ -36,6 +36,11 @@ class VehicleOnSoils:
 
     def __init__(self, vehicle: object, soils: object, steps: object) -> None: ...
 
+class VehicleOnSamples:
+    """A vehicle on samples of the soils of a terrain, and its tables."""
+
+    def __init__(self, vehicle: object, soils: object) -> None: ...
+
 class Search:
     """A search for the cheapest way to a cell."""
 
@@ -156,6 +161,27 @@ def judge(
 
 def judge_cells(vehicle: VehicleOnSoils, stance: Any, east: float, north: float, out: Any) -> None:
     """Judge a vehicle with a heading at every reference point."""
+
+def judge_samples(
+    vehicle: VehicleOnSamples,
+    stance: Any,
+    east: float,
+    north: float,
+    verdict: NDArray[np.uint8],
+    go: NDArray[np.uint64],
+) -> None:
+    """
+    Mark the samples on which a vehicle with a heading goes, as bits.
+
+    Shapes: verdict[h,w], go[h,w,k].
+    """
+
+def count_samples(go: NDArray[np.uint64], out: NDArray[np.uint32]) -> None:
+    """
+    How many samples are marked at each place.
+
+    Shapes: go[h,w,_], out[h,w].
+    """
 
 def highest(
     ground: NDArray[np.float32], first: int, offsets: NDArray[np.int64], out: NDArray[np.float32]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -92,6 +92,7 @@ class RasterReport:
         nodata: pixels without a height.
         surfaces: pixels by name of the surface, where a file holds them.
         lacking: for each layer the surfaces that have no value for it.
+        ranged: for each layer the surfaces of which it has the middle of a range, if any.
         losses: what the pixels do not show; None where it was not asked for.
         tiles: of a mosaic; None for single files.
     """
@@ -103,6 +104,7 @@ class RasterReport:
     lacking: dict[str, list[str]]
     losses: RasterLoss | None
     tiles: MosaicSummary | None = None
+    ranged: dict[str, list[str]] = field(default_factory=dict)
 
     @property
     def pixels(self) -> int:
@@ -332,12 +334,9 @@ def report_of(
 ) -> RasterReport:
     """What there is to say when all is written."""
     soils = SurfaceValues(terrain)
-    lacking = {
-        layer.name: names
-        for file in written
-        for layer in file.bands.layers
-        if (names := soils.lacking(layer))
-    }
+    layers = [layer for file in written for layer in file.bands.layers]
+    lacking = {layer.name: names for layer in layers if (names := soils.lacking(layer))}
+    ranged = {layer.name: names for layer in layers if (names := soils.ranged(layer))}
     return RasterReport(
         grid,
         written,
@@ -346,6 +345,7 @@ def report_of(
         lacking,
         losses.statement(statistics.lost, statistics.nodata) if losses else None,
         tiles,
+        ranged,
     )
 
 

@@ -178,6 +178,11 @@ class SurfaceValues:
             if surface.void is not True and property_of(surface, layer.soil) is UNSET
         ]
 
+    def ranged(self, layer: Layer) -> list[str]:
+        """Names of the surfaces of which a layer has the middle of a range."""
+        types = self.terrain.surface_types
+        return [name for name, surface in types.items() if layer.soil in surface.ranges]
+
     @cached_property
     def voids(self) -> NDArray[np.bool_]:
         """Whether there is no ground."""

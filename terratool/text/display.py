@@ -103,6 +103,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and an "and"."""
+    return f"{', '.join(words[:-1])} and {words[-1]}" if words[1:] else "".join(words)
+
+
 def length(metres: float) -> str:
     """A length in words, to three digits, or to a metre from a kilometre on."""
     return f"{metres:.3g} m" if abs(metres) < 1000 else f"{metres:,.0f} m"

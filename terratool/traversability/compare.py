@@ -91,7 +91,8 @@ def prepare(
         for vehicle in vehicles
     ]  # fmt: skip
     if map_path is not None:
-        refuse_full_disk_of_maps([one.grid for one in prepared], Path(map_path))
+        sampled = prepared[0].draws is not None
+        refuse_full_disk_of_maps([one.grid for one in prepared], Path(map_path), sampled)
     return PreparedComparison(prepared, notes)
 
 

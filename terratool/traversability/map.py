@@ -21,6 +21,7 @@ from terratool.raster.painter import id_type
 from terratool.raster.prefetch import TILE, prefetch
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands
 from terratool.traversability.results import (
+    CHANCE_BOUNDS,
     RANKS,
     GroundClass,
     LargestPart,
@@ -70,6 +71,7 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
 
     along, across = (measures.numbers[:, n] for n in (kernels.PITCH, kernels.ROLL))
     drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
+    verdict = at(best, measures.verdict)
     bands = (
         drives.sum(axis=0),
         np.minimum(at(best, share), MOST),
@@ -87,9 +89,11 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
     reserve_band = numbers[-1]
     reserve_band[reserve_band >= np.float32(math.pi)] = np.nan
     np.degrees(reserve_band, out=reserve_band)
+    if measures.chance is not None:
+        known = verdict != Verdict.UNKNOWN
+        numbers = np.concatenate([numbers, np.where(known, measures.chance, np.nan)[None]])
     numbers[:, ~inside] = np.nan
     numbers[~np.isfinite(numbers)] = np.nan
-    verdict = at(best, measures.verdict)
     classes = np.stack(
         [at(worst, measures.verdict), at(best, measures.reason), at(worst, measures.reason)]
     )
@@ -132,24 +136,26 @@ class MapBuilder:
     """Gathers a map from windows, which several threads may bring in any order.
 
     Memory is 5 bytes for each pixel, or one more where there are more than 8 headings; 60 where
-    all bands are kept.
+    all bands are kept, and 4 more where soils are sampled.
 
     Args:
         terrain: the ground.
-        grid: the pixels.
-        headings: their number.
+        surveyor: that judges it: its grid and headings count.
         keep: whether all bands are kept.
     """
 
-    def __init__(self, terrain: Terrain, grid: Grid, headings: int, keep: bool) -> None:
+    def __init__(self, terrain: Terrain, surveyor: Surveyor, keep: bool) -> None:
+        grid = surveyor.grid
         flat = (grid.height, grid.width)
-        self.terrain, self.grid, self.headings = terrain, grid, headings
-        self.kept = empty_bands(flat) if keep else None
+        self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
+        self.sampled = surveyor.samples is not None
+        self.kept = empty_bands(flat, self.sampled) if keep else None
+        self.chance = np.full(flat, np.nan, np.float32) if self.sampled else None
         self.reason = np.zeros(flat, np.uint8)
         self.verdict, self.worst = np.zeros((2, *flat), np.uint8)
         self.ground = np.zeros(flat, np.bool_)
         self.surfaces = np.zeros(flat, id_type(terrain))
-        self.bits = np.zeros(flat, bits_type(headings))
+        self.bits = np.zeros(flat, bits_type(self.headings))
         self._stride = -(-max(flat) // PICTURE)
         self._heights = np.full(
             tuple(-(-side // self._stride) for side in flat), np.nan, np.float32
@@ -163,6 +169,8 @@ class MapBuilder:
         bands, part = map_bands(measures, inside), part_of(window)
         self.verdict[part], self.reason[part] = bands.verdict[0], bands.classes[1]
         self.worst[part] = bands.classes[0]
+        if self.chance is not None:
+            self.chance[part] = bands.numbers[-1]
         self.ground[part], self.surfaces[part] = ~np.isnan(measures.heights), measures.surfaces
         drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
         drives &= np.isfinite(measures.numbers[:, kernels.ENERGY])
@@ -259,7 +267,19 @@ class MapBuilder:
             {name: _by_ground(row) for name, row in zip(names, count, strict=True) if row.any()},
             start,
             self.largest(found) if start is None else None,
+            None if self.chance is None else self.chances(),
         )
+
+    def chances(self) -> dict[float, int]:
+        """Pixels with ground by the largest of `CHANCE_BOUNDS` that their probability reaches."""
+        assert self.chance is not None
+        known = self.chance[self.ground & np.isfinite(self.chance)]
+        found, counted = {}, 0
+        for bound in CHANCE_BOUNDS:
+            above = int(np.count_nonzero(known >= np.float32(bound)))
+            found[bound] = above - counted
+            counted = above
+        return found
 
 
 def _by_ground(counts: NDArray[np.int64]) -> dict[GroundClass, int]:
@@ -276,7 +296,7 @@ def stream_map(
     """Judge tile by tile, write what is known of each, and keep what is needed in the end."""
 
     def made(window: Window) -> tuple[Window, MapBands]:
-        whole = empty_bands((window.height, window.width))
+        whole = empty_bands((window.height, window.width), builder.sampled)
         for inner in surveyor.windows(window):
             bands = builder.take(inner, surveyor.measure(inner))
             local = Window(

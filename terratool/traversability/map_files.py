@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import operator
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -70,9 +71,16 @@ NUMBERS = Bands(
     np.dtype(np.float32),
 )
 """Slopes are positive nose up and left side up."""
+CHANCES = replace(
+    NUMBERS, layers=(*NUMBERS.layers, Layer("chance", ("probability of go, best heading",), "1"))
+)
+"""`NUMBERS` where figures of soils are ranges."""
 
-_FILES = (VERDICT, CLASSES, NUMBERS)
 _SUFFIXES = ("", "-classes", "-numbers")
+
+
+def _files(sampled: bool) -> tuple[Bands, ...]:
+    return VERDICT, CLASSES, CHANCES if sampled else NUMBERS
 
 
 class MapBands(NamedTuple):
@@ -81,7 +89,7 @@ class MapBands(NamedTuple):
     Attributes:
         verdict: uint8 `Verdict`, of `VERDICT` before it is known where the vehicle gets to.
         classes: uint8, of `CLASSES`.
-        numbers: float32, of `NUMBERS`, NaN for what is not known or has no limit.
+        numbers: float32, of `NUMBERS` or `CHANCES`, NaN for what is not known or has no limit.
     """
 
     verdict: NDArray[Any]
@@ -89,9 +97,9 @@ class MapBands(NamedTuple):
     numbers: NDArray[Any]
 
 
-def empty_bands(flat: tuple[int, int]) -> MapBands:
-    """Room for the pixels of rows and columns."""
-    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _FILES))
+def empty_bands(flat: tuple[int, int], sampled: bool) -> MapBands:
+    """Room for the pixels of rows and columns, with soils that are `sampled` or not."""
+    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _files(sampled)))
 
 
 def map_paths(path: str | Path) -> list[Path]:
@@ -107,6 +115,7 @@ class MapFiles:
         stack: of what is written.
         terrain: the ground.
         grid: the pixels.
+        sampled: whether they have a probability of go.
         path: a .tif, of the verdicts.
         overwrite: whether the files may be there already.
         threads: that compress them.
@@ -118,19 +127,19 @@ class MapFiles:
     """
 
     def __init__(
-        self, stack: contextlib.ExitStack, terrain: Terrain, grid: Grid, path: Path,
-        overwrite: bool, threads: int,
+        self, stack: contextlib.ExitStack, terrain: Terrain, grid: Grid, sampled: bool,
+        path: Path, overwrite: bool, threads: int,
     ) -> None:  # fmt: skip
-        refuse_map(terrain, grid, path, overwrite)
+        refuse_map(terrain, grid, sampled, path, overwrite)
         extent = RasterExtent(terrain, grid)
         parts = [
             stack.enter_context(whole_file(name, overwrite, COMPANIONS)) for name in map_paths(path)
         ]
         self._files = [
             stack.enter_context(_cog(part, extent, bands, threads))
-            for part, bands in zip(parts, _FILES, strict=True)
+            for part, bands in zip(parts, _files(sampled), strict=True)
         ]
-        self._statistics = [BandStatistics()] * NUMBERS.count
+        self._statistics = [BandStatistics()] * _files(sampled)[-1].count
 
     def write(self, window: Window, bands: MapBands) -> None:
         """Write all of a window but what it takes to know the whole map for; windows in order."""
@@ -146,7 +155,7 @@ class MapFiles:
         self._files[-1].finish(self._statistics)
 
 
-def refuse_map(terrain: Terrain, grid: Grid, path: Path, overwrite: bool) -> None:
+def refuse_map(terrain: Terrain, grid: Grid, sampled: bool, path: Path, overwrite: bool) -> None:
     """Refuse a map that cannot be written.
 
     Raises:
@@ -159,17 +168,17 @@ def refuse_map(terrain: Terrain, grid: Grid, path: Path, overwrite: bool) -> Non
     for name in map_paths(path):
         refuse_existing(name, overwrite, COMPANIONS)
     crs_of(terrain)
-    refuse_full_disk(path, grid, _FILES, raster_format(path, cog=True))
+    refuse_full_disk(path, grid, _files(sampled), raster_format(path, cog=True))
 
 
-def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path) -> None:
+def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -> None:
     """Refuse maps that do not all fit on the disk together; `path` is beside them.
 
     Raises:
         WriteError: they do not.
     """
     largest = max(grids, key=lambda grid: grid.width * grid.height)
-    refuse_full_disk(path, largest, _FILES * len(grids), raster_format(path, cog=True))
+    refuse_full_disk(path, largest, _files(sampled) * len(grids), raster_format(path, cog=True))
 
 
 @contextlib.contextmanager
@@ -181,7 +190,7 @@ def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterat
             file.file.write_colormap(1, {int(key): (*c, 255) for key, c in COLORS.items()})
         yield file
     names = first.with_name(f"{first.name}.aux.xml")
-    if bands is not NUMBERS:
+    if bands.content == CLASS:
         names.write_bytes(_class_names(bands))
     copied(first, path, "COG", cog_options(bands, plain), threads)
     first.unlink()

@@ -121,6 +121,23 @@ class SlipCurve:
 
 
 @dataclass(frozen=True, slots=True)
+class Chances:
+    """How likely a vehicle can drive on level ground of a surface, as shares of samples.
+
+    Attributes:
+        go: it is go.
+        drives: it is go or caution.
+        climb_low, climb_high: 5 % of the samples climb less, and 5 % more, rad; None where it
+            cannot even drive on the level.
+    """
+
+    go: float
+    drives: float
+    climb_low: float | None
+    climb_high: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class Figures:
     """A surface and a wheel: what ground and vehicle do to each other on it.
 
@@ -164,6 +181,7 @@ class Figures:
         reason: what binds on level ground.
         warnings: sentences.
         slip_curve: None where slip is not known.
+        chances: where some figures of the soil are ranges; all else is that of their middles.
     """
 
     surface: str
@@ -202,6 +220,7 @@ class Figures:
     reason: Reason = Reason.NONE
     warnings: tuple[str, ...] = ()
     slip_curve: SlipCurve | None = None
+    chances: Chances | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -360,6 +379,8 @@ class Route:
         tried_headings: numbers of headings with which it was looked for, one after the other.
         ruled_out_headings: with no number of headings up to this one is there a way; None where
             that is not known.
+        chance: probability that all of it is go; None where no figures of soils are ranges.
+        least_chance: the smallest probability of go along it; likewise.
     """
 
     start: Location
@@ -383,6 +404,8 @@ class Route:
     headings: int = HEADINGS
     tried_headings: tuple[int, ...] = ()
     ruled_out_headings: int | None = None
+    chance: float | None = None
+    least_chance: Extreme | None = None
 
     @property
     def holds(self) -> bool:
@@ -407,6 +430,10 @@ class Reach:
     returnable: float
     cells: NDArray[np.bool_]
     note: str = ""
+
+
+CHANCE_BOUNDS = (0.95, 0.5, 0.05, 0.0)
+"""Probabilities of go from which on ground is counted together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -436,6 +463,8 @@ class MapSummary:
         by_surface: for each surface's name ("" for none) its counts by `GroundClass`.
         start: where what can be reached begins; None for the largest part of the ground.
         largest: that part; None where there is a start, or no part.
+        chances: pixels with ground by the largest of `CHANCE_BOUNDS` that the probability of go
+            reaches, where it is known; None where no figures of soils are ranges.
     """
 
     grid: Grid
@@ -446,6 +475,7 @@ class MapSummary:
     by_surface: dict[str, dict[GroundClass, int]]
     start: tuple[float, float] | None = None
     largest: LargestPart | None = None
+    chances: dict[float, int] | None = None
 
     @property
     def pixels(self) -> int:
@@ -481,6 +511,23 @@ class Preview:
 
 
 @dataclass(frozen=True, slots=True)
+class Sampling:
+    """How figures of soils that are ranges were sampled.
+
+    Attributes:
+        samples: their number.
+        seed: of the generator.
+        error: how far a share of the samples is off at most, 19 times of 20.
+        ranges: name of the surface, key, least and largest value of each.
+    """
+
+    samples: int
+    seed: int
+    error: float
+    ranges: tuple[tuple[str, str, float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class TraversabilityReport:
     """All that one run has found out.
 
@@ -498,6 +545,7 @@ class TraversabilityReport:
         assumptions: sentences.
         notes: sentences on how it was computed: resolutions, and who chose them.
         geojson: a feature collection without features, with the terrain's reference system.
+        sampling: of soils; None where no figures are ranges.
     """
 
     terrain: str
@@ -513,6 +561,7 @@ class TraversabilityReport:
     assumptions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     geojson: dict[str, Any] = field(default_factory=lambda: {"type": "FeatureCollection"})
+    sampling: Sampling | None = None
 
     @property
     def drives(self) -> bool:

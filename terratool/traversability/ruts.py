@@ -14,7 +14,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.layout import TERRAIN
-from terratool.definition.model import Definition, Track
+from terratool.definition.model import Definition, Track, middle_of
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.errors import DefinitionError, MissedError, RequestError
@@ -142,6 +142,7 @@ class Deformed:
         length: m of the wheels' lines.
         points: their vertices.
         ruts: a row for each surface.
+        ranged: names of surfaces whose sinkage is a range, of which the middle counts.
     """
 
     tracks: tuple[Track, ...]
@@ -150,6 +151,7 @@ class Deformed:
     length: float
     points: int
     ruts: tuple[Rut, ...]
+    ranged: tuple[str, ...] = ()
 
 
 def deform(
@@ -228,6 +230,7 @@ def deform(
         length=sum(lengths.values()),
         points=sum(len(track.path) for track in fresh),  # type: ignore[arg-type, misc]
         ruts=tuple(Rut(name, lengths[name], deepest[name]) for name in sorted(lengths)),
+        ranged=tuple(n for n in sorted(lengths) if "sinkage" in definition.surfaces[n].ranges),
     )
 
 
@@ -290,7 +293,7 @@ def _depth(definition: Definition, name: str, vehicle: Vehicle, load: float) -> 
     surface = definition.surfaces[name]
     preset = preset_of(surface)
     if surface.sinkage is not UNSET:
-        depth = load * 1e-3 * surface.sinkage
+        depth = load * 1e-3 * middle_of(surface.sinkage)
     elif preset is not None:
         depth = float(bekker_sinkage(preset, vehicle.wheel, load))
     else:

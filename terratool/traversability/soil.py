@@ -175,8 +175,8 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     need = level_demand(vehicle, soil)
     verdict, reason, _ = judge_level(vehicle, need)
     to_side, backwards, _ = tip_over(vehicle)
-    up, up_limit = _largest(climb(vehicle, soil, slip_limit(vehicle)), backwards, vehicle)
-    across, across_limit = _largest(side_slip(vehicle, soil), to_side, vehicle)
+    up, up_limit = largest_slope(climb(vehicle, soil, slip_limit(vehicle)), backwards, vehicle)
+    across, across_limit = largest_slope(side_slip(vehicle, soil), to_side, vehicle)
     step = step_of(vehicle, math.tan(soil.friction))
     soft = bool(contact.area > 0.0) and load > 0.0
     strength, motor = best.shear_stress, None
@@ -244,7 +244,9 @@ def slip_curve(vehicle: Vehicle, soil: Soil, climb: float | None) -> SlipCurve |
     return SlipCurve(*zip(*found, strict=True))
 
 
-def _largest(found: SteepestSlope, tips: float, vehicle: Vehicle) -> tuple[float | None, Reason]:
+def largest_slope(
+    found: SteepestSlope, tips: float, vehicle: Vehicle
+) -> tuple[float | None, Reason]:
     """A slope less its margins, or that at which it tips over; None if not even the level."""
     if not found.possible:
         return None, found.reason

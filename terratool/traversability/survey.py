@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -126,6 +126,16 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
     return SoilArrays(*members), steps
 
 
+class SoilSamples(NamedTuple):
+    """Members of `SoilArrays`, and the highest step on each, m, (samples, surfaces + 1) each."""
+
+    cohesion: NDArray[np.float64]
+    tan_friction: NDArray[np.float64]
+    sinkage: NDArray[np.float64]
+    shear_modulus: NDArray[np.float64]
+    steps: NDArray[np.float64]
+
+
 @dataclass(frozen=True, slots=True)
 class WindowMeasures:
     """All that is found out about a window, (headings, height, width) but for the first two.
@@ -140,6 +150,8 @@ class WindowMeasures:
         clearance: float32, left under the body, m; infinity where nothing can touch, NaN where
             it stands nowhere.
         overhang: float32, left under the overhangs, m; likewise.
+        chance: (height, width) float32, share of the samples of the soils on which some heading is
+            go; None where soils are not sampled.
     """
 
     heights: NDArray[np.float32]
@@ -151,6 +163,7 @@ class WindowMeasures:
     rough: NDArray[np.float32]
     clearance: NDArray[np.float32]
     overhang: NDArray[np.float32]
+    chance: NDArray[np.float32] | None = None
 
 
 class Stance(NamedTuple):
@@ -233,14 +246,22 @@ def parts_of(vehicle: Vehicle, resolution: float) -> int:
 class Surveyor:
     """Finds out about windows of a grid; may be used by several threads at a time.
 
+    Args:
+        terrain: the ground.
+        vehicle: a vehicle, or a wheel by itself.
+        grid: the pixels.
+        headings: a multiple of 4 from 4 to 64.
+        samples: of the soils, if some of these are ranges and that matters.
+
     Raises:
         RequestError: the resolution does not go with the vehicle, or the number of headings makes
             no sense, or a surface has figures that are too large.
     """
 
     def __init__(
-        self, terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int = HEADINGS
-    ) -> None:
+        self, terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int = HEADINGS,
+        samples: SoilSamples | None = None,
+    ) -> None:  # fmt: skip
         if not (4 <= headings <= MOST_HEADINGS and headings % 4 == 0):
             raise RequestError(
                 f"The number of headings is {headings}.",
@@ -259,55 +280,114 @@ class Surveyor:
         self._halo = math.ceil(self._footprint.halo / parts)
         slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
         self._painter = GroundPainter(terrain, self._fine, _LEAST * radius, slopes, radius)
-        self._on_soils = kernels.VehicleOnSoils(
-            vehicle_params(vehicle), *soil_table(terrain, vehicle)
-        )
+        params = vehicle_params(vehicle)
+        self._on_soils = kernels.VehicleOnSoils(params, *soil_table(terrain, vehicle))
+        self.samples = samples
+        self._on_samples = None
+        if samples is not None:
+            self._on_samples = kernels.VehicleOnSamples(params, samples)
 
     def windows(self, window: Window) -> Iterator[Window]:
         """Windows that cover a larger one, each not too large to be measured at once."""
         side = max(math.isqrt(_FINE_PIXELS) // self._parts - 2 * self._halo, 16)
         return window.cut(min(_WINDOW[0], side), min(_WINDOW[1], side))
 
-    def measure(self, window: Window) -> WindowMeasures:
-        """All that is found out about a window of the grid."""
-        parts, halo = self._parts, self._halo
-        around = Window(
-            parts * (window.row - halo), parts * (window.column - halo),
-            parts * (window.height + 2 * halo), parts * (window.width + 2 * halo),
-        )  # fmt: skip
-        sweep = _Sweep(self, window, self._painter.paint(around))
+    def measure(self, window: Window, *, sampled: bool = True) -> WindowMeasures:
+        """All that is found out about a window of the grid.
+
+        Samples of the soils are looked at if they are `sampled`.
+        """
+        sweep = self._swept(window)
         flat = (window.height, window.width)
         deep = (self.headings, *flat)
         numbers = np.empty((self.headings, kernels.PLANES, *flat), np.float32)
         verdict, reason = np.empty((2, *deep), np.uint8)
         step, rough, clearance, overhang = np.empty((4, *deep), np.float32)
+        go = self._no_samples(flat) if sampled else None
+        for heading, stance in self._stances(sweep, window):
+            rough[heading], step[heading] = stance.rough, stance.step
+            out = Verdicts(verdict[heading], reason[heading], numbers[heading])
+            self._judge(heading, stance, out, go)
+            left = self._clearances(stance, numbers[heading])
+            clearance[heading], overhang[heading] = left
+        return WindowMeasures(
+            sweep.heights, sweep.surfaces, verdict, reason, numbers, step, rough, clearance,
+            overhang, None if go is None else self._shares(go),
+        )  # fmt: skip
+
+    def going(self, window: Window, headings: Collection[int]) -> NDArray[np.uint64] | None:
+        """On which samples of the soils some headings are go, as bits; None where none are sampled.
+
+        Returns:
+            (headings, height, width, words), those that were asked for in their order.
+        """
+        flat = (window.height, window.width)
+        none = self._no_samples(flat)
+        if none is None:
+            return None
+        marked = {heading: none.copy() for heading in headings}
+        verdict, reason = np.empty((2, *flat), np.uint8)
+        out = Verdicts(verdict, reason, np.empty((kernels.PLANES, *flat), np.float32))
+        for heading, stance in self._stances(self._swept(window), window, headings):
+            self._judge(heading, stance, out, marked[heading])
+        return np.array(list(marked.values()))
+
+    def _judge(
+        self, heading: int, stance: Stance, out: Verdicts, go: NDArray[np.uint64] | None
+    ) -> None:
+        """Judge a heading, and mark the samples on which it is go."""
+        direction = self._footprint.by_heading[heading].direction
+        kernels.judge_cells(self._on_soils, stance, *direction, out)
+        if go is not None and self._on_samples is not None:
+            kernels.judge_samples(self._on_samples, stance, *direction, out.verdict, go)
+
+    def _no_samples(self, flat: tuple[int, int]) -> NDArray[np.uint64] | None:
+        """A set of samples for each place, (height, width, words): none of them."""
+        if self.samples is None:
+            return None
+        return np.zeros((*flat, -(-len(self.samples.steps) // 64)), np.uint64)
+
+    def _shares(self, go: NDArray[np.uint64]) -> NDArray[np.float32]:
+        """How many of the samples are in each set, (height, width), as shares."""
+        assert self.samples is not None
+        counts = np.empty(go.shape[:2], np.uint32)
+        kernels.count_samples(go, counts)
+        return (counts / len(self.samples.steps)).astype(np.float32)
+
+    def _swept(self, window: Window) -> _Sweep:
+        parts, halo = self._parts, self._halo
+        around = Window(
+            parts * (window.row - halo), parts * (window.column - halo),
+            parts * (window.height + 2 * halo), parts * (window.width + 2 * halo),
+        )  # fmt: skip
+        return _Sweep(self, window, self._painter.paint(around))
+
+    def _stances(
+        self, sweep: _Sweep, window: Window, headings: Collection[int] | None = None
+    ) -> Iterator[tuple[int, Stance]]:
+        """What the vehicle stands on, heading by heading; only some of them if these are given."""
         half = self.headings // 2
         for turn in range(half):
+            wanted = [h for h in (turn, turn + half) if headings is None or h in headings]
+            if not wanted:
+                continue
             first = self._footprint.by_heading[turn]
             supports = sweep.supports(first)
             steps = sweep.steps(first, supports)
             body = None
-            for heading in (turn, turn + half):
+            for heading in wanted:
                 footprint = self._footprint.by_heading[heading]
                 if body is None or not self._footprint.shared:
                     body = sweep.body(footprint, supports)
-                plane, bump, rough[heading] = body
-                step[heading] = sweep.step_ahead(footprint, steps)
-                stance = Stance(
+                plane, bump, rough = body
+                yield heading, Stance(
                     plane, bump,
                     sweep.bump(footprint, footprint.front, plane),
                     sweep.bump(footprint, footprint.rear, plane),
-                    rough[heading], step[heading], self._reaches_beyond(window, heading),
+                    rough, sweep.step_ahead(footprint, steps),
+                    self._reaches_beyond(window, heading),
                     sweep.ids, *sweep.ruts, sweep.first, sweep.placed(footprint.wheels),
                 )  # fmt: skip
-                out = Verdicts(verdict[heading], reason[heading], numbers[heading])
-                kernels.judge_cells(self._on_soils, stance, *footprint.direction, out)
-                left = self._clearances(stance, numbers[heading])
-                clearance[heading], overhang[heading] = left
-        return WindowMeasures(
-            sweep.heights, sweep.surfaces, verdict, reason, numbers, step, rough, clearance,
-            overhang,
-        )  # fmt: skip
 
     def _clearances(
         self, stance: Stance, numbers: NDArray[np.float32]
@@ -399,9 +479,10 @@ class _Sweep:
         self.first = self._parts * self._halo + self._parts // 2
         self._heights = self._phased(ground.heights)
         self.ids = self._phased(ground.surfaces)
-        self.ruts: tuple[Any, ...] = (None, None, None)
+        self.ruts: tuple[Any, Any, Any] = (None, None, None)
         if ground.ruts is not None:
-            self.ruts = tuple(map(self._phased, ground.ruts))
+            first, passes, exponent = map(self._phased, ground.ruts)
+            self.ruts = (first, passes, exponent)
         self._crests = None if ground.crests is None else self._laid_out(ground.crests)
         middle = np.zeros(2, np.int64)
         self.surfaces = self._at(self.ids, middle)

@@ -15,7 +15,7 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import id_type
 from terratool.raster.prefetch import prefetch
 from terratool.traversability.results import HEADINGS, Survey
-from terratool.traversability.survey import Surveyor, WindowMeasures
+from terratool.traversability.survey import SoilSamples, Surveyor, WindowMeasures
 from terratool.traversability.vehicle import Vehicle
 
 TILE = 64
@@ -68,7 +68,7 @@ def survey_window(surveyor: Surveyor, window: Window) -> Survey:
         local = Window(
             inner.row - window.row, inner.column - window.column, inner.height, inner.width
         )
-        _put(found, part_of(local), surveyor.measure(inner))
+        _put(found, part_of(local), surveyor.measure(inner, sampled=False))
     return found
 
 
@@ -116,7 +116,8 @@ class SurveyTiles:
         self, surveyor: Surveyor, *, threads: int | None = None, take: Take | None = None
     ) -> None:
         grid = surveyor.grid
-        self._surveyor, self._threads, self._take = surveyor, checked_threads(threads), take
+        self._surveyor: Surveyor | None = surveyor
+        self._threads, self._take = checked_threads(threads), take
         self.side = TILE
         self.progress: Callable[[int], object] | None = None
         self.known = np.zeros((-(-grid.height // TILE), -(-grid.width // TILE)), np.bool_)
@@ -128,6 +129,7 @@ class SurveyTiles:
         if isinstance(survey, SurveyTiles):
             return survey
         tiles = cls.__new__(cls)
+        tiles._surveyor = None
         height, width = survey.heights.shape
         tiles.survey, tiles.side = survey, TILE
         tiles.known = np.ones((-(-height // TILE), -(-width // TILE)), np.bool_)
@@ -185,6 +187,41 @@ class SurveyTiles:
         self._make(list(self._runs(~self.known & (held if held.any() else ~held))))
         return self.survey
 
+    @property
+    def samples(self) -> SoilSamples | None:
+        """Of the soils; None where these are not sampled."""
+        return None if self._surveyor is None else self._surveyor.samples
+
+    def going(
+        self, headings: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]
+    ) -> NDArray[np.uint64] | None:
+        """On which samples of the soils the vehicle is go, as bits; None where none are sampled.
+
+        Args:
+            headings: (n,) of the survey.
+            rows: (n,) of its cells.
+            columns: likewise.
+
+        Returns:
+            (n, words).
+        """
+        if self.samples is None:
+            return None
+        assert self._surveyor is not None
+        out = np.zeros((len(rows), -(-len(self.samples.steps) // 64)), np.uint64)
+        tiles = rows // self.side * self.known.shape[1] + columns // self.side
+        for tile in np.unique(tiles).tolist():
+            at = np.flatnonzero(tiles == tile)
+            top, left = int(rows[at].min()), int(columns[at].min())
+            window = Window(
+                top, left, int(rows[at].max()) + 1 - top, int(columns[at].max()) + 1 - left
+            )
+            wanted, places = np.unique(headings[at], return_inverse=True)
+            found = self._surveyor.going(window, wanted.tolist())
+            assert found is not None
+            out[at] = found[places, rows[at] - top, columns[at] - left]
+        return out
+
     def _runs(self, wanted: NDArray[np.bool_]) -> Iterator[Window]:
         """Windows over tiles that lie side by side; one of all where all are wanted."""
         if wanted.all():
@@ -198,6 +235,7 @@ class SurveyTiles:
     def _make(self, wanted: list[Window]) -> None:
         if not wanted:
             return
+        assert self._surveyor is not None
         windows = [inner for window in wanted for inner in self._surveyor.windows(window)]
         for window in prefetch(self._measured, windows, self._threads):
             if self.progress:
@@ -209,7 +247,8 @@ class SurveyTiles:
 
     def _measured(self, window: Window) -> Window:
         """Make a window; windows do not overlap, so that threads do not meet."""
-        found = self._surveyor.measure(window)
+        assert self._surveyor is not None
+        found = self._surveyor.measure(window, sampled=self._take is not None)
         _put(self.survey, part_of(window), found)
         if self._take is not None:
             self._take(window, found)

@@ -57,6 +57,8 @@ NAMES = {
     "TT403": "implausible-soil",
     "TT404": "implausible-color",
     "TT405": "unknown-preset",
+    "TT406": "reversed-range",
+    "TT407": "single-value-range",
     "TT501": "axles-overlap",
     "TT502": "narrow-track",
     "TT503": "wheelbase-differs",

@@ -31,7 +31,15 @@ STRUCTURAL |= {"TT601", "TT602"}
 GOOD: Json = {
     "size": 10,
     "origin": [1, 2],
-    "surfTypes": {"s": {"preset": "dry-sand", "color": [0, 0, 0], "cohesion": 1, "void": False}},
+    "surfTypes": {
+        "s": {"preset": "dry-sand", "color": [0, 0, 0], "cohesion": 1, "void": False},
+        "r": {
+            "cohesion": [1, 2],
+            "fricAngle": [25, 31.5],
+            "sinkage": [0, 0.1],
+            "shearModulus": [0.01, 0.025],
+        },
+    },
     "elemTypes": {"p": {"x": [1, 2], "y": "t"}, "r": {"x": "cos", "combine": "radial"}},
     "elemTree": {
         "type": "p",
@@ -125,7 +133,8 @@ def test_accepts_what_the_reader_accepts(definition: Json) -> None:
 REPLACEMENTS = [
     None, True, False, "", "t", "sum", "radial", 0, -1, 1, 3, 3.0, -0.0, 0.5, 1.5, 89.9, 90, 255,
     256, 65535, 65536, 65537, 1e6, [], [0], [1, 1], [1.0, 2.0], [1.5, 2], [0, 0], [1, 2, 3],
-    [255, 256, 0], [1, 2, 3, 4], [True, 1], ["1", 1], [None], [[0, 0], [1, 1]], [[0, 0], [2, 1]],
+    [255, 256, 0], [1, 2, 3, 4], [2, 1], [0.5, 89.9], [-1, 1], [89, 90],
+    [True, 1], ["1", 1], [None], [[0, 0], [1, 1]], [[0, 0], [2, 1]],
     [[0, 0, 0], [1, 1, 1]], [[]], [1, [1, 1]], {}, {"type": "p"}, {"x": [1]}, {"x": []},
     {"a": [1]}, {"combine": "radial"}, "dry-sand", "Dry-sand",
 ]  # fmt: skip

@@ -343,9 +343,9 @@ def test_a_place_to_start_from_is_looked_at_first(
     seen: list[int] = []
     measure = Surveyor.measure
 
-    def noted(self: Surveyor, window: Window) -> Any:
+    def noted(self: Surveyor, window: Window, **options: Any) -> Any:
         seen.append(window.width * window.height)
-        return measure(self, window)
+        return measure(self, window, **options)
 
     monkeypatch.setattr(Surveyor, "measure", noted)
     terrain, vehicle = terrain_of(MUDDY), load_vehicle(saved(VEHICLE, "v.json"))
@@ -710,9 +710,9 @@ class TestAssess:
         seen = np.zeros((40, 60), np.int64)
         measure = Surveyor.measure
 
-        def counted(self: Surveyor, window: Window) -> Any:
+        def counted(self: Surveyor, window: Window, **options: Any) -> Any:
             seen[part_of(window)] += 1
-            return measure(self, window)
+            return measure(self, window, **options)
 
         monkeypatch.setattr(Surveyor, "measure", counted)
         request = Request(
@@ -769,9 +769,9 @@ class TestAssess:
         seen: list[Window] = []
         measure = Surveyor.measure
 
-        def noted(self: Surveyor, window: Window) -> Any:
+        def noted(self: Surveyor, window: Window, **options: Any) -> Any:
             seen.append(window)
-            return measure(self, window)
+            return measure(self, window, **options)
 
         monkeypatch.setattr(Surveyor, "measure", noted)
         request = Request(routes=((102, 51, 110, 52),), resolution=0.2, mapped=False)

@@ -210,9 +210,9 @@ def test_where_no_heading_helps_this_is_said_and_not_searched_for(
     made: list[int] = []
     measure = Surveyor.measure
 
-    def noted(self: Surveyor, window: Any) -> Any:
+    def noted(self: Surveyor, window: Any, **options: Any) -> Any:
         made.extend([self.headings] * (window.width * window.height))
-        return measure(self, window)
+        return measure(self, window, **options)
 
     monkeypatch.setattr(Surveyor, "measure", noted)
     (route,) = looked_for(terrain, long, (2.0, 3.1, 38.0, 3.1), resolution=0.1).routes

@@ -51,7 +51,7 @@ class TestFollowing:
 
     @given(ahead=st.floats(0.25, 0.75))
     def test_unequal_wheels(self, ahead: float) -> None:
-        """The deepest first pass counts, and how many there are, unless one bears next to nothing."""
+        """The deepest first pass counts, and how many there are; no wheel bears next to nothing."""
         vehicle = machine(ahead, ahead - 1.0)
         deepest = float(SAND.sinkage) * float(wheel_loads(vehicle).max())
         assert level_demand(vehicle, SAND).sinkage == pytest.approx(deepest * 2 ** (1 / 3))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
+from terratool.definition.model import SOIL_FIGURES, Pair, Surface, ends_of, names_of
 from terratool.definition.presets import PRESETS
 from terratool.definition.rules.base import Subject, rule
 from terratool.text.display import escape, shown
@@ -135,7 +136,7 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
     cohesions reach from 1 to 69 kPa and angles from 6 to 35 degrees (table 2.3), and shear moduli
     are mostly 0.01 to 0.05 m. With its soils and Bekker's formula, a wheel of 0.2 m radius and
     0.1 m width under 100 N sinks 0.02 to 0.18 m/kN, and 1.3 in snow. Rigid ground, sinkage 0, may
-    be more cohesive, as rock is, or smoother, as ice is.
+    be more cohesive, as rock is, or smoother, as ice is. Both ends of a range are looked at.
 
     Fails:
 
@@ -157,17 +158,22 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
     """
     for name, surface in subject.definition.surfaces.items():
         for key, attribute, low, high, unit, why in _PLAUSIBLE:
-            value = getattr(surface, attribute)
-            if value is UNSET or low <= value <= high:
+            figure = getattr(surface, attribute)
+            if figure is UNSET:
                 continue
-            rigid = surface.sinkage == 0
-            if rigid and (key, value > high) in (("cohesion", True), ("fricAngle", False)):
-                continue  # rock, or ice
-            yield Remark(
-                f"/surfTypes/{escape(name)}/{key}",
-                f'"{key}" is {shown(value)}; plausible is {low:g} to {high:g} {unit}: {why}.',
-                f"Check that it is written in {unit}.",
-            )
+            rigid = surface.sinkage is not UNSET and ends_of(surface.sinkage) == (0.0, 0.0)
+            is_range = isinstance(figure, tuple)
+            for end, value in enumerate(figure if is_range else (figure,)):
+                if low <= value <= high:
+                    continue
+                if rigid and (key, value > high) in (("cohesion", True), ("fricAngle", False)):
+                    continue  # rock, or ice
+                what = f'item {end} of "{key}"' if is_range else f'"{key}"'
+                yield Remark(
+                    f"/surfTypes/{escape(name)}/{key}{f'/{end}' if is_range else ''}",
+                    f"{what} is {shown(value)}; plausible is {low:g} to {high:g} {unit}: {why}.",
+                    f"Check that it is written in {unit}.",
+                )
 
 
 @rule("TT404", "implausible-color", "warning")
@@ -241,6 +247,86 @@ def unknown_preset(subject: Subject) -> Iterator[Remark]:
                 f"/surfTypes/{escape(name)}/preset",
                 f"no soil is called {shown(surface.preset)}.",
                 _meant(surface.preset),
+            )
+
+
+_RANGED = {name: key for name, key in names_of(Surface) if name in SOIL_FIGURES}
+
+
+def _ranges(subject: Subject) -> Iterator[tuple[str, str, Pair]]:
+    """The figures that are ranges: pointer, key, and ends."""
+    for name, surface in subject.definition.surfaces.items():
+        for attribute, key in _RANGED.items():
+            figure = getattr(surface, attribute)
+            if isinstance(figure, tuple):
+                yield f"/surfTypes/{escape(name)}/{key}", key, figure
+
+
+@rule("TT406", "reversed-range")
+def reversed_range(subject: Subject) -> Iterator[Remark]:
+    """A range of a soil's figure is upside down: its first number is the larger one.
+
+    A range is [low, high]. Which of the two numbers is mistaken cannot be told, so nothing is
+    swapped.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": [31, 25], "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": [25, 31], "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    To mend: write the smaller number first.
+    """
+    for pointer, key, (low, high) in _ranges(subject):
+        if low > high:
+            yield Remark(
+                pointer,
+                f'the range of "{key}" is upside down, from {shown(low)} down to {shown(high)}.',
+                f"Write [{shown(high)}, {shown(low)}] if these are its ends.",
+            )
+
+
+@rule("TT407", "single-value-range", "warning")
+def single_value_range(subject: Subject) -> Iterator[Remark]:
+    """Both ends of a range of a soil's figure are equal, so it is one number.
+
+    It means just that number, and nothing is sampled for it.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": [28, 28], "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {"sand": {"cohesion": 1.04, "fricAngle": 28, "sinkage": 0.18}},
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
+        }
+
+    To mend: write the number alone.
+    """
+    for pointer, key, (low, high) in _ranges(subject):
+        if low == high:
+            yield Remark(
+                pointer,
+                f'both ends of the range of "{key}" are {shown(low)}.',
+                f"Write {shown(low)} alone.",
+                fix=shown(low),
             )
 
 

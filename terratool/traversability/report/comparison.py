@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from terratool import __version__
-from terratool.text.display import counted, printable
+from terratool.text.display import counted, listed, printable
 from terratool.traversability.report import curves, document, wording
 from terratool.traversability.report.page import picture_of, rendered_html, rendered_markdown
 from terratool.traversability.report.routes import route_features
@@ -75,13 +75,13 @@ def conclusion(comparison: Comparison) -> str:
     count = counted(len(comparison.reports), "vehicle")
     if able:
         number = "All" if not cannot and not unknown else str(len(able))
-        parts = [f"{number} of {count} can drive there: {wording.listed(able)}"]
+        parts = [f"{number} of {count} can drive there: {listed(able)}"]
     else:
         parts = [f"None of {count} {'is known to' if unknown else 'can'} drive there"]
     if cannot:
-        parts.append(f"{wording.listed(cannot)} cannot")
+        parts.append(f"{listed(cannot)} cannot")
     if unknown:
-        parts.append(f"of {wording.listed(unknown)} it is not known")
+        parts.append(f"of {listed(unknown)} it is not known")
     return f"{'; '.join(parts)}."
 
 
@@ -191,7 +191,7 @@ def together_line(comparison: Comparison) -> str:
     """The same in a sentence; nothing where it is not known."""
     parts = []
     for vehicles, share in together(comparison):
-        who = wording.listed([*map(printable, vehicles)])
+        who = listed([*map(printable, vehicles)])
         if not vehicles:
             who = "none"
         elif len(vehicles) == len(comparison.reports):

@@ -20,6 +20,7 @@ from terratool.traversability.report.page import as_markdown, as_page
 from terratool.traversability.report.routes import route_features
 from terratool.traversability.results import (
     Barrier,
+    Chances,
     Extreme,
     Figures,
     GroundClass,
@@ -69,6 +70,7 @@ _KEYS: dict[type, str] = {
     "verdict binding surface element",
     Reach: "start share returnable note",
     LargestPart: "place share",
+    Chances: "go go_or_caution climb_low_deg climb_high_deg",
 }
 """Keys of records: names of members, and units where they have one."""
 
@@ -80,6 +82,7 @@ _UNITS = {
 
 _OTHER_NAMES = {
     "binding": "reason",
+    "go_or_caution": "drives",
     "classes": "thresholds",
     "single_wheel": "is_single",
     "track": "track_width",
@@ -95,7 +98,7 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
 
     Units are in the names of keys; what is not known, means nothing or has no limit is None.
     """
-    return {
+    document = {
         "format_version": FORMAT_VERSION,
         "tool": {"name": "terratool", "version": __version__},
         "terrain": {
@@ -115,6 +118,18 @@ def as_dict(report: TraversabilityReport) -> dict[str, Any]:
         "notes": list(report.notes),
         "assumptions": list(report.assumptions),
     }
+    sampling = report.sampling
+    if sampling is not None:
+        document["sampling"] = {
+            "samples": sampling.samples,
+            "seed": sampling.seed,
+            "error": _plain(sampling.error),
+            "ranges": [
+                dict(zip(("surface", "key", "low", "high"), one, strict=True))
+                for one in sampling.ranges
+            ],
+        }
+    return document
 
 
 def as_json(report: TraversabilityReport) -> str:
@@ -160,6 +175,8 @@ def _record(record: Any) -> dict[str, Any]:
                 document["mass_kg"] = document["gravity_m_s2"] = None
         case Figures():
             document["surface"] = record.surface
+            if record.chances is not None:
+                document["probability"] = _plain(record.chances)
         case Route():
             for name, key in (
                 ("steepest", "pitch_deg"),
@@ -167,6 +184,12 @@ def _record(record: Any) -> dict[str, Any]:
                 ("tightest", "margin"),
             ):
                 document[name] = _extreme(getattr(record, name), key)
+            if record.least_chance is not None:
+                least = record.least_chance
+                document["probability"] = _plain(record.chance)
+                document["least_probability"] = {
+                    "probability": _plain(least.value), "place": _plain(least.place),
+                }  # fmt: skip
         case RouteProfile():
             document["heading_deg"] = _plain(record.heading)
             document["verdict"] = [Verdict(code).label for code in record.verdict.tolist()]
@@ -187,7 +210,7 @@ def _counts(counts: dict[GroundClass, int]) -> dict[str, int]:
 
 def _summary(summary: MapSummary) -> dict[str, Any]:
     grid = summary.grid
-    return {
+    document = {
         "resolution_m": _plain(grid.resolution),
         "width": grid.width,
         "height": grid.height,
@@ -209,6 +232,11 @@ def _summary(summary: MapSummary) -> dict[str, Any]:
             for name, counts in summary.by_surface.items()
         ],
     }
+    if summary.chances is not None:
+        document["probability"] = [
+            {"at_least": bound, "pixels": count} for bound, count in summary.chances.items()
+        ]
+    return document
 
 
 def as_geojson(report: TraversabilityReport) -> str:

@@ -46,6 +46,10 @@ def _features(route: Route, own: dict[str, Any]) -> Iterator[Feature]:
 
 
 def _summary(route: Route) -> dict[str, Any]:
+    chances = {}
+    if route.least_chance is not None:
+        least = _number(route.least_chance.value)
+        chances = {"probability": _number(route.chance), "least_probability": least}
     return {
         "found": route.found,
         "verdict": route.verdict.label,
@@ -55,6 +59,7 @@ def _summary(route: Route) -> dict[str, Any]:
         "time_s": _number(route.time),
         "energy_J": _number(route.energy),
         "note": route.note or None,
+        **chances,
     }
 
 

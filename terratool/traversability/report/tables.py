@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from terratool.text.display import columns_of, counted, printable
+from terratool.text.display import columns_of, counted, listed, printable
 from terratool.traversability.report import wording
 from terratool.traversability.results import (
+    CHANCE_BOUNDS,
     Figures,
     GroundClass,
     MapSummary,
@@ -152,6 +153,45 @@ def _slip_on(figures: Figures, slope: int) -> str:
     return wording.share(curve.slip[curve.slope.index(angle)])
 
 
+def chances(report: TraversabilityReport) -> Table:
+    """How likely the vehicle can drive on surfaces of which ranges are known, on the level."""
+    columns = (
+        Column("surface", False), Column("go"), Column("go or caution"),
+        Column("climb, 5 to 95 %"), Column("ranges", False),
+    )  # fmt: skip
+    if report.sampling is None:
+        return Table(columns, ())
+    ranges: dict[str, list[str]] = {}
+    for surface, key, low, high in report.sampling.ranges:
+        text = f"{key} {wording.number(low, 4)} to {wording.number(high, 4)}"
+        ranges.setdefault(surface, []).append(text)
+    rows = []
+    for one in report.surfaces:
+        if (found := one.chances) is not None:
+            climbs = map(wording.degrees, (found.climb_low, found.climb_high))
+            row = wording.share(found.go), wording.share(found.drives), " to ".join(climbs)
+            rows.append((title(one), *row, ", ".join(ranges[one.surface])))
+    return Table(columns, tuple(rows))
+
+
+def likelihoods(report: TraversabilityReport) -> Table:
+    """How much of the ground is go with which probability, by the best heading."""
+    columns = (Column("probability of go", False), Column("share of the ground"))
+    summary = report.summary
+    if summary is None or summary.chances is None or not summary.pixels:
+        return Table(columns, ())
+    rows, above = [], 1.0
+    for bound in CHANCE_BOUNDS:
+        name = f"{wording.share(bound)} to {wording.share(above)}"
+        if bound == CHANCE_BOUNDS[-1]:
+            name = f"below {wording.share(above)}"
+        rows.append((name, wording.share(summary.chances[bound] / summary.pixels)))
+        above = bound
+    if unknown := summary.pixels - sum(summary.chances.values()):
+        rows.append(("not known", wording.share(unknown / summary.pixels)))
+    return Table(columns, tuple(rows))
+
+
 def shares(report: TraversabilityReport) -> Table:
     """How much of the ground is what, by the best and by the worst heading."""
     summary = report.summary
@@ -241,6 +281,11 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         yield "softest", f"{sunk} of sinkage at {wording.where(route.softest.place)}"
     if caution := wording.careful(route):
         yield "caution", f"on {caution}"
+    if route.least_chance is not None and route.chance is not None:
+        least = wording.share(route.least_chance.value)
+        place = wording.where(route.least_chance.place)
+        yield "probability of go", f"{wording.share(route.chance)} for all of it"
+        yield "least probability", f"{least} at {place}"
     if route.tightest is not None:
         yield "least margin", wording.margin(route.tightest)
     for index, bar in enumerate(route.against):
@@ -370,8 +415,14 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
         yield from aligned(_surfaces(report))
         yield from wrapped(_step_limits(report))
         yield ""
+    if (table := chances(report)).rows:
+        titles = [column.title for column in table.columns]
+        yield from aligned(iter([titles, *map(_texts, table.rows)]))
+        yield ""
     if report.summary:
         yield from aligned(_map(report.summary))
+        if likely := ", ".join(f"{name} on {part}" for name, part in likelihoods(report).rows):
+            yield from wrapped(f"Probability of go: {likely}")
         if binding := ", ".join(f"{reason} {part}" for reason, part in reasons(report).rows[:5]):
             yield from wrapped(f"What binds: {binding}")
         if (counted := wording.counted_from(report)) not in wording.conclusion(report):
@@ -394,6 +445,11 @@ def mending_lines(report: TraversabilityReport) -> Iterator[str]:
         for place, line in mends:
             yield f"  {printable(line)}"
             yield f"    {printable(place)}"
+
+
+def _texts(row: Sequence[Cell]) -> list[str]:
+    """A row of names and numbers as a terminal shows it."""
+    return [cut(str(row[0]), _NAME), *map(str, row[1:])]
 
 
 def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
@@ -424,7 +480,7 @@ def _step_limits(report: TraversabilityReport) -> str:
     if len(by_limit) == 1:
         return f"Steps are limited by {next(iter(by_limit))}."
     parts = [f"{limit} ({', '.join(surfaces)})" for limit, surfaces in by_limit.items()]
-    return f"Steps are limited by {wording.listed(parts)}." if parts else ""
+    return f"Steps are limited by {listed(parts)}." if parts else ""
 
 
 def _map(summary: MapSummary) -> Iterator[Sequence[str]]:

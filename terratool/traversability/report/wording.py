@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from terratool.text.display import counted, printable, shown
+from terratool.text.display import counted, listed, printable, shown
 from terratool.traversability.results import (
+    CHANCE_BOUNDS,
     FINER_HEADINGS,
     MOST_HEADINGS,
     RANKS,
@@ -234,6 +235,10 @@ def _way(route: Route) -> str:
     line = f"{what} from {ends(route)}: {_journey(route)}"
     if caution := careful(route):
         line += f"; caution on {caution}"
+    if route.least_chance is not None and route.chance is not None:
+        line += f"; probability of go {share(route.chance)} for all of it"
+        line += f", least {share(route.least_chance.value)}"
+        line += f" at {coordinates(route.least_chance.place)}"
     if route.tightest is not None:
         reason = route.tightest.reason
         of = f" ({reason.label})" if reason != Reason.NONE else ""
@@ -309,6 +314,16 @@ def counted_from(report: TraversabilityReport) -> str:
     )
 
 
+def likely(report: TraversabilityReport) -> str:
+    """How much of the ground is likely go, in a sentence; nothing where no soils are ranges."""
+    summary = report.summary
+    if summary is None or summary.chances is None or not summary.pixels:
+        return ""
+    most = CHANCE_BOUNDS[0]
+    part = share(summary.chances[most] / summary.pixels)
+    return f"With a probability of {share(most)} or more {part} of the ground is go."
+
+
 def lacking(report: TraversabilityReport) -> str:
     """Which surfaces lack what, in a sentence; nothing where none does."""
     lacks = [
@@ -366,11 +381,6 @@ def mending(report: TraversabilityReport) -> Iterator[tuple[str, str]]:
         yield 'in "elemTree"', f'"surface": {json.dumps(surface, ensure_ascii=False)},'
 
 
-def listed(words: Sequence[str]) -> str:
-    """Words with commas and an "and"."""
-    return f"{', '.join(words[:-1])} and {words[-1]}" if words[1:] else "".join(words)
-
-
 def conclusion(report: TraversabilityReport) -> str:
     """The verdict in a sentence, and what binds most."""
     if report.routes:
@@ -391,7 +401,8 @@ def conclusion(report: TraversabilityReport) -> str:
         edge = f", but for the edge of the terrain, {part}, where the vehicle would stand over it"
     inner = counts - {GroundClass.EDGE} or counts
     if inner == {GroundClass.GO}:
-        return f"All of the ground is go, with the best heading at each place{edge}."
+        text = f"All of the ground is go, with the best heading at each place{edge}."
+        return f"{text} {likely(report)}".rstrip()
     if inner == {GroundClass.UNKNOWN}:
         return f"Nothing is known of the ground{edge}. {lacking(report)}".rstrip()
     parts = [
@@ -408,4 +419,4 @@ def conclusion(report: TraversabilityReport) -> str:
         most = max(known, key=lambda reason: (known[reason], -reason))
         text += f"; what binds most is {most.label}, on {share(known[most] / summary.pixels)}"
     lacks = lacking(report) if GroundClass.UNKNOWN in counts else ""
-    return " ".join(filter(None, (f"{text}.", counted_from(report), lacks)))
+    return " ".join(filter(None, (f"{text}.", likely(report), counted_from(report), lacks)))

@@ -13,15 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
+from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, grid_over
 from terratool.traversability.results import (
     HEADINGS,
     RANKS,
     Barrier,
+    Extreme,
     Location,
     Reach,
     Reason,
     Route,
+    RouteProfile,
     Survey,
     Verdict,
 )
@@ -369,6 +372,7 @@ def _driven(route: Route, path: Path, on: Site) -> Route:
     softest = find_extreme(terrain, along_it.sinkage, along_it)
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
     verdict, one_way = worst_verdict(along_it.verdict), not _returns(path, on)
+    chance, least_chance = _chances(path, along_it, on)
     if one_way and RANKS[verdict] < RANKS[Verdict.CAUTION]:
         verdict = Verdict.CAUTION
     return replace(
@@ -384,7 +388,24 @@ def _driven(route: Route, path: Path, on: Site) -> Route:
         profile=along_it,
         one_way=one_way,
         against=barriers(on, reversed_path(path, survey.headings)) if one_way else (),
+        chance=chance,
+        least_chance=least_chance,
     )
+
+
+def _chances(path: Path, along_it: RouteProfile, on: Site) -> tuple[float | None, Extreme | None]:
+    """The probability that all of a path is go, and the smallest along it; None without ranges."""
+    marked = on.tiles.going(path.judged, path.row, path.column)
+    samples = on.tiles.samples
+    if marked is None or samples is None:
+        return None, None
+    together = np.bitwise_and.reduce(marked, axis=0)
+    counts = np.empty((len(marked) + 1, 1), np.uint32)
+    kernels.count_samples(np.concatenate([marked, together[None]])[:, None], counts)
+    shares = counts[:, 0] / len(samples.steps)
+    least = find_extreme(on.terrain, -shares[:-1], along_it)
+    assert least is not None
+    return float(shares[-1]), replace(least, value=-least.value, reason=Reason.NONE)
 
 
 def _returns(path: Path, on: Site) -> bool:

@@ -1,0 +1,165 @@
+"""Samples of the soils whose figures are ranges, and how sure the shares of such samples are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.model import Pair, Range, Surface, ranges_of
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
+from terratool.traversability.limits import climb, judge_level, level_demand, slip_limit, tip_over
+from terratool.traversability.results import Chances, Verdict
+from terratool.traversability.soil import governing_load, largest_slope, soil_of
+from terratool.traversability.steps import step_of
+from terratool.traversability.survey import SoilSamples, soil_table
+from terratool.traversability.vehicle import Soil, Vehicle
+
+SAMPLES = 256
+LEAST_SAMPLES, MOST_SAMPLES = 16, 1024
+MOST_SEED = 2**63 - 1
+
+_TAIL = 0.05
+"""Share of samples beyond each end of an interval."""
+_STEPS = 33
+"""Frictions of a range for which the highest step is worked out; it is interpolated in between."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draws:
+    """Samples of the surfaces of a terrain.
+
+    Attributes:
+        samples: their number.
+        seed: of the generator.
+        surfaces: those that have ranges, by name, sample by sample, with numbers in their place.
+        ranges: the figures that were drawn.
+    """
+
+    samples: int
+    seed: int
+    surfaces: dict[str, tuple[Surface, ...]]
+    ranges: tuple[Range, ...]
+
+    @property
+    def error(self) -> float:
+        """How far a share of the samples is off at most, 19 times of 20."""
+        return share_error(self.samples)
+
+
+def share_error(samples: int) -> float:
+    """Half of the interval that holds 95 % of a share's estimates by so many samples, at worst.
+
+    1.96 √(p (1 − p)/n) with p = ½, as if samples were independent. They are stratified, which never
+    makes the variance of a share larger by more than n/(n − 1), and mostly less (Owen, "Monte Carlo
+    variance of scrambled net quadrature", SIAM Journal on Numerical Analysis 34, 1997); with one
+    range a share is off by 1/n at most.
+    """
+    return 0.98 / math.sqrt(samples)
+
+
+def draw(terrain: Terrain, samples: int = SAMPLES, seed: int = 0) -> Draws | None:
+    """Samples of all surfaces that have ranges; None where none has.
+
+    A Latin hypercube (McKay, Beckman and Conover 1979): of each figure one value lies in each of
+    `samples` equal parts of its range, in an order of its own. What a figure gets depends on the
+    seed and on the names of surface and key alone, so that other surfaces do not change it.
+
+    Raises:
+        RequestError: the number of samples or the seed makes no sense.
+    """
+    if not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
+        raise RequestError(
+            f"The number of samples is {samples}.",
+            f"Give one from {LEAST_SAMPLES} to {MOST_SAMPLES}.",
+        )
+    if not 0 <= seed <= MOST_SEED:
+        raise RequestError(f"The seed is {seed}.", "Give a whole number from 0 to 2^63 - 1.")
+    surfaces = {}
+    for name, surface in terrain.surface_types.items():
+        if not surface.ranges:
+            continue
+        figures = {
+            attribute: _stratified(name, attribute, ends, samples, seed).tolist()
+            for attribute, ends in surface.ranges.items()
+        }
+        surfaces[name] = tuple(
+            msgspec.structs.replace(surface, **dict(zip(figures, values, strict=True)))
+            for values in zip(*figures.values(), strict=True)
+        )
+    if not surfaces:
+        return None
+    return Draws(samples, seed, surfaces, ranges_of(terrain.surface_types))
+
+
+def _stratified(
+    name: str, attribute: str, ends: Pair, samples: int, seed: int
+) -> NDArray[np.float64]:
+    """A value in each of so many equal parts of a range, in any order."""
+    words = [seed & 0xFFFFFFFF, seed >> 32, *f"{name}/{attribute}".encode()]
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))
+    places = (generator.permutation(samples) + generator.random(samples)) / samples
+    low, high = ends
+    return np.minimum(low + places * (high - low), high)
+
+
+def sampled_soils(name: str, draws: Draws, vehicle: Vehicle) -> tuple[Soil | None, ...]:
+    """The soil of a surface, sample by sample; None where it lacks something."""
+    load = governing_load(vehicle)
+    return tuple(soil_of(name, surface, vehicle.wheel, load) for surface in draws.surfaces[name])
+
+
+def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSamples:
+    """Soils by sample and by id, the index of the surface and one."""
+    soils, steps = soil_table(terrain, vehicle)
+    tables = [
+        np.repeat(np.asarray(values)[None], draws.samples, axis=0) for values in (*soils, steps)
+    ]
+    for id_, name in enumerate(terrain.surface_types, 1):
+        if name not in draws.surfaces:
+            continue
+        found = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
+        if not found:
+            continue
+        friction = np.array([math.tan(soil.friction) for soil in found])
+        members = np.array(
+            [(soil.cohesion, 0.0, soil.sinkage, soil.shear_modulus, 0.0) for soil in found]
+        )
+        members[:, 1], members[:, 4] = friction, _steps(vehicle, friction)
+        for table, values in zip(tables, members.T, strict=True):
+            table[:, id_] = values
+    return SoilSamples(*tables)
+
+
+def _steps(vehicle: Vehicle, friction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The highest steps by friction, m: of a few exactly, in between interpolated."""
+    low, high = float(friction.min()), float(friction.max())
+    known = np.linspace(low, high, _STEPS) if low < high else np.array([low])
+    return np.interp(friction, known, [step_of(vehicle, one).height for one in known.tolist()])
+
+
+def level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
+    """How likely a vehicle can drive on a surface with ranges, level ground; None without ranges.
+
+    Climbs are less the vehicle's margins, as those of `surface_figures`.
+    """
+    if name not in draws.surfaces:
+        return None
+    soils = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
+    if not soils:
+        return None
+    verdicts = [judge_level(vehicle, level_demand(vehicle, soil)).verdict for soil in soils]
+    slip, (_, backwards, _) = slip_limit(vehicle), tip_over(vehicle)
+    climbs = [largest_slope(climb(vehicle, soil, slip), backwards, vehicle)[0] for soil in soils]
+    ranked = sorted(climbs, key=lambda angle: -1.0 if angle is None else angle)
+    beyond = math.floor(_TAIL * len(ranked))
+    return Chances(
+        go=verdicts.count(Verdict.GO) / len(soils),
+        drives=sum(one in (Verdict.GO, Verdict.CAUTION) for one in verdicts) / len(soils),
+        climb_low=ranked[beyond],
+        climb_high=ranked[-1 - beyond],
+    )
