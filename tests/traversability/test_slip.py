@@ -76,7 +76,7 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
     Loads are (m g/L)(l_r cos α − h sin α) and (m g/L)(l_f cos α + h sin α); the driven wheels use
     one share of strength, for which each has a slip; their pull is what the slope and towed wheels
     ask for. 0 where they are held back. The rear wheels run in the ruts of the front ones, which
-    they make deeper: z³ = z_front³ + z_rear³.
+    they make deeper: 2^(1/3) of the deeper first pass, if that is no more than on fresh ground.
     """
     front, rear = vehicle.axles
     base = front.x - rear.x
@@ -87,7 +87,7 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
     )
     need, driven = vehicle.weight * sine, []
     first, second = (soil.sinkage * load for load in loads)
-    deeper = (first**3 + second**3) ** (1 / 3) - first
+    deeper = min(2 ** (1 / 3) * max(first, second) - first, second)
     soils = soil, replace(soil, sinkage=deeper / loads[1])
     for axle, load, under in zip(vehicle.axles, loads, soils, strict=True):
         own = vehicle.wheel_of(axle)
