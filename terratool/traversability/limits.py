@@ -77,7 +77,7 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
     Raises:
         RequestError: it has no wheels.
     """
-    x, y, driven, wheels = [], [], [], []
+    x, y, driven = [], [], []
     for axle in vehicle.axles:
         side = axle.wheels // 2
         x += [axle.x] * axle.wheels
@@ -87,7 +87,6 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
             + [-0.5 * vehicle.track_width] * side
         )
         driven += [axle.driven] * axle.wheels
-        wheels += [vehicle.wheel_of(axle)] * axle.wheels
     if not x:
         raise RequestError("The vehicle has no wheels.", "Give it an axle with a wheel or more.")
     xs, ys = np.array(x, np.float64), np.array(y, np.float64)
@@ -103,8 +102,9 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
     if sides > 0.0:
         shares[:, 2] = ys / sides * vehicle.cog_height
     return WheelLayout(
-        xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height), WheelArrays.of(wheels)
-    )
+        xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height),
+        WheelArrays.of(vehicle.all_wheels),
+    )  # fmt: skip
 
 
 def wheel_loads(vehicle: Vehicle, pitch: float = 0.0, roll: float = 0.0) -> NDArray[np.float64]:

@@ -74,7 +74,7 @@ COLORS: dict[GroundClass, tuple[int, int, int]] = {
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness",
+    "roughness", "turning on the spot",
 )  # fmt: skip
 
 
@@ -95,6 +95,7 @@ class Reason(IntEnum):
     HIGH_CENTRED = 11
     APPROACH = 12
     ROUGHNESS = 13
+    TURNING = 14
 
     @property
     def label(self) -> str:
@@ -145,6 +146,10 @@ class Figures:
         step_axle: that does not get up a higher one, 1 for the foremost; None where it is the body,
             or the wheel is by itself.
         gap: widest, m.
+        turning: moment that resists turning on the spot, N m; as far as it gets where it cannot.
+        turning_work: of the wheels for a quarter turn, J; None where it cannot turn.
+        turning_slip: of its treads meanwhile; likewise.
+        turning_binding: what forbids it.
         verdict: on level ground.
         reason: what binds on level ground.
         warnings: sentences.
@@ -182,6 +187,10 @@ class Figures:
     step_binding: str = ""
     step_axle: int | None = None
     gap: float | None = None
+    turning: float | None = None
+    turning_work: float | None = None
+    turning_slip: float | None = None
+    turning_binding: Reason = Reason.NONE
     verdict: Verdict = Verdict.UNKNOWN
     reason: Reason = Reason.NONE
     warnings: tuple[str, ...] = ()
@@ -328,6 +337,7 @@ class Route:
         length: m over ground, heights included; None if there is no way.
         energy: J, with what is drawn all the time; None if there is no way.
         time: s; None if there is no way.
+        turning: the part of the energy that turns on the spot take, J; likewise.
         steepest: the pitch of the largest size, rad, nose up is positive.
         softest: deepest sinkage, m.
         tightest: smallest margin, 1 − utilisation.
@@ -353,6 +363,7 @@ class Route:
     length: float | None = None
     energy: float | None = None
     time: float | None = None
+    turning: float | None = None
     steepest: Extreme | None = None
     softest: Extreme | None = None
     tightest: Extreme | None = None

@@ -144,7 +144,7 @@ def crests_of(
     n = math.ceil(reach / resolution)
     west, south = ((part - n - 0.5) * resolution for part in share)
     grid = Grid(west, south, resolution, 2 * n + 1, 2 * n + 1)
-    ground = GroundPainter(terrain, grid, 0.004, False, 0.2).paint(
+    ground = GroundPainter(terrain, grid, 0.004, False, [0.2]).paint(
         Window(0, 0, grid.height, grid.width)
     )
     return grid, ground

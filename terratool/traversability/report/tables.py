@@ -13,6 +13,7 @@ from terratool.traversability.results import (
     Figures,
     GroundClass,
     MapSummary,
+    Reason,
     Route,
     TraversabilityReport,
     Verdict,
@@ -26,6 +27,12 @@ _NAME = 16
 
 _SPACE = re.compile(r"\s+(?!%)")
 """Where a line may be broken; not between a number and its "%"."""
+
+STEERING = {
+    "skid": "left and right wheels against each other",
+    "wheels": "wheels turned into their ways",
+}
+"""How a vehicle turns on the spot, in words."""
 
 Cell = str | Verdict | GroundClass
 
@@ -71,6 +78,9 @@ def abilities(report: TraversabilityReport) -> Table:
         (Column("step"), lambda f: wording.length(f.step)),
         (Column("step limited by", False), lambda f: wording.step_limit(f, report.vehicle)),
         (Column("gap"), lambda f: wording.length(f.gap)),
+        (Column("turning resistance, N m"), lambda f: wording.number(f.turning)),
+        (Column("turn by 90°"), wording.quarter_turn),
+        (Column("slip in turning"), lambda f: wording.share(f.turning_slip)),
     )
 
 
@@ -194,7 +204,8 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         ("energy", wording.energy(route.energy)),
     ):
         if text != wording.NOTHING:
-            yield name, text
+            part = wording.turning(route) if name == "energy" else ""
+            yield name, f"{text}, {part}" if part else text
     if route.steepest is not None:
         pitch = route.steepest.value
         way = (" up" if pitch > 0 else " down") if pitch else ""
@@ -229,6 +240,8 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     yield "wheel", _sizes(wheel)
     yield "largest torque of a wheel", wording.quantity(wheel.max_torque, "N m")
     yield "largest slip", wording.share(wheel.max_slip)
+    if not vehicle.is_single:
+        yield "steering", STEERING[vehicle.steering]
     if vehicle.is_single:
         yield "load", wording.quantity(vehicle.weight, "N")
     else:
@@ -341,6 +354,7 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
     if any(not figures.missing for figures in report.surfaces):
         yield from _aligned(_surfaces(report))
         yield from _wrapped(_step_limits(report))
+        yield from _wrapped(_turns(report))
         yield ""
     if report.summary:
         yield from _aligned(_map(report.summary))
@@ -384,6 +398,17 @@ def _step_limits(report: TraversabilityReport) -> str:
         return f"Steps are limited by {next(iter(by_limit))}."
     parts = [f"{limit} ({', '.join(surfaces)})" for limit, surfaces in by_limit.items()]
     return f"Steps are limited by {wording.listed(parts)}." if parts else ""
+
+
+def _turns(report: TraversabilityReport) -> str:
+    """What turning on the spot takes on which surfaces, in a sentence; empty for nothing."""
+    by_work: dict[str, list[str]] = {}
+    for figures in report.surfaces:
+        if figures.turning_work or figures.turning_binding != Reason.NONE:
+            work = wording.quarter_turn(figures)
+            by_work.setdefault(work, []).append(cut(title(figures), _NAME))
+    parts = [f"{', '.join(surfaces)} {work}" for work, surfaces in by_work.items()]
+    return f"Work of a turn on the spot by 90°: {'; '.join(parts)}." if parts else ""
 
 
 def _map(summary: MapSummary) -> Iterator[Sequence[str]]:
