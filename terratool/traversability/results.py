@@ -146,13 +146,13 @@ class Figures:
         step_axle: that does not get up a higher one, 1 for the foremost; None where it is the body,
             or the wheel is by itself.
         gap: widest, m.
+        verdict: on level ground.
+        reason: what binds on level ground.
+        warnings: sentences.
         turning: moment that resists turning on the spot, N m; as far as it gets where it cannot.
         turning_work: of the wheels for a quarter turn, J; None where it cannot turn.
         turning_slip: of its treads meanwhile; likewise.
         turning_binding: what forbids it.
-        verdict: on level ground.
-        reason: what binds on level ground.
-        warnings: sentences.
     """
 
     surface: str
@@ -187,13 +187,13 @@ class Figures:
     step_binding: str = ""
     step_axle: int | None = None
     gap: float | None = None
+    verdict: Verdict = Verdict.UNKNOWN
+    reason: Reason = Reason.NONE
+    warnings: tuple[str, ...] = ()
     turning: float | None = None
     turning_work: float | None = None
     turning_slip: float | None = None
     turning_binding: Reason = Reason.NONE
-    verdict: Verdict = Verdict.UNKNOWN
-    reason: Reason = Reason.NONE
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,7 +337,6 @@ class Route:
         length: m over ground, heights included; None if there is no way.
         energy: J, with what is drawn all the time; None if there is no way.
         time: s; None if there is no way.
-        turning: the part of the energy that turns on the spot take, J; likewise.
         steepest: the pitch of the largest size, rad, nose up is positive.
         softest: deepest sinkage, m.
         tightest: smallest margin, 1 − utilisation.
@@ -353,6 +352,7 @@ class Route:
         tried_headings: numbers of headings with which it was looked for, one after the other.
         ruled_out_headings: with no number of headings up to this one is there a way; None where
             that is not known.
+        turning: the part of the energy that turns on the spot take, J; None if there is no way.
     """
 
     start: Location
@@ -363,7 +363,6 @@ class Route:
     length: float | None = None
     energy: float | None = None
     time: float | None = None
-    turning: float | None = None
     steepest: Extreme | None = None
     softest: Extreme | None = None
     tightest: Extreme | None = None
@@ -377,6 +376,7 @@ class Route:
     headings: int = HEADINGS
     tried_headings: tuple[int, ...] = ()
     ruled_out_headings: int | None = None
+    turning: float | None = None
 
     @property
     def holds(self) -> bool:

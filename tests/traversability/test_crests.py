@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
+from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.traversability import steps
 from terratool.traversability.results import Reason, Verdict
@@ -313,3 +314,61 @@ class TestTrench:
         ]
         found = measured(crossing(sides, 8, SOUND, 1.0), ROVER, (0.3, 0.2), 0.05, 0.1)
         assert found.step[0].max() == 0.0 and found.step[8].max() > 0.0
+
+
+class TestOwnWheels:
+    """A small wheel in front of a large one, and the same vehicle the other way round."""
+
+    SMALL = Wheel(0.1, 0.06)
+    AHEAD = replace(ROVER, axles=(Axle(0.5, wheel=SMALL), Axle(-0.5)))
+    BEHIND = replace(ROVER, axles=(Axle(0.5), Axle(-0.5, wheel=SMALL)))
+    WIDTH = 0.15
+
+    def trench(self, surface: dict[str, Any] = SOUND) -> Terrain:
+        half = 0.5 * self.WIDTH / 20
+        sides = [[0, 0], [0.5 - half, 0], [0.5 - half, -1], [0.5 + half, -1], [0.5 + half, 0],
+                 [1, 0]]  # fmt: skip
+        return crossing(sides, 8, surface, 1.0)
+
+    @pytest.mark.parametrize("resolution", [0.02, 0.05])
+    def test_each_sinks_in_between_edges_as_far_as_it_is_round(self, resolution: float) -> None:
+        """r − √(r² − (w/2)²): the step that it meets, and how it pitches the body."""
+        small, large = (
+            radius - math.sqrt(radius**2 - 0.25 * self.WIDTH**2) for radius in (0.1, 0.2)
+        )
+        for vehicle, front, rear in ((self.AHEAD, small, large), (self.BEHIND, large, small)):
+            found = measured(self.trench(), vehicle, (0.0, 0.0), resolution, 0.6)
+            middle = found.step.shape[1] // 2
+
+            def at(x: float, middle: int = middle) -> tuple[int, int]:
+                return middle, middle + round(x / resolution)
+
+            before, behind = (np.s_[8, *at(x)] for x in (-0.6, 0.4))
+            assert found.step[before] == pytest.approx(front, abs=1e-5)
+            assert found.step[behind] == pytest.approx(rear, abs=1e-5)
+            pitch = found.numbers[8, kernels.PITCH]
+            near = 0.03 if resolution == 0.02 else 0.6  # pixels show a trench too narrow or wide
+            assert pitch[at(-0.5)] == pytest.approx(-math.atan(front), rel=near)
+            assert pitch[at(0.5)] == pytest.approx(math.atan(rear), rel=near)
+            assert (abs(pitch[at(-0.5)]) > abs(pitch[at(0.5)])) == (front > rear)
+
+    def test_only_the_large_one_bridges_a_trench(self) -> None:
+        """Where friction is low; whichever end the small one stands at, it bars the way there."""
+        slick = {**SOUND, "fricAngle": 20}
+        for vehicle, bars, free in ((self.AHEAD, -0.6, 0.4), (self.BEHIND, 0.4, -0.6)):
+            high = replace(vehicle, clearance=0.3)
+            found = measured(self.trench(slick), high, (0.0, 0.0), 0.02, 0.7)
+            middle = found.step.shape[1] // 2
+            here, there = (middle + round(x / 0.02) for x in (bars, free))
+            assert found.verdict[8, middle, here] == Verdict.NO_GO
+            assert found.reason[8, middle, here] == Reason.STEP
+            assert found.verdict[8, middle, there] != Verdict.NO_GO
+
+    def test_what_it_covers_is_that_of_its_own_wheels(self) -> None:
+        """The rectangle from above, ahead, behind and to the sides."""
+        wide = Wheel(0.3, 0.2)
+        axles = (Axle(0.5, wheel=self.SMALL), Axle(0.3, wheel=wide), Axle(-0.5))
+        vehicle = replace(ROVER, axles=axles)
+        assert vehicle.rectangle == pytest.approx((0.6, 0.7, 0.5))
+        single = replace(ROVER, axles=(Axle(0.5), Axle(-0.5, 1, wheel=wide)), body_width=0.0)
+        assert single.rectangle == pytest.approx((0.7, 0.8, 0.45))

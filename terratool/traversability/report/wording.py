@@ -134,8 +134,10 @@ def energy(joules: float | None) -> str:
 
 
 def turning(route: Route) -> str:
-    """What of a route's energy turns take; empty where that is nothing."""
-    return f"{energy(route.turning)} of it to turn" if route.turning else ""
+    """What share of a route's energy turns take; empty where that is nothing."""
+    if not (route.turning and route.energy and math.isfinite(route.energy)):
+        return ""
+    return f"{share(route.turning / route.energy)} of it for turns on the spot"
 
 
 def quarter_turn(figures: Figures) -> str:
@@ -275,7 +277,7 @@ def _journey(route: Route) -> str:
     if route.energy is not None and math.isfinite(route.energy):
         line += f", {energy(route.energy)}"
         if part := turning(route):
-            line += f" ({part})"
+            line += f", {part}"
     return line
 
 
