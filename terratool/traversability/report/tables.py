@@ -25,8 +25,8 @@ WIDTH = 80
 _NAME = 16
 """Columns for names of surfaces; longer ones are cut."""
 
-_SPACE = re.compile(r"\s+(?!%)")
-"""Where a line may be broken; not between a number and its "%"."""
+_SPACE = re.compile(r"\s+(?!%|J\b|k?Wh\b)")
+"""Where a line may be broken; not between a number and its "%", or its unit of energy."""
 
 STEERING = {
     "skid": "left and right wheels against each other",
