@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.results import Reason, Route, Survey, Verdict
+from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.results import GroundClass, Reason, Route, Survey, Verdict
 from terratool.traversability.route import routes
 from terratool.traversability.route.graph import PREFERENCES
 from terratool.traversability.route.routes import check_route, plan_route, reach, route_grid
@@ -477,3 +478,19 @@ def test_grid_of_a_narrow_part() -> None:
 def test_tiny_terrain_has_a_grid() -> None:
     grid, said = route_grid(level(0.05, 3), ROVER)
     assert grid.width == 1 and grid.height >= 18 and not said
+
+
+def test_a_map_counts_on_no_turns_that_cannot_be_made() -> None:
+    """Who cannot turn gets along a line, ahead and back; the rest of level ground is cut off."""
+    weak = replace(ROVER, wheel=Wheel(0.1, 0.06, 2.0), power=0.0)
+    strong = replace(weak, wheel=Wheel(0.1, 0.06, 4.0))
+    assert not turn_on_spot(weak, FLOOR).possible and turn_on_spot(strong, FLOOR).possible
+    lost = {}
+    for vehicle in (weak, strong, replace(weak, steering="wheels")):
+        wanted = Request(resolution=0.2, start=(3.0, 2.0))
+        report = assess(prepare_assessment(level(6, 4), vehicle, wanted))
+        assert report.summary is not None and report.reach is not None
+        lost[vehicle] = report.summary.fraction(GroundClass.CUT_OFF), report.reach.share
+    (cut, reached), *others = lost.values()
+    assert reached < 0.25 and cut > 0.25
+    assert others[0] == others[1] and others[0][0] < 0.5 * cut and others[0][1] > 2 * reached
