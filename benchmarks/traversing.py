@@ -35,6 +35,24 @@ def mapped(terrain: Terrain, request: Request, out: Path | None = None) -> None:
     assess(prepared, map_path=out, overwrite=True)
 
 
+def slipping(pixels: int, runs: int) -> None:
+    """Measure what it takes where slip counts, on the rougher terrain."""
+    definition = terrains.s2()
+    without = Terrain(check(Source("s2", terrains.text(definition))))
+    for surface in definition["surfTypes"].values():
+        surface["shearModulus"] = 0.02
+    known = Terrain(check(Source("s2", terrains.text(definition))))
+    request = Request(resolution=grid_over(known, 100 / pixels).resolution)
+    seconds = medians(
+        {"without": lambda: mapped(without, request), "with": lambda: mapped(known, request)}, runs
+    )
+    line(
+        f"S2 {pixels}², 8 headings: with shear moduli against without",
+        seconds["with"] / seconds["without"],
+        "none",
+    )
+
+
 def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -> None:
     """Measure one terrain."""
     grid = grid_over(terrain, 100 / pixels)
@@ -64,3 +82,4 @@ if __name__ == "__main__":
         for name in ("s1", "s2"):
             definition = check(Source(name, terrains.text(getattr(terrains, name)()))).definition
             compare(name, Terrain(definition), size, Path(folder), runs)
+        slipping(size, runs)

@@ -116,7 +116,11 @@ def barred(
 
 
 def judged(
-    vehicle: Vehicle, soils: Any, slopes: NDArray[np.float64], ids: list[int]
+    vehicle: Vehicle,
+    soils: Any,
+    slopes: NDArray[np.float64],
+    ids: list[int],
+    ruts: list[tuple[float, float]] | None = None,
 ) -> NDArray[np.float32]:
     """The numbers of a vehicle on plane slopes, (kernels.PLANES, n).
 
@@ -125,14 +129,22 @@ def judged(
         soils: by id, and the steps on them, as of `soil_table`.
         slopes: (n, 2) tangents along and across.
         ids: of the soil under each wheel.
+        ruts: depth and exponent of the rut under each wheel; none if None.
     """
     shape = (1, len(slopes))
     flat = np.zeros(shape, np.float32)
     along, across = slopes.astype(np.float32).T
+
+    def under(wheels: Any, dtype: Any) -> NDArray[Any]:
+        return np.array(wheels, dtype)[:, None, None].repeat(shape[1], axis=2)
+
+    pressed = (
+        (None, None) if ruts is None else (under(of, np.float32) for of in zip(*ruts, strict=True))
+    )
+    wheels = np.array([[wheel, 0, 0] for wheel in range(len(wheel_layout(vehicle).x))])
     stance = Stance(
         np.stack([flat, -across[None], along[None]]), flat, flat, flat, flat, flat,
-        np.zeros(shape, np.bool_), np.array(ids, np.uint8)[:, None, None].repeat(shape[1], axis=2),
-        0, np.array([[wheel, 0, 0] for wheel in range(len(wheel_layout(vehicle).x))]),
+        np.zeros(shape, np.bool_), under(ids, np.uint8), *pressed, 0, wheels,
     )  # fmt: skip
     out = Verdicts(*np.empty((2, *shape), np.uint8), np.empty((kernels.PLANES, *shape), np.float32))
     on_soils = kernels.VehicleOnSoils(vehicle_params(vehicle), *soils)

@@ -53,6 +53,7 @@ INLINE i64 cell_near(const Tracks& tracks, double x, double y) {
 struct Rut {
     double depth;
     i64 surface_track;  // the track that decides the surface, -1 for none
+    i64 deepest;        // the track with the deepest first pass, -1 for none
 };
 
 // The rut that tracks make together, which are added in any order, each once. The deepest after its
@@ -74,7 +75,8 @@ struct RutOfAll {
         return true;
     }
     INLINE Rut rut() const {
-        return {deepest < 0 ? 0.0 : deepened(first, passes, tracks.power[deepest]), surface_track};
+        double depth = deepest < 0 ? 0.0 : deepened(first, passes, tracks.power[deepest]);
+        return {depth, surface_track, deepest};
     }
 };
 
@@ -87,7 +89,7 @@ inline Rut rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground
         i64 track = segment.track;
         if (track == last || !holds(segment, x, y)) continue;
         last = track;
-        if (!all.add(track, ground)) return {0.0, -1};
+        if (!all.add(track, ground)) return {0.0, -1, -1};
     }
     return all.rut();
 }
@@ -96,7 +98,29 @@ inline Rut rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground
 // `ground` is the index of the ground's surface, -1 for none. In the void there is no rut.
 INLINE Rut rut_at(const Tracks& tracks, double x, double y, i64 ground) {
     i64 cell = cell_near(tracks, x, y);
-    return cell < 0 ? Rut{0.0, -1} : rut_in(tracks, cell, x, y, ground);
+    return cell < 0 ? Rut{0.0, -1, -1} : rut_in(tracks, cell, x, y, ground);
+}
+
+// Ruts at the centres of pixels, rows from the north: their depths, and a of their passes; 0
+// elsewhere, and where a track has a surface of its own, which says what its ground is like.
+// `surfaces` are those of the ground and one. Whether there is any.
+template <class Id>
+bool find_ruts(
+    const Tracks& tracks, In x, In y, Matrix<const Id> surfaces, Matrix<float> depth,
+    Matrix<float> exponent
+) {
+    bool any = false;
+    depth.fill(0.0f), exponent.fill(0.0f);
+    for (i64 r = 0; r < depth.rows(); ++r) {
+        double at = y[depth.rows() - 1 - r];
+        for (i64 c = 0; c < depth.columns(); ++c) {
+            Rut rut = rut_at(tracks, x[c], at, i64(surfaces(r, c)) - 1);
+            if (rut.depth == 0.0 || rut.surface_track >= 0) continue;
+            depth(r, c) = float(rut.depth), any = true;
+            exponent(r, c) = float(1.0 / tracks.power[rut.deepest]);
+        }
+    }
+    return any;
 }
 
 // Which of a block of points lie where tracks may be: their indices into `out`; their number.

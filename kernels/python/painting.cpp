@@ -89,6 +89,25 @@ i64 find_crests(
     return raise_crests(field, lines, weights, x, y, resolution, least, heights, out);
 }
 
+using SurfacesBelow = std::variant<Matrix<const u8>, Matrix<const u16>, Matrix<const u32>>;
+
+bool ruts(
+    const Field& field, In x, In y, const SurfacesBelow& surfaces, Matrix<float> depth,
+    Matrix<float> exponent
+) {
+    constexpr IndexCheck check_index{"find_ruts"};
+    if (!has_tracks(field)) return false;
+    return std::visit(
+        [&](auto ids) {
+            for (i64 r = 0; r < ids.rows(); ++r)
+                for (auto id : ids[r])
+                    check_index(i64(id) < field.tracks.depths.columns(), "a surface");
+            return find_ruts(field.tracks, x, y, ids, depth, exponent);
+        },
+        surfaces
+    );
+}
+
 // Looks for walls in one field; each thread needs its own.
 class KeptFinder {
 public:
@@ -135,6 +154,10 @@ void bind_painting(nb::module_ m) {
         {"painter", "x[w]", "y[h]", "resolution", "row", "column", "planes"}
     );
 
+    def<&ruts>(
+        m, "find_ruts", "Depths and exponents of the ruts at the centres of pixels; whether any.",
+        {"field", "x[w]", "y[h]", "surfaces", "depth[h,w]", "exponent[h,w]"}
+    );
     def<&footprint_run>(
         m, "footprint_run", "The columns of a row that a footprint holds.",
         {"pose[1]", "u[n]", "v", "per", "doubt", "disc"}

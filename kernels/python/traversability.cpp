@@ -70,14 +70,15 @@ Drive drive(
     auto wheels = wheels_on(layout, soil[0]);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
     Drive found = drive_wheels(wheels, pull, slip);
-    for (std::size_t n = 0; n < load.size(); ++n) sinkage[n] = wheels[n].contact.sinkage;
+    for (std::size_t n = 0; n < load.size(); ++n) sinkage[n] = wheels[n].below();
     return found;
 }
 
 // What single wheels need to push, and at which slip.
 void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Span<Demand> out) {
     for (std::size_t n = 0; n < load.size(); ++n) {
-        std::array<LoadedWheel, 1> one{{{true, wheel, soils[n], load[n], 0.0, {}}}};
+        std::array<LoadedWheel, 1> one{{{true, -1, wheel, soils[n], {0.0, 1.0}}}};
+        one[0].load = load[n];
         one[0].wheel.max_torque = INF;
         Drive need = drive_wheels(one, pull[n], wheel.max_slip);
         double torque = need.power > 0.0 ? need.torque : 0.0 - need.torque;  // a brake

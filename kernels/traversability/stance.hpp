@@ -1,8 +1,8 @@
 // Whether a vehicle with a heading can be at each reference point of a window, and why not.
 //
 // What a slope and soils ask of a vehicle is wanted for every pixel and heading, and takes some
-// microseconds. So it is tabulated by slope, and interpolated, where all wheels stand on one soil
-// or on two.
+// microseconds. So it is tabulated by slope, and interpolated, where wheels stand on no more than
+// two soils or ruts.
 #pragma once
 
 #include <atomic>
@@ -57,7 +57,7 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     out.deepest = 0.0, out.sunk = deepest_share(wheels);
     double tilt_along = along, tilt_across = across;
     for (i64 n = 0; n < count_of(wheels); ++n) {
-        double sinkage = wheels[n].contact.sinkage;
+        double sinkage = wheels[n].below();
         out.deepest = max(out.deepest, sinkage);
         tilt_along -= v.fit_along[n] * sinkage;
         tilt_across -= v.fit_across[n] * sinkage;
@@ -165,6 +165,14 @@ private:
     }
 };
 
+// What a wheel stands on: a soil by its id, and what others have done to it.
+struct Footing {
+    i64 soil = -1;
+    float rut = 0.0f, exponent = 0.0f;  // as in `Pressed`; 0 for no rut
+
+    auto operator<=>(const Footing&) const = default;
+};
+
 // A vehicle, and the soils of a terrain by id, the index of the surface and one. May be used by
 // several threads at a time.
 class VehicleOnSoils {
@@ -177,27 +185,38 @@ public:
         : vehicle(vehicle), soils(each(all.size(), [&](std::size_t n) { return all[n]; })),
           steps(steps) {}
 
-    // The table of wheels that stand on soils; none where these are more than two.
-    const SlopeTable* table(const std::vector<i64>& ids) const {
-        i64 first = ids[0], other = first;
-        for (i64 id : ids) {
-            if (id == first || id == other) continue;
+    // The table of wheels that stand so; none where they do in more than two ways, or there are
+    // many tables.
+    const SlopeTable* table(const std::vector<Footing>& footings) const {
+        Footing first = footings[0], other = first;
+        for (const Footing& one : footings) {
+            if (one == first || one == other) continue;
             if (other != first) return nullptr;
-            other = id;
+            other = one;
         }
         std::lock_guard lock(mutex_);
-        auto& made = tables_[ids];
-        if (!made) {
-            auto wheels = wheels_on(vehicle.layout, soils[first]);
-            for (std::size_t n = 0; n < ids.size(); ++n) wheels[n].soil = soils[ids[n]];
-            made = std::make_unique<SlopeTable>(vehicle, std::move(wheels), other == first);
+        auto known = tables_.find(footings);
+        if (known != tables_.end()) return known->second.get();
+        if (tables_.size() >= MOST_TABLES) return nullptr;
+        auto wheels = wheels_on(vehicle.layout, {});
+        place(wheels, footings);
+        auto made = std::make_unique<SlopeTable>(vehicle, std::move(wheels), other == first);
+        return (tables_[footings] = std::move(made)).get();
+    }
+
+    // Let wheels stand so.
+    void place(LoadedWheels wheels, const std::vector<Footing>& footings) const {
+        for (std::size_t n = 0; n < wheels.size(); ++n) {
+            auto [soil, rut, exponent] = footings[n];
+            wheels[n].soil = soils[soil];
+            wheels[n].ground = {rut, rut > 0.0f ? exponent : vehicle.layout.multipass};
         }
-        return made.get();
     }
 
 private:
+    static constexpr std::size_t MOST_TABLES = 1024;  // of 80 kB and more
     mutable std::mutex mutex_;
-    mutable std::map<std::vector<i64>, std::unique_ptr<SlopeTable>> tables_;
+    mutable std::map<std::vector<Footing>, std::unique_ptr<SlopeTable>> tables_;
 };
 
 // Planes of numbers that are found out with the verdicts.
@@ -221,14 +240,16 @@ struct Stance {
     Heights step;               // the highest ahead of the wheels, m
     Matrix<const bool> beyond;  // whether it reaches beyond the terrain
     SurfaceIds surfaces;
-    i64 first;       // row of the first reference points in these
-    Offsets wheels;  // where the wheels stand in these
+    Ground rut, exponent;  // as in `Pressed`; none where there is no rut
+    i64 first;             // row of the first reference points in these
+    Offsets wheels;        // where the wheels stand in these
 };
 
 template <class Visit> void visit_arguments(Stance& s, Visit visit) {
     visit("plane[3,h,w]", s.plane), visit("bump[h,w]", s.bump), visit("front[h,w]", s.front);
     visit("rear[h,w]", s.rear), visit("rough[h,w]", s.rough), visit("step[h,w]", s.step);
-    visit("beyond[h,w]", s.beyond), visit("surfaces", s.surfaces), visit("first", s.first);
+    visit("beyond[h,w]", s.beyond), visit("surfaces", s.surfaces);
+    visit("?rut[_,_,_]", s.rut), visit("?exponent[_,_,_]", s.exponent), visit("first", s.first);
     visit("wheels[_,3]", s.wheels);
 }
 
@@ -252,13 +273,19 @@ void judge_points(
     const Vehicle& v = on.vehicle;
     auto wheels = wheels_on(v.layout, {});
     std::vector<const Id*> under(wheels.size());
-    std::vector<i64> ids(wheels.size(), -1);
+    bool rutted = stance.rut.size() > 0;
+    std::vector<const float*> rut(wheels.size()), exponent(wheels.size());
+    std::vector<Footing> footings(wheels.size());
     const SlopeTable* table = nullptr;
-    bool stale = true;  // the table is that of other soils
+    bool stale = true;  // the table is that of other footings
     double shape = v.go_geometry;
     for (i64 i = 0; i < out.verdict.rows(); ++i) {
-        for (i64 n = 0; n < count_of(under); ++n)
+        for (i64 n = 0; n < count_of(under); ++n) {
             under[n] = swept_row(surfaces, stance.first, stance.wheels[n], i);
+            if (!rutted) continue;
+            rut[n] = swept_row(stance.rut, stance.first, stance.wheels[n], i);
+            exponent[n] = swept_row(stance.exponent, stance.first, stance.wheels[n], i);
+        }
         for (i64 j = 0; j < out.verdict.columns(); ++j) {
             auto number = [&](Plane plane) -> float& { return out.numbers(plane, i, j); };
             for (int p = 0; p < PLANES; ++p) number(Plane(p)) = float(NaN);
@@ -277,8 +304,9 @@ void judge_points(
             for (std::size_t n = 0; n < wheels.size(); ++n) {
                 const Soil& soil = on.soils[under[n][j]];
                 known = known && !isnan(soil.cohesion);
-                stale = stale || i64(under[n][j]) != ids[n];
-                ids[n] = under[n][j];
+                Footing footing{i64(under[n][j])};
+                if (rutted) footing.rut = rut[n][j], footing.exponent = exponent[n][j];
+                if (footing != footings[n]) footings[n] = footing, stale = true;
                 bool slips = wheels[n].wheel.slips && soil.shear_modulus > 0.0;
                 vague = vague || (wheels[n].driven && !slips);
                 limit = min(limit, on.steps[under[n][j]]);
@@ -289,11 +317,10 @@ void judge_points(
                 need.tipping = tipping(v.layout, g);
                 need.reserve = tip_reserve(v.layout, g);
             } else {
-                if (stale) table = on.table(ids), stale = false;
+                if (stale) table = on.table(footings), stale = false;
                 auto found = table ? table->find(along, across) : std::nullopt;
                 if (!found) {
-                    for (std::size_t n = 0; n < wheels.size(); ++n)
-                        wheels[n].soil = on.soils[under[n][j]];
+                    on.place(wheels, footings);
                     found = slope_state(v, along, across, wheels);
                 }
                 need = *found;

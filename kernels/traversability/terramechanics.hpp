@@ -13,6 +13,10 @@
 // Hanamoto 1961, for a flat patch as in Wong, Theory of Ground Vehicles). l belongs to the wheel:
 // it does not depend on the sinkage, so that harder ground never holds a wheel less.
 //
+// In the model `slip` a wheel that runs where others ran sinks in less: first passes of depths z_i
+// make a rut as deep as z with z^a = Σ z_i^a. For equal ones that is z_n = z_1 n^(1/a) (Abebe,
+// Tanaka and Yamazaki, Journal of Terramechanics 26, 1989), the law of kernels/field/tracks.hpp.
+//
 // Everything is in N, m, Pa and rad. Of wheels that sink deeper than to their axles the models say
 // nothing; forces are then those at that depth.
 #pragma once
@@ -25,9 +29,13 @@ using std::acos;
 using std::asin;
 using std::atan;
 using std::atan2;
+using std::cbrt;
 using std::cos;
+using std::exp;
 using std::expm1;
 using std::hypot;
+using std::log1p;
+using std::pow;
 using std::sin;
 using std::tan;
 
@@ -53,6 +61,36 @@ struct Soil {
     double sinkage;        // k, m/N
     double shear_modulus;  // K, m; 0 where it is not known: all strength is mobilised at any slip
 };
+
+// What others have done to the ground that a wheel runs on.
+struct Pressed {
+    double depth;     // of their rut, m
+    double exponent;  // a
+};
+
+constexpr double CUBES = 3.0;  // the usual exponent, worked out in a third of the time
+INLINE double cube(double x) { return x * x * x; }
+
+// z with z^a = x^a + y^a.
+INLINE double both_passes(double x, double y, double exponent) {
+    double most = max(x, y), least = min(x, y);
+    if (!(least > 0.0)) return most;
+    if (exponent == CUBES) return most * cbrt(1.0 + cube(least / most));
+    return most * exp(log1p(pow(least / most, exponent)) / exponent);
+}
+
+// How much deeper a rut gets by one more pass, which is `first` deep on fresh ground.
+INLINE double further(const Pressed& ground, double first) {
+    if (!(ground.depth > 0.0)) return first;
+    if (first > ground.depth)
+        return both_passes(first, ground.depth, ground.exponent) - ground.depth;
+    if (ground.exponent == CUBES) {
+        double q = cube(first / ground.depth), c = cbrt(1.0 + q);
+        return ground.depth * (q / (c * c + c + 1.0));  // c - 1, without cancellation
+    }
+    double ratio = pow(first / ground.depth, ground.exponent);
+    return ground.depth * expm1(log1p(ratio) / ground.exponent);
+}
 
 // Where a wheel touches the soil, and what all formulas take from it.
 struct Contact {
@@ -81,16 +119,21 @@ INLINE double shear_length(double load, const Wheel& wheel) {
     return max(wheel.shear_length, load / (wheel.width * wheel.patch_pressure));
 }
 
-// The contact of a wheel under a load, at a slip.
-INLINE Contact contact_under(double load, double rate, const Wheel& wheel, double slip = 0.0) {
+// The contact of a wheel that sinks in by `rest` under a load, at a slip.
+INLINE Contact contact_sunk(double rest, double load, const Wheel& wheel, double slip) {
     slip = wheel.slips ? min(slip, 1.0) : 0.0;
-    double sinkage = rate * load * (1.0 + slip) / (1.0 - 0.5 * slip);
+    double sinkage = rest * (1.0 + slip) / (1.0 - 0.5 * slip);
     double depth = min(sinkage / (2.0 * wheel.radius), 0.5);
     double entry = 2.0 * asin(sqrt(depth));
     Contact at = contact_at(entry, wheel.slips ? wheel.exit_ratio : 0.0, wheel, sinkage);
     if (wheel.slips) at.length = shear_length(load, wheel), at.shear_area = wheel.width * at.length;
     else at.length = wheel.radius * sin(entry);
     return at;
+}
+
+// The contact of a wheel on fresh ground.
+INLINE Contact contact_under(double load, double rate, const Wheel& wheel, double slip = 0.0) {
+    return contact_sunk(rate * load, load, wheel, slip);
 }
 
 // A = 1 − (1 − exp(−x))/x, the share of the strength that a slip mobilises, x = s l/K; 1 where K is

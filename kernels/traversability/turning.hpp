@@ -148,7 +148,8 @@ inline Turn turn_on_spot(
     constexpr double all = 1.0 - 1e-9;  // beyond, nothing acts sideways any more
     constexpr int halvings = 60;
     auto wheels = wheels_on(layout, soil[0]);
-    for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
+    // none runs in the track of another
+    for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n], wheels[n].ahead = -1;
     sink_wheels(wheels);
     auto turning = [&](bool motors) {
         return Turning(each(wheels.size(), [&](std::size_t n) {

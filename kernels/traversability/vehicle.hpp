@@ -31,13 +31,15 @@ template <class Visit> void visit_arguments(Wheels& w, Visit visit) {
 struct Layout {
     Matrix<const double> shares;
     Span<const bool> driven;
+    Span<const i64> ahead;
+    double multipass;  // a of passes one after the other
     Matrix<const double> edges;
     Wheels wheels;
 };
 
 template <class Visit> void visit_arguments(Layout& l, Visit visit) {
-    visit("shares[w,3]", l.shares), visit("driven[w]", l.driven), visit("edges[_,3]", l.edges);
-    visit("wheels", l.wheels);
+    visit("shares[w,3]", l.shares), visit("driven[w]", l.driven), visit("ahead[w]", l.ahead);
+    visit("multipass", l.multipass), visit("edges[_,3]", l.edges), visit("wheels", l.wheels);
 }
 
 // A vehicle in SI units, its margins taken off; terratool/traversability/survey.py.
@@ -97,13 +99,24 @@ inline double tip_reserve(const Layout& layout, const Gravity& g) {
 // A wheel of a vehicle, what it bears, and the soil that it stands on.
 struct LoadedWheel {
     bool driven;
+    i64 ahead;  // the wheel in whose track it runs, -1 for none; it stands before this one
     Wheel wheel;
     Soil soil;
-    double load;
-    double slip;
-    Contact contact;  // at the slip
+    Pressed ground;  // before the vehicle came
+    double load = 0.0;
+    double passed = 0.0;  // the load whose first pass is as deep as all up to its own together
+    double found = 0.0;   // depth of the rut that it finds, m
+    double rest = 0.0;    // how far it sinks in there without slip, m
+    double slip = 0.0;
+    Contact contact{};  // at the slip
 
     double modulus() const { return wheel.slips ? soil.shear_modulus : 0.0; }
+    // How deep it stands under the ground as it was before the vehicle came.
+    double below() const { return found - ground.depth + contact.sinkage; }
+    void slip_at(double amount) {
+        slip = amount;
+        contact = contact_sunk(rest, load, wheel, slip);
+    }
 };
 
 using LoadedWheels = Span<LoadedWheel>;
@@ -111,7 +124,9 @@ using LoadedWheels = Span<LoadedWheel>;
 // The wheels of a vehicle, all on one soil.
 inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soil& soil) {
     return each(layout.driven.size(), [&](std::size_t n) {
-        return LoadedWheel{layout.driven[n], layout.wheels[n], soil, 0.0, 0.0, {}};
+        return LoadedWheel{
+            layout.driven[n], layout.ahead[n], layout.wheels[n], soil, {0.0, layout.multipass}
+        };
     });
 }
 
@@ -137,15 +152,20 @@ inline bool load_wheels(
 // Let loaded wheels sink in, at rest.
 inline void sink_wheels(LoadedWheels wheels) {
     for (LoadedWheel& f : wheels) {
-        f.slip = 0.0;
-        f.contact = contact_under(f.load, f.soil.sinkage, f.wheel);
+        double before = f.ahead < 0 ? 0.0 : wheels[f.ahead].passed, a = f.ground.exponent;
+        f.passed = both_passes(before, f.load, a);
+        f.found = both_passes(f.ground.depth, f.soil.sinkage * before, a);
+        f.rest = f.soil.sinkage * f.load;
+        if (f.wheel.slips) f.rest = further({f.found, a}, f.rest);
+        else f.found = f.ground.depth;
+        f.slip_at(0.0);
     }
 }
 
 // The largest part of its radius that a wheel sinks in.
 inline double deepest_share(LoadedWheels wheels) {
     double most = 0.0;
-    for (const LoadedWheel& f : wheels) most = max(most, f.contact.sinkage / f.wheel.radius);
+    for (const LoadedWheel& f : wheels) most = max(most, f.below() / f.wheel.radius);
     return most;
 }
 
@@ -181,8 +201,7 @@ inline Pull pulls(LoadedWheels wheels, double share, bool motors) {
     for (LoadedWheel& f : wheels) {
         if (!f.driven) continue;
         double slip = slip_at(displacement, f.contact.length, f.modulus());
-        if (slip != f.slip) f.contact = contact_under(f.load, f.soil.sinkage, f.wheel, slip);
-        f.slip = slip;
+        if (slip != f.slip) f.slip_at(slip);
         double most = motors ? f.wheel.max_torque : INF;
         Traction found = traction(f.load, f.contact, f.soil, share, most);
         total.force += found.drawbar;

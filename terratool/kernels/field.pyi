@@ -190,6 +190,20 @@ def paint(
     Shapes: x[w], y[h].
     """
 
+def find_ruts(
+    field: Field,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    surfaces: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32],
+    depth: NDArray[np.float32],
+    exponent: NDArray[np.float32],
+) -> bool:
+    """
+    Depths and exponents of the ruts at the centres of pixels; whether any.
+
+    Shapes: x[w], y[h], depth[h,w], exponent[h,w].
+    """
+
 def footprint_run(
     pose: NDArray[np.void], u: NDArray[np.float64], v: float, per: float, doubt: float, disc: bool
 ) -> tuple[int, int, bool]:

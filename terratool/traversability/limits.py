@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.model import DEFAULT_MULTIPASS
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.traversability.results import Reason, Verdict
@@ -47,6 +48,8 @@ class WheelLayout:
         x: (n,) m ahead of the centre of gravity.
         y: (n,) m to the left of it.
         driven: (n,) bool.
+        ahead: (n,) int64, the wheel in whose track it runs; -1 for none.
+        multipass: a of z_n = z_1 n^(1/a), for wheels that run one behind the other.
         shares: (n, 3) of the weight that a wheel bears for each part of gravity's direction, down,
             forward and to the left.
         edges: (m, 3) of the polygon of the supports: direction outwards, forward and to the left,
@@ -57,6 +60,8 @@ class WheelLayout:
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     driven: NDArray[np.bool_]
+    ahead: NDArray[np.int64]
+    multipass: float
     shares: NDArray[np.float64]
     edges: NDArray[np.float64]
     wheels: WheelArrays
@@ -102,9 +107,19 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
     if sides > 0.0:
         shares[:, 2] = ys / sides * vehicle.cog_height
     return WheelLayout(
-        xs, ys, np.array(driven), shares, _edges(xs, ys, vehicle.cog_height),
-        WheelArrays.of(vehicle.all_wheels),
+        xs, ys, np.array(driven), _ahead(xs, ys), DEFAULT_MULTIPASS, shares,
+        _edges(xs, ys, vehicle.cog_height), WheelArrays.of(vehicle.all_wheels),
     )  # fmt: skip
+
+
+def _ahead(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
+    """For each wheel the nearest one before it that runs in the same line; -1 for none."""
+    out = np.full(len(x), -1, np.int64)
+    for index in range(len(x)):
+        before = np.flatnonzero((y[:index] == y[index]) & (x[:index] > x[index]))
+        if len(before):
+            out[index] = before[-1]
+    return out
 
 
 def wheel_loads(vehicle: Vehicle, pitch: float = 0.0, roll: float = 0.0) -> NDArray[np.float64]:

@@ -52,6 +52,8 @@ BY_MODEL = {
         "its axle; slip mobilises strength along the patch on which it stands, or between its lugs "
         "(Janosi and Hanamoto 1961). Where a soil has no shearModulus all of its strength acts "
         "whatever the slip, and slip is not known.",
+        "A wheel in the track of another, or in a rut, adds to it what one more pass does (Abebe, "
+        "Tanaka and Yamazaki 1989).",
     ),
     "paper": (
         "Model paper (Shipovalov and Pryanichnikov 2016, 3.6): rigid, smooth wheels; all of "

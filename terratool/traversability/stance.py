@@ -323,6 +323,18 @@ class Crests(NamedTuple):
     north: NDArray[np.float32]
 
 
+class Ruts(NamedTuple):
+    """Ground that wheels have pressed, (height, width) float32 each; 0 where none have.
+
+    Attributes:
+        depth: m under the ground as it was.
+        exponent: a of z_n = z_1 n^(1/a).
+    """
+
+    depth: NDArray[np.float32]
+    exponent: NDArray[np.float32]
+
+
 @dataclass(frozen=True, slots=True)
 class Ground:
     """What lies in a window of the fine grid.
@@ -335,6 +347,7 @@ class Ground:
             pixel, and one for a pair from north to south.
         met: what wheels of each size meet at these.
         crests: None where no pixel has any.
+        ruts: None where no pixel has any.
     """
 
     heights: NDArray[np.float32]
@@ -344,6 +357,7 @@ class Ground:
     pairs: NDArray[np.int64]
     met: tuple[MetWalls, ...]
     crests: Crests | None
+    ruts: Ruts | None
 
 
 class GroundPainter:
@@ -393,8 +407,16 @@ class GroundPainter:
                 MetWalls(here.jumps[kept], Gaps(*(plane[kept] for plane in here.gaps)))
                 for here in met
             ),
-            crests,
+            crests, self._ruts(window, planes.surfaces),
         )  # fmt: skip
+
+    def _ruts(self, window: Window, surfaces: NDArray[Any]) -> Ruts | None:
+        found = Ruts(*np.empty((2, *surfaces.shape), np.float32))
+        y = np.ascontiguousarray(self._grid.rows(window)[::-1])
+        any_there = kernels.find_ruts(
+            self._terrain.field, self._grid.columns(window), y, surfaces, *found
+        )
+        return found if any_there else None
 
     def _crests(self, window: Window, heights: NDArray[np.float32]) -> Crests | None:
         crests = Crests(heights.copy(), np.zeros_like(heights), np.zeros_like(heights))

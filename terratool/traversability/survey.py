@@ -166,6 +166,7 @@ class Stance(NamedTuple):
         step: highest step ahead of the wheels, m.
         beyond: (height, width) bool, whether the vehicle reaches beyond the terrain.
         surfaces: of the ground, (rows, phases, columns) as in kernels/traversability/sweeps.hpp.
+        rut, exponent: likewise, as in `Ruts`; None where there are none.
         first: row of the first reference points in these.
         wheels: (wheels, 3) where these stand in them.
     """
@@ -178,6 +179,8 @@ class Stance(NamedTuple):
     step: NDArray[np.float32]
     beyond: NDArray[np.bool_]
     surfaces: NDArray[Any]
+    rut: NDArray[np.float32] | None
+    exponent: NDArray[np.float32] | None
     first: int
     wheels: Offsets
 
@@ -293,7 +296,7 @@ class Surveyor:
                     sweep.bump(footprint, footprint.front, plane),
                     sweep.bump(footprint, footprint.rear, plane),
                     rough[heading], step[heading], self._reaches_beyond(window, heading),
-                    sweep.ids, sweep.first, sweep.placed(footprint.wheels),
+                    sweep.ids, *sweep.ruts, sweep.first, sweep.placed(footprint.wheels),
                 )  # fmt: skip
                 out = Verdicts(verdict[heading], reason[heading], numbers[heading])
                 kernels.judge_cells(self._on_soils, stance, *footprint.direction, out)
@@ -394,6 +397,9 @@ class _Sweep:
         self.first = self._parts * self._halo + self._parts // 2
         self._heights = self._phased(ground.heights)
         self.ids = self._phased(ground.surfaces)
+        self.ruts: tuple[Any, Any] = (None, None)
+        if ground.ruts is not None:
+            self.ruts = (self._phased(ground.ruts.depth), self._phased(ground.ruts.exponent))
         self._crests = None if ground.crests is None else CrestPixels.of(ground.crests)
         middle = np.zeros(2, np.int64)
         self.surfaces = self._at(self.ids, middle)

@@ -327,7 +327,11 @@ MUDDY: dict[str, Any] = WALLED | {
         (105.95, 51, r'(?:roughness|step), by /elemTree/children/0 \(surface "<brick>"\).*'),
         (111.5, 50.5, r'no ground, by /elemTree/children/1 \(surface "hole"\)'),
         (100.05, 52, "edge of the terrain"),
-        (101, 56, r'(?:traction|sinkage|slip), by /elemTree/children/2 \(surface "mud"\)'),
+        (
+            101,
+            56,
+            r'(?:traction|sinkage|slip|high-centred), by /elemTree/children/2 \(surface "mud"\)',
+        ),
         (109.5, 51.5, r'soil unknown, by /elemTree/children/3 \(surface "untold"\)'),
         (109.5, 56, r'.*, by /elemTree/children/4 \(surface "scree"\), on a slope of 45°'),
     ],
