@@ -69,6 +69,12 @@ class TestClosedForms:
         assert found.resistance == pytest.approx(rolling) and found.skidding == 0.0
         assert found.work == pytest.approx(rolling / (1 - found.slip)) and 0.0 < found.slip < 0.2
 
+    def test_no_wheel_runs_in_the_track_of_another(self) -> None:
+        """Straight ahead the rear wheels do, and roll more easily; in a turn each rolls afresh."""
+        found = turn_on_spot(skidder(), SAND)
+        rolling = 4 * float(towed_resistance(50.0, SAND, Wheel(0.1, 0.06))) * 0.25
+        assert found.resistance - found.skidding == pytest.approx(rolling)
+
     def test_a_wheel_by_itself_turns_for_nothing(self) -> None:
         assert turn_on_spot(Vehicle.single(Wheel(0.1, 0.06), 50.0), SAND) == Turning()
 
