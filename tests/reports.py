@@ -64,12 +64,14 @@ SAND = Figures(
     0.00453, 5120.0, 9800.0, 5400.0, 0.31, None, None, 2.2, 12.3, 4.1, 8.2,
     0.61, 0.27, 0.21, math.radians(17.3), Reason.TRACTION, math.radians(21.0), Reason.SIDE_SLIP,
     0.031, "torque", 1, 0.11, Verdict.GO, Reason.SLIP,
-    ("z/D is above 0.15, where the model's accuracy ends.",), slip_curve=SLIPS,
+    ("z/D is above 0.15, where the model's accuracy ends.",), slip_curve=SLIPS, turning=7.4,
+    turning_work=31.5, turning_slip=0.55,
 )  # fmt: skip
 ROCK = Figures(
     "rock", "", (), 23.2, 0.0, math.radians(35), 0.0, None, 0.0, None, None, None, None, None,
     None, None, None, 2.6, 16.2, 0.0, 16.2, 0.0, 0.0, None, math.radians(35), Reason.TRACTION,
     math.radians(56.3), Reason.TIP_OVER, 0.052, "friction", 1, 0.2, Verdict.GO, Reason.NONE,
+    turning=9.1, turning_binding=Reason.TORQUE,
 )  # fmt: skip
 BOG = Figures(
     LONG, "", (), 23.2, 100.0, 0.01, 0.01, None, 0.232, 0.1, 0.01, 2000.0, math.inf, 0.0, 1.5,
@@ -109,7 +111,7 @@ def profile(n: int = 200, found: bool = True) -> RouteProfile:
 WAY = Route(
     place(105.0, 202.0), place(130.0, 212.0), True, True, Verdict.CAUTION, 27.3, 5230.0, 612.0,
     Extreme(-0.21, place()), Extreme(0.008, place(surface=NASTY)),
-    Extreme(0.27, place(), Reason.SLIP), profile(),
+    Extreme(0.27, place(), Reason.SLIP), profile(), turning=830.0,
 )  # fmt: skip
 NO_WAY = Route(
     place(105.0, 202.0), place(130.0, 212.0, NASTY), False, True, Verdict.NO_GO,

@@ -33,6 +33,7 @@ LOPSIDED: Json = {
     "clearance": 0.17,
     "bodyWidth": 0.7,
     "overhang": {"front": 0.5, "frontHeight": 0.25, "rear": 0.3},
+    "steering": "wheels",
     "speed": 0.5,
     "power": 25,
     "margins": {"clearance": 0.02, "step": 0.01, "tip": 10, "slope": 5},
@@ -141,6 +142,7 @@ def vehicles(draw: st.DrawFn) -> Json:
                 "descr": st.text(),
                 "gravity": st.sampled_from(["earth", "mars", "moon"]) | _numbers(0.1, 20),
                 "bodyWidth": _numbers(0.05, 3),
+                "steering": st.sampled_from(["skid", "wheels"]),
                 "speed": _numbers(0.01, 20),
                 "power": _numbers(0, 1000),
                 "overhang": _some(

@@ -1,6 +1,7 @@
 // What Python sees of kernels/traversability.
 #include "../traversability/routing.hpp"
 #include "../traversability/samples.hpp"
+#include "../traversability/turning.hpp"
 #include "bind.hpp"
 #include "modules.hpp"
 
@@ -131,7 +132,6 @@ template <> struct Argument<Search> : KnownArgument<KeptSearch> {
 };
 
 void bind_traversability(nb::module_ m) {
-    m.attr("BLOCK") = int(BLOCK);
     visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
     m.def(
         "check_records",
@@ -207,6 +207,10 @@ void bind_traversability(nb::module_ m) {
         m, "steepest", "The largest slope on a soil, and the reason that limits it.",
         {"across", "layout", "weight", "soil", "slip"}
     );
+    def<&turn_on_spot>(
+        m, "turn_on_spot", "What it takes a vehicle to turn on the spot by a radian.",
+        {"layout", "x[w]", "y[w]", "load[w]", "soil", "slip"}
+    );
     def<&judge>(
         m, "judge", "Verdict, reason and largest share of measures.",
         {"shares[m]", "go[m]", "strict[m]", "reasons[m]"}
@@ -237,7 +241,7 @@ void bind_traversability(nb::module_ m) {
     );
     def<&stand>(
         m, "stand", "The plane through the supports of the wheels.",
-        {"supports[r,p,c]", "ground[r,p,c]", "first", "standing", "out[3,_,_]"}
+        {"supports[_,p,c]", "ground[r,p,c]", "first", "standing", "out[3,_,_]"}
     );
     def<&mean>(
         m, "mean", "The mean over offsets.", {"ground[_,_,_]", "first", "offsets[k,3]", "out[_,_]"}
@@ -248,7 +252,8 @@ void bind_traversability(nb::module_ m) {
     );
     def<&raise_bumps>(
         m, "raise_bumps", "Raise bumps to what of crests within a body stands above its plane.",
-        {"crests", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "body", "out[h,w]"}
+        {"crests", "phases", "first", "offsets[k,2]", "shifts[k,2]", "plane[3,h,w]", "body",
+         "out[h,w]"}
     );
     def<&roughness>(
         m, "roughness", "RMS distance of the ground at offsets from its plane.",
@@ -270,12 +275,12 @@ void bind_traversability(nb::module_ m) {
     def<&Search::mark>(m, "mark", "Mark the cells that were reached.", {"search", "out[_,_]"});
     def<&flood>(
         m, "flood", "Spread over what can be driven; over how many states, fewer once all is done.",
-        {"moves", "direction", "can[h,w]", "fresh[h,w]", "reached[h,w]", "states"}
+        {"moves", "direction", "can[h,w]", "?turns[h,w]", "fresh[h,w]", "reached[h,w]", "states"}
     );
     def<&find_parts>(
         m, "find_parts",
         "Find the largest part that can be driven both ways; over how many states this went.",
-        {"moves", "can[h,w]", "fresh[h,w]", "reached[h,w]", "parts[2,3]", "states"}
+        {"moves", "can[h,w]", "?turns[h,w]", "fresh[h,w]", "reached[h,w]", "parts[2,3]", "states"}
     );
 }
 

@@ -62,7 +62,8 @@ struct Costs {
     Matrix<const bool> known;  // tiles of which all that is known
     i64 tile;                  // their side, in cells
     double resolution;         // side of a cell, m
-    double arc;                // m that the wheels run in turning by one heading
+    Matrix<const float> turn;  // by one heading, at each cell; infinity where it cannot
+    Matrix<const float> runs;  // and so many metres at the rate of the heading, likewise
     double backward;           // a metre backwards weighs so many ahead
     double least;              // no metre costs less
 };
@@ -73,7 +74,8 @@ constexpr u8 BACKING = 2;  // also when it moves backwards
 template <class Visit> void visit_arguments(Costs& c, Visit visit) {
     visit("moves", c.moves), visit("rate[d,h,w]", c.rate), visit("flags[d,h,w]", c.flags);
     visit("heights[h,w]", c.heights), visit("known[_,_]", c.known), visit("tile", c.tile);
-    visit("resolution", c.resolution), visit("arc", c.arc), visit("backward", c.backward);
+    visit("turn[h,w]", c.turn), visit("runs[h,w]", c.runs);
+    visit("resolution", c.resolution), visit("backward", c.backward);
     visit("least", c.least);
 }
 
@@ -220,11 +222,13 @@ private:
         if (paid[0] < INF) reach(there[0], cost + paid[0], AHEAD);
         if (paid[1] < INF) reach(there[1], cost + costs_.backward * paid[1], BACK);
         float rate = costs_.rate(heading, cell.row, cell.column);
+        double turn = costs_.turn(cell.row, cell.column), run = costs_.runs(cell.row, cell.column);
+        if (!(turn < INF)) return -1;
         for (i64 side : {-1, 1}) {
             i64 other = moves.turned(heading, side);
             if (!(costs_.flags(other, cell.row, cell.column) & ALLOWED)) continue;
             double mean = 0.5 * (double(rate) + double(costs_.rate(other, cell.row, cell.column)));
-            reach(number(other, cell), cost + costs_.arc * mean, side < 0 ? LEFT : RIGHT);
+            reach(number(other, cell), cost + turn + run * mean, side < 0 ? LEFT : RIGHT);
         }
         return -1;
     }
@@ -281,12 +285,14 @@ using Marked = std::variant<Matrix<u8>, Matrix<u16>, Matrix<u32>, Matrix<u64>>;
 // Spreads over what can be driven, cell by cell, with all headings of a cell at a time.
 template <class Bits> class Flood {
 public:
-    // `fresh` has what is reached and not yet spread from, `reached` all that is reached.
+    // `fresh` has what is reached and not yet spread from, `reached` all that is reached. Where
+    // `turns` is given it turns at those cells only.
     Flood(
-        const Moves& moves, Direction direction, Matrix<const Bits> can, Matrix<Bits> fresh,
-        Matrix<Bits> reached
+        const Moves& moves, Direction direction, Matrix<const Bits> can, Matrix<const bool> turns,
+        Matrix<Bits> fresh, Matrix<Bits> reached
     )
-        : last_(int(moves.headings()) - 1), can_(can), fresh_(fresh), reached_(reached) {
+        : last_(int(moves.headings()) - 1), can_(can), turns_(turns), fresh_(fresh),
+          reached_(reached) {
         for (i64 heading = 0; heading < moves.headings(); ++heading) {
             auto bit = [](i64 n) { return Bits(u64(1) << n); };
             auto offset = moves.offsets[heading];
@@ -323,7 +329,7 @@ public:
         i64 at = number(cell);
         Bits& reached = reached_.data()[at];
         Bits& fresh = fresh_.data()[at];
-        bits = turned(bits, can_.data()[at]);
+        if (!turns_.size() || turns_.data()[at]) bits = turned(bits, can_.data()[at]);
         if (!fresh) next_.push_back(cell);
         fresh |= bits, reached |= bits;
     }
@@ -353,6 +359,7 @@ private:
     i64 farthest_ = 0;
     std::vector<Way> ways_;
     Matrix<const Bits> can_;
+    Matrix<const bool> turns_;
     Matrix<Bits> fresh_, reached_;
     std::vector<Cell> here_, next_;
 
@@ -395,13 +402,13 @@ private:
 // Spread on from the states in `fresh`, which are in `reached`, too, over what can be driven until
 // about so many states have been spread from. How many these were; if they are fewer, all is done.
 inline i64 flood(
-    const Moves& moves, i64 direction, const Drivable& can, const Marked& fresh,
-    const Marked& reached, i64 states
+    const Moves& moves, i64 direction, const Drivable& can, Matrix<const bool> turns,
+    const Marked& fresh, const Marked& reached, i64 states
 ) {
     return std::visit(
         [&]<class Bits>(Matrix<const Bits> drivable) {
             Flood<Bits> spreading(
-                moves, Direction(direction), drivable, std::get<Matrix<Bits>>(fresh),
+                moves, Direction(direction), drivable, turns, std::get<Matrix<Bits>>(fresh),
                 std::get<Matrix<Bits>>(reached)
             );
             spreading.resume();
@@ -416,14 +423,14 @@ inline i64 flood(
 // first, are the part that is gone through and the largest up to now, of equally large ones the
 // first: cell and heading of its first state, and how many states it has.
 inline i64 find_parts(
-    const Moves& moves, const Drivable& can, const Marked& fresh, const Marked& reached,
-    Matrix<i64> parts, i64 states
+    const Moves& moves, const Drivable& can, Matrix<const bool> turns, const Marked& fresh,
+    const Marked& reached, Matrix<i64> parts, i64 states
 ) {
     return std::visit(
         [&]<class Bits>(Matrix<const Bits> drivable) {
             auto found = std::get<Matrix<Bits>>(reached);
             Flood<Bits> spreading(
-                moves, Direction::BOTH, drivable, std::get<Matrix<Bits>>(fresh), found
+                moves, Direction::BOTH, drivable, turns, std::get<Matrix<Bits>>(fresh), found
             );
             spreading.resume();
             enum { CELL, HEADING, STATES };

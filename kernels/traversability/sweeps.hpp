@@ -92,68 +92,53 @@ template <class Visit> void visit_arguments(Body& b, Visit visit) {
     visit("end", b.end), visit("side", b.side);
 }
 
-// The highest ground of pixels, as in `Crests`, not laid out for sweeps: (rows, columns).
-struct CrestPlanes {
-    Heights heights, east, north;
-    Matrix<const u8> any;
+// Pixels whose highest ground is not that of their centres: its height, and how far to the east and
+// the north of the centre it lies, m. They are few: rows and columns are those of the ground before
+// it is laid out for sweeps.
+struct Crests {
+    Span<const i64> row, column;
+    Span<const float> height, east, north;
 };
 
-template <class Visit> void visit_arguments(CrestPlanes& c, Visit visit) {
-    visit("heights[h,w]", c.heights), visit("east[h,w]", c.east), visit("north[h,w]", c.north);
-    visit("any[h,_]", c.any);
+template <class Visit> void visit_arguments(Crests& c, Visit visit) {
+    visit("row[n]", c.row), visit("column[n]", c.column), visit("height[n]", c.height);
+    visit("east[n]", c.east), visit("north[n]", c.north);
 }
 
 // Raise `supports` where a wheel's circle meets crests: `wheel` is what it covers, `shifts` are how
 // far east and north each offset of its tread is, m.
 inline void raise_supports(
-    const CrestPlanes& crests, Offsets tread, Matrix<const float> shifts, const Body& wheel,
+    const Crests& crests, Offsets tread, Matrix<const float> shifts, const Body& wheel,
     Matrix<float> out
 ) {
     const float e = float(wheel.east), n = float(wheel.north), side = float(wheel.side);
     const float radius = float(wheel.end), square = radius * radius;
     i64 lost = 0;
     for (i64 offset : tread.flat()) lost = max(lost, abs(offset));
-    for (i64 i = lost; i < out.rows() - lost; ++i) {
-        visit_blocks(out.columns() - 2 * lost, [&](i64 j, auto count) {
-            Block best;
-            best.fill(NO_GROUND);
-            bool found = false;
-            for (i64 k = 0; k < tread.rows(); ++k) {
-                i64 row = i + tread(k, 0), column = lost + j + tread(k, 1);
-                if (!(crests.any(row, column / BLOCK)
-                      | crests.any(row, (column + count - 1) / BLOCK)))
-                    continue;
-                found = true;
-                const float* z = &crests.heights(row, column);
-                const float* to_east = &crests.east(row, column);
-                const float* to_north = &crests.north(row, column);
-                float dx = shifts(k, 0), dy = shifts(k, 1);
-                for (i64 m = 0; m < count; ++m) {
-                    float x = dx + to_east[m], y = dy + to_north[m];
-                    float along = x * e + y * n, left = square - along * along;
-                    bool centre = (to_east[m] == 0.0f) & (to_north[m] == 0.0f);
-                    bool beyond = centre | (left < 0.0f) | (abs(y * e - x * n) > side);
-                    float height = z[m] + sqrt(max(left, 0.0f)) - radius;
-                    best[m] = higher(beyond ? NO_GROUND : height, best[m]);
-                }
-            }
-            if (!found) return;
-            float* row = &out(i, lost + j);
-            for (i64 m = 0; m < count; ++m) row[m] = higher(best[m], row[m]);
-        });
+    for (std::size_t c = 0; c < crests.row.size(); ++c) {
+        for (i64 k = 0; k < tread.rows(); ++k) {
+            i64 i = crests.row[c] - tread(k, 0), j = crests.column[c] - tread(k, 1);
+            if (min(i, j) < lost || i >= out.rows() - lost || j >= out.columns() - lost) continue;
+            float x = shifts(k, 0) + crests.east[c], y = shifts(k, 1) + crests.north[c];
+            float along = x * e + y * n, left = square - along * along;
+            if (left < 0.0f || abs(y * e - x * n) > side) continue;
+            out(i, j) = higher(crests.height[c] + sqrt(left) - radius, out(i, j));
+        }
     }
 }
 
 // How the wheels of a vehicle stand on the pixels around them, and what plane that makes.
 struct Standing {
     Offsets wheels;               // the pixel nearest to each
-    Offsets corners;              // for each wheel the four pixels around it
+    Offsets nearest;              // likewise, in the supports of wheels of its size
+    Offsets corners;              // there, for each wheel the four pixels around it
     Matrix<const double> shares;  // (wheels, 4), of these at the very middle of the wheel
     Matrix<const double> fit;     // (3, wheels): what each says of the plane's height and slopes
 };
 
 template <class Visit> void visit_arguments(Standing& s, Visit visit) {
-    visit("wheels[k,3]", s.wheels), visit("corners[_,3]", s.corners);
+    visit("wheels[k,3]", s.wheels), visit("nearest[k,3]", s.nearest);
+    visit("corners[_,3]", s.corners);
     visit("shares[k,4]", s.shares), visit("fit[3,k]", s.fit);
 }
 
@@ -174,7 +159,7 @@ inline void stand(
                 const float* row = swept_row(supports, first, standing.corners[4 * n + c], i) + j;
                 for (i64 k = 0; k < count; ++k) height[k] += share * double(row[k]);
             }
-            const float* nearest = swept_row(supports, first, standing.wheels[n], i) + j;
+            const float* nearest = swept_row(supports, first, standing.nearest[n], i) + j;
             const float* under = swept_row(ground, first, standing.wheels[n], i) + j;
             for (i64 k = 0; k < count; ++k) {
                 double z = height[k] > -INF ? height[k] : double(nearest[k]);
@@ -228,55 +213,34 @@ inline void bumps(
     });
 }
 
-// The highest ground of the pixels, where it is not that of their centres: its height, and how far
-// to the east and the north of the centre it lies, m, laid out as ground is. Of each BLOCK columns
-// `any` says whether it has some.
-struct Crests {
-    Ground heights, east, north;
-    Cube<const u8> any;
-};
-
-template <class Visit> void visit_arguments(Crests& c, Visit visit) {
-    visit("heights[r,p,c]", c.heights), visit("east[r,p,c]", c.east);
-    visit("north[r,p,c]", c.north), visit("any[r,p,b]", c.any);
-}
-
 // Raise what `bumps` found to where crests within a body stand above the plane.
+// Reference points lie `phases` pixels apart from row and column `first` on; offsets are (n, 2),
+// rows and columns.
 inline void raise_bumps(
-    const Crests& crests, i64 first, Offsets offsets, Matrix<const float> shifts, Ground plane,
-    const Body& body, Matrix<float> out
+    const Crests& crests, i64 phases, i64 first, Offsets offsets, Matrix<const float> shifts,
+    Ground plane, const Body& body, Matrix<float> out
 ) {
     const float e = float(body.east), n = float(body.north), side = float(body.side);
     const float half = float(0.5 * (body.end - body.begin));
     const float middle = float(0.5 * (body.begin + body.end));
-    visit_points(out, [&](i64 i, i64 j, auto count) {
-        const float *level = &plane(0, i, j), *by_x = &plane(1, i, j), *by_y = &plane(2, i, j);
-        Block best;
-        best.fill(NO_GROUND);
-        bool found = false;
-        for (i64 k = 0; k < offsets.rows(); ++k) {
-            i64 row = first + crests.heights.rows() * i + offsets(k, 0), phase = offsets(k, 1);
-            i64 column = offsets(k, 2) + j;
-            if (!(crests.any(row, phase, column / BLOCK)
-                  | crests.any(row, phase, (column + count - 1) / BLOCK)))
-                continue;
-            found = true;
-            const float* z = &crests.heights(row, phase, column);
-            const float* to_east = &crests.east(row, phase, column);
-            const float* to_north = &crests.north(row, phase, column);
-            float dx = shifts(k, 0), dy = shifts(k, 1);
-            for (i64 m = 0; m < count; ++m) {
-                float x = dx + to_east[m], y = dy + to_north[m];
-                float beyond = max(abs(x * e + y * n - middle) - half, abs(y * e - x * n) - side);
-                float rise = z[m] - by_x[m] * x - by_y[m] * y;
-                // of centres `bumps` knows, to the bit
-                bool centre = (to_east[m] == 0.0f) & (to_north[m] == 0.0f);
-                best[m] = higher(centre | (beyond > 0.0f) ? NO_GROUND : rise, best[m]);
-            }
+    auto phase = [&](i64 pixels) { return (pixels % phases + phases) % phases; };
+    // by their phases: of a crest's pixel only some lead to reference points
+    std::vector<std::vector<i64>> alike(std::size_t(phases * phases));
+    for (i64 k = 0; k < offsets.rows(); ++k)
+        alike[phase(offsets(k, 0)) * phases + phase(offsets(k, 1))].push_back(k);
+    for (std::size_t c = 0; c < crests.row.size(); ++c) {
+        i64 row = crests.row[c] - first, column = crests.column[c] - first;
+        for (i64 k : alike[phase(row) * phases + phase(column)]) {
+            i64 i = (row - offsets(k, 0)) / phases, j = (column - offsets(k, 1)) / phases;
+            if (row < offsets(k, 0) || column < offsets(k, 1)) continue;
+            if (i >= out.rows() || j >= out.columns()) continue;
+            float x = shifts(k, 0) + crests.east[c], y = shifts(k, 1) + crests.north[c];
+            if (abs(x * e + y * n - middle) > half || abs(y * e - x * n) > side) continue;
+            auto of = [&](i64 p) { return plane(p, i, j); };
+            float& found = out(i, j);
+            found = higher(crests.height[c] - of(1) * x - of(2) * y - of(0), found);
         }
-        if (!found) return;
-        for (i64 m = 0; m < count; ++m) out(i, j + m) = higher(best[m] - level[m], out(i, j + m));
-    });
+    }
 }
 
 // For each reference point the RMS distance of the ground at offsets from its plane.

@@ -23,7 +23,8 @@ enum class Reason : u8 {
     STEP,
     HIGH_CENTRED,
     APPROACH,
-    ROUGHNESS
+    ROUGHNESS,
+    TURNING
 };
 
 template <class Visit> void visit_enumerators(Verdict, Visit visit) {
@@ -38,6 +39,7 @@ template <class Visit> void visit_enumerators(Reason, Visit visit) {
     visit("SLIP", SLIP), visit("SINKAGE", SINKAGE), visit("SIDE_SLIP", SIDE_SLIP);
     visit("TIP_OVER", TIP_OVER), visit("STEP", STEP), visit("HIGH_CENTRED", HIGH_CENTRED);
     visit("APPROACH", APPROACH), visit("ROUGHNESS", ROUGHNESS);
+    visit("TURNING", TURNING);
 }
 
 // What follows from the measures so far.

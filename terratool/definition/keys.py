@@ -24,6 +24,7 @@ from terratool.definition.model import (
 from terratool.definition.vehicle import (
     GRAVITIES,
     KINDS,
+    STEERINGS,
     AxleText,
     ClassesText,
     CogText,
@@ -231,6 +232,10 @@ VEHICLE_KEYS: dict[type, dict[str, Key]] = {
         "clearance": _measure("a clearance", "metres"),
         "bodyWidth": _measure("a width", "metres"),
         "overhang": Key("the overhangs, an object", "object"),
+        "steering": Key(
+            "one of " + ", ".join(f'"{name}"' for name in STEERINGS), "text", choices=STEERINGS,
+            noun="way to steer",
+        ),
         "speed": _measure("a speed", "m/s"),
         "power": _reserve("a power", "W", 1e9),
         "margins": Key("the margins, an object", "object"),

@@ -17,6 +17,8 @@ GRAVITIES = {"earth": 9.80665, "mars": 3.71, "moon": 1.62}
 
 KINDS = ("rigid", "lugged", "tyre")
 """A smooth rim, a rim with lugs, and a tyre with or without."""
+STEERINGS = ("skid", "wheels")
+"""To turn on the spot wheels slide sideways, or are turned into their ways."""
 _OF_A_KIND = ("kind", "grouser_height", "tyre_pressure", "carcass_stiffness", "contact_length")
 """What an axle does not take over from wheels of another kind."""
 
@@ -127,6 +129,7 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
     clearance: float | UnsetType = UNSET
     body_width: float | UnsetType = UNSET
     overhang: OverhangText = OverhangText()
+    steering: str | UnsetType = UNSET
     speed: float | UnsetType = UNSET
     power: float | UnsetType = UNSET
     margins: MarginsText = MarginsText()

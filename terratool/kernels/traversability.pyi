@@ -5,8 +5,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCK: int = 32
-
 UTILISATION: int = 0
 
 PITCH: int = 1
@@ -147,6 +145,20 @@ def drive(
 def steepest(across: bool, layout: Any, weight: float, soil: Any, slip: float) -> dict[str, Any]:
     """The largest slope on a soil, and the reason that limits it."""
 
+def turn_on_spot(
+    layout: Any,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    load: NDArray[np.float64],
+    soil: Any,
+    slip: float,
+) -> dict[str, Any]:
+    """
+    What it takes a vehicle to turn on the spot by a radian.
+
+    Shapes: x[w], y[w], load[w].
+    """
+
 def judge(
     shares: NDArray[np.float64],
     go: NDArray[np.float64],
@@ -227,7 +239,7 @@ def stand(
     """
     The plane through the supports of the wheels.
 
-    Shapes: supports[r,p,c], ground[r,p,c], out[3,_,_].
+    Shapes: supports[_,p,c], ground[r,p,c], out[3,_,_].
     """
 
 def mean(
@@ -255,6 +267,7 @@ def bumps(
 
 def raise_bumps(
     crests: Any,
+    phases: int,
     first: int,
     offsets: NDArray[np.int64],
     shifts: NDArray[np.float32],
@@ -265,7 +278,7 @@ def raise_bumps(
     """
     Raise bumps to what of crests within a body stands above its plane.
 
-    Shapes: offsets[k,3], shifts[k,2], plane[3,h,w], out[h,w].
+    Shapes: offsets[k,2], shifts[k,2], plane[3,h,w], out[h,w].
     """
 
 def roughness(
@@ -325,6 +338,7 @@ def flood(
     moves: Any,
     direction: int,
     can: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
+    turns: NDArray[np.bool_] | None,
     fresh: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
     reached: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
     states: int,
@@ -332,12 +346,13 @@ def flood(
     """
     Spread over what can be driven; over how many states, fewer once all is done.
 
-    Shapes: can[h,w], fresh[h,w], reached[h,w].
+    Shapes: can[h,w], turns[h,w], fresh[h,w], reached[h,w].
     """
 
 def find_parts(
     moves: Any,
     can: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
+    turns: NDArray[np.bool_] | None,
     fresh: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
     reached: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
     parts: NDArray[np.int64],
@@ -346,5 +361,5 @@ def find_parts(
     """
     Find the largest part that can be driven both ways; over how many states this went.
 
-    Shapes: can[h,w], fresh[h,w], reached[h,w], parts[2,3].
+    Shapes: can[h,w], turns[h,w], fresh[h,w], reached[h,w], parts[2,3].
     """

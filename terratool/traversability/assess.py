@@ -35,7 +35,7 @@ from terratool.traversability.results import (
     Verdict,
 )
 from terratool.traversability.route.barriers import Site, cannot_stand
-from terratool.traversability.route.graph import Preference, check_preference, drivable
+from terratool.traversability.route.graph import Preference, check_preference, drivable, turnable
 from terratool.traversability.route.headings import Progress, WayFinder, finer_headings
 from terratool.traversability.route.paths import cell_of, check_inside
 from terratool.traversability.route.reach import begin_in_largest, connected, heading_bits
@@ -46,7 +46,7 @@ from terratool.traversability.route.routes import (
     route_grid,
     with_way_back,
 )
-from terratool.traversability.soil import ASSUMPTIONS, BY_MODEL, surface_figures
+from terratool.traversability.soil import ASSUMPTIONS, BY_MODEL, surface_figures, turnings
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 from terratool.traversability.vehicle import Vehicle
@@ -66,7 +66,8 @@ _MAP = (
 )
 _ROUTE = (
     "A route goes from pixel to pixel, backs up, and turns on the spot; its time and energy are "
-    "sums over that, without acceleration and with motors that lose nothing."
+    "sums over that, without acceleration and with motors that lose nothing. Turns are those on "
+    "level ground of the surface under the vehicle's middle."
 )
 
 Point = tuple[float, float]
@@ -191,7 +192,8 @@ def prepare_assessment(
     surveyor, shared = Surveyor(terrain, vehicle, grid, headings, samples), routes == grid
     builder = ways = None
     if request.maps:
-        builder = MapBuilder(terrain, surveyor, shared and map_path is not None)
+        keep = shared and map_path is not None
+        builder = MapBuilder(terrain, surveyor, keep, turnings(terrain, vehicle))
     if routes is not None:
         own = surveyor if shared else Surveyor(terrain, vehicle, routes, headings, samples)
         take = builder.take if builder and shared else None
@@ -312,10 +314,12 @@ def _cannot_stand(
         window = tiles.survey.grid.whole
     if can_stand(terrain, tiles.survey, place, (row, column)):
         return ""
-    why = cannot_stand(Site(terrain, prepared.vehicle, tiles), what, place, (row, column))
+    why = cannot_stand(Site.of(terrain, prepared.vehicle, tiles), what, place, (row, column))
     bits = heading_bits(drivable(tiles.survey, part_of(window)))
-    headings = tiles.survey.headings
-    part = connected(bits, headings, begin_in_largest(bits, headings)).returned
+    headings, at = tiles.survey.headings, part_of(window)
+    turns = turnable(tiles.survey, turnings(terrain, prepared.vehicle), at)
+    begin = begin_in_largest(bits, headings, turns=turns)
+    part = connected(bits, headings, begin, turns=turns).returned
     if not part.any():
         return why
     rows, columns = np.nonzero(part)

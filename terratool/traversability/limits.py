@@ -82,7 +82,7 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
     Raises:
         RequestError: it has no wheels.
     """
-    x, y, driven, wheels = [], [], [], []
+    x, y, driven = [], [], []
     for axle in vehicle.axles:
         side = axle.wheels // 2
         x += [axle.x] * axle.wheels
@@ -92,7 +92,6 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
             + [-0.5 * vehicle.track_width] * side
         )
         driven += [axle.driven] * axle.wheels
-        wheels += [vehicle.wheel_of(axle)] * axle.wheels
     if not x:
         raise RequestError("The vehicle has no wheels.", "Give it an axle with a wheel or more.")
     xs, ys = np.array(x, np.float64), np.array(y, np.float64)
@@ -109,7 +108,7 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
         shares[:, 2] = ys / sides * vehicle.cog_height
     return WheelLayout(
         xs, ys, np.array(driven), _ahead(xs, ys), DEFAULT_MULTIPASS, shares,
-        _edges(xs, ys, vehicle.cog_height), WheelArrays.of(wheels),
+        _edges(xs, ys, vehicle.cog_height), WheelArrays.of(vehicle.all_wheels),
     )  # fmt: skip
 
 

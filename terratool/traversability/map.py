@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,7 @@ from terratool.traversability.results import (
 from terratool.traversability.route.reach import (
     Bits,
     Connected,
+    Turns,
     begin_from,
     begin_in_largest,
     bits_type,
@@ -43,6 +44,7 @@ from terratool.traversability.route.reach import (
 )
 from terratool.traversability.survey import Surveyor, WindowMeasures, coarsest_resolution
 from terratool.traversability.tiles import part_of
+from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
 MOST = 10.0
@@ -142,9 +144,12 @@ class MapBuilder:
         terrain: the ground.
         surveyor: that judges it: its grid and headings count.
         keep: whether all bands are kept.
+        turns: what turning takes on each surface, by id; it can everywhere if there are none.
     """
 
-    def __init__(self, terrain: Terrain, surveyor: Surveyor, keep: bool) -> None:
+    def __init__(
+        self, terrain: Terrain, surveyor: Surveyor, keep: bool, turns: Sequence[Turning] = ()
+    ) -> None:
         grid = surveyor.grid
         flat = (grid.height, grid.width)
         self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
@@ -156,6 +161,7 @@ class MapBuilder:
         self.ground = np.zeros(flat, np.bool_)
         self.surfaces = np.zeros(flat, id_type(terrain))
         self.bits = np.zeros(flat, bits_type(self.headings))
+        self._able = np.array([turn.possible for turn in turns], np.bool_)
         self._stride = -(-max(flat) // PICTURE)
         self._heights = np.full(
             tuple(-(-side // self._stride) for side in flat), np.nan, np.float32
@@ -218,8 +224,10 @@ class MapBuilder:
         """
         floods = 3 if begin is None else 2
         tell = (lambda more: progress(more / floods)) if progress else None
-        first = begin_in_largest(self.bits, self.headings, tell) if begin is None else begin
-        found = connected(self.bits, self.headings, first, tell)
+        turns, first = self._turns(), begin
+        if first is None:
+            first = begin_in_largest(self.bits, self.headings, tell, turns)
+        found = connected(self.bits, self.headings, first, tell, turns)
         classes = self.verdict.copy()
         drives = self.bits != 0
         least = area / self.grid.resolution**2
@@ -235,11 +243,15 @@ class MapBuilder:
         classes[edge] = GroundClass.EDGE
         return classes, found
 
+    def _turns(self) -> Turns:
+        """Where the vehicle can turn, by the surface under its middle."""
+        return None if self._able.all() else self._able[self.surfaces]
+
     def largest(self, found: Connected) -> LargestPart | None:
         """The part that was found; None where there is none."""
         if not found.returned.any():
             return None
-        row, column = place_in(self.bits, self.headings, found)
+        row, column = place_in(self.bits, self.headings, found, self._turns())
         window = Window(row, column, 1, 1)
         x, y = self.grid.columns(window)[0], self.grid.rows(window)[0]
         share = np.count_nonzero(found.returned) / np.count_nonzero(self.ground)

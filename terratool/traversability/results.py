@@ -74,7 +74,7 @@ COLORS: dict[GroundClass, tuple[int, int, int]] = {
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness",
+    "roughness", "turning on the spot",
 )  # fmt: skip
 
 
@@ -95,6 +95,7 @@ class Reason(IntEnum):
     HIGH_CENTRED = 11
     APPROACH = 12
     ROUGHNESS = 13
+    TURNING = 14
 
     @property
     def label(self) -> str:
@@ -182,6 +183,10 @@ class Figures:
         warnings: sentences.
         slip_curve: None where slip is not known.
         chances: where some figures of the soil are ranges; all else is that of their middles.
+        turning: moment that resists turning on the spot, N m; as far as it gets where it cannot.
+        turning_work: of the wheels for a quarter turn, J; None where it cannot turn.
+        turning_slip: of its treads meanwhile; likewise.
+        turning_binding: what forbids it.
     """
 
     surface: str
@@ -221,6 +226,10 @@ class Figures:
     warnings: tuple[str, ...] = ()
     slip_curve: SlipCurve | None = None
     chances: Chances | None = None
+    turning: float | None = None
+    turning_work: float | None = None
+    turning_slip: float | None = None
+    turning_binding: Reason = Reason.NONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -381,6 +390,7 @@ class Route:
             that is not known.
         chance: probability that all of it is go; None where no figures of soils are ranges.
         least_chance: the smallest probability of go along it; likewise.
+        turning: the part of the energy that turns on the spot take, J; None if there is no way.
     """
 
     start: Location
@@ -406,6 +416,7 @@ class Route:
     ruled_out_headings: int | None = None
     chance: float | None = None
     least_chance: Extreme | None = None
+    turning: float | None = None
 
     @property
     def holds(self) -> bool:

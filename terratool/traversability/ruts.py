@@ -24,7 +24,7 @@ from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
 from terratool.traversability.limits import wheel_layout, wheel_loads
 from terratool.traversability.soil import bekker_sinkage
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Vehicle, Wheel
 
 SHARPEST = math.radians(20.0)
 """A turn of the path up to this is driven through, a sharper one is made on the spot …"""
@@ -177,7 +177,8 @@ def deform(
         passes: how many times.
         surface: that the ruts get; none if None.
         multipass: exponent of the multipass law; that of the format if None.
-        tolerance: by which wheel lines are simplified, m; a fifth of a wheel's width if None.
+        tolerance: by which wheel lines are simplified, m; a fifth of the narrowest wheel's width if
+            None.
 
     Raises:
         DefinitionError: the terrain has errors.
@@ -189,7 +190,9 @@ def deform(
     if checked.terrain is None:
         raise refusal(checked)
     definition = checked.terrain
-    tolerance = SHARE * vehicle.wheel.width if tolerance is None else tolerance
+    wheels = vehicle.all_wheels
+    if tolerance is None:
+        tolerance = SHARE * min(wheel.width for wheel in wheels)
     if surface is not None and surface not in definition.surfaces:
         raise RequestError(
             f"There is no surface {shown(surface)} for the ruts.", "Name one of surfTypes."
@@ -200,20 +203,20 @@ def deform(
     lengths: dict[str, float] = {}
     deepest: dict[str, float] = {}
     fresh: list[Track] = []
-    for wheel, line in wheel_paths(vehicle, path, tolerance):
-        load = float(loads[wheel])
-        found = _surfaces_along(ground, line, 0.5 * vehicle.wheel.width)
+    for index, line in wheel_paths(vehicle, path, tolerance):
+        load, wheel = float(loads[index]), wheels[index]
+        found = _surfaces_along(ground, line, 0.5 * wheel.width)
         presets: dict[str, float] = {}
         for name, length in found.items():
-            depth, is_preset = _depth(definition, name, vehicle, load)
+            depth, is_preset = _depth(definition, name, wheel, load)
             if is_preset:
                 presets[name] = _rounded(depth)
             lengths[name] = lengths.get(name, 0.0) + length
             deepest[name] = max(deepest.get(name, 0.0), depth)
         fresh.append(
             Track(
-                path=_written(line, min(tolerance, SHARE * vehicle.wheel.width)),
-                width=vehicle.wheel.width,
+                path=_written(line, min(tolerance, SHARE * wheel.width)),
+                width=wheel.width,
                 load=_rounded(load * 1e-3),
                 depth=presets or UNSET,
                 passes=UNSET if passes == 1 else passes,
@@ -283,7 +286,7 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
     return {ground.surfaces[i]: float(metres[i]) for i in seen.tolist()}
 
 
-def _depth(definition: Definition, name: str, vehicle: Vehicle, load: float) -> tuple[float, bool]:
+def _depth(definition: Definition, name: str, wheel: Wheel, load: float) -> tuple[float, bool]:
     """How deep a wheel sinks, m, and whether a preset says so.
 
     Raises:
@@ -295,16 +298,16 @@ def _depth(definition: Definition, name: str, vehicle: Vehicle, load: float) -> 
     if surface.sinkage is not UNSET:
         depth = load * 1e-3 * middle_of(surface.sinkage)
     elif preset is not None:
-        depth = float(bekker_sinkage(preset, vehicle.wheel, load))
+        depth = float(bekker_sinkage(preset, wheel, load))
     else:
         raise RequestError(
             f'The surface {shown(name)} has no "sinkage", so nothing says how deep a wheel sinks.',
             'Give it "sinkage" in m/kN, 0 for rigid ground, or a "preset".',
         )
-    if depth >= vehicle.wheel.radius:
+    if depth >= wheel.radius:
         raise MissedError(
             f"A wheel with {load:.4g} N sinks {depth:.3g} m in {shown(name)}, and its radius is "
-            f"{vehicle.wheel.radius:.3g} m: it cannot drive there.",
+            f"{wheel.radius:.3g} m: it cannot drive there.",
             "Lead the path around it, or take larger wheels.",
         )
     return depth, surface.sinkage is UNSET

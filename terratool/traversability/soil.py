@@ -12,6 +12,7 @@ from terratool.definition.model import Surface
 from terratool.definition.presets import Preset, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.text.display import shown
 from terratool.traversability import wheel as wheels
 from terratool.traversability.limits import (
     SteepestSlope,
@@ -26,6 +27,7 @@ from terratool.traversability.limits import (
 )
 from terratool.traversability.results import Figures, Reason, SlipCurve, Verdict
 from terratool.traversability.steps import gap_width, step_of
+from terratool.traversability.turning import Turning, turn_on_spot
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
 from terratool.traversability.wheel import LARGEST, Numbers
 
@@ -151,6 +153,17 @@ def soils(terrain: Terrain, vehicle: Vehicle) -> tuple[Soil | None, ...]:
     )
 
 
+def turnings(terrain: Terrain, vehicle: Vehicle) -> tuple[Turning, ...]:
+    """Turning on the spot on each surface of a terrain, by id: the index of the surface and one.
+
+    Where the soil is not known it is free but for the time of its arc.
+    """
+    unknown = Turning(run=0.5 * math.hypot(vehicle.track_width, vehicle.wheelbase))
+    return tuple(
+        unknown if soil is None else turn_on_spot(vehicle, soil) for soil in soils(terrain, vehicle)
+    )
+
+
 def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     """The figures of a surface, for the driven wheel that bears most on the level.
 
@@ -178,6 +191,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     up, up_limit = largest_slope(climb(vehicle, soil, slip_limit(vehicle)), backwards, vehicle)
     across, across_limit = largest_slope(side_slip(vehicle, soil), to_side, vehicle)
     step = step_of(vehicle, math.tan(soil.friction))
+    turning = turn_on_spot(vehicle, soil)
     soft = bool(contact.area > 0.0) and load > 0.0
     strength, motor = best.shear_stress, None
     if soft and math.isfinite(vehicle.wheel.max_torque):
@@ -218,11 +232,27 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         step_binding=step.reason,
         step_axle=None if step.axle is None else step.axle + 1,
         gap=min(gap_width(vehicle.wheel_of(axle).radius, step.height) for axle in vehicle.axles),
+        turning=turning.resistance,
+        turning_work=0.5 * math.pi * turning.work if turning.possible else None,
+        turning_slip=turning.slip if turning.possible else None,
+        turning_binding=turning.reason,
         verdict=verdict,
         reason=reason,
-        warnings=(*wheels.remarks(load, soil, vehicle.wheel), *_remarks(vehicle, soil, load)),
+        warnings=(
+            *wheels.remarks(load, soil, vehicle.wheel),
+            *_remarks(vehicle, soil, load),
+            *_cannot_turn(name, turning),
+        ),
         slip_curve=slip_curve(vehicle, soil, up),
     )
+
+
+def _cannot_turn(surface: str, turning: Turning) -> tuple[str, ...]:
+    """A sentence where a vehicle cannot turn on the spot."""
+    if turning.possible:
+        return ()
+    on, by = shown(surface), turning.reason.label
+    return (f"It cannot turn on the spot on {on}: {by}. Routes and the map do not turn there.",)
 
 
 def slip_curve(vehicle: Vehicle, soil: Soil, climb: float | None) -> SlipCurve | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -42,12 +43,42 @@ class Rectangle(NamedTuple):
         offsets: of the pixels whose centres lie in it; none if there is no such part.
         begin, end: how far ahead of the reference point it lies, or the wheel's middle, m.
         side: how far it reaches to each side, m.
+        met: offsets of the pixels that lie in it with some part, whose crests may be in it.
     """
 
     offsets: Offsets
-    begin: float = 0.0
-    end: float = 0.0
-    side: float = 0.0
+    begin: float
+    end: float
+    side: float
+    met: Offsets
+
+    @classmethod
+    def of(
+        cls, begin: float, end: float, side: float, resolution: float,
+        direction: tuple[float, float],
+    ) -> Rectangle:  # fmt: skip
+        """Of what lies from `begin` to `end` ahead and up to `side` to each side, m."""
+        offsets, _ = _rectangle(begin, end, side, resolution, direction)
+        more = 0.5 * resolution * (abs(direction[0]) + abs(direction[1]))
+        met, _ = _rectangle(begin - more, end + more, side + more, resolution, direction)
+        return cls(offsets, begin, end, side, met)
+
+
+class Tread(NamedTuple):
+    """What wheels of one size cover.
+
+    Attributes:
+        radius: of the wheels, m.
+        under: one of them.
+        lift: (n,) float32, how far its circle stands above its lowest point there, m, not above 0.
+        lane: what such wheels have ahead of them and their middles: up to a radius, or to the next
+            reference point in that direction if that is farther.
+    """
+
+    radius: float
+    under: Rectangle
+    lift: NDArray[np.float32]
+    lane: Offsets
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +92,8 @@ class HeadingFootprint:
         shares: (wheels, 4) of each of these in what lies right at the middle, along straight lines.
         fit: (3, wheels) float64: what the ground under the wheels says of the plane that is fitted
             to it: its height at the reference point, dz/dx to the east, dz/dy to the north.
-        tread: what one wheel covers.
-        lift: (n,) float32, how far its circle stands above its lowest point there, m, not above 0.
-        lane: what the wheels have ahead of them and their middles: up to a radius, or to the next
-            reference point in that direction if that is farther.
+        treads: of wheels of each size, the smallest radius first.
+        sizes: (wheels,) int64, the index of each wheel's tread.
         body: under the body between the outermost axles.
         front, rear: under the overhangs.
         places: where roughness is taken.
@@ -75,9 +104,8 @@ class HeadingFootprint:
     corners: Offsets
     shares: NDArray[np.float64]
     fit: NDArray[np.float64]
-    tread: Rectangle
-    lift: NDArray[np.float32]
-    lane: Offsets
+    treads: tuple[Tread, ...]
+    sizes: NDArray[np.int64]
     body: Rectangle
     front: Rectangle
     rear: Rectangle
@@ -115,10 +143,9 @@ def vehicle_footprint(
     wheels = wheel_layout(vehicle)
     x, y = wheels.x - vehicle.middle, wheels.y
     # obliquely the next reference point is farther away, and what is between must be seen, too
-    reaches = [max(vehicle.wheel.radius, apart / max(map(abs, d))) for d in directions(headings)]
     by_heading = tuple(
-        _heading_footprint(vehicle, x, y, resolution, reach, direction)
-        for reach, direction in zip(reaches, directions(headings), strict=True)
+        _heading_footprint(vehicle, x, y, resolution, apart / max(map(abs, d)), d)
+        for d in directions(headings)
     )
     front, rear, side = vehicle.rectangle
     corners = np.array([(front, side), (front, -side), (-rear, side), (-rear, -side)])
@@ -127,9 +154,12 @@ def vehicle_footprint(
         east, north = _turned(corners, footprint.direction)
         sides.append((-east.min(), -north.min(), east.max(), north.max()))
     # wheels that look for steps, and what shows how high these are, reach farthest
-    farthest = math.hypot(max(front, rear), side) + max(reaches) + 2.5 * vehicle.wheel.radius
-    same = {(float(a), float(b)) for a, b in zip(x, y, strict=True)}
-    shared = same == {(-a + 0.0, -b + 0.0) for a, b in same}
+    largest = float(wheels.wheels.radius.max())
+    reach = max(largest, math.sqrt(2.0) * apart)
+    farthest = math.hypot(max(front, rear), side) + reach + 2.5 * largest
+    sizes = by_heading[0].sizes
+    same = {(float(a), float(b), int(n)) for a, b, n in zip(x, y, sizes, strict=True)}
+    shared = same == {(-a + 0.0, -b + 0.0, n) for a, b, n in same}
     return VehicleFootprint(
         resolution, by_heading, np.array(sides), math.ceil(farthest / resolution) + 3, shared
     )
@@ -157,26 +187,28 @@ def _heading_footprint(
     x: NDArray[np.float64],
     y: NDArray[np.float64],
     resolution: float,
-    reach: float,
+    apart: float,
     direction: tuple[float, float],
 ) -> HeadingFootprint:
-    radius, width = vehicle.wheel.radius, vehicle.wheel.width
+    each = [(wheel.radius, wheel.width) for wheel in vehicle.all_wheels]
+    kinds = sorted(set(each))
+    sizes = np.array([kinds.index(size) for size in each])
+    radius, width = kinds[-1]
     east, north = _turned(np.column_stack([x, y]), direction)
     exact = np.column_stack([-north, east]) / resolution
     wheels = _nearest(exact)
     corners, shares = _corners(exact)
-    # a lane is at least as wide as a line of pixels
-    side = max(0.5 * width, 0.5 * resolution * (abs(direction[0]) + abs(direction[1])) - _NEAR)
-    tread, along = _rectangle(-radius, radius, side, resolution, direction)
-    strip, _ = _rectangle(0.0, reach, side, resolution, direction)
-    lane = np.unique((wheels[:, None] + strip[None]).reshape(-1, 2), axis=0)
+    treads = tuple(
+        _tread(size, wheels[sizes == n], resolution, apart, direction)
+        for n, size in enumerate(kinds)
+    )
     half, body = 0.5 * vehicle.wheelbase, 0.5 * vehicle.body_width
 
     def under(begin: float, end: float, height: float) -> Rectangle:
         if not (body > 0.0 and begin <= end and math.isfinite(height)):
-            return Rectangle(np.empty((0, 2), np.int64))
-        offsets, _ = _rectangle(begin, end, body, resolution, direction)
-        return Rectangle(offsets, begin, end, body)
+            nothing = np.empty((0, 2), np.int64)
+            return Rectangle(nothing, 0.0, 0.0, 0.0, nothing)
+        return Rectangle.of(begin, end, body, resolution, direction)
 
     front, rear = vehicle.front, vehicle.rear
     # between the wheels' middles: what wheels would touch there reaches as far as they do
@@ -184,14 +216,28 @@ def _heading_footprint(
     places, _ = _rectangle(-length, length, across, resolution, direction)
     apart = max(1, round(math.sqrt(len(places) / PLACES)))
     places = places[(places % apart == 0).all(axis=1)]
-    lift = np.sqrt(np.maximum(radius**2 - along**2, 0.0)) - radius
     return HeadingFootprint(
-        direction, wheels, corners, shares, _fit(vehicle, exact, resolution),
-        Rectangle(tread, -radius, radius, side), lift.astype(np.float32), lane,
+        direction, wheels, corners, shares, _fit(vehicle, exact, resolution), treads, sizes,
         under(-half, half, vehicle.clearance),
         under(half, half + front.length, front.height if front.length > 0.0 else math.inf),
         under(-half - rear.length, -half, rear.height if rear.length > 0.0 else math.inf), places,
     )  # fmt: skip
+
+
+def _tread(
+    size: tuple[float, float], wheels: Offsets, resolution: float, apart: float,
+    direction: tuple[float, float],
+) -> Tread:  # fmt: skip
+    """What wheels of a radius and width cover that stand at pixels; m."""
+    radius, width = size
+    # a lane is at least as wide as a line of pixels
+    side = max(0.5 * width, 0.5 * resolution * (abs(direction[0]) + abs(direction[1])) - _NEAR)
+    under = Rectangle.of(-radius, radius, side, resolution, direction)
+    _, along = _rectangle(-radius, radius, side, resolution, direction)
+    strip, _ = _rectangle(0.0, max(radius, apart), side, resolution, direction)
+    lane = np.unique((wheels[:, None] + strip[None]).reshape(-1, 2), axis=0)
+    lift = np.sqrt(np.maximum(radius**2 - along**2, 0.0)) - radius
+    return Tread(radius, under, lift.astype(np.float32), lane)
 
 
 def _nearest(pixels: NDArray[np.float64]) -> Offsets:
@@ -251,6 +297,19 @@ class Gaps(NamedTuple):
     lean: NDArray[np.float64]
 
 
+class MetWalls(NamedTuple):
+    """What wheels of a radius meet at pairs of pixels, (pairs,).
+
+    Attributes:
+        jumps: heights of walls, m, or of the step that a wheel meets where another one follows
+            close by; infinity for a face without one.
+        gaps: between these walls.
+    """
+
+    jumps: NDArray[np.float64]
+    gaps: Gaps
+
+
 class Crests(NamedTuple):
     """The highest ground of the pixels: that of their centres, or what stands out between these.
 
@@ -288,9 +347,7 @@ class Ground:
         slope_x, slope_y: float32, 0 where there is no ground; None where not asked for.
         pairs: neighbours with a wall or a steep face between them: twice the index of the first
             pixel, and one for a pair from north to south.
-        jumps: heights of these walls, m, or of the step that a wheel meets where another one
-            follows close by; infinity for a face without one.
-        gaps: of these pairs.
+        met: what wheels of each size meet at these.
         crests: None where no pixel has any.
         ruts: None where no pixel has any.
     """
@@ -300,8 +357,7 @@ class Ground:
     slope_x: NDArray[np.float32] | None
     slope_y: NDArray[np.float32] | None
     pairs: NDArray[np.int64]
-    jumps: NDArray[np.float64]
-    gaps: Gaps
+    met: tuple[MetWalls, ...]
     crests: Crests | None
     ruts: Ruts | None
 
@@ -310,13 +366,13 @@ class GroundPainter:
     """Paints windows of ground; may be used by several threads at a time.
 
     Windows may reach beyond the grid; no pixel depends on the window. Walls and faces lower than
-    `least`, m, are left out. `radius` is that of the wheels, m.
+    `least`, m, are left out. `radii` are those of the wheels, m, as in `HeadingFootprint.treads`.
     """
 
     def __init__(
-        self, terrain: Terrain, grid: Grid, least: float, slopes: bool, radius: float
+        self, terrain: Terrain, grid: Grid, least: float, slopes: bool, radii: Sequence[float]
     ) -> None:
-        self._terrain, self._grid, self._least, self._radius = terrain, grid, least, radius
+        self._terrain, self._grid, self._least, self._radii = terrain, grid, least, radii
         self._painter = Painter(terrain, grid, slopes=slopes, labels=True)
         self._edges = nonzero_edges(terrain.arrays)
         self._lines = crest_lines(terrain.arrays)
@@ -329,18 +385,17 @@ class GroundPainter:
         assert planes.surfaces is not None and planes.labels is not None
         heights = planes.heights
         pairs, same = _rises(heights, planes.labels, self._least, self._grid.resolution)
-        jumps = np.full(len(pairs), np.inf)
-        gaps = Gaps(np.full(len(pairs), np.inf), *np.zeros((2, len(pairs))))
-        apart = self._walls(window, pairs[~same])
-        jumps[~same] = steps_met(apart, self._radius)
-        for plane, met in zip(gaps, gaps_met(apart, self._radius), strict=True):
-            plane[~same] = met
-        found = jumps >= self._least
-        # where no wall is found the ground itself may still be too steep
-        steep = ~found & (_rise(heights, pairs) > STEEP * self._grid.resolution)
-        jumps[steep] = np.inf
-        kept = found | steep
-        pairs, jumps, gaps = pairs[kept], jumps[kept], Gaps(*(plane[kept] for plane in gaps))
+        walls = self._walls(window, pairs[~same])
+        steep = _rise(heights, pairs) > STEEP * self._grid.resolution
+        kept, met = steep.copy(), []
+        for radius in self._radii:
+            here = _met(walls, same, radius)
+            found = here.jumps >= self._least
+            # where no wall is found the ground itself may still be too steep
+            here.jumps[steep & ~found] = np.inf
+            kept |= found
+            met.append(here)
+        pairs = pairs[kept]
         crests = self._crests(window, heights)
         hole = np.isnan(heights)
         if hole.any():
@@ -349,8 +404,12 @@ class GroundPainter:
                 if slope is not None:
                     slope[hole] = 0.0
         return Ground(
-            heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs, jumps, gaps, crests,
-            self._ruts(window, planes.surfaces),
+            heights, planes.surfaces, planes.slope_x, planes.slope_y, pairs,
+            tuple(
+                MetWalls(here.jumps[kept], Gaps(*(plane[kept] for plane in here.gaps)))
+                for here in met
+            ),
+            crests, self._ruts(window, planes.surfaces),
         )  # fmt: skip
 
     def _ruts(self, window: Window, surfaces: NDArray[Any]) -> Ruts | None:
@@ -365,7 +424,7 @@ class GroundPainter:
         crests = Crests(heights.copy(), np.zeros_like(heights), np.zeros_like(heights))
         if not kernels.raise_crests(
             self._terrain.field, self._lines, self._weights, self._grid.columns(window),
-            self._grid.rows(window), self._grid.resolution, LOW_CREST * self._radius, heights,
+            self._grid.rows(window), self._grid.resolution, LOW_CREST * min(self._radii), heights,
             crests,
         ):  # fmt: skip
             return None
@@ -481,6 +540,15 @@ def gaps_met(walls: Walls, radius: float) -> Gaps:
         gaps.width[index[wall]], gaps.rise[index[wall]] = width[at], rise[at]
         gaps.lean[index[wall]] = lean
     return gaps
+
+
+def _met(walls: Walls, same: NDArray[np.bool_], radius: float) -> MetWalls:
+    """What wheels meet at pairs, of which those that are not of the `same` label have walls."""
+    jumps, gaps = np.full(len(same), np.inf), np.zeros((3, len(same)))
+    gaps[0] = np.inf
+    jumps[~same] = steps_met(walls, radius)
+    gaps[:, ~same] = gaps_met(walls, radius)
+    return MetWalls(jumps, Gaps(*gaps))
 
 
 def _leans(walls: Walls, at: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -43,7 +43,7 @@ _ANY = 1e9
 """A friction that ends no climb."""
 
 _FINE = 0.5
-"""Ground has pixels no larger than this share of the wheel's radius …"""
+"""Ground has pixels no larger than this share of the wheel's radius, or a smaller one's radius …"""
 _MOST_PARTS = 65
 """… so many for a pixel of the grid, along each side, but no more."""
 _MOST_ACROSS = 512
@@ -91,7 +91,7 @@ class VehicleParams(NamedTuple):
 
 def vehicle_params(vehicle: Vehicle) -> VehicleParams:
     """A vehicle for the kernels."""
-    wheels, wheel = wheel_layout(vehicle), vehicle.wheel
+    wheels = wheel_layout(vehicle)
     limits, margins = vehicle.thresholds, vehicle.margins
     slip, ahead = slip_limit(vehicle), wheels.x - wheels.x.mean()
     lengths, widths = float(np.sum(ahead**2)), float(np.sum(wheels.y**2))
@@ -103,7 +103,7 @@ def vehicle_params(vehicle: Vehicle) -> VehicleParams:
         clearance=vehicle.clearance - margins.clearance,
         front=vehicle.front.height - margins.clearance,
         rear=vehicle.rear.height - margins.clearance,
-        roughness=ROUGH * min(wheel.radius, vehicle.clearance),
+        roughness=ROUGH * min(vehicle.smallest_radius, vehicle.clearance),
         go_traction=limits.utilisation, go_slip=limits.slip / slip,
         go_torque=limits.torque, go_geometry=limits.geometry,
     )  # fmt: skip
@@ -209,7 +209,12 @@ class Verdicts(NamedTuple):
 
 def coarsest_resolution(vehicle: Vehicle) -> float:
     """The largest side of a pixel that a vehicle can be judged on."""
-    return _MOST_PARTS * _FINE * vehicle.wheel.radius
+    return _MOST_PARTS * _coarsest_ground(vehicle)
+
+
+def _coarsest_ground(vehicle: Vehicle) -> float:
+    """The largest side of a pixel of ground, m."""
+    return min(_FINE * vehicle.wheel.radius, vehicle.smallest_radius)
 
 
 def finest_resolution(vehicle: Vehicle) -> float:
@@ -224,13 +229,13 @@ def parts_of(vehicle: Vehicle, resolution: float) -> int:
     Raises:
         RequestError: the resolution is too coarse or too fine for the vehicle.
     """
-    radius = vehicle.wheel.radius
     front, rear, _ = vehicle.rectangle
-    parts = max(1, math.ceil(resolution / (_FINE * radius) - 1e-9))
+    parts = max(1, math.ceil(resolution / _coarsest_ground(vehicle) - 1e-9))
     parts += 1 - parts % 2
     if parts > _MOST_PARTS:
         raise RequestError(
-            f"A resolution of {resolution:g} is too coarse for wheels of radius {radius:g}.",
+            f"A resolution of {resolution:g} is too coarse for wheels of radius "
+            f"{vehicle.smallest_radius:g}.",
             f"Give at most {coarsest_resolution(vehicle):g}.",
         )
     least = finest_resolution(vehicle)
@@ -273,13 +278,13 @@ class Surveyor:
         self._fine = Grid(
             grid.west, grid.south, grid.resolution / parts, grid.height * parts, grid.width * parts
         )
-        radius = vehicle.wheel.radius
         self._footprint: VehicleFootprint = vehicle_footprint(
             vehicle, self._fine.resolution, grid.resolution, headings
         )
         self._halo = math.ceil(self._footprint.halo / parts)
         slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
-        self._painter = GroundPainter(terrain, self._fine, _LEAST * radius, slopes, radius)
+        radii = [tread.radius for tread in self._footprint.by_heading[0].treads]
+        self._painter = GroundPainter(terrain, self._fine, _LEAST * radii[0], slopes, radii)
         params = vehicle_params(vehicle)
         self._on_soils = kernels.VehicleOnSoils(params, *soil_table(terrain, vehicle))
         self.samples = samples
@@ -437,36 +442,36 @@ class GapsOfWheels(NamedTuple):
     side: float
 
 
-class CrestPlanes(NamedTuple):
-    """`Crests`, as in kernels/traversability/sweeps.hpp; `any` is as in `PhasedCrests`."""
+class CrestPixels(NamedTuple):
+    """The pixels that have `Crests`, (n,), as in kernels/traversability/sweeps.hpp.
 
-    heights: NDArray[np.float32]
+    Attributes:
+        row, column: int64, of the ground.
+        height, east, north: float32, as in `Crests`.
+    """
+
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    height: NDArray[np.float32]
     east: NDArray[np.float32]
     north: NDArray[np.float32]
-    any: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, crests: Crests) -> CrestPixels:
+        """Those where it is not the centre that is highest."""
+        beside = np.flatnonzero((crests.east != 0.0) | (crests.north != 0.0))
+        row, column = np.divmod(beside, crests.east.shape[1])
+        return cls(row, column, *(plane[row, column] for plane in crests))
 
 
 class Standing(NamedTuple):
     """How wheels stand on the pixels around them, as in kernels/traversability/sweeps.hpp."""
 
     wheels: Offsets
+    nearest: Offsets
     corners: Offsets
     shares: NDArray[np.float64]
     fit: NDArray[np.float64]
-
-
-class PhasedCrests(NamedTuple):
-    """The crests of the ground, (rows, phases, columns), as in kernels/traversability/sweeps.hpp.
-
-    Attributes:
-        heights, east, north: as in `Crests`.
-        any: uint8, whether there are some in each `kernels.BLOCK` columns.
-    """
-
-    heights: NDArray[np.float32]
-    east: NDArray[np.float32]
-    north: NDArray[np.float32]
-    any: NDArray[np.uint8]
 
 
 class _Sweep:
@@ -483,7 +488,7 @@ class _Sweep:
         if ground.ruts is not None:
             first, passes, exponent = map(self._phased, ground.ruts)
             self.ruts = (first, passes, exponent)
-        self._crests = None if ground.crests is None else self._laid_out(ground.crests)
+        self._crests = None if ground.crests is None else CrestPixels.of(ground.crests)
         middle = np.zeros(2, np.int64)
         self.surfaces = self._at(self.ids, middle)
         heights = self._at(self._heights, middle)
@@ -495,10 +500,6 @@ class _Sweep:
         return np.ascontiguousarray(
             plane.reshape(rows, columns // self._parts, self._parts).transpose(0, 2, 1)
         )
-
-    def _laid_out(self, crests: Crests) -> PhasedCrests:
-        phased = Crests(*(self._phased(plane) for plane in crests))
-        return PhasedCrests(*phased, _blocks_with(phased))
 
     def placed(self, offsets: Offsets) -> Offsets:
         """Rows, phases and columns of offsets."""
@@ -525,20 +526,30 @@ class _Sweep:
         return np.asarray(offsets[:, ::-1] * (resolution, -resolution), np.float32)
 
     def body(
-        self, footprint: HeadingFootprint, supports: NDArray[np.float32]
+        self, footprint: HeadingFootprint, supports: list[NDArray[np.float32]]
     ) -> tuple[NDArray[np.float32], Any, Any]:
-        """The plane that the vehicle stands on, what rises above it under the body, roughness."""
-        phased = self._phased(supports)
+        """The plane that the vehicle stands on, what rises above it under the body, roughness.
+
+        Rough is what the smallest wheels would touch.
+        """
+        # those of each size one below the other: the rows of a wheel are those of its size
+        planes = [self._phased(plane) for plane in supports]
+        phased = planes[0] if len(planes) == 1 else np.concatenate(planes)
         plane = np.empty((3, *self._shape), np.float32)
-        standing = Standing(
-            self.placed(footprint.wheels), self.placed(footprint.corners.reshape(-1, 2)),
-            footprint.shares, footprint.fit,
-        )  # fmt: skip
+        wheels = self.placed(footprint.wheels)
+        corners = self.placed(footprint.corners.reshape(-1, 2))
+        near, down = wheels.copy(), len(self._heights) * footprint.sizes
+        near[:, 0] += down
+        corners[:, 0] += np.repeat(down, 4)
+        standing = Standing(wheels, near, corners, footprint.shares, footprint.fit)
         kernels.stand(phased, self._heights, self.first, standing, plane)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
             # wheels in a row say nothing of a plane: they take the ground's own slope under them
             treads = np.concatenate(
-                [self.placed(wheel + footprint.tread.offsets) for wheel in footprint.wheels]
+                [
+                    self.placed(wheel + footprint.treads[size].under.offsets)
+                    for wheel, size in zip(footprint.wheels, footprint.sizes, strict=True)
+                ]
             )
             for axis, slope in enumerate((self._ground.slope_x, self._ground.slope_y), 1):
                 kernels.mean(self._phased(slope), self.first, treads, plane[axis])
@@ -557,57 +568,59 @@ class _Sweep:
         out = self._empty()
         offsets = self.placed(under.offsets), self._shifts(under.offsets)
         kernels.bumps(self._heights, self.first, *offsets, plane, out)
-        if self._crests is not None and len(under.offsets):
+        if self._crests is not None and len(under.met):
             body = BodyPart(*footprint.direction, under.begin, under.end, under.side)
-            kernels.raise_bumps(self._crests, self.first, *offsets, plane, body, out)
+            met = under.met, self._shifts(under.met)
+            kernels.raise_bumps(self._crests, self._parts, self.first, *met, plane, body, out)
         return out
 
-    def supports(self, footprint: HeadingFootprint) -> NDArray[np.float32]:
-        """How high a wheel's lowest point stands at every pixel of the ground, m.
+    def supports(self, footprint: HeadingFootprint) -> list[NDArray[np.float32]]:
+        """How high the lowest point of a wheel of each size stands at every pixel of the ground, m.
 
         Minus infinity where there is no ground, and along the edges, where not all of it is known.
         """
-        out = np.empty_like(self._ground.heights)
-        tread = footprint.tread
-        kernels.supports(self._ground.heights, tread.offsets, footprint.lift, out)
-        if self._ground.crests is not None:
-            wheel = BodyPart(*footprint.direction, tread.begin, tread.end, tread.side)
-            crests = CrestPlanes(*self._ground.crests, _blocks_with(self._ground.crests))
-            kernels.raise_supports(crests, tread.offsets, self._shifts(tread.offsets), wheel, out)
-        return out
+        found = []
+        for tread in footprint.treads:
+            out, under = np.empty_like(self._ground.heights), tread.under
+            kernels.supports(self._ground.heights, under.offsets, tread.lift, out)
+            if self._crests is not None:
+                wheel = BodyPart(*footprint.direction, under.begin, under.end, under.side)
+                shifts = self._shifts(under.met)
+                kernels.raise_supports(self._crests, under.met, shifts, wheel, out)
+            found.append(out)
+        return found
 
     def steps(
-        self, footprint: HeadingFootprint, supports: NDArray[np.float32]
-    ) -> NDArray[np.float32] | None:
-        """Steps that wheels with a heading, or its opposite, meet; None for none, else phased."""
+        self, footprint: HeadingFootprint, supports: list[NDArray[np.float32]]
+    ) -> list[NDArray[np.float32]]:
+        """Steps that wheels of each size with a heading, or its opposite, meet, phased.
+
+        There are none where there are no walls.
+        """
+        found: list[NDArray[np.float32]] = []
         if not len(self._ground.pairs):
-            return None
-        steps = np.zeros(supports.shape, np.float32)
-        radius = self._surveyor.vehicle.wheel.radius
-        strides = math.ceil(_DETREND * radius / self._surveyor._fine.resolution) + 1
-        gaps = GapsOfWheels(*self._ground.gaps, radius, self._surveyor._fine.resolution)
-        kernels.raise_steps(
-            supports, self._ground.pairs, self._ground.jumps, gaps, *footprint.direction, strides,
-            steps,
-        )  # fmt: skip
-        return self._phased(steps)
+            return found
+        resolution = self._surveyor._fine.resolution
+        for tread, plane, met in zip(footprint.treads, supports, self._ground.met, strict=True):
+            steps = np.zeros(plane.shape, np.float32)
+            strides = math.ceil(_DETREND * tread.radius / resolution) + 1
+            gaps = GapsOfWheels(*met.gaps, tread.radius, resolution)
+            kernels.raise_steps(
+                plane, self._ground.pairs, met.jumps, gaps, *footprint.direction, strides, steps
+            )
+            found.append(self._phased(steps))
+        return found
 
     def step_ahead(
-        self, footprint: HeadingFootprint, steps: NDArray[np.float32] | None
+        self, footprint: HeadingFootprint, steps: list[NDArray[np.float32]]
     ) -> NDArray[np.float32]:
         """The highest step ahead of the wheels, m."""
-        if steps is None:
-            return np.zeros(self._shape, np.float32)
-        out = self._empty()
-        kernels.highest(steps, self.first, self.placed(footprint.lane), out)
-        return out
-
-
-def _blocks_with(crests: Crests) -> NDArray[np.uint8]:
-    """Whether there are crests beside centres in each `kernels.BLOCK` columns."""
-    beside = (crests.east != 0.0) | (crests.north != 0.0)
-    blocks = np.arange(0, beside.shape[-1], kernels.BLOCK)
-    return np.logical_or.reduceat(beside, blocks, axis=-1).astype(np.uint8)
+        most = np.zeros(self._shape, np.float32)
+        for tread, plane in zip(footprint.treads, steps, strict=False):
+            out = self._empty()
+            kernels.highest(plane, self.first, self.placed(tread.lane), out)
+            np.maximum(most, out, out=most)
+        return most
 
 
 def _inverse_moments(places: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -11,11 +11,11 @@ from msgspec import UNSET, Struct, structs
 
 from terratool.definition.keys import document_kind
 from terratool.definition.reader import CheckOptions, check, refusal
-from terratool.definition.vehicle import AxleText, VehicleText, WheelsText
+from terratool.definition.vehicle import STEERINGS, AxleText, VehicleText, WheelsText
 from terratool.errors import DefinitionError
 from terratool.text.source import read_source
 
-_PLAIN = ("mass", "clearance", "body_width", "speed", "power")
+_PLAIN = ("mass", "clearance", "body_width", "steering", "speed", "power")
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +174,8 @@ class Vehicle:
         clearance: of the body between the outermost axles over level ground, m; infinity for none.
         body_width: of the body, m; 0 for none. Wheels may stand out of it or under it.
         front, rear: overhangs.
+        steering: how it turns on the spot: "skid", its wheels slide sideways, or "wheels", they
+            are turned into their ways, or swivel.
         speed: of the wheels' treads, m/s.
         power: that is drawn whether it drives or not, W.
         margins: what is kept in reserve.
@@ -191,6 +193,7 @@ class Vehicle:
     body_width: float = 0.0
     front: Overhang = field(default_factory=Overhang)
     rear: Overhang = field(default_factory=Overhang)
+    steering: str = STEERINGS[0]
     speed: float = 1.0
     power: float = 0.0
     margins: Margins = field(default_factory=Margins)
@@ -205,6 +208,16 @@ class Vehicle:
     def wheel_of(self, axle: Axle) -> Wheel:
         """The wheels of an axle."""
         return axle.wheel or self.wheel
+
+    @property
+    def all_wheels(self) -> tuple[Wheel, ...]:
+        """Its wheels one by one: axles from the front, on each from left to right."""
+        return tuple(self.wheel_of(axle) for axle in self.axles for _ in range(axle.wheels))
+
+    @property
+    def smallest_radius(self) -> float:
+        """Of its wheels, m."""
+        return min(wheel.radius for wheel in self.all_wheels)
 
     @property
     def model(self) -> str:
@@ -248,11 +261,13 @@ class Vehicle:
     @property
     def rectangle(self) -> tuple[float, float, float]:
         """What it covers seen from above: m ahead of, behind and to each side of `middle`."""
-        radius, half = self.wheel.radius, 0.5 * self.wheelbase
+        half, middle = 0.5 * self.wheelbase, self.middle
+        placed = [(axle, self.wheel_of(axle)) for axle in self.axles]
+        track = self.track_width
         return (
-            half + max(radius, self.front.length),
-            half + max(radius, self.rear.length),
-            0.5 * max(self.track_width + self.wheel.width, self.body_width),
+            max(half + self.front.length, *(a.x - middle + w.radius for a, w in placed)),
+            max(half + self.rear.length, *(middle - a.x + w.radius for a, w in placed)),
+            0.5 * max(self.body_width, *(track * (a.wheels > 1) + w.width for a, w in placed)),
         )
 
     @property

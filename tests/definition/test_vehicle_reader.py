@@ -224,6 +224,7 @@ def test_findings_stand_where_the_fault_is() -> None:
     ("change", "message", "hint"),
     [
         ({"gravity": "venus"}, '"venus" is no gravity that has a name.', '"earth", "mars", "moon"'),
+        ({"steering": "ackermann"}, '"ackermann" is no way to steer.', '"skid", "wheels"'),
         ({"bodywidth": 1}, '"bodywidth" is no key of a vehicle.', 'Did you mean "bodyWidth"?'),
         ({"cog": {"height": 1, "y": 0}}, "of the centre of gravity.", "It has x, height."),
         ({"margins": {"tips": 1}}, '"tips" is no key of the margins.', 'Did you mean "tip"?'),

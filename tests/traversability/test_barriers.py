@@ -16,7 +16,9 @@ from terratool.traversability.route.barriers import Pose, bars
 from terratool.traversability.route.graph import drivable
 from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.routes import check_route, plan_route, reach
+from terratool.traversability.soil import soil_of
 from terratool.traversability.tiles import survey
+from terratool.traversability.turning import turn_on_spot
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level, stood
 
@@ -323,9 +325,12 @@ def test_waypoints_through_a_wall_are_barred_there() -> None:
     around = check_route(terrain, ROVER, survey, [(2, 1), (2, 5), (2, 5), (9, 5)])
     assert around.found and around.verdict == Verdict.GO
     assert around.length == pytest.approx(11)
-    arc = np.pi / 2 * np.hypot(ROVER.track_width, ROVER.wheelbase) / 2
-    assert around.time == pytest.approx((11 + arc) / ROVER.speed)
-    assert around.energy == pytest.approx(10 * (11 + arc) + ROVER.power * around.time)
+    soil = soil_of("floor", terrain.surface_types["floor"], ROVER.wheel, 50.0)
+    assert soil is not None
+    turn = turn_on_spot(ROVER, soil)
+    assert around.time == pytest.approx((11 + np.pi / 2 * turn.run) / ROVER.speed)
+    work = 10 * 11 + np.pi / 2 * turn.work
+    assert around.energy == pytest.approx(work + ROVER.power * around.time)
     assert around.start.x == 2 and around.goal.x == 9
 
 

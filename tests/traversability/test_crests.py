@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
+from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.traversability import steps
 from terratool.traversability.results import Reason, Verdict
@@ -46,6 +47,15 @@ def breakover(vehicle: Vehicle) -> float:
     radius, half = vehicle.wheel.radius, 0.5 * vehicle.wheelbase
     low = radius - vehicle.clearance
     return 2.0 * (math.asin(radius / math.hypot(half, low)) - math.atan(low / half))
+
+
+def stands_out(angle: float) -> float:
+    """How high a crest stands above the plane of the wheels, the rover's middle over it, m.
+
+    Its sides fall by an angle (rad); the wheels touch them, so far from the crest as they stand.
+    """
+    radius, half = ROVER.wheel.radius, 0.5 * ROVER.wheelbase
+    return radius + half * math.tan(angle) - radius / math.cos(angle)
 
 
 def crossing(curve: list[Any], heading: int, surface: dict[str, Any], scale: float) -> Terrain:
@@ -129,6 +139,11 @@ class TestRidge:
         plane = crossing([[0, 0], [1, 1]], heading, FIRM, 20 * rise)
         found = measured(plane, ROVER, share, resolution, 0.1)
         assert float(found.clearance.min()) >= 0.15 - 1e-4
+        # a crest takes what it stands above the plane of the wheels, by trigonometry
+        angle = math.radians(8)
+        ridge = crossing([[0, 0], [0.5, 1], [1, 0]], 8, FIRM, 10 * math.tan(angle))
+        found = measured(ridge, ROVER, (0.5, 0.5), 0.05, 0.1)
+        assert float(found.clearance[8].min()) == pytest.approx(0.15 - stands_out(angle), abs=2e-3)
 
     def test_between_centres_is_as_between_columns(self) -> None:
         """The crest that passed at 18.68°: half a pixel from the centres, of 0.05 m."""
@@ -144,7 +159,7 @@ def crests_of(
     n = math.ceil(reach / resolution)
     west, south = ((part - n - 0.5) * resolution for part in share)
     grid = Grid(west, south, resolution, 2 * n + 1, 2 * n + 1)
-    ground = GroundPainter(terrain, grid, 0.004, False, 0.2).paint(
+    ground = GroundPainter(terrain, grid, 0.004, False, [0.2]).paint(
         Window(0, 0, grid.height, grid.width)
     )
     return grid, ground
@@ -252,6 +267,8 @@ class TestPixels:
         grid = Grid(-1.0, -0.8, 0.05, 30, 40)
         surveyor = Surveyor(ridge, ROVER, grid, 8)
         whole = surveyor.measure(grid.whole)
+        left = 0.15 - stands_out(math.atan(0.2))
+        assert whole.clearance[[2, 6]].min() == pytest.approx(left, abs=1e-3)
         part = surveyor.measure(Window(7, 11, 13, 17))
         for name in ("verdict", "reason", "numbers", "step", "rough", "clearance"):
             cropped = getattr(whole, name)[..., 7:20, 11:28]
@@ -275,41 +292,89 @@ class TestTrench:
                 limit = surface_figures("soil", level.surface_types["soil"], wide).gap
                 step = steps.step_of(wide, math.tan(math.radians(35))).height
                 assert limit == pytest.approx(steps.gap_width(0.2, step))
-            half = 0.5 * (1 + more) * limit / 20
-            sides = [[0, 0], [0.5 - half, 0], [0.5 - half, -1], [0.5 + half, -1],
-                     [0.5 + half, 0], [1, 0]]  # fmt: skip
-            terrain = crossing(sides, heading, SOUND, 1.0)
+            terrain = crossing(self.sides((1 + more) * limit), heading, SOUND, 1.0)
             found = measured(terrain, wide, share, resolution, 1.1)
             barred = found.verdict[heading] == Verdict.NO_GO
             assert barred.any() == stopped
             if stopped:
                 assert (found.reason[heading][barred] == Reason.STEP).any()
 
-    @pytest.mark.parametrize("depth", [0.03, 0.06])
-    def test_a_shallow_one_is_as_deep_as_its_floor(self, depth: float) -> None:
-        """Wheels that reach the floor climb out of it, and out of no more."""
-        half = 0.5 * 0.5 / 20
-        sides = [
-            [0, 0],
-            [0.5 - half, 0],
-            [0.5 - half, -1],
-            [0.5 + half, -1],
-            [0.5 + half, 0],
-            [1, 0],
-        ]
-        found = measured(crossing(sides, 8, SOUND, depth), ROVER, (0.3, 0.2), 0.05, 0.8)
-        assert found.step[8].max() == pytest.approx(depth, abs=1e-3)
+    @pytest.mark.parametrize(
+        ("depth", "width", "met"),
+        [(0.03, 0.5, 0.03), (0.06, 0.5, 0.06), (0.06, 0.25, 0.2 - math.sqrt(0.04 - 0.125**2))],
+    )
+    def test_a_shallow_one_is_as_deep_as_its_floor(
+        self, depth: float, width: float, met: float
+    ) -> None:
+        """Wheels that reach the floor climb out of it, others from between the edges."""
+        terrain = crossing(self.sides(width), 8, SOUND, depth)
+        found = measured(terrain, ROVER, (0.3, 0.2), 0.05, 0.8)
+        assert found.step[8].max() == pytest.approx(met, abs=1e-3)
 
     def test_along_a_wide_one_nothing_is_met(self) -> None:
-        """Who has it between the wheels goes along it."""
-        half = 0.5 * 0.3 / 20
-        sides = [
-            [0, 0],
-            [0.5 - half, 0],
-            [0.5 - half, -1],
-            [0.5 + half, -1],
-            [0.5 + half, 0],
-            [1, 0],
-        ]
-        found = measured(crossing(sides, 8, SOUND, 1.0), ROVER, (0.3, 0.2), 0.05, 0.1)
-        assert found.step[0].max() == 0.0 and found.step[8].max() > 0.0
+        """Who has it between the wheels goes along it; across it the wheels sink in."""
+        terrain = crossing(self.sides(0.3), 8, SOUND, 1.0)
+        found = measured(terrain, ROVER, (0.3, 0.2), 0.05, 0.1)
+        assert found.step[0].max() == 0.0
+        wide = measured(terrain, ROVER, (0.3, 0.2), 0.05, 0.8)
+        assert wide.step[8].max() == pytest.approx(0.2 - math.sqrt(0.04 - 0.15**2), abs=1e-3)
+
+    @staticmethod
+    def sides(width: float) -> list[Any]:
+        """The curve of a trench, over 20 m."""
+        half = 0.5 * width / 20
+        return [[0, 0], [0.5 - half, 0], [0.5 - half, -1], [0.5 + half, -1], [0.5 + half, 0],
+                [1, 0]]  # fmt: skip
+
+
+class TestOwnWheels:
+    """A small wheel in front of a large one, and the same vehicle the other way round."""
+
+    SMALL = Wheel(0.1, 0.06)
+    AHEAD = replace(ROVER, axles=(Axle(0.5, wheel=SMALL), Axle(-0.5)))
+    BEHIND = replace(ROVER, axles=(Axle(0.5), Axle(-0.5, wheel=SMALL)))
+    WIDTH = 0.15
+
+    def trench(self, surface: dict[str, Any] = SOUND) -> Terrain:
+        return crossing(TestTrench.sides(self.WIDTH), 8, surface, 1.0)
+
+    @pytest.mark.parametrize("resolution", [0.02, 0.05])
+    def test_each_sinks_in_between_edges_as_far_as_it_is_round(self, resolution: float) -> None:
+        """r − √(r² − (w/2)²): the step that it meets, and how it pitches the body."""
+        small, large = (
+            radius - math.sqrt(radius**2 - 0.25 * self.WIDTH**2) for radius in (0.1, 0.2)
+        )
+        for vehicle, front, rear in ((self.AHEAD, small, large), (self.BEHIND, large, small)):
+            found = measured(self.trench(), vehicle, (0.0, 0.0), resolution, 0.6)
+            middle = found.step.shape[1] // 2
+
+            def at(x: float, middle: int = middle) -> tuple[int, int]:
+                return middle, middle + round(x / resolution)
+
+            before, behind = (np.s_[8, *at(x)] for x in (-0.6, 0.4))
+            assert found.step[before] == pytest.approx(front, abs=1e-5)
+            assert found.step[behind] == pytest.approx(rear, abs=1e-5)
+            pitch = found.numbers[8, kernels.PITCH]
+            assert pitch[at(-0.5)] == pytest.approx(-math.atan(front), abs=1e-5)
+            assert pitch[at(0.5)] == pytest.approx(math.atan(rear), abs=1e-5)
+
+    def test_only_the_large_one_bridges_a_trench(self) -> None:
+        """Where friction is low; whichever end the small one stands at, it bars the way there."""
+        slick = {**SOUND, "fricAngle": 20}
+        for vehicle, bars, free in ((self.AHEAD, -0.6, 0.4), (self.BEHIND, 0.4, -0.6)):
+            high = replace(vehicle, clearance=0.3)
+            found = measured(self.trench(slick), high, (0.0, 0.0), 0.02, 0.7)
+            middle = found.step.shape[1] // 2
+            here, there = (middle + round(x / 0.02) for x in (bars, free))
+            assert found.verdict[8, middle, here] == Verdict.NO_GO
+            assert found.reason[8, middle, here] == Reason.STEP
+            assert found.verdict[8, middle, there] != Verdict.NO_GO
+
+    def test_what_it_covers_is_that_of_its_own_wheels(self) -> None:
+        """The rectangle from above, ahead, behind and to the sides."""
+        wide = Wheel(0.3, 0.2)
+        axles = (Axle(0.5, wheel=self.SMALL), Axle(0.3, wheel=wide), Axle(-0.5))
+        vehicle = replace(ROVER, axles=axles)
+        assert vehicle.rectangle == pytest.approx((0.6, 0.7, 0.5))
+        single = replace(ROVER, axles=(Axle(0.5), Axle(-0.5, 1, wheel=wide)), body_width=0.0)
+        assert single.rectangle == pytest.approx((0.7, 0.8, 0.45))

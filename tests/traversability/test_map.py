@@ -17,7 +17,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.traversability.limits import wheel_loads
 from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.stance import directions
+from terratool.traversability.stance import GroundPainter, directions
 from terratool.traversability.steps import gap_width, step_of
 from terratool.traversability.survey import Surveyor, WindowMeasures, soil_table
 from terratool.traversability.tiles import survey
@@ -487,24 +487,37 @@ class TestSingleWheel:
         assert found.reason[(EAST, *cut("east", 5.9))] == Reason.STEP
 
 
-def slow(terrain: Terrain, x: float, y: float, heading: int, resolution: float) -> Any:
-    """Pitch, roll, clearance and loads of the rover, read from the field point by point.
+def slow(terrain: Terrain, grid: Grid, at: tuple[int, int], heading: int) -> Any:
+    """Pitch, roll, clearance and loads of the rover at a pixel, read point by point.
 
-    Wheels stand between the pixels around them, whose circles touch pixels: right where ground has
-    no crests.
+    Wheels stand between the pixels around them. Their circles touch the centres of pixels, and
+    their crests: where these lie is taken from what was painted (test_crests.py has it from the
+    field), and which of them are met is worked out here.
     """
+    resolution, reach = grid.resolution, 20
     east, north = directions(8)[heading]
+    window = Window(at[0] - reach, at[1] - reach, 2 * reach + 1, 2 * reach + 1)
+    crests = GroundPainter(terrain, grid, 0.004, False, [0.2]).paint(window).crests
+    x, y = (float(v[reach]) for v in (grid.columns(window), grid.rows(window)))
 
     def world(along: float, left: float) -> tuple[float, float]:
         return along * east - left * north, along * north + left * east
 
-    def around(px: float, py: float, most: int) -> tuple[Any, ...]:
-        dx, dy = (v * resolution for v in np.mgrid[-most : most + 1, -most : most + 1])
-        z = terrain.height(px + dx, py + dy)
+    def around(column: int, row: int, most: int) -> tuple[Any, ...]:
+        """What stands out around a pixel, so far from the reference point: centres, then crests."""
+        rows, columns = (v.ravel() for v in np.mgrid[-most : most + 1, -most : most + 1])
+        dx, dy = columns * resolution, rows * resolution
+        z = terrain.height(x + column * resolution + dx, y + row * resolution + dy)
+        if crests is not None:
+            place = reach - (rows + row), reach + columns + column
+            beside = (crests.east[place] != 0) | (crests.north[place] != 0)
+            dx = np.append(dx, (dx + crests.east[place])[beside])
+            dy = np.append(dy, (dy + crests.north[place])[beside])
+            z = np.append(z, crests.heights[place][beside])
         return dx, dy, dx * east + dy * north, dy * east - dx * north, z
 
-    def touched(px: float, py: float) -> float:
-        _, _, along, left, z = around(px, py, 6)
+    def touched(column: int, row: int) -> float:
+        _, _, along, left, z = around(column, row, 6)
         # at least a line of pixels, none twice as wide
         wide = np.abs(left) <= 0.05 + 1e-9
         wide |= np.abs(left) < 0.5 * resolution * (abs(east) + abs(north)) - 1e-7
@@ -520,7 +533,7 @@ def slow(terrain: Terrain, x: float, y: float, heading: int, resolution: float) 
         right, up = column - low, row - below
         supports.append(
             sum(
-                share * touched(x + (low + i) * resolution, y + (below + j) * resolution)
+                share * touched(low + i, below + j)
                 for i, j, share in (
                     (0, 0, (1 - right) * (1 - up)), (1, 0, right * (1 - up)),
                     (0, 1, (1 - right) * up), (1, 1, right * up),
@@ -530,7 +543,7 @@ def slow(terrain: Terrain, x: float, y: float, heading: int, resolution: float) 
     level, slope_x, slope_y = np.linalg.lstsq(np.array(rows), np.array(supports), rcond=None)[0]
     pitch = math.atan(slope_x * east + slope_y * north)
     roll = math.atan(slope_y * east - slope_x * north)
-    dx, dy, along, left, z = around(x, y, 12)
+    dx, dy, along, left, z = around(0, 0, 12)
     under = (np.abs(along) <= 0.5 + 1e-9) & (np.abs(left) <= 0.35 + 1e-9)
     most = float((z - (level + slope_x * dx + slope_y * dy))[under].max())
     down = 1 / math.sqrt(1 + slope_x**2 + slope_y**2)
@@ -549,9 +562,9 @@ class TestSlowly:
     def test_pose_and_clearance(self, rises: list[int], others: list[int], heading: int) -> None:
         """Pitch, roll, clearance, and by the loads what is asked of the soil.
 
-        Hollows, whose slopes grow: what crests add is for test_crests.py.
+        The crests of two curves cross anywhere under the vehicle.
         """
-        along, across = (np.cumsum([0, *sorted(slopes)]) / 100 for slopes in (rises, others))
+        along, across = (np.cumsum([0, *slopes]) / 100 for slopes in (rises, others))
         terrain = terrain_of(
             {
                 "size": [12, 9],
@@ -567,11 +580,7 @@ class TestSlowly:
         )  # fmt: skip
         grid = grid_over(terrain, 0.08)
         measures = Surveyor(terrain, ROVER, grid).measure(Window(40, 50, 2, 3))
-        x, y = (
-            float(v[1])
-            for v in (grid.columns(Window(40, 50, 2, 3)), grid.rows(Window(40, 50, 2, 3)))
-        )
-        pitch, roll, clearance, loads = slow(terrain, x, y, heading, 0.08)
+        pitch, roll, clearance, loads = slow(terrain, grid, (41, 51), heading)
         here = heading, 1, 1
         utilisation, found_pitch, found_roll = measures.numbers[heading, :3, 1, 1]
         assert (found_pitch, found_roll) == pytest.approx((pitch, roll), abs=1e-5)

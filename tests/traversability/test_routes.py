@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import re
 import sys
+from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import networkx
 import numpy as np
@@ -14,17 +16,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.results import Reason, Route, Survey, Verdict
+from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.results import GroundClass, Reason, Route, Survey, Verdict
 from terratool.traversability.route import routes
 from terratool.traversability.route.graph import PREFERENCES
 from terratool.traversability.route.routes import check_route, plan_route, reach, route_grid
-from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.turning import turn_on_spot
+from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level
 from tests.traversability.test_route_graph import slow
 
 DIAGONAL = math.sqrt(2.0)
+
+FLOOR = Soil.of(0, 35, 0)
+TURN = turn_on_spot(ROVER, FLOOR)
+"""On the ground of `level`, for a radian: tests/traversability/test_turning.py is about these."""
 
 MAZE = """
 .........
@@ -119,10 +128,10 @@ def test_no_route_costs_less_and_the_way_back_is_as_long(seed: int, shape: tuple
     rate = energy + ROVER.power / (ROVER.speed * (1.0 - survey.slip[0]))
     can = survey.verdict < Verdict.NO_GO
     graph = slow(np.broadcast_to(rate, can.shape), can, survey.heights)
-    arc = 2 * math.pi / 8 * math.hypot(0.5, 0.6) / 2
+    turn = 2 * math.pi / 8 * (TURN.work + ROVER.power * TURN.run / ROVER.speed)
     for one, other, data in graph.edges(data=True):
         if one[1:] == other[1:]:
-            data["weight"] = rate[one[1:]] * arc
+            data["weight"] = turn
         else:
             data["weight"] *= 2.0  # it has cells of half a metre
     known = networkx.multi_source_dijkstra_path_length(
@@ -223,10 +232,9 @@ def test_backs_up_where_it_can_turn_one_way_only() -> None:
     assert route.profile is not None
     assert route.profile.heading.tolist() == [0.0, 0.0, 0.0, 315.0, 270.0, 270.0, 270.0, 270.0]
     assert np.diff(route.profile.x).tolist() == [0, 0, 0, 0, 1, 1, 1]
-    arc = math.pi / 2 * math.hypot(ROVER.track_width, ROVER.wheelbase) / 2
-    time = (2 + arc) / ROVER.speed + 3 / (0.5 * ROVER.speed)
+    time = (2 + math.pi / 2 * TURN.run) / ROVER.speed + 3 / (0.5 * ROVER.speed)
     assert route.time == pytest.approx(time, rel=1e-6)
-    work = 10 * (2 + arc) + 40 * 3
+    work = 10 * 2 + 40 * 3 + math.pi / 2 * TURN.work
     assert route.energy == pytest.approx(work + ROVER.power * time, rel=1e-6)
     # what cannot be climbed with the nose ahead is not climbed in reverse
     barred(survey, [2], np.s_[0, 3])
@@ -270,16 +278,106 @@ def test_energy_and_time_on_a_plane_are_those_of_mechanics() -> None:
     assert driven.energy == pytest.approx(route.energy, rel=1e-5)
 
 
-def test_turning_takes_the_time_of_its_arc() -> None:
+@pytest.mark.parametrize("rover", [ROVER, replace(ROVER, steering="wheels")])
+def test_a_turn_takes_its_work_and_the_time_of_its_treads(rover: Vehicle) -> None:
+    """What a way with a turn takes is that of its legs, and that of the turn, which is named."""
     survey = drawn("..\n#.", headings=4)
-    route = plan_route(level(2, 2), ROVER, survey, (0.5, 1.5), (1.5, 0.5))
-    arc = math.pi / 2 * math.hypot(ROVER.track_width, ROVER.wheelbase) / 2
+    route = plan_route(level(2, 2), rover, survey, (0.5, 1.5), (1.5, 0.5))
+    turn = turn_on_spot(rover, FLOOR)
     assert route.length == pytest.approx(2)
-    assert route.time == pytest.approx((2 + arc) / ROVER.speed, rel=1e-6)
-    assert route.energy == pytest.approx(10.0 * (2 + arc) + ROVER.power * route.time, rel=1e-6)
+    turning = math.pi / 2 * turn.run / rover.speed
+    assert route.time == pytest.approx(2 / rover.speed + turning, rel=1e-6)
+    assert route.turning == pytest.approx(math.pi / 2 * turn.work + rover.power * turning)
+    legs = 10.0 * 2 + rover.power * 2 / rover.speed
+    assert route.energy == pytest.approx(legs + route.turning, rel=1e-6)
+    assert (turn.work > 0.0) == (rover is ROVER)
     assert route.profile is not None
     assert route.profile.distance.tolist() == [0.0, 1.0, 1.0, 2.0]
     assert route.profile.heading.tolist() == [90.0, 90.0, 180.0, 180.0]
+
+
+def floors(columns: str) -> Terrain:
+    """Level strips of a metre from west to east, of surfaces "f", firm, and "g", grippy."""
+    soils = {"f": {"cohesion": 0, "fricAngle": 20, "sinkage": 0},
+             "g": {"cohesion": 0, "fricAngle": 60, "sinkage": 0}}  # fmt: skip
+    strips = [
+        {"type": "flat", "cellX": n, "cellY": 0, "vScale": 0, "surface": name}
+        for n, name in enumerate(columns)
+    ]
+    return terrain_of(
+        {
+            "size": [len(columns), 3],
+            "surfTypes": soils,
+            "elemTypes": {"flat": {"x": "flat"}},
+            "elemTree": {
+                "type": "flat", "vScale": 0, "surface": "f",
+                "cells": [len(columns), 1], "children": strips,
+            },
+        }
+    )  # fmt: skip
+
+
+def on_floors(columns: str, picture: str, **planes: Any) -> Survey:
+    survey = drawn(picture, headings=4, **planes)
+    survey.surfaces[:] = [1 + "fg".index(name) for name in columns]
+    return survey
+
+
+CROSS = "gfg"
+ROOM = "...\n...\n..."
+
+
+def heading_at_turns(route: Route) -> list[float]:
+    """The places, x, where a route turns."""
+    assert route.profile is not None
+    still = np.diff(route.profile.distance) == 0.0
+    return route.profile.x[1:][still].tolist()
+
+
+def test_turns_are_made_where_they_take_least() -> None:
+    """From a grippy column to the slippery one, and back: the turn is made in the slippery one."""
+    terrain, survey = floors(CROSS), on_floors(CROSS, ROOM)
+    way = plan_route(terrain, ROVER, survey, (0.5, 0.5), (1.5, 2.5), "energy")
+    other = plan_route(terrain, ROVER, survey, (1.5, 0.5), (0.5, 2.5), "energy")
+    assert heading_at_turns(way) == heading_at_turns(other) == [1.5]
+    firm = turn_on_spot(ROVER, Soil.of(0, 20, 0))
+    assert way.turning == pytest.approx(
+        math.pi / 2 * (firm.work + ROVER.power * firm.run / ROVER.speed)
+    )
+
+
+def test_energy_takes_a_longer_way_where_turning_is_dear() -> None:
+    """Between the obstacles, with turns of 360° in all, or around them, with 180°."""
+    survey = drawn(".........\n.#######.\n..#...#..\n#...#...#")
+    ends = (0.5, 1.5), (8.5, 1.5)
+    skids = plan_route(level(9, 4), ROVER, survey, *ends, "energy")
+    assert skids.length == pytest.approx(8 + 2 * DIAGONAL) and len(heading_at_turns(skids)) == 4
+    rolls = plan_route(level(9, 4), replace(ROVER, steering="wheels"), survey, *ends, "energy")
+    assert rolls.length == pytest.approx(4 + 4 * DIAGONAL) and len(heading_at_turns(rolls)) == 6
+
+
+def test_where_it_cannot_turn_it_does_not() -> None:
+    """Its motors turn it on the slippery strip alone: a corner on the grippy one bars the way."""
+    weak = replace(ROVER, wheel=Wheel(0.1, 0.06, 2.0))
+    assert turn_on_spot(weak, Soil.of(0, 20, 0)).possible
+    assert turn_on_spot(weak, Soil.of(0, 60, 0)).reason == Reason.TORQUE
+    terrain, survey = floors("fg"), on_floors("fg", "..\n#.\n#.")
+    route = plan_route(terrain, weak, survey, (0.5, 2.5), (1.5, 0.5))
+    assert not route.found and route.verdict == Verdict.NO_GO
+    (bar,) = route.barriers
+    assert bar.reason == Reason.TURNING and (bar.place.x, bar.place.y) == (1.5, 2.5)
+    assert bar.bars == '/elemTree/children/1 (surface "g"), by motor torque'
+    straight = check_route(terrain, weak, survey, [(0.5, 2.5), (1.5, 2.5), (1.5, 0.5)])
+    assert [bar.reason for bar in straight.barriers] == [Reason.TURNING]
+    assert plan_route(terrain, ROVER, survey, (0.5, 2.5), (1.5, 0.5)).found
+    # the same corner on the slippery strip is gone round
+    survey = on_floors("fg", "..\n.#\n.#")
+    assert plan_route(terrain, weak, survey, (0.5, 0.5), (1.5, 2.5)).found
+    beyond = reach(terrain, survey, (1.5, 2.5), weak)
+    assert beyond.share == reach(terrain, survey, (1.5, 2.5)).share == pytest.approx(4 / 6)
+    corner = on_floors("gf", "..\n.#\n.#")
+    assert reach(floors("gf"), corner, (1.5, 2.5)).share == pytest.approx(4 / 6)
+    assert reach(floors("gf"), corner, (1.5, 2.5), weak).share == pytest.approx(2 / 6)
 
 
 def test_softest_and_steepest_places_are_where_the_survey_has_them() -> None:
@@ -380,3 +478,19 @@ def test_grid_of_a_narrow_part() -> None:
 def test_tiny_terrain_has_a_grid() -> None:
     grid, said = route_grid(level(0.05, 3), ROVER)
     assert grid.width == 1 and grid.height >= 18 and not said
+
+
+def test_a_map_counts_on_no_turns_that_cannot_be_made() -> None:
+    """Who cannot turn gets along a line, ahead and back; the rest of level ground is cut off."""
+    weak = replace(ROVER, wheel=Wheel(0.1, 0.06, 2.0), power=0.0)
+    strong = replace(weak, wheel=Wheel(0.1, 0.06, 4.0))
+    assert not turn_on_spot(weak, FLOOR).possible and turn_on_spot(strong, FLOOR).possible
+    lost = {}
+    for vehicle in (weak, strong, replace(weak, steering="wheels")):
+        wanted = Request(resolution=0.2, start=(3.0, 2.0))
+        report = assess(prepare_assessment(level(6, 4), vehicle, wanted))
+        assert report.summary is not None and report.reach is not None
+        lost[vehicle] = report.summary.fraction(GroundClass.CUT_OFF), report.reach.share
+    (cut, reached), *others = lost.values()
+    assert reached < 0.25 and cut > 0.25
+    assert others[0] == others[1] and others[0][0] < 0.5 * cut and others[0][1] > 2 * reached

@@ -12,10 +12,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, load_checked
 from terratool.errors import MissedError, RequestError
 from terratool.field.terrain import Terrain, load
 from terratool.traversability.ruts import Deformed, deform, simplified, wheel_paths, write_deformed
+from terratool.traversability.soil import bekker_sinkage
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
 from tests.commands import ROOT, call
 
@@ -158,6 +160,28 @@ class TestRuts:
         """Eight passes of all four wheels are sixteen over a place."""
         terrain = driven(flat(tmp_path), [(4, 10), (12, 10)], passes=8, multipass=2)
         assert terrain.height(8.0, 10.4) == pytest.approx(-0.01 * 4, rel=1e-6)
+
+    def test_each_axle_leaves_the_track_of_its_own_wheels(self, tmp_path: Path) -> None:
+        """A narrow castor of a small radius: its width, and its depth by the soil's preset."""
+        castor = Wheel(radius=0.08, width=0.04)
+        machine = vehicle(Axle(0.3), Axle(-0.6, 1, False, castor))
+        site = load_checked(flat(tmp_path))
+        found = deform(site, machine, np.array([(5.0, 2.0), (5.0, 20.0)]))
+        assert sorted(track.width for track in found.tracks) == [0.04, 0.1, 0.1]
+        dust = deform(site, machine, np.array([(25.0, 2.0), (33.0, 2.0)]))
+        soil = load_checked(flat(tmp_path)).terrain.surfaces["dust"]  # type: ignore[union-attr]
+        preset = preset_of(soil)
+        assert preset is not None
+        for track in dust.tracks:
+            wheel = castor if track.width == 0.04 else WHEEL
+            depth = bekker_sinkage(preset, wheel, 1e3 * track.load)
+            assert track.depth == {"dust": pytest.approx(depth, rel=1e-5)}
+
+    def test_a_small_wheel_cannot_sink_by_its_own_radius(self, tmp_path: Path) -> None:
+        """Under 133 N and more it sinks 13 mm, which a wheel of 0.2 m bears."""
+        machine = vehicle(Axle(0.3), Axle(-0.6, 1, False, Wheel(0.01, 0.1)), mass=40.0)
+        with pytest.raises(MissedError, match=r"its radius is 0\.01 m"):
+            driven(flat(tmp_path), [(5, 2), (5, 20)], machine)
 
     def test_rigid(self, tmp_path: Path) -> None:
         """On rock there is nothing to see."""

@@ -60,6 +60,7 @@ def test_every_key_arrives_in_its_place_and_unit() -> None:
     assert [axle.wheel is None for axle in vehicle.axles] == [True, False, False]
     assert (vehicle.mass, vehicle.gravity, vehicle.track_width) == (120, 3.71, 0.9)
     assert (vehicle.cog_height, vehicle.clearance, vehicle.body_width) == (0.35, 0.17, 0.7)
+    assert vehicle.steering == "wheels"
     assert vehicle.front == Overhang(0.5, 0.25)
     assert vehicle.rear == Overhang(0.3, 0.17)  # as high as the rest of the body
     assert (vehicle.speed, vehicle.power) == (0.5, 25)

@@ -48,7 +48,7 @@ FORMAT_VERSION = 2
 
 _KEYS: dict[type, str] = {
     Vehicle: "name single_wheel mass_kg gravity_m_s2 weight_N wheel axles track_m cog_height_m "
-    "clearance_m body_width_m front rear speed_m_s power_W margins classes",
+    "clearance_m body_width_m front rear steering speed_m_s power_W margins classes",
     Wheel: "radius_m width_m grouser_height_m contact_length_m patch_pressure_kPa exit_ratio "
     "max_torque_Nm max_slip",
     Axle: "x_m wheels driven wheel",
@@ -60,12 +60,13 @@ _KEYS: dict[type, str] = {
     "normal_stress_kPa shear_stress_kPa entry_angle_deg strength_kPa motor_stress_kPa "
     "limit_torque_Nm thrust_N resistance_N drawbar_N torque_Nm utilisation slip "
     "climb_deg climb_binding cross_slope_deg cross_slope_binding step_m step_binding step_axle "
-    "gap_m warnings slip_curve",
+    "gap_m turning_Nm turning_work_J turning_slip turning_binding warnings slip_curve",
     SlipCurve: "slope_deg slip",
     Location: "x y z surface element",
     Barrier: "binding bars width_m place",
-    Route: "found planned verdict start goal length_m time_s energy_J steepest softest tightest "
-    "barriers reached note one_way against back headings tried_headings ruled_out_headings profile",
+    Route: "found planned verdict start goal length_m time_s energy_J turning_J steepest softest "
+    "tightest barriers reached note one_way against back headings tried_headings "
+    "ruled_out_headings profile",
     RouteProfile: "x y heading_deg distance_m z sinkage_m pitch_deg roll_deg slip utilisation "
     "verdict binding surface element",
     Reach: "start share returnable note",

@@ -58,6 +58,7 @@ def _summary(route: Route) -> dict[str, Any]:
         "length_m": _number(route.length),
         "time_s": _number(route.time),
         "energy_J": _number(route.energy),
+        "turning_J": _number(route.turning),
         "note": route.note or None,
         **chances,
     }

@@ -15,6 +15,7 @@ from terratool.traversability.results import (
     Figures,
     GroundClass,
     MapSummary,
+    Reason,
     Route,
     TraversabilityReport,
     Verdict,
@@ -29,8 +30,14 @@ _NAME = 16
 _SLOPES, _STEEPEST = 5, 45
 """Slopes of which a table has the slip, degrees: so many apart, up to the last."""
 
-_SPACE = re.compile(r"\s+(?!%)")
-"""Where a line may be broken; not between a number and its "%"."""
+_SPACE = re.compile(r"\s+(?!%|J\b|k?Wh\b)")
+"""Where a line may be broken; not between a number and its "%", or its unit of energy."""
+
+STEERING = {
+    "skid": "left and right wheels against each other",
+    "wheels": "wheels turned into their ways",
+}
+"""How a vehicle turns on the spot, in words."""
 
 
 class Judged(NamedTuple):
@@ -89,6 +96,9 @@ def abilities(report: TraversabilityReport) -> Table:
         (Column("step"), lambda f: wording.length(f.step)),
         (Column("step limited by", False), lambda f: wording.step_limit(f, report.vehicle)),
         (Column("gap"), lambda f: wording.length(f.gap)),
+        (Column("turning resistance, N m"), lambda f: wording.number(f.turning)),
+        (Column("turn by 90°"), wording.quarter_turn),
+        (Column("slip in turning"), lambda f: wording.share(f.turning_slip)),
     )
 
 
@@ -270,7 +280,8 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         ("energy", wording.energy(route.energy)),
     ):
         if text != wording.NOTHING:
-            yield name, text
+            part = wording.turning(route) if name == "energy" else ""
+            yield name, f"{text}, {part}" if part else text
     if route.steepest is not None:
         pitch = route.steepest.value
         way = (" up" if pitch > 0 else " down") if pitch else ""
@@ -310,6 +321,8 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     yield "wheel", _sizes(wheel)
     yield "largest torque of a wheel", wording.quantity(wheel.max_torque, "N m")
     yield "largest slip", wording.share(wheel.max_slip)
+    if not vehicle.is_single:
+        yield "steering", STEERING[vehicle.steering]
     if vehicle.is_single:
         yield "load", wording.quantity(vehicle.weight, "N")
     else:
@@ -414,6 +427,7 @@ def as_lines(report: TraversabilityReport) -> Iterator[str]:
     if any(not figures.missing for figures in report.surfaces):
         yield from aligned(_surfaces(report))
         yield from wrapped(_step_limits(report))
+        yield from wrapped(_turns(report))
         yield ""
     if (table := chances(report)).rows:
         titles = [column.title for column in table.columns]
@@ -481,6 +495,17 @@ def _step_limits(report: TraversabilityReport) -> str:
         return f"Steps are limited by {next(iter(by_limit))}."
     parts = [f"{limit} ({', '.join(surfaces)})" for limit, surfaces in by_limit.items()]
     return f"Steps are limited by {listed(parts)}." if parts else ""
+
+
+def _turns(report: TraversabilityReport) -> str:
+    """What turning on the spot takes on which surfaces, in a sentence; empty for nothing."""
+    by_work: dict[str, list[str]] = {}
+    for figures in report.surfaces:
+        if figures.turning_work or figures.turning_binding != Reason.NONE:
+            work = wording.quarter_turn(figures)
+            by_work.setdefault(work, []).append(cut(title(figures), _NAME))
+    parts = [f"{', '.join(surfaces)} {work}" for work, surfaces in by_work.items()]
+    return f"Work of a turn on the spot by 90°: {'; '.join(parts)}." if parts else ""
 
 
 def _map(summary: MapSummary) -> Iterator[Sequence[str]]:

@@ -134,6 +134,20 @@ def energy(joules: float | None) -> str:
     return quantity(hours / 1e3, "kWh") if abs(hours) >= 1e4 else quantity(hours, "Wh")
 
 
+def turning(route: Route) -> str:
+    """What share of a route's energy turns take; empty where that is nothing."""
+    if not (route.turning and route.energy and math.isfinite(route.energy)):
+        return ""
+    return f"{share(route.turning / route.energy)} of it for turns on the spot"
+
+
+def quarter_turn(figures: Figures) -> str:
+    """The work of a quarter turn on the spot, or what forbids it."""
+    if figures.turning_binding != Reason.NONE:
+        return f"cannot, by {figures.turning_binding.label}"
+    return energy(figures.turning_work)
+
+
 def coordinates(place: Location) -> str:
     """World x and y, to a millimetre."""
     x, y = (f"{round(value, 3) + 0.0:.12g}".replace("-", "−") for value in (place.x, place.y))
@@ -267,6 +281,8 @@ def _journey(route: Route) -> str:
     line = f"{length(route.length)}, {duration(route.time)}"
     if route.energy is not None and math.isfinite(route.energy):
         line += f", {energy(route.energy)}"
+        if part := turning(route):
+            line += f", {part}"
     return line
 
 

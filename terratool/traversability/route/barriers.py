@@ -13,10 +13,11 @@ from terratool.field.terrain import Terrain
 from terratool.text.display import shown
 from terratool.traversability.limits import level_demand
 from terratool.traversability.results import Barrier, Reason, Survey
-from terratool.traversability.route.graph import drivable, turning_arc
+from terratool.traversability.route.graph import drivable, turnable, turning_arc
 from terratool.traversability.route.paths import Path, location_at
-from terratool.traversability.soil import soils
+from terratool.traversability.soil import soils, turnings
 from terratool.traversability.tiles import SurveyTiles
+from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
 _PER_RADIUS = 4.0
@@ -41,11 +42,23 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """A vehicle on a terrain, and what is known of it there."""
+    """A vehicle on a terrain, and what is known of it there.
+
+    Attributes:
+        terrain, vehicle: the two.
+        tiles: a survey.
+        turns: what it takes to turn on each surface, by id.
+    """
 
     terrain: Terrain
     vehicle: Vehicle
     tiles: SurveyTiles
+    turns: tuple[Turning, ...]
+
+    @classmethod
+    def of(cls, terrain: Terrain, vehicle: Vehicle, tiles: SurveyTiles) -> Site:
+        """With what turning takes on each surface."""
+        return cls(terrain, vehicle, tiles, turnings(terrain, vehicle))
 
     @property
     def survey(self) -> Survey:
@@ -56,14 +69,21 @@ class Site:
 def barriers(on: Site, path: Path) -> tuple[Barrier, ...]:
     """The stretches of a path that cannot be driven, in its order.
 
-    Of a leg with one end that cannot be driven a half counts; of a turn, its arc. Where it is too
-    steep for the soil, the motors or the vehicle's balance, `bars` says how steep, too.
+    Of a leg with one end that cannot be driven a half counts; of a turn, its arc, and all of it
+    where the vehicle cannot turn. Where it is too steep for the soil, the motors or the vehicle's
+    balance, `bars` says how steep, too.
     """
     terrain, vehicle, survey = on.terrain, on.vehicle, on.survey
     no_ground = np.isnan(path.height)
     blocked = no_ground | ~path.sampled(drivable(survey))
     reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.sampled(survey.reason))
     run = path.leg_lengths
+    able = turnable(survey, on.turns)
+    if able is not None:
+        stuck = (run == 0.0) & ~able[path.row[1:], path.column[1:]]
+        both = np.r_[False, stuck] | np.r_[stuck, False]
+        reasons[both & ~blocked] = Reason.TURNING
+        blocked |= both
     way = np.where(run > 0.0, run, turning_arc(survey, vehicle))
     width = 0.5 * (np.r_[0.0, way] + np.r_[way, 0.0])
     edges = np.flatnonzero(np.diff(np.r_[False, blocked, False].astype(np.int8)))
@@ -72,7 +92,10 @@ def barriers(on: Site, path: Path) -> tuple[Barrier, ...]:
         reason = Reason(int(reasons[first]))
         x, y = float(path.x[first]), float(path.y[first])
         heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
-        name = bars(terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution)
+        if reason == Reason.TURNING:
+            name = _turning(on, int(survey.surfaces[path.row[first], path.column[first]]), (x, y))
+        else:
+            name = bars(terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution)
         at = int(path.judged[first]), int(path.row[first]), int(path.column[first])
         found.append(
             Barrier(
@@ -83,6 +106,13 @@ def barriers(on: Site, path: Path) -> tuple[Barrier, ...]:
             )
         )
     return tuple(found)
+
+
+def _turning(on: Site, surface: int, place: Point) -> str:
+    """The ground on which the vehicle cannot turn, and what forbids it."""
+    element = int(on.terrain.sample(*place).element)
+    name = f"surface {shown(on.terrain.surfaces[surface - 1])}"
+    return f"{on.terrain.pointer(element)} ({name}), by {on.turns[surface].reason.label}"
 
 
 class Pose(NamedTuple):

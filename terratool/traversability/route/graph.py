@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.traversability.results import Survey, Verdict
+from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
 Preference = Literal["length", "time", "energy", "margin"]
@@ -113,6 +114,52 @@ def rates(
         price = 1.0 + limit * used**2 + caution * (verdict == Verdict.CAUTION)
         rate = seconds_per_metre(slip, vehicle) * price
     return np.asarray(np.maximum(rate, _LEAST), np.float32)
+
+
+class TurnPrices(NamedTuple):
+    """What turning by one heading costs on each surface, (ids,) float32 each.
+
+    Attributes:
+        fixed: joules, or nothing; infinity where the vehicle cannot turn.
+        metres: that cost as much as driving at the cell.
+    """
+
+    fixed: NDArray[np.float32]
+    metres: NDArray[np.float32]
+
+
+def turn_prices(
+    turns: Sequence[Turning], survey: Survey, vehicle: Vehicle, prefer: str
+) -> TurnPrices:
+    """What turning by one heading costs for a search, by the surface under the vehicle's middle.
+
+    `energy` counts the joules of `driving_cost`, `time` and `margin` the metres that treads run;
+    a metre of the wheels' arc weighs `TURN_LENGTH` for `length`.
+    """
+    angle, stand = 2.0 * math.pi / survey.headings, _STAND * survey.grid.resolution
+    run = np.array([turn.run for turn in turns])
+    fixed, metres = np.zeros_like(run), angle * run
+    if prefer == "length":
+        metres = np.full_like(run, TURN_LENGTH * turning_arc(survey, vehicle))
+    elif prefer == "energy":
+        work = np.array([turn.work for turn in turns])
+        fixed = np.maximum(angle * (work + vehicle.power * run / vehicle.speed), _LEAST * stand)
+        metres = np.zeros_like(run)
+    if prefer != "energy":
+        metres = np.maximum(metres, stand)
+    fixed[[not turn.possible for turn in turns]] = np.inf
+    return TurnPrices(fixed.astype(np.float32), metres.astype(np.float32))
+
+
+def turnable(
+    survey: Survey, turns: Sequence[Turning], part: Any = np.s_[:, :]
+) -> NDArray[np.bool_] | None:
+    """Where the vehicle can turn, (height, width), or so of a part; None where it can everywhere.
+
+    Known by the surface under its middle.
+    """
+    able = np.array([turn.possible for turn in turns])
+    return None if able.all() else able[survey.surfaces[part]]
 
 
 def least_rate(vehicle: Vehicle, prefer: str) -> float:
@@ -223,8 +270,9 @@ class Costs:
         heights: (height, width) float32; NaN counts as level.
         known: (rows, columns) bool, tiles in which all that is filled in.
         tile: their side, in cells.
+        turn: (height, width) float32, what turning by one heading costs; infinity where it cannot.
+        runs: (height, width) float32, and so many metres at the rates of the cell.
         resolution: side of a cell, m.
-        arc: m that the wheels run in turning by one heading.
         backward: weight of a metre backwards.
         least: no rate is below that.
     """
@@ -235,8 +283,9 @@ class Costs:
     heights: NDArray[np.float32]
     known: NDArray[np.bool_]
     tile: int
+    turn: NDArray[np.float32]
+    runs: NDArray[np.float32]
     resolution: float
-    arc: float
     backward: float
     least: float
 
@@ -245,14 +294,19 @@ class Costs:
         cls, rate: NDArray[np.float32], flags: NDArray[np.uint8], heights: NDArray[np.float32],
         resolution: float, arc: float, least: float, tile: int = 0,
     ) -> Costs:  # fmt: skip
-        """What costs by turning at least a little; all of it is known where there are no tiles."""
+        """What costs by turning at least a little; all of it is known where there are no tiles.
+
+        Turning by one heading costs as much as driving `arc`, m, at the cell.
+        """
         headings, height, width = rate.shape
         side = tile or max(height, width)
         known = np.full((-(-height // side), -(-width // side)), not tile)
-        turn = max(arc, _STAND * resolution)
+        turn = np.zeros((height, width), np.float32)
+        runs = np.full_like(turn, max(arc, _STAND * resolution))
         return cls(
-            moves_of(headings), rate, flags, heights, known, side, resolution, turn, BACKWARD, least
-        )
+            moves_of(headings), rate, flags, heights, known, side, turn, runs, resolution, BACKWARD,
+            least,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

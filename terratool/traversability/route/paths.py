@@ -7,6 +7,7 @@ the next.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,8 +32,8 @@ from terratool.traversability.route.graph import (
     heading_offsets,
     joules_per_metre,
     seconds_per_metre,
-    turning_arc,
 )
+from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
 _PER_CELL = 2
@@ -72,11 +73,12 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class DrivingCost:
-    """What a path costs: metres over ground, seconds, joules."""
+    """What a path costs: metres over ground, seconds, joules, and what of these turns take."""
 
     length: float
     time: float
     energy: float
+    turning: float
 
 
 def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
@@ -170,28 +172,35 @@ def cells(grid: Grid, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray
     )
 
 
-def driving_cost(path: Path, survey: Survey, vehicle: Vehicle) -> DrivingCost:
+def driving_cost(
+    path: Path, survey: Survey, vehicle: Vehicle, turns: Sequence[Turning]
+) -> DrivingCost:
     """What a path costs.
 
     Of each leg one half is driven as at its beginning, the other as at its end. Over ground it is
-    as long as the height between its ends makes it. A turn takes as long as its arc, and the work
-    of driving so far; what skidding sideways takes is not known.
+    as long as the height between its ends makes it. A turn takes the work and the time of
+    `turn_on_spot` on the surface under the vehicle's middle, `turns` by id, as on the level.
     """
     run = path.leg_lengths
     rise = np.nan_to_num(np.diff(path.height))
     length = np.where(run > 0.0, np.hypot(run, rise), 0.0)
-    way = np.where(run > 0.0, length, turning_arc(survey, vehicle))
-    begins = np.where(run > 0.0, path.judged[1:], path.heading[:-1])
 
-    def mean(plane: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        begin = plane[begins, path.row[:-1], path.column[:-1]]
-        return begin, path.sampled(plane)[1:]
+    def ends(plane: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        begin = plane[path.judged[1:], path.row[:-1], path.column[:-1]]
+        return begin[driven], path.sampled(plane)[1:][driven]
 
-    seconds = [seconds_per_metre(slip, vehicle) for slip in mean(survey.slip)]
-    joules = [joules_per_metre(energy) for energy in mean(survey.energy)]
-    time = float((0.5 * way * (seconds[0] + seconds[1])).sum())
-    energy = float((0.5 * way * (joules[0] + joules[1])).sum()) + vehicle.power * time
-    return DrivingCost(float(length.sum()), time, energy)
+    driven = run > 0.0
+    way = 0.5 * length[driven]
+    seconds = [seconds_per_metre(slip, vehicle) for slip in ends(survey.slip)]
+    joules = [joules_per_metre(energy) for energy in ends(survey.energy)]
+    time = float((way * (seconds[0] + seconds[1])).sum())
+    energy = float((way * (joules[0] + joules[1])).sum()) + vehicle.power * time
+    on = survey.surfaces[path.row[1:], path.column[1:]][~driven]
+    angle = 2.0 * math.pi / survey.headings
+    turning_time = angle * float(sum(turns[surface].run for surface in on)) / vehicle.speed
+    turning = angle * float(sum(turns[surface].work for surface in on))
+    turning += vehicle.power * turning_time
+    return DrivingCost(float(length.sum()), time + turning_time, energy + turning, turning)
 
 
 def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:

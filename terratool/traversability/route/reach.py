@@ -19,6 +19,9 @@ from terratool.traversability.route.paths import cell_of
 Bits = NDArray[np.unsignedinteger[Any]]
 """(height, width) uint8, 16, 32 or 64: headings of each cell as bits, the first in the lowest."""
 
+Turns = NDArray[np.bool_] | None
+"""(height, width), cells at which the vehicle can turn on the spot; all of them if None."""
+
 Progress = Callable[[float], object]
 """Is told what share more of the states has been gone through."""
 
@@ -55,7 +58,12 @@ class Connected:
 
 
 def spread(
-    bits: Bits, headings: int, begin: Bits, against: bool = False, progress: Progress | None = None
+    bits: Bits,
+    headings: int,
+    begin: Bits,
+    against: bool = False,
+    progress: Progress | None = None,
+    turns: Turns = None,
 ) -> Bits:
     """All states that moves lead to from those that begin; with `against`, that lead to these."""
     fresh, reached = begin & bits, np.zeros_like(bits)
@@ -63,7 +71,7 @@ def spread(
     moves = moves_of(headings)
     _in_turns(
         bits.size * headings,
-        lambda states: kernels.flood(moves, direction, bits, fresh, reached, states),
+        lambda states: kernels.flood(moves, direction, bits, turns, fresh, reached, states),
         progress,
     )
     return reached
@@ -82,7 +90,11 @@ def _in_turns(states: int, go_on: Callable[[int], int], progress: Progress | Non
 
 
 def connected(
-    bits: Bits, headings: int, begin: Bits, progress: Progress | None = None
+    bits: Bits,
+    headings: int,
+    begin: Bits,
+    progress: Progress | None = None,
+    turns: Turns = None,
 ) -> Connected:
     """What can be reached from states, and left again to any of them.
 
@@ -91,9 +103,10 @@ def connected(
         headings: their number.
         begin: the states, alike; those that cannot be driven count for nothing.
         progress: goes to 1 for each of the two.
+        turns: where it can turn.
     """
-    there = spread(bits, headings, begin, progress=progress)
-    back = there & spread(bits, headings, begin, against=True, progress=progress)
+    there = spread(bits, headings, begin, progress=progress, turns=turns)
+    back = there & spread(bits, headings, begin, True, progress, turns)
     return Connected(there != 0, back != 0)
 
 
@@ -111,7 +124,9 @@ def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, flo
     return begin_at(bits, cell_of(grid, *start))
 
 
-def begin_in_largest(bits: Bits, headings: int, progress: Progress | None = None) -> Bits:
+def begin_in_largest(
+    bits: Bits, headings: int, progress: Progress | None = None, turns: Turns = None
+) -> Bits:
     """A state of the largest part of the ground, by the number of states; none if there is none.
 
     A part is what is connected by moves that can each be made back at once, by backing up or
@@ -122,7 +137,7 @@ def begin_in_largest(bits: Bits, headings: int, progress: Progress | None = None
     begin, reached = np.zeros_like(bits), np.zeros_like(bits)
     _in_turns(
         bits.size * headings,
-        lambda states: kernels.find_parts(moves, bits, begin, reached, parts, states),
+        lambda states: kernels.find_parts(moves, bits, turns, begin, reached, parts, states),
         progress,
     )
     cell, heading, states = parts[1].tolist()
@@ -137,7 +152,7 @@ def can_turn_back(bits: Bits, headings: int) -> NDArray[np.bool_]:
     return np.asarray(bits & (bits >> half) & ((1 << half) - 1) != 0)
 
 
-def place_in(bits: Bits, headings: int, found: Connected) -> tuple[int, int]:
+def place_in(bits: Bits, headings: int, found: Connected, turns: Turns = None) -> tuple[int, int]:
     """A cell of what is connected, near its middle, and if there is one without dead ends.
 
     From a cell at which all headings that can be driven can be turned to, all of the part can be
@@ -145,8 +160,10 @@ def place_in(bits: Bits, headings: int, found: Connected) -> tuple[int, int]:
     """
     before = ((bits << 1) | (bits >> (headings - 1))) & bits.dtype.type((1 << headings) - 1)
     first = bits & ~before
-    turns = found.returned & (first & (first - (first != 0)) == 0)
-    inside = turns if turns.any() else found.returned
+    together = found.returned & (first & (first - (first != 0)) == 0)
+    if turns is not None:
+        together &= turns
+    inside = together if together.any() else found.returned
     middle = [
         float(np.average(np.arange(len(count)), weights=count))
         for count in (np.count_nonzero(inside, axis=1), np.count_nonzero(inside, axis=0))

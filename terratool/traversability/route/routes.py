@@ -32,7 +32,6 @@ from terratool.traversability.route.barriers import Cell, Point, Site, barriers,
 from terratool.traversability.route.graph import (
     ALLOWED,
     BACKING,
-    TURN_LENGTH,
     Costs,
     Found,
     Preference,
@@ -41,6 +40,8 @@ from terratool.traversability.route.graph import (
     drivable,
     least_rate,
     rates,
+    turn_prices,
+    turnable,
     turning_arc,
 )
 from terratool.traversability.route.paths import (
@@ -64,6 +65,7 @@ from terratool.traversability.route.reach import (
     heading_bits,
     spread,
 )
+from terratool.traversability.soil import turnings
 from terratool.traversability.survey import coarsest_resolution
 from terratool.traversability.tiles import SurveyTiles, part_of
 from terratool.traversability.vehicle import Vehicle
@@ -145,8 +147,8 @@ def plan_route(
     The vehicle may begin and end with any heading, moves to the cell that it faces, backs up,
     and turns on the spot; it is where the survey says go or caution. Its energy is the sum over
     legs of energy per metre × length over ground, plus the vehicle's power × time; the time that of
-    length / (speed × (1 − slip)), and for a turn that of the arc that its wheels run. `prefer` says
-    what the way is the least of, see `graph.rates`.
+    length / (speed × (1 − slip)). Turns take the work and the time of `turn_on_spot`. `prefer` says
+    what the way is the least of, see `graph.rates` and `graph.turn_prices`.
 
     Of a survey by tiles those are made that the search comes to, and its result is that of all.
 
@@ -179,7 +181,7 @@ def search_route(
         for what, place in zip(("start", "goal"), places, strict=True)
     )
     tiles.complete(*np.array(ends).T)
-    on = Site(terrain, vehicle, tiles)
+    on = Site.of(terrain, vehicle, tiles)
     stands = tuple(can_stand(terrain, tiles.survey, *end) for end in zip(places, ends, strict=True))
     found = _search(on, prefer, *ends) if stands[0] else None
     return RouteSearch(on, places, ends, stands, found)
@@ -265,7 +267,7 @@ def check_route(
         _inside(terrain, tiles.survey, place, f"Waypoint {number}")
     path = straight_path(terrain, tiles.survey, points)
     tiles.complete(path.row, path.column)
-    on = Site(terrain, vehicle, tiles)
+    on = Site.of(terrain, vehicle, tiles)
     start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
     route = Route(start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings)
     found = barriers(on, path)
@@ -291,8 +293,12 @@ def with_way_back(route: Route, back: Route) -> Route:
     return replace(route, back=back, verdict=max(both, key=RANKS.__getitem__))
 
 
-def reach(terrain: Terrain, survey: Survey | SurveyTiles, start: Point) -> Reach:
+def reach(
+    terrain: Terrain, survey: Survey | SurveyTiles, start: Point, vehicle: Vehicle | None = None
+) -> Reach:
     """What can be reached from a start by the moves of `plan_route`, and what can be returned from.
+
+    Without a vehicle it is taken to turn wherever it can be driven.
 
     Raises:
         RequestError: the start is outside the terrain or the survey.
@@ -300,7 +306,9 @@ def reach(terrain: Terrain, survey: Survey | SurveyTiles, start: Point) -> Reach
     seen = SurveyTiles.of(survey).complete()
     _inside(terrain, seen, start, "The place to start from")
     bits = heading_bits(drivable(seen))
-    found = connected(bits, seen.headings, begin_from(bits, terrain, seen.grid, start))
+    turns = None if vehicle is None else turnable(seen, turnings(terrain, vehicle))
+    begin = begin_from(bits, terrain, seen.grid, start)
+    found = connected(bits, seen.headings, begin, turns=turns)
     return reach_of(terrain, start, found, np.isfinite(seen.heights))
 
 
@@ -329,16 +337,18 @@ def reach_of(
 def _search(on: Site, prefer: Preference, begin: Cell, end: Cell) -> Found:
     """The cheapest way where the survey says go or caution."""
     survey, vehicle = on.survey, on.vehicle
-    arc = turning_arc(survey, vehicle) * (TURN_LENGTH if prefer == "length" else 1.0)
+    prices = turn_prices(on.turns, survey, vehicle, prefer)
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
-        survey.heights, survey.grid.resolution, arc, least_rate(vehicle, prefer), on.tiles.side,
+        survey.heights, survey.grid.resolution, 0.0, least_rate(vehicle, prefer), on.tiles.side,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
         can = drivable(survey, part)
         costs.flags[:, *part] = np.where(can, ALLOWED | BACKING, 0)
         costs.rate[:, *part] = rates(survey, vehicle, prefer, part)
+        costs.turn[part] = prices.fixed[survey.surfaces[part]]
+        costs.runs[part] = prices.metres[survey.surfaces[part]]
 
     return _filled(on, costs, fill, begin, end)
 
@@ -367,7 +377,8 @@ def _driven(route: Route, path: Path, on: Site) -> Route:
     Whether it can be driven back the same way is looked for among the cells of the way.
     """
     terrain, survey = on.terrain, on.survey
-    along_it, cost = profile(path, survey, terrain), driving_cost(path, survey, on.vehicle)
+    along_it = profile(path, survey, terrain)
+    cost = driving_cost(path, survey, on.vehicle, on.turns)
     steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
     softest = find_extreme(terrain, along_it.sinkage, along_it)
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
@@ -382,6 +393,7 @@ def _driven(route: Route, path: Path, on: Site) -> Route:
         length=cost.length,
         energy=cost.energy,
         time=cost.time,
+        turning=cost.turning,
         steepest=steepest and replace(steepest, reason=Reason.NONE),
         softest=softest and replace(softest, reason=Reason.NONE),
         tightest=tightest and replace(tightest, value=1.0 - tightest.value),
@@ -428,7 +440,8 @@ def _returns(path: Path, on: Site) -> bool:
     part = np.s_[top : top + own.shape[0], left : left + own.shape[1]]
     bits = heading_bits(drivable(survey, part) & own)
     begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
-    return bool(spread(bits, survey.headings, begin)[rows[0], columns[0]])
+    turns = turnable(survey, on.turns, part)
+    return bool(spread(bits, survey.headings, begin, turns=turns)[rows[0], columns[0]])
 
 
 def _barred(
@@ -460,6 +473,8 @@ def _least_resistance(on: Site, begin: Cell, end: Cell) -> Path:
         can = drivable(survey, part)
         costs.rate[:, *part] = np.where(can, 1.0, _BARRED)
         costs.flags[:, *part] = np.where(inside[part], ALLOWED, 0) | np.where(can, BACKING, 0)
+        if (able := turnable(survey, on.turns, part)) is not None:
+            costs.runs[part] *= np.where(able, 1.0, _BARRED)
 
     return graph_path(_filled(on, costs, fill, begin, end).states, survey)
 

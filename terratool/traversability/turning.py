@@ -1,0 +1,77 @@
+"""Turning on the spot: what resists it, what it takes, and whether the motors can."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from terratool.kernels import traversability as kernels
+from terratool.traversability.limits import wheel_layout, wheel_loads
+from terratool.traversability.results import Reason
+from terratool.traversability.vehicle import Soil, Vehicle
+from terratool.traversability.wheel import one_soil, towed_resistance
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """Turning on the spot by a radian, on level ground.
+
+    Attributes:
+        resistance: moment that resists, N m: of what skids sideways, and of what rolls.
+        skidding: the part of it of what skids.
+        work: of the wheels, J; more than `resistance` by what their treads slip.
+        run: m that the outermost treads run.
+        slip: of these.
+        torque: the largest of a wheel, N m.
+        reason: what forbids it; NONE where it can be done. Then the rest is as far as it gets.
+    """
+
+    resistance: float = 0.0
+    skidding: float = 0.0
+    work: float = 0.0
+    run: float = 0.0
+    slip: float = 0.0
+    torque: float = 0.0
+    reason: Reason = Reason.NONE
+
+    @property
+    def possible(self) -> bool:
+        """Whether the vehicle can turn."""
+        return self.reason == Reason.NONE
+
+
+def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
+    """What it takes a vehicle to turn on the spot, on level ground of one soil.
+
+    A vehicle that skids: the treads of its left and right wheels run against each other at one
+    speed. What holds a wheel, S = c b l + W tan φ, acts against the direction in which its contact
+    slides, and its share A is mobilised by how far it slides, x = (sliding/tread speed) l/K. With
+    a push F and a force H sideways, F² + H² = (A S)²: one circle of friction. The slip of the
+    treads is the least with which Σ F y = Σ H |x − c| + Σ R y, c the place where Σ H is in balance.
+    A motor that is too weak lets its wheel push less. On rigid ground with two axles and equal
+    loads that is Σ H |x − c| = (μ W L/2) B/√(B² + L²) and a slip of L²/(B² + L²).
+
+    Wheels that are turned into their ways only roll: Σ R √(x² + y²) about the middle.
+
+    Returns:
+        All of it; a wheel by itself turns without resistance.
+    """
+    if vehicle.is_single:
+        return Turning()
+    layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
+    if vehicle.steering == "wheels":
+        away = np.hypot(layout.x - vehicle.middle, layout.y)
+        rolling = [
+            float(towed_resistance(load, soil, wheel))
+            for wheel, load in zip(vehicle.all_wheels, loads, strict=True)
+        ]
+        moment = float(np.dot(rolling, away))
+        torque = max(
+            force * radius for force, radius in zip(rolling, layout.wheels.radius, strict=True)
+        )
+        return Turning(moment, 0.0, moment, float(away.max()), 0.0, float(torque))
+    found = kernels.turn_on_spot(
+        layout, layout.x, layout.y, loads, one_soil(soil), vehicle.wheel.max_slip
+    )
+    return Turning(**{**found, "reason": Reason(found["reason"])})
