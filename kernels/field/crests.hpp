@@ -3,7 +3,7 @@
 // Ground that is cut into pixels has its kinks between their centres: crests, roofs, lips of
 // trenches, the tops of walls and posts. They lie where curves of elements have theirs, on straight
 // lines and circles in the primitive, so these are walked along and the field is asked there. What
-// a pixel gets is a point of the terrain, with its place: no more than the ground itself.
+// a pixel gets are points of the terrain, with their places: no more than the ground itself.
 #pragma once
 
 #include "query.hpp"
@@ -25,32 +25,28 @@ template <class Visit> void visit_arguments(CrestLines& c, Visit visit) {
     visit("bend[l]", c.bend), visit("wall[l]", c.wall);
 }
 
-// What the pixels of a window have for their highest ground, rows from the north: how high it is,
-// and how far to the east and the north of their centres.
-struct CrestPlanes {
-    Matrix<float> heights, east, north;
-};
-
-template <class Visit> void visit_arguments(CrestPlanes& p, Visit visit) {
-    visit("heights[h,w]", p.heights), visit("east[h,w]", p.east), visit("north[h,w]", p.north);
-}
+// Places where the ground of pixels stands out: row, from the north, and column of each pixel, how
+// high the ground is, and how far to the east and the north of the pixel's centre.
+using CrestPlaces = std::tuple<
+    std::vector<i64>, std::vector<i64>, std::vector<float>, std::vector<float>, std::vector<float>>;
 
 // Looks for crests in the pixels of a window whose centres are `x` and, from the north, `y`.
 class CrestFinder {
 public:
-    // Left out is what no crest could raise by `least`. `weights` say how much an element's height
+    // Left out is what stands out by less than `least`. `weights` say how much an element's height
     // changes at most where its curve x, or y, changes by 1. `heights` are those of the centres.
     CrestFinder(
         const Field& field, const CrestLines& lines, Matrix<const double> weights, In x, In y,
-        double resolution, double least, Matrix<const float> heights, const CrestPlanes& out
+        double resolution, double least, Matrix<const float> heights
     )
         : field_(field), lines_(lines), weights_(weights), x_(x), y_(y), side_(resolution),
-          least_(least), heights_(heights), out_(out), stack_(field.pending),
+          least_(least), heights_(heights), stack_(field.pending),
           west_(x.front() - 0.5 * resolution), east_(x.back() + 0.5 * resolution),
           south_(y.back() - 0.5 * resolution), north_(y.front() + 0.5 * resolution) {}
 
-    // Raise the pixels; how many points were asked for that raised one.
-    i64 raise() {
+    // For each pixel the highest place of its crests, and of its tops: where crests cross, or the
+    // middle of a disc. On a slope these are not the highest, but what stands out most.
+    CrestPlaces find() {
         std::vector<u64> waiting{0};
         while (!waiting.empty()) {
             const Grid& grid = field_.grids[waiting.back()];
@@ -63,12 +59,22 @@ public:
                     visit_bin(grid, i, j, across, along, waiting);
             }
         }
-        return raised_;
+        return best();
     }
 
 private:
+    // So far from a wall the ground on either side of it is asked for, in pixels.
+    static constexpr double APART = 1e-6;
+
     struct Range {
         i64 first, last;
+    };
+
+    // A place in a pixel: which, row by row.
+    struct Place {
+        i64 pixel;
+        bool top;
+        float height, east, north;
     };
 
     // An element's primitive in the world: a place at (u, v) of it, from its middle, lies at
@@ -79,6 +85,7 @@ private:
         double x, y, u_x, u_y, v_x, v_y;
         double length[2];   // of the sides
         double wide, tall;  // of the cell, which trims it
+        bool trimmed;
         const double* weights;
     };
 
@@ -88,10 +95,9 @@ private:
     In x_, y_;
     double side_, least_;
     Matrix<const float> heights_;
-    const CrestPlanes& out_;
     Stack stack_;
     double west_, east_, south_, north_;
-    i64 raised_ = 0;
+    std::vector<Place> found_;
 
     static Range cells_met(const Grid& grid, int axis, double low, double high) {
         double most = grid.count[axis] - 1.0;
@@ -139,6 +145,7 @@ private:
             {wide[X], wide[Y]},
             wide[X],
             wide[Y],
+            pose.turned && pose.cos != 0.0,
             &weights_(i64(index), 0)
         };
         if (pose.turned) {
@@ -155,6 +162,7 @@ private:
                 || (frame.kind.combine == MAX && element.scale < 0.0);
             if (roofed) walk_roof(frame, X), walk_roof(frame, Y);
         }
+        if (frame.trimmed) walk_edges(frame);
         return true;
     }
 
@@ -175,26 +183,40 @@ private:
         return any_curve(field_.curves, curve_of(f.kind, axis), clamp(t, 0.0, 1.0));
     }
 
-    // Ask about a place of the primitive, beside a wall on both sides of it along u or v.
-    void ask(const Frame& f, double u, double v, bool beside, int axis) {
-        double a = u - 0.5, b = v - 0.5;
-        auto at = [&](double p, double q) {
-            double east = p * f.u_x + q * f.v_x, north = p * f.u_y + q * f.v_y;
-            // beyond its cell an element is trimmed; its edge is one, too
-            if (abs(east) <= 0.5 * f.wide + side_ && abs(north) <= 0.5 * f.tall + side_)
-                raise_at(f.x + east, f.y + north);
+    // A place of the primitive.
+    struct Point {
+        double at[2];                   // u and v
+        bool wall[2] = {false, false};  // whether it is on a wall across u, or v
+        bool top = false;
+    };
+
+    // Ask about a place of the primitive, on a wall on both sides of it, where two meet on all
+    // four.
+    void ask(const Frame& f, const Point& point) {
+        auto shift = [&](int axis) {
+            return point.wall[axis] ? APART * side_ / f.length[axis] : 0.0;
         };
-        if (!beside) return at(a, b);
-        constexpr double apart = 1e-6;  // in pixels
-        double shift = apart * side_ / f.length[axis];
-        for (double s : {-shift, shift}) at(axis == X ? a + s : a, axis == X ? b : b + s);
+        double shift_u = shift(X), shift_v = shift(Y);
+        for (double s : {-1.0, 1.0}) {
+            for (double t : {-1.0, 1.0}) {
+                double a = point.at[X] - 0.5 + s * shift_u, b = point.at[Y] - 0.5 + t * shift_v;
+                double east = a * f.u_x + b * f.v_x, north = a * f.u_y + b * f.v_y;
+                // beyond its cell an element is trimmed; its edge is one, too
+                if (abs(east) <= 0.5 * f.wide + side_ && abs(north) <= 0.5 * f.tall + side_)
+                    look_at(f.x + east, f.y + north, point.top);
+                if (shift_v == 0.0) break;
+            }
+            if (shift_u == 0.0) break;
+        }
     }
 
-    // Which of the steps of 1 / `count` along a line from one end to the other meet the window.
-    Range steps_met(double x, double y, double dx, double dy, i64 count) const {
+    // Which part of a line from one end to the other lies in a rectangle; the end before the
+    // beginning for none.
+    static std::pair<double, double> clipped(
+        double x, double y, double dx, double dy, const std::array<double, 4>& bounds
+    ) {
         double begin = 0.0, end = 1.0;
         auto clip = [&](double at, double d, double low, double high) {
-            low -= side_, high += side_;
             if (d == 0.0) {
                 if (at < low || at > high) end = -1.0;
                 return;
@@ -202,7 +224,14 @@ private:
             double one = (low - at) / d, other = (high - at) / d;
             begin = max(begin, min(one, other)), end = min(end, max(one, other));
         };
-        clip(x, dx, west_, east_), clip(y, dy, south_, north_);
+        clip(x, dx, bounds[0], bounds[1]), clip(y, dy, bounds[2], bounds[3]);
+        return {begin, end};
+    }
+
+    // Which of the steps of 1 / `count` along a line from one end to the other meet the window.
+    Range steps_met(double x, double y, double dx, double dy, i64 count) const {
+        auto [begin, end] =
+            clipped(x, y, dx, dy, {west_ - side_, east_ + side_, south_ - side_, north_ + side_});
         if (begin > end) return {0, -1};
         return {i64(floor(begin * double(count))), i64(ceil(end * double(count)))};
     }
@@ -226,32 +255,48 @@ private:
             double a = lines_.t[n] - 0.5;
             double x = f.x + a * (axis == X ? f.u_x : f.v_x) - 0.5 * (axis == X ? f.v_x : f.u_x);
             double y = f.y + a * (axis == X ? f.u_y : f.v_y) - 0.5 * (axis == X ? f.v_y : f.u_y);
-            auto [low, high] =
-                steps_met(x, y, axis == X ? f.v_x : f.u_x, axis == X ? f.v_y : f.u_y, count);
-            for (i64 s = low; s <= high; ++s) ask_crossing(f, axis, n, double(s) / double(count));
+            double dx = axis == X ? f.v_x : f.u_x, dy = axis == X ? f.v_y : f.u_y;
+            auto [low, high] = steps_met(x, y, dx, dy, count);
+            for (i64 s = low; s <= high; ++s) ask_line(f, axis, n, double(s) / double(count));
+            if (f.trimmed && high >= low) {
+                // where the cell cuts it off, as far inside as on both sides of a wall
+                double half_wide = 0.5 * f.wide - 2.0 * APART * side_;
+                double half_tall = 0.5 * f.tall - 2.0 * APART * side_;
+                auto [one, two] = clipped(
+                    x, y, dx, dy,
+                    {f.x - half_wide, f.x + half_wide, f.y - half_tall, f.y + half_tall}
+                );
+                if (one <= two) ask_line(f, axis, n, one, true), ask_line(f, axis, n, two, true);
+            }
             // where two lines cross stands the top of a pyramid
             for (i64 m = lines_.first[2 * kind + other];
                  high >= low && axis == X && m < lines_.first[2 * kind + other + 1]; ++m) {
                 double at = lines_.t[m] * double(count);
                 if (double(low) - 1.0 <= at && at <= double(high) + 1.0)
-                    ask_crossing(f, axis, n, lines_.t[m]);
+                    ask_line(f, axis, n, lines_.t[m], true, is_wall(f, m));
             }
         }
     }
 
-    // Ask about a place on a line, if the element has a crest and not a trough there.
-    void ask_crossing(const Frame& f, int axis, i64 line, double at) {
-        bool wall = is_wall(f, line);
-        if (!wall) {
+    // Ask about a place on a line, if the element has a crest and not a trough there: `top` where
+    // it ends or another crosses it, which may be a wall.
+    void ask_line(
+        const Frame& f, int axis, i64 line, double at, bool top = false, bool crosses_wall = false
+    ) {
+        int other = 1 - axis;
+        Point point;
+        point.at[axis] = lines_.t[line], point.wall[axis] = is_wall(f, line);
+        point.at[other] = at, point.wall[other] = crosses_wall;
+        point.top = top;
+        if (!point.wall[X] && !point.wall[Y]) {
             double factor = f.element.scale;
-            if (f.kind.combine == PRODUCT) factor *= curve(f, 1 - axis, at).value;
+            if (f.kind.combine == PRODUCT) factor *= curve(f, other, at).value;
             double share = side_ / f.length[axis];
             double rise =
                 0.5 * lines_.drop[line] * share + 0.125 * lines_.bend[line] * share * share;
             if (factor * rise < least_) return;
         }
-        double t = lines_.t[line];
-        ask(f, axis == X ? t : at, axis == X ? at : t, wall, axis);
+        ask(f, point);
     }
 
     // Walk along the curve where the lesser of two slopes changes.
@@ -273,8 +318,28 @@ private:
                     double middle = 0.5 * (one + two);
                     ((curve(f, axis, middle).value > level) == above ? one : two) = middle;
                 }
-                ask(f, axis == X ? one : at, axis == X ? at : one, false, axis);
+                ask(f, {{axis == X ? one : at, axis == X ? at : one}});
             }
+        }
+    }
+
+    // Walk along the edges of the cell where these trim a turned element.
+    void walk_edges(const Frame& f) {
+        double area = f.u_x * f.v_y - f.u_y * f.v_x;
+        auto ask_edge = [&](double east, double north) {
+            bool outside = abs(east * f.v_y - north * f.v_x) > 0.5 * abs(area)
+                || abs(north * f.u_x - east * f.u_y) > 0.5 * abs(area);
+            if (!outside) look_at(f.x + east, f.y + north, false);
+        };
+        double half_wide = 0.5 * f.wide - APART * side_, half_tall = 0.5 * f.tall - APART * side_;
+        i64 across = steps_of(f.wide), along = steps_of(f.tall);
+        for (double sign : {-1.0, 1.0}) {
+            auto row = steps_met(f.x - half_wide, f.y + sign * half_tall, f.wide, 0.0, across);
+            for (i64 s = row.first; s <= row.last; ++s)
+                ask_edge((double(s) / double(across) - 0.5) * 2.0 * half_wide, sign * half_tall);
+            auto column = steps_met(f.x + sign * half_wide, f.y - half_tall, 0.0, f.tall, along);
+            for (i64 s = column.first; s <= column.last; ++s)
+                ask_edge(sign * half_wide, (double(s) / double(along) - 0.5) * 2.0 * half_tall);
         }
     }
 
@@ -282,7 +347,7 @@ private:
     void walk_circles(const Frame& f) {
         i64 kind = i64(f.element.kind);
         double length = 0.5 * max(f.length[X], f.length[Y]);
-        if (length > 0.0) ask(f, 0.5, 0.5, false, X);
+        if (length > 0.0) ask(f, {{0.5, 0.5}, {false, false}, true});
         for (i64 n = lines_.first[2 * kind]; n < lines_.first[2 * kind + 1]; ++n) {
             double rho = 2.0 * lines_.t[n] - 1.0;
             if (rho <= 0.0) continue;
@@ -294,10 +359,9 @@ private:
             for (i64 s = 0; s < count; ++s) {
                 double angle = 2.0 * PI * double(s) / double(count);
                 double c = 0.5 * cos(angle), d = 0.5 * sin(angle);
-                constexpr double apart = 1e-6;  // in pixels
-                double shift = wall ? apart * side_ / length : 0.0;
-                ask(f, 0.5 + (rho - shift) * c, 0.5 + (rho - shift) * d, false, X);
-                if (wall) ask(f, 0.5 + (rho + shift) * c, 0.5 + (rho + shift) * d, false, X);
+                double shift = wall ? APART * side_ / length : 0.0;
+                ask(f, {{0.5 + (rho - shift) * c, 0.5 + (rho - shift) * d}});
+                if (wall) ask(f, {{0.5 + (rho + shift) * c, 0.5 + (rho + shift) * d}});
             }
         }
     }
@@ -313,41 +377,55 @@ private:
         return abs(centres[n] - at) <= 0.5000001 * side_ ? n : -1;
     }
 
-    // How fast the ground rises from the pixel before to that behind, along an axis.
-    double trend(i64 row, i64 column, int axis) const {
-        auto z = [&](i64 shift) {
-            i64 r = axis == Y ? row - shift : row, c = axis == X ? column + shift : column;
-            bool inside = 0 <= r && r < heights_.rows() && 0 <= c && c < heights_.columns();
-            return inside ? double(heights_(r, c)) : NaN;
-        };
-        double rise = (z(1) - z(-1)) / (2.0 * side_);
-        return isnan(rise) ? 0.0 : rise;
+    // How high a place would be between the four centres around it; NaN if not all have ground.
+    double between(double east, double north, i64 row, i64 column) const {
+        i64 right = column + (east > 0.0 ? 1 : -1), up = row + (north > 0.0 ? -1 : 1);
+        if (min(right, up) < 0 || right >= heights_.columns() || up >= heights_.rows()) return NaN;
+        double p = abs(east) / side_, q = abs(north) / side_;
+        return (1.0 - q)
+            * ((1.0 - p) * double(heights_(row, column)) + p * double(heights_(row, right)))
+            + q * ((1.0 - p) * double(heights_(up, column)) + p * double(heights_(up, right)));
     }
 
-    // Give a place to its pixel if it stands out most, as seen along the slope of the ground there.
-    void raise_at(double x, double y) {
+    // Keep a place that stands out. What does not stand above the centres around it, in the middle
+    // of them, is as high as one of these above any plane.
+    void look_at(double x, double y, bool top) {
         i64 c = nearest(x_, x, x_.front(), 1.0), r = nearest(y_, y, y_.front(), -1.0);
         if (c < 0 || r < 0) return;
         double z = height_at(field_, x, y, stack_);
-        if (isnan(z)) return;
-        float &best = out_.heights(r, c), &east = out_.east(r, c), &north = out_.north(r, c);
-        float to_east = float(x - x_[c]), to_north = float(y - y_[r]);
-        double by_x = trend(r, c, X), by_y = trend(r, c, Y);
-        double now = isnan(best) ? -INF : double(best) - by_x * double(east) - by_y * double(north);
-        double score = z - by_x * double(to_east) - by_y * double(to_north);
-        if (score < now) return;
-        if (score == now && std::tie(to_east, to_north) >= std::tie(east, north)) return;
-        best = float(z), east = to_east, north = to_north;
-        ++raised_;
+        double east = x - x_[c], north = y - y_[r];
+        if (isnan(z) || z - between(east, north, r, c) < least_) return;
+        found_.push_back({r * count_of(x_) + c, top, float(z), float(east), float(north)});
+    }
+
+    // The highest places, tops for themselves; of those of one height always the same.
+    CrestPlaces best() {
+        auto order = [](const Place& p) {
+            return std::tuple(p.pixel, p.top, -p.height, p.east, p.north);
+        };
+        std::sort(found_.begin(), found_.end(), [&](const Place& one, const Place& two) {
+            return order(one) < order(two);
+        });
+        CrestPlaces places;
+        auto& [row, column, height, east, north] = places;
+        const Place* last = nullptr;
+        for (const Place& p : found_) {
+            bool again = last && last->pixel == p.pixel && last->top == p.top;
+            last = &p;
+            if (again) continue;
+            row.push_back(p.pixel / count_of(x_)), column.push_back(p.pixel % count_of(x_));
+            height.push_back(p.height), east.push_back(p.east), north.push_back(p.north);
+        }
+        return places;
     }
 };
 
-inline i64 raise_crests(
+inline CrestPlaces find_crests(
     const Field& field, const CrestLines& lines, Matrix<const double> weights, In x, In y,
-    double resolution, double least, Matrix<const float> heights, const CrestPlanes& out
+    double resolution, double least, Matrix<const float> heights
 ) {
-    if (x.empty() || y.empty()) return 0;
-    return CrestFinder(field, lines, weights, x, y, resolution, least, heights, out).raise();
+    if (x.empty() || y.empty()) return {};
+    return CrestFinder(field, lines, weights, x, y, resolution, least, heights).find();
 }
 
 }  // namespace terratool

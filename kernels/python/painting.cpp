@@ -78,15 +78,15 @@ void footprint_holds(Span<const Pose> pose, In u, double v, bool disc, Span<bool
         out[n] = disc ? is_in_disc(pose[0], u[n], v) : !is_beyond(turned(pose[0], u[n], v));
 }
 
-i64 find_crests(
+CrestPlaces crest_places(
     const Field& field, const CrestLines& lines, Matrix<const double> weights, In x, In y,
-    double resolution, double least, Matrix<const float> heights, const CrestPlanes& out
+    double resolution, double least, Matrix<const float> heights
 ) {
-    constexpr IndexCheck check_index{"raise_crests"};
+    constexpr IndexCheck check_index{"find_crests"};
     check_index(lines.first.size() == 2 * field.kinds.size() + 1, "the first lines");
     for (i64 n : lines.first) check_index(0 <= n && n <= count_of(lines.t), "a first line");
     check_index(weights.rows() == count_of(field.elements), "a weight");
-    return raise_crests(field, lines, weights, x, y, resolution, least, heights, out);
+    return find_crests(field, lines, weights, x, y, resolution, least, heights);
 }
 
 using SurfacesBelow = std::variant<Matrix<const u8>, Matrix<const u16>, Matrix<const u32>>;
@@ -169,11 +169,10 @@ void bind_painting(nb::module_ m) {
         {"pose[1]", "u[n]", "v", "disc", "out[n]"}
     );
 
-    def<&find_crests>(
-        m, "raise_crests",
-        "Give pixels their highest ground between centres; how often one was raised.",
-        {"field", "lines", "weights[e,2]", "x[w]", "y[h]", "resolution", "least", "heights[h,w]",
-         "planes"}
+    def<&crest_places>(
+        m, "find_crests",
+        "Ground that stands out in pixels: row, column, height, and east and north of the centre.",
+        {"field", "lines", "weights[e,2]", "x[w]", "y[h]", "resolution", "least", "heights[h,w]"}
     );
     def<&find_candidates>(
         m, "find_candidates", "Pairs of neighbours with different labels.",

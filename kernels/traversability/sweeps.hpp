@@ -92,8 +92,8 @@ template <class Visit> void visit_arguments(Body& b, Visit visit) {
     visit("end", b.end), visit("side", b.side);
 }
 
-// Pixels whose highest ground is not that of their centres: its height, and how far to the east and
-// the north of the centre it lies, m. They are few: rows and columns are those of the ground before
+// Where ground between the centres of pixels stands out: its height, and how far to the east and
+// the north of its pixel's centre it lies, m. They are few: rows and columns are those of the ground before
 // it is laid out for sweeps.
 struct Crests {
     Span<const i64> row, column;

@@ -11,6 +11,8 @@ from terratool.field.records import COMBINE, FieldArrays, TrackArrays
 
 _LEVEL = 1e-12
 """A value at the end of a curve that counts as 0, in parts of its largest value."""
+_FLAT = 1e-6
+"""A slope between two pieces of a curve that counts as 0, in parts of its largest value."""
 
 Floats = NDArray[np.float64]
 
@@ -226,8 +228,22 @@ def _curve_lines(starts: Floats, pieces: Floats) -> Floats:
     drop = np.concatenate([[-begin[0]], end[:-1] - begin[1:], [end[-1]]])
     wall = np.abs(np.concatenate([[low[0]], low[1:] - high[:-1], [high[-1]]]))
     wall[wall <= level] = 0.0
-    kinks = np.stack([t, drop, np.zeros(len(t)), wall])
+    kinks = np.stack([t, drop, _bends_at_knots(lengths, pieces, begin, end), wall])
     return np.hstack([kinks, _peaks(starts, lengths, pieces)])
+
+
+def _bends_at_knots(lengths: Floats, pieces: Floats, begin: Floats, end: Floats) -> Floats:
+    """(n + 1,) how fast slopes fall where pieces meet at a peak or a hollow, 0 elsewhere.
+
+    By rounding no piece may have it inside. `begin` and `end` are the slopes of the pieces there.
+    """
+    bends = np.zeros(len(pieces) + 1)
+    _, _, c2, c3 = pieces.T
+    square = np.divide(1.0, lengths**2, out=np.zeros(len(pieces)), where=lengths > 0.0)
+    before, after = (2.0 * c2 + 6.0 * c3) * square, 2.0 * c2 * square
+    level = np.minimum(np.abs(end[:-1]), np.abs(begin[1:])) <= _FLAT * np.abs(pieces).max()
+    bends[1:-1][level] = -0.5 * (before[:-1] + after[1:])[level]
+    return bends
 
 
 def _peaks(starts: Floats, lengths: Floats, pieces: Floats) -> Floats:

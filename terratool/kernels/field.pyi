@@ -223,7 +223,7 @@ def footprint_holds(
     Shapes: pose[1], u[n], out[n].
     """
 
-def raise_crests(
+def find_crests(
     field: Field,
     lines: Any,
     weights: NDArray[np.float64],
@@ -232,10 +232,15 @@ def raise_crests(
     resolution: float,
     least: float,
     heights: NDArray[np.float32],
-    planes: Any,
-) -> int:
+) -> tuple[
+    NDArray[np.int64],
+    NDArray[np.int64],
+    NDArray[np.float32],
+    NDArray[np.float32],
+    NDArray[np.float32],
+]:
     """
-    Give pixels their highest ground between centres; how often one was raised.
+    Ground that stands out in pixels: row, column, height, and east and north of the centre.
 
     Shapes: weights[e,2], x[w], y[h], heights[h,w].
     """

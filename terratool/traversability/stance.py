@@ -311,14 +311,19 @@ class MetWalls(NamedTuple):
 
 
 class Crests(NamedTuple):
-    """The highest ground of the pixels: that of their centres, or what stands out between these.
+    """Where ground between the centres of pixels stands out, (n,), as in `kernels.find_crests`.
+
+    A pixel has up to two such places.
 
     Attributes:
-        heights: (height, width) float32, minus infinity where there is no ground.
-        east, north: float32, how far from the centre it lies, m.
+        row, column: int64, of the pixel.
+        height: float32, m.
+        east, north: float32, how far from the pixel's centre it lies, m.
     """
 
-    heights: NDArray[np.float32]
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    height: NDArray[np.float32]
     east: NDArray[np.float32]
     north: NDArray[np.float32]
 
@@ -348,7 +353,7 @@ class Ground:
         pairs: neighbours with a wall or a steep face between them: twice the index of the first
             pixel, and one for a pair from north to south.
         met: what wheels of each size meet at these.
-        crests: None where no pixel has any.
+        crests: what stands out between the centres of pixels.
         ruts: None where no pixel has any.
     """
 
@@ -358,7 +363,7 @@ class Ground:
     slope_y: NDArray[np.float32] | None
     pairs: NDArray[np.int64]
     met: tuple[MetWalls, ...]
-    crests: Crests | None
+    crests: Crests
     ruts: Ruts | None
 
 
@@ -420,16 +425,14 @@ class GroundPainter:
         )
         return found if any_there else None
 
-    def _crests(self, window: Window, heights: NDArray[np.float32]) -> Crests | None:
-        crests = Crests(heights.copy(), np.zeros_like(heights), np.zeros_like(heights))
-        if not kernels.raise_crests(
-            self._terrain.field, self._lines, self._weights, self._grid.columns(window),
-            self._grid.rows(window), self._grid.resolution, LOW_CREST * min(self._radii), heights,
-            crests,
-        ):  # fmt: skip
-            return None
-        crests.heights[np.isnan(crests.heights)] = -np.inf
-        return crests
+    def _crests(self, window: Window, heights: NDArray[np.float32]) -> Crests:
+        return Crests(
+            *kernels.find_crests(
+                self._terrain.field, self._lines, self._weights, self._grid.columns(window),
+                self._grid.rows(window), self._grid.resolution, LOW_CREST * min(self._radii),
+                heights,
+            )
+        )  # fmt: skip
 
     def _walls(self, window: Window, pairs: NDArray[np.int64]) -> Walls:
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))

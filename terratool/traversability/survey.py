@@ -23,7 +23,6 @@ from terratool.traversability.limits import (
 from terratool.traversability.results import HEADINGS, MOST_HEADINGS
 from terratool.traversability.soil import soils
 from terratool.traversability.stance import (
-    Crests,
     Ground,
     GroundPainter,
     HeadingFootprint,
@@ -442,28 +441,6 @@ class GapsOfWheels(NamedTuple):
     side: float
 
 
-class CrestPixels(NamedTuple):
-    """The pixels that have `Crests`, (n,), as in kernels/traversability/sweeps.hpp.
-
-    Attributes:
-        row, column: int64, of the ground.
-        height, east, north: float32, as in `Crests`.
-    """
-
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
-    height: NDArray[np.float32]
-    east: NDArray[np.float32]
-    north: NDArray[np.float32]
-
-    @classmethod
-    def of(cls, crests: Crests) -> CrestPixels:
-        """Those where it is not the centre that is highest."""
-        beside = np.flatnonzero((crests.east != 0.0) | (crests.north != 0.0))
-        row, column = np.divmod(beside, crests.east.shape[1])
-        return cls(row, column, *(plane[row, column] for plane in crests))
-
-
 class Standing(NamedTuple):
     """How wheels stand on the pixels around them, as in kernels/traversability/sweeps.hpp."""
 
@@ -488,7 +465,6 @@ class _Sweep:
         if ground.ruts is not None:
             first, passes, exponent = map(self._phased, ground.ruts)
             self.ruts = (first, passes, exponent)
-        self._crests = None if ground.crests is None else CrestPixels.of(ground.crests)
         middle = np.zeros(2, np.int64)
         self.surfaces = self._at(self.ids, middle)
         heights = self._at(self._heights, middle)
@@ -568,10 +544,12 @@ class _Sweep:
         out = self._empty()
         offsets = self.placed(under.offsets), self._shifts(under.offsets)
         kernels.bumps(self._heights, self.first, *offsets, plane, out)
-        if self._crests is not None and len(under.met):
+        if len(self._ground.crests.row) and len(under.met):
             body = BodyPart(*footprint.direction, under.begin, under.end, under.side)
             met = under.met, self._shifts(under.met)
-            kernels.raise_bumps(self._crests, self._parts, self.first, *met, plane, body, out)
+            kernels.raise_bumps(
+                self._ground.crests, self._parts, self.first, *met, plane, body, out
+            )
         return out
 
     def supports(self, footprint: HeadingFootprint) -> list[NDArray[np.float32]]:
@@ -583,10 +561,10 @@ class _Sweep:
         for tread in footprint.treads:
             out, under = np.empty_like(self._ground.heights), tread.under
             kernels.supports(self._ground.heights, under.offsets, tread.lift, out)
-            if self._crests is not None:
+            if len(self._ground.crests.row):
                 wheel = BodyPart(*footprint.direction, under.begin, under.end, under.side)
                 shifts = self._shifts(under.met)
-                kernels.raise_supports(self._crests, under.met, shifts, wheel, out)
+                kernels.raise_supports(self._ground.crests, under.met, shifts, wheel, out)
             found.append(out)
         return found
 

@@ -508,12 +508,11 @@ def slow(terrain: Terrain, grid: Grid, at: tuple[int, int], heading: int) -> Any
         rows, columns = (v.ravel() for v in np.mgrid[-most : most + 1, -most : most + 1])
         dx, dy = columns * resolution, rows * resolution
         z = terrain.height(x + column * resolution + dx, y + row * resolution + dy)
-        if crests is not None:
-            place = reach - (rows + row), reach + columns + column
-            beside = (crests.east[place] != 0) | (crests.north[place] != 0)
-            dx = np.append(dx, (dx + crests.east[place])[beside])
-            dy = np.append(dy, (dy + crests.north[place])[beside])
-            z = np.append(z, crests.heights[place][beside])
+        up, right = reach - crests.row - row, crests.column - reach - column
+        near = np.maximum(np.abs(up), np.abs(right)) <= most
+        dx = np.append(dx, (right * resolution + crests.east)[near])
+        dy = np.append(dy, (up * resolution + crests.north)[near])
+        z = np.append(z, crests.height[near])
         return dx, dy, dx * east + dy * north, dy * east - dx * north, z
 
     def touched(column: int, row: int) -> float:
