@@ -208,10 +208,13 @@ inline std::optional<std::pair<Footing, Footing>> two_ways(const Footings& footi
 }
 
 // Let wheels stand so.
-inline void place_wheels(LoadedWheels wheels, const Footings& footings, Span<const Soil> soils) {
+inline void place_wheels(
+    LoadedWheels wheels, const Footings& footings, Span<const Soil> soils, const Vehicle& vehicle
+) {
     for (std::size_t n = 0; n < wheels.size(); ++n) {
         auto [soil, first, passes, exponent] = footings[n];
         wheels[n].soil = soils[soil];
+        if (vehicle.factors.rows()) wheels[n].soil.sinkage *= vehicle.factors(soil, i64(n));
         wheels[n].ground = {first, passes, exponent};
     }
 }
@@ -238,7 +241,7 @@ public:
         std::lock_guard lock(mutex_);
         auto known = tables_.find(footings);
         if (known != tables_.end()) return known->second;
-        auto wheels = wheels_on(vehicle.layout, {});
+        auto wheels = wheels_on(vehicle.layout);
         place(wheels, footings);
         auto made =
             std::make_shared<SlopeTable>(vehicle, std::move(wheels), ways->first == ways->second);
@@ -248,7 +251,7 @@ public:
 
     // Let wheels stand so.
     void place(LoadedWheels wheels, const Footings& footings) const {
-        place_wheels(wheels, footings, soils);
+        place_wheels(wheels, footings, soils, vehicle);
     }
 
 private:
@@ -374,7 +377,7 @@ void judge_points(
     double north, const Verdicts& out
 ) {
     const Vehicle& v = on.vehicle;
-    auto wheels = wheels_on(v.layout, {});
+    auto wheels = wheels_on(v.layout);
     FootingRows<Id> under(stance, surfaces);
     Footings footings(wheels.size());
     std::shared_ptr<const SlopeTable> table;

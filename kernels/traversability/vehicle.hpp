@@ -48,6 +48,7 @@ struct Vehicle {
     In fit_along, fit_across;
     double weight, slip, slope_margin, clearance, front, rear, roughness;
     double go_traction, go_slip, go_torque, go_geometry;
+    Matrix<const double> factors;  // of k, by soil and wheel; none where all are 1
 };
 
 template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
@@ -58,6 +59,7 @@ template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
     visit("front", v.front), visit("rear", v.rear), visit("roughness", v.roughness);
     visit("go_traction", v.go_traction), visit("go_slip", v.go_slip);
     visit("go_torque", v.go_torque), visit("go_geometry", v.go_geometry);
+    visit("factors[_,w]", v.factors);
 }
 
 // Direction of gravity as the body has it.
@@ -124,12 +126,19 @@ struct LoadedWheel {
 using LoadedWheels = Span<LoadedWheel>;
 
 // The wheels of a vehicle, all on one soil.
-inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soil& soil) {
+inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soil& soil = {}) {
     return each(layout.driven.size(), [&](std::size_t n) {
         return LoadedWheel{
             layout.driven[n], layout.ahead[n], layout.wheels[n], soil, layout.multipass
         };
     });
+}
+
+// The wheels of a vehicle on soils, one for all or one for each.
+inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soils& soils) {
+    auto wheels = wheels_on(layout, soils[0]);
+    for (i64 n = 1; n < min(soils.size(), count_of(wheels)); ++n) wheels[n].soil = soils[n];
+    return wheels;
 }
 
 // Let the wheels bear a weight; whether one would be pulled up.
@@ -208,7 +217,7 @@ inline double held(LoadedWheels wheels) {
 inline std::vector<double> wheel_loads(
     const Layout& layout, double weight, double pitch, double roll
 ) {
-    auto wheels = wheels_on(layout, {});
+    auto wheels = wheels_on(layout);
     load_wheels(wheels, layout, weight, gravity(tan(pitch), tan(roll)));
     return each(wheels.size(), [&](std::size_t n) { return wheels[n].load; });
 }
@@ -509,7 +518,7 @@ template <class ReserveAt> Slope steepest_slope(ReserveAt reserve_at) {
 inline Slope steepest(
     bool across, const Layout& layout, double weight, const Soils& soil, double slip
 ) {
-    auto wheels = wheels_on(layout, soil[0]);
+    auto wheels = wheels_on(layout, soil);
     return steepest_slope([&](double angle) {
         return across ? cross_reserve(wheels, layout, weight, angle)
                       : climb_reserve(wheels, layout, weight, angle, slip);

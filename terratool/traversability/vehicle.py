@@ -28,12 +28,14 @@ class Soil:
         sinkage: k, m/N, 0 or more; 0 is rigid ground. z = k·W.
         shear_modulus: K of Janosi and Hanamoto, m, above 0; 0 where it is not known, and then all
             of the shear strength is mobilised whatever the slip.
+        factors: of k for each wheel of a vehicle, in the order of its layout; all are 1 if None.
     """
 
     cohesion: Any
     friction: Any
     sinkage: Any
     shear_modulus: Any = 0.0
+    factors: tuple[float, ...] | None = None
 
     @classmethod
     def of(cls, cohesion: Any, friction: Any, sinkage: Any, shear_modulus: Any = 0.0) -> Soil:
