@@ -51,7 +51,9 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
         return held(wheels);
     };
     Gravity g = gravity(along, across);
-    Drive drive = drive_on(g);
+    double holding = held_on(g), towing = resistances(wheels);
+    out.drawbar = most_pull(wheels, v.slip) - towing + v.weight * g.forward;
+    Drive drive = drive_wheels(wheels, -v.weight * g.forward, v.slip);
     bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque_used <= 1.0;
     out.energy = moves ? drive.power : INF;
     out.deepest = 0.0, out.sunk = deepest_share(wheels);
@@ -62,8 +64,6 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
         tilt_along -= v.fit_along[n] * sinkage;
         tilt_across -= v.fit_across[n] * sinkage;
     }
-    double holding = held_on(g), towing = resistances(wheels);
-    out.drawbar = most_pull(wheels, v.slip) - towing + v.weight * g.forward;
     double slope = hypot(along, across);
     if (v.slope_margin > 0.0) {
         // what it must be able to do is that on slopes steeper by so much
