@@ -226,9 +226,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     soft = bool(contact.area > 0.0) and load > 0.0
     strength, motor = best.shear_stress, None
     if soft and math.isfinite(wheel.max_torque):
-        normal, motor = wheels.stresses_from(
-            load, wheel.max_torque, contact.entry_angle, wheel
-        )
+        normal, motor = wheels.stresses_from(load, wheel.max_torque, contact.entry_angle, wheel)
         strength = soil.cohesion + normal * math.tan(soil.friction)
     known = soil.shear_modulus > 0.0 and math.isfinite(need.slip)
     return Figures(
