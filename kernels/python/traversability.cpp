@@ -11,12 +11,20 @@ using namespace traversability;
 
 namespace {
 
+// A vehicle whose factors of k are those of so many soils.
+const Vehicle& with_factors_of(const Vehicle& vehicle, i64 soils, const char* what) {
+    IndexCheck{what}(vehicle.factors.rows() == 0 || vehicle.factors.rows() == soils, "factors");
+    return vehicle;
+}
+
 // A vehicle on the soils of a terrain, whose arrays are kept.
 class KeptVehicle {
 public:
     KeptVehicle(nb::handle vehicle, nb::handle soils, nb::handle steps)
         : vehicle_(vehicle, where("vehicle")), soils_(soils, where("soils")),
-          steps_(steps, where("steps[n]")), on(vehicle_.get(), soils_.get(), steps_.get()) {}
+          steps_(steps, where("steps[n]")),
+          on(with_factors_of(vehicle_.get(), soils_.get().size(), "VehicleOnSoils"), soils_.get(),
+             steps_.get()) {}
 
 private:
     Sizes sizes_;
@@ -35,7 +43,8 @@ class KeptSamples {
 public:
     KeptSamples(nb::handle vehicle, nb::handle soils)
         : vehicle_(vehicle, where("vehicle")), soils_(soils, where("soils")),
-          on(vehicle_.get(), soils_.get()) {}
+          on(with_factors_of(vehicle_.get(), soils_.get().steps.columns(), "VehicleOnSamples"),
+             soils_.get()) {}
 
 private:
     Sizes sizes_;
@@ -85,7 +94,7 @@ public:
 Drive drive(
     const Layout& layout, In load, const Soils& soil, double pull, double slip, Out sinkage
 ) {
-    auto wheels = wheels_on(layout, soil[0]);
+    auto wheels = wheels_on(layout, soil);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
     Drive found = drive_wheels(wheels, pull, slip);
     for (std::size_t n = 0; n < load.size(); ++n) sinkage[n] = depth_of(wheels, i64(n));

@@ -234,7 +234,7 @@ public:
     SlopeState state(
         i64 sample, const Footings& footings, double along, double across, LoadedWheels wheels
     ) const {
-        place_wheels(wheels, footings, soils_of(sample));
+        place_wheels(wheels, footings, soils_of(sample), vehicle);
         return slope_state(vehicle, along, across, wheels);
     }
 
@@ -264,7 +264,7 @@ inline const SlopeState* SampledTable::at(int i, int j) const {
     auto& place = states_[i * WIDE + j];
     const SlopeState* known = place.load(std::memory_order_acquire);
     if (known) return known;
-    auto wheels = wheels_on(on_.vehicle.layout, {});
+    auto wheels = wheels_on(on_.vehicle.layout);
     auto made = std::make_unique<SlopeState[]>(on_.samples);
     for (i64 n = 0; n < on_.samples; ++n) made[n] = computed(2 * i, 2 * j, n, wheels);
     // another thread may have been first
@@ -288,7 +288,7 @@ inline SampledTable::Block::Block(const SampledTable& table, int i, int j)
     auto each_open = [&](auto visit) {
         for (i64 w = 0; w < on.words; ++w) visit_bits(open_[w], w, visit);
     };
-    auto wheels = wheels_on(on.vehicle.layout, {});
+    auto wheels = wheels_on(on.vehicle.layout);
     for (int slope = 1; slope < 8 && count; ++slope) {
         if (slope / 3 % 2 == 0 && slope % 3 % 2 == 0) continue;
         auto states = std::make_unique<SlopeState[]>(count);
@@ -318,7 +318,7 @@ inline std::optional<SlopeState> SampledTable::Block::state(
     i64 sample, const SlopeGrid& place
 ) const {
     i64 r = rank(sample);
-    auto wheels = wheels_on(table_.on_.vehicle.layout, {});
+    auto wheels = wheels_on(table_.on_.vehicle.layout);
     auto corner = [&](int i, int j) {
         int down = i - 2 * i_, right = j - 2 * j_;
         bool known = r >= 0 || (down % 2 == 0 && right % 2 == 0);
@@ -390,7 +390,7 @@ void judge_sampled_points(
     const VehicleOnSamples& on, const Stance& stance, Cube<const Id> surfaces, double east,
     double north, Matrix<const u8> verdict, Cube<u64> go
 ) {
-    auto wheels = wheels_on(on.vehicle.layout, {});
+    auto wheels = wheels_on(on.vehicle.layout);
     FootingRows<Id> under(stance, surfaces);
     Footings footings(wheels.size());
     std::shared_ptr<const SampledTable> table;

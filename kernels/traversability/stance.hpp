@@ -51,7 +51,9 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
         return held(wheels);
     };
     Gravity g = gravity(along, across);
-    Drive drive = drive_on(g);
+    double holding = held_on(g), towing = resistances(wheels);
+    out.drawbar = most_pull(wheels, v.slip) - towing + v.weight * g.forward;
+    Drive drive = drive_wheels(wheels, -v.weight * g.forward, v.slip);
     bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque_used <= 1.0;
     out.energy = moves ? drive.power : INF;
     out.deepest = 0.0, out.sunk = deepest_share(wheels);
@@ -62,8 +64,6 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
         tilt_along -= v.fit_along[n] * sinkage;
         tilt_across -= v.fit_across[n] * sinkage;
     }
-    double holding = held_on(g), towing = resistances(wheels);
-    out.drawbar = most_pull(wheels, v.slip) - towing + v.weight * g.forward;
     double slope = hypot(along, across);
     if (v.slope_margin > 0.0) {
         // what it must be able to do is that on slopes steeper by so much
@@ -208,10 +208,13 @@ inline std::optional<std::pair<Footing, Footing>> two_ways(const Footings& footi
 }
 
 // Let wheels stand so.
-inline void place_wheels(LoadedWheels wheels, const Footings& footings, Span<const Soil> soils) {
+inline void place_wheels(
+    LoadedWheels wheels, const Footings& footings, Span<const Soil> soils, const Vehicle& vehicle
+) {
     for (std::size_t n = 0; n < wheels.size(); ++n) {
         auto [soil, first, passes, exponent] = footings[n];
         wheels[n].soil = soils[soil];
+        if (vehicle.factors.rows()) wheels[n].soil.sinkage *= vehicle.factors(soil, i64(n));
         wheels[n].ground = {first, passes, exponent};
     }
 }
@@ -238,7 +241,7 @@ public:
         std::lock_guard lock(mutex_);
         auto known = tables_.find(footings);
         if (known != tables_.end()) return known->second;
-        auto wheels = wheels_on(vehicle.layout, {});
+        auto wheels = wheels_on(vehicle.layout);
         place(wheels, footings);
         auto made =
             std::make_shared<SlopeTable>(vehicle, std::move(wheels), ways->first == ways->second);
@@ -248,7 +251,7 @@ public:
 
     // Let wheels stand so.
     void place(LoadedWheels wheels, const Footings& footings) const {
-        place_wheels(wheels, footings, soils);
+        place_wheels(wheels, footings, soils, vehicle);
     }
 
 private:
@@ -374,7 +377,7 @@ void judge_points(
     double north, const Verdicts& out
 ) {
     const Vehicle& v = on.vehicle;
-    auto wheels = wheels_on(v.layout, {});
+    auto wheels = wheels_on(v.layout);
     FootingRows<Id> under(stance, surfaces);
     Footings footings(wheels.size());
     std::shared_ptr<const SlopeTable> table;

@@ -147,7 +147,7 @@ inline Turn turn_on_spot(
 ) {
     constexpr double all = 1.0 - 1e-9;  // beyond, nothing acts sideways any more
     constexpr int halvings = 60;
-    auto wheels = wheels_on(layout, soil[0]);
+    auto wheels = wheels_on(layout, soil);
     // none runs in the track of another
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n], wheels[n].ahead = -1;
     sink_wheels(wheels);

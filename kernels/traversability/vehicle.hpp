@@ -48,6 +48,7 @@ struct Vehicle {
     In fit_along, fit_across;
     double weight, slip, slope_margin, clearance, front, rear, roughness;
     double go_traction, go_slip, go_torque, go_geometry;
+    Matrix<const double> factors;  // of k, by soil and wheel; none where all are 1
 };
 
 template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
@@ -58,6 +59,7 @@ template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
     visit("front", v.front), visit("rear", v.rear), visit("roughness", v.roughness);
     visit("go_traction", v.go_traction), visit("go_slip", v.go_slip);
     visit("go_torque", v.go_torque), visit("go_geometry", v.go_geometry);
+    visit("factors[_,w]", v.factors);
 }
 
 // Direction of gravity as the body has it.
@@ -124,12 +126,19 @@ struct LoadedWheel {
 using LoadedWheels = Span<LoadedWheel>;
 
 // The wheels of a vehicle, all on one soil.
-inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soil& soil) {
+inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soil& soil = {}) {
     return each(layout.driven.size(), [&](std::size_t n) {
         return LoadedWheel{
             layout.driven[n], layout.ahead[n], layout.wheels[n], soil, layout.multipass
         };
     });
+}
+
+// The wheels of a vehicle on soils, one for all or one for each.
+inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soils& soils) {
+    auto wheels = wheels_on(layout, soils[0]);
+    for (i64 n = 1; n < min(soils.size(), count_of(wheels)); ++n) wheels[n].soil = soils[n];
+    return wheels;
 }
 
 // Let the wheels bear a weight; whether one would be pulled up.
@@ -208,7 +217,7 @@ inline double held(LoadedWheels wheels) {
 inline std::vector<double> wheel_loads(
     const Layout& layout, double weight, double pitch, double roll
 ) {
-    auto wheels = wheels_on(layout, {});
+    auto wheels = wheels_on(layout);
     load_wheels(wheels, layout, weight, gravity(tan(pitch), tan(roll)));
     return each(wheels.size(), [&](std::size_t n) { return wheels[n].load; });
 }
@@ -258,16 +267,19 @@ inline double resistances(LoadedWheels wheels) {
 // the one that is not to be exceeded, and then between these.
 constexpr int NODES = 6;
 
+// The last slip but one that is looked at: where a force has grown since, it is largest at the
+// last.
+INLINE double before_last(double max_slip) { return max_slip * (NODES - 1) / NODES; }
+
 struct BestSlip {
     double slip, force;
 };
 
 // The slip at which a force is largest; beyond `enough` no more is looked for.
-// It rises to one peak at most (golden section).
+// It rises to one peak at most (golden section: each of the steps takes off 0.38 of what is left).
 template <class ForceAt>
-BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF) {
+BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF, int steps = 24) {
     constexpr double golden = 0.6180339887498949;
-    constexpr int steps = 24;  // 1e-5 of a node
     BestSlip best{0.0, -INF};
     int at = 0;
     for (int n = 1; n <= NODES; ++n) {
@@ -304,14 +316,15 @@ inline double most_pull(LoadedWheels wheels, double max_slip) {
         return deepest_share(wheels) < 1.0 ? force : -INF;
     };
     double last = force_at(max_slip);
-    if (last > -INF && last >= force_at(max_slip * (NODES - 1) / NODES)) return last;
-    double most = best_slip(force_at, max_slip).force;
+    if (last > -INF && last >= force_at(before_last(max_slip))) return last;
+    constexpr int few = 6;  // a peak is flat
+    double most = best_slip(force_at, max_slip, INF, few).force;
     return most > -INF ? most : pulls(wheels, least_mobilised(wheels, max_slip), true).force;
 }
 
 // The least share of strength at which all driven wheels together push with `pull`; or infinity.
 inline double common_share(LoadedWheels wheels, double pull, double max_slip, bool motors) {
-    constexpr double enough = 1e-10;  // relative accuracy of the root
+    constexpr double enough = 1e-8;  // relative accuracy of the root
     constexpr int steps = 100, doublings = 12;
     auto lacking = [&](double share) { return pull - pulls(wheels, share, motors).force; };
     double low = 0.0, high = 0.0, under = lacking(low), over = under;
@@ -322,7 +335,8 @@ inline double common_share(LoadedWheels wheels, double pull, double max_slip, bo
         return deepest_share(wheels) < 1.0 ? force : -INF;
     };
     BestSlip best{max_slip, force_at(max_slip)};
-    if (best.force < 0.0) best = best_slip(force_at, max_slip, 0.0);
+    if (best.force < 0.0 && !(best.force >= force_at(before_last(max_slip)) && best.force > -INF))
+        best = best_slip(force_at, max_slip, 0.0);
     double share = least_mobilised(wheels, best.slip);
     if (best.force >= 0.0) high = share, over = -best.force;
     else low = share, under = lacking(share);
@@ -509,7 +523,7 @@ template <class ReserveAt> Slope steepest_slope(ReserveAt reserve_at) {
 inline Slope steepest(
     bool across, const Layout& layout, double weight, const Soils& soil, double slip
 ) {
-    auto wheels = wheels_on(layout, soil[0]);
+    auto wheels = wheels_on(layout, soil);
     return steepest_slope([&](double angle) {
         return across ? cross_reserve(wheels, layout, weight, angle)
                       : climb_reserve(wheels, layout, weight, angle, slip);

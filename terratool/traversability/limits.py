@@ -15,7 +15,7 @@ from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
-from terratool.traversability.wheel import one_soil
+from terratool.traversability.wheel import under_wheels
 
 
 class WheelArrays(NamedTuple):
@@ -231,7 +231,8 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
 
 
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
-    found = kernels.steepest(across, wheel_layout(vehicle), vehicle.weight, one_soil(soil), slip)
+    layout, soils = wheel_layout(vehicle), under_wheels(soil)
+    found = kernels.steepest(across, layout, vehicle.weight, soils, slip)
     angle = found["angle"]
     return SteepestSlope(max(angle, 0.0), angle >= 0.0, Reason(found["reason"]))
 
@@ -317,7 +318,7 @@ def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDeman
     layout = wheel_layout(vehicle)
     loads = kernels.wheel_loads(layout, vehicle.weight, slope, 0.0)
     sinkage, push = np.empty_like(loads), vehicle.weight * math.sin(slope)
-    need = kernels.drive(layout, loads, one_soil(soil), push, slip_limit(vehicle), sinkage)
+    need = kernels.drive(layout, loads, under_wheels(soil), push, slip_limit(vehicle), sinkage)
     return SlopeDemand(
         need["torque"], need["torque_used"], need["utilisation"], need["slip"],
         float(sinkage.max()), float(np.max(sinkage / layout.wheels.radius)),

@@ -14,7 +14,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.traversability.limits import climb, judge_level, level_demand, slip_limit, tip_over
 from terratool.traversability.results import Chances, Verdict
-from terratool.traversability.soil import governing_load, largest_slope, soil_of
+from terratool.traversability.soil import largest_slope, soil_under
 from terratool.traversability.steps import step_of
 from terratool.traversability.survey import SoilSamples, soil_table
 from terratool.traversability.vehicle import Soil, Vehicle
@@ -109,8 +109,7 @@ def _stratified(
 
 def sampled_soils(name: str, draws: Draws, vehicle: Vehicle) -> tuple[Soil | None, ...]:
     """The soil of a surface, sample by sample; None where it lacks something."""
-    load = governing_load(vehicle)
-    return tuple(soil_of(name, surface, vehicle.wheel, load) for surface in draws.surfaces[name])
+    return tuple(soil_under(name, surface, vehicle) for surface in draws.surfaces[name])
 
 
 def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSamples:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from terratool.traversability.limits import (
     slope_demand,
     tip_over,
     wheel_layout,
+    wheel_loads,
 )
 from terratool.traversability.results import Figures, Reason, SlipCurve, Verdict
 from terratool.traversability.steps import gap_width, step_of
@@ -130,24 +132,53 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
     return Soil.of(*numbers.values())
 
 
-def governing_load(vehicle: Vehicle) -> float:
-    """Load (N) of the driven wheel that bears most on the level; of all wheels if none is."""
-    wheels = wheel_layout(vehicle)
-    loads = vehicle.weight * wheels.shares[:, 0]
-    return float(loads[wheels.driven].max() if wheels.driven.any() else loads.max())
+def governing(vehicle: Vehicle) -> tuple[Wheel, float]:
+    """The driven wheel that bears most on the level, and its load, N; of all wheels if none is."""
+    layout = wheel_layout(vehicle)
+    loads = vehicle.weight * layout.shares[:, 0]
+    counts = layout.driven if layout.driven.any() else np.ones(len(loads), np.bool_)
+    most = int(np.argmax(np.where(counts, loads, -np.inf)))
+    return vehicle.all_wheels[most], float(loads[most])
+
+
+def soil_under(name: str, surface: Surface, vehicle: Vehicle) -> Soil | None:
+    """The soil of a surface under a vehicle; None if it lacks something (`missing_of`).
+
+    A preset's k is that for the wheel of `governing` and its load, and those alike; wheels of other
+    sizes have factors, which are those for their own loads on the level.
+
+    Args:
+        name: of the surface, for messages.
+        surface: not a void one.
+        vehicle: with its wheels.
+
+    Raises:
+        RequestError: a number is beyond 1e30 in size.
+    """
+    wheel, load = governing(vehicle)
+    soil, preset = soil_of(name, surface, wheel, load), preset_of(surface)
+    sizes = {(one.radius, one.width) for one in vehicle.all_wheels}
+    bekker = preset is not None and surface.sinkage is UNSET and not preset.is_hard
+    if soil is None or preset is None or not bekker or len(sizes) < 2 or not soil.sinkage > 0.0:
+        return soil
+    factors = []
+    for one, own in zip(vehicle.all_wheels, wheel_loads(vehicle).tolist(), strict=True):
+        alike = (one.radius, one.width) == (wheel.radius, wheel.width) or own <= 0.0
+        rate = soil.sinkage if alike else float(bekker_sinkage(preset, one, own)) / own
+        factors.append(rate / soil.sinkage)
+    return replace(soil, factors=tuple(factors))
 
 
 def soils(terrain: Terrain, vehicle: Vehicle) -> tuple[Soil | None, ...]:
     """The soil of each surface of a terrain, by id: the index of the surface and one.
 
-    Presets are resolved for the load of `governing_load`. None for no surface (the first), for
-    void ones, and for those that lack something.
+    As `soil_under` has them. None for no surface (the first), for void ones, and for those that
+    lack something.
     """
-    load = governing_load(vehicle)
     return (
         None,
         *(
-            None if surface.void is True else soil_of(name, surface, vehicle.wheel, load)
+            None if surface.void is True else soil_under(name, surface, vehicle)
             for name, surface in terrain.surface_types.items()
         ),
     )
@@ -176,15 +207,15 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     if surface.void is True:
         return Figures(name, verdict=Verdict.NO_GO, reason=Reason.NO_GROUND)
     preset = "" if surface.preset is UNSET else surface.preset
-    load = governing_load(vehicle)
-    soil = soil_of(name, surface, vehicle.wheel, load)
+    wheel, load = governing(vehicle)
+    soil = soil_under(name, surface, vehicle)
     if soil is None:
         return Figures(
             name, preset, missing_of(surface), verdict=Verdict.UNKNOWN, reason=Reason.SOIL_UNKNOWN
         )
-    wheels.check(load, soil, vehicle.wheel)
-    contact = wheels.contact(load, soil, vehicle.wheel)
-    best = wheels.best_traction(load, soil, vehicle.wheel, slip_limit(vehicle))
+    wheels.check(load, soil, wheel)
+    contact = wheels.contact(load, soil, wheel)
+    best = wheels.best_traction(load, soil, wheel, slip_limit(vehicle))
     need = level_demand(vehicle, soil)
     verdict, reason, _ = judge_level(vehicle, need)
     to_side, backwards, _ = tip_over(vehicle)
@@ -194,10 +225,8 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     turning = turn_on_spot(vehicle, soil)
     soft = bool(contact.area > 0.0) and load > 0.0
     strength, motor = best.shear_stress, None
-    if soft and math.isfinite(vehicle.wheel.max_torque):
-        normal, motor = wheels.stresses_from(
-            load, vehicle.wheel.max_torque, contact.entry_angle, vehicle.wheel
-        )
+    if soft and math.isfinite(wheel.max_torque):
+        normal, motor = wheels.stresses_from(load, wheel.max_torque, contact.entry_angle, wheel)
         strength = soil.cohesion + normal * math.tan(soil.friction)
     known = soil.shear_modulus > 0.0 and math.isfinite(need.slip)
     return Figures(
@@ -215,8 +244,8 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         normal_stress=float(best.normal_stress) if soft else None,
         shear_stress=float(best.shear_stress) if soft else None,
         entry_angle=float(contact.entry_angle) if soft else None,
-        strength=float(strength) if soft and not vehicle.wheel.slips else None,
-        motor_stress=None if motor is None or vehicle.wheel.slips else float(motor),
+        strength=float(strength) if soft and not wheel.slips else None,
+        motor_stress=None if motor is None or wheel.slips else float(motor),
         limit_torque=float(best.torque),
         thrust=float(best.thrust),
         resistance=float(best.resistance),
@@ -239,7 +268,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         verdict=verdict,
         reason=reason,
         warnings=(
-            *wheels.remarks(load, soil, vehicle.wheel),
+            *wheels.remarks(load, soil, wheel),
             *_remarks(vehicle, soil, load),
             *_cannot_turn(name, turning),
         ),

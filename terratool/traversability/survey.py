@@ -70,6 +70,7 @@ class VehicleParams(NamedTuple):
         clearance, front, rear: what ground and sinkage may take under the body and its overhangs.
         roughness: m.
         go_traction, go_slip, go_torque, go_geometry: shares up to which it is go.
+        factors: (soils, wheels) of k, or (0, wheels) where all are 1.
     """
 
     layout: WheelLayout
@@ -86,10 +87,11 @@ class VehicleParams(NamedTuple):
     go_slip: float
     go_torque: float
     go_geometry: float
+    factors: NDArray[np.float64]
 
 
-def vehicle_params(vehicle: Vehicle) -> VehicleParams:
-    """A vehicle for the kernels."""
+def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None) -> VehicleParams:
+    """A vehicle for the kernels; factors of k by soil and wheel, all 1 if None."""
     wheels = wheel_layout(vehicle)
     limits, margins = vehicle.thresholds, vehicle.margins
     slip, ahead = slip_limit(vehicle), wheels.x - wheels.x.mean()
@@ -105,7 +107,17 @@ def vehicle_params(vehicle: Vehicle) -> VehicleParams:
         roughness=ROUGH * min(vehicle.smallest_radius, vehicle.clearance),
         go_traction=limits.utilisation, go_slip=limits.slip / slip,
         go_torque=limits.torque, go_geometry=limits.geometry,
+        factors=np.empty((0, len(wheels.x))) if factors is None else factors,
     )  # fmt: skip
+
+
+def sinkage_factors(terrain: Terrain, vehicle: Vehicle) -> NDArray[np.float64] | None:
+    """Factors of k, (soils by id, wheels) float64; None where all are 1."""
+    known = soils(terrain, vehicle)
+    if all(soil is None or soil.factors is None for soil in known):
+        return None
+    ones = (1.0,) * vehicle.wheels
+    return np.array([ones if soil is None else soil.factors or ones for soil in known], np.float64)
 
 
 def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[np.float64]]:
@@ -284,7 +296,7 @@ class Surveyor:
         slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
         radii = [tread.radius for tread in self._footprint.by_heading[0].treads]
         self._painter = GroundPainter(terrain, self._fine, _LEAST * radii[0], slopes, radii)
-        params = vehicle_params(vehicle)
+        params = vehicle_params(vehicle, sinkage_factors(terrain, vehicle))
         self._on_soils = kernels.VehicleOnSoils(params, *soil_table(terrain, vehicle))
         self.samples = samples
         self._on_samples = None

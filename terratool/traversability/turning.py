@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from terratool.kernels import traversability as kernels
 from terratool.traversability.limits import wheel_layout, wheel_loads
 from terratool.traversability.results import Reason
 from terratool.traversability.vehicle import Soil, Vehicle
-from terratool.traversability.wheel import one_soil, towed_resistance
+from terratool.traversability.wheel import towed_resistance, under_wheels
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +62,10 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
     layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
     if vehicle.steering == "wheels":
         away = np.hypot(layout.x - vehicle.middle, layout.y)
+        factors = soil.factors or (1.0,) * len(loads)
         rolling = [
-            float(towed_resistance(load, soil, wheel))
-            for wheel, load in zip(vehicle.all_wheels, loads, strict=True)
+            float(towed_resistance(load, replace(soil, sinkage=soil.sinkage * factor), wheel))
+            for wheel, load, factor in zip(vehicle.all_wheels, loads, factors, strict=True)
         ]
         moment = float(np.dot(rolling, away))
         torque = max(
@@ -72,6 +73,6 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
         )
         return Turning(moment, 0.0, moment, float(away.max()), 0.0, float(torque))
     found = kernels.turn_on_spot(
-        layout, layout.x, layout.y, loads, one_soil(soil), vehicle.wheel.max_slip
+        layout, layout.x, layout.y, loads, under_wheels(soil), vehicle.wheel.max_slip
     )
     return Turning(**{**found, "reason": Reason(found["reason"])})

@@ -28,12 +28,14 @@ class Soil:
         sinkage: k, m/N, 0 or more; 0 is rigid ground. z = k·W.
         shear_modulus: K of Janosi and Hanamoto, m, above 0; 0 where it is not known, and then all
             of the shear strength is mobilised whatever the slip.
+        factors: of k for each wheel of a vehicle, in the order of its layout; all are 1 if None.
     """
 
     cohesion: Any
     friction: Any
     sinkage: Any
     shear_modulus: Any = 0.0
+    factors: tuple[float, ...] | None = None
 
     @classmethod
     def of(cls, cohesion: Any, friction: Any, sinkage: Any, shear_modulus: Any = 0.0) -> Soil:
@@ -44,9 +46,10 @@ class Soil:
 MODELS = ("slip", "paper")
 """Of wheel and soil; kernels/traversability/terramechanics.hpp says what they are."""
 FLAT = 0.4
-"""The least shear length of a wheel, in radii: a rim that gives by 2 % of its radius is as flat."""
+"""The least shear length of a wheel, in radii: a rim that gives by 2 % of its radius is as flat. An
+assumption; docs/validation.md has what others would do."""
 EXIT_RATIO = 0.45
-"""−θ2/θ1 where nothing is said: the middle of what fits of measured stresses gave, 0.4 to 0.5."""
+"""−θ2/θ1 where nothing is said: between 0 and 0.95, which are in print; docs/validation.md."""
 LUGS = 0.1
 """The height of a lugged wheel's lugs where it is not said, in radii: 25 mm on 0.25 m, as on the
 wheel of NASA's MGRU3."""

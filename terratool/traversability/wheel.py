@@ -58,10 +58,14 @@ def flat_soils(
     return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus), others
 
 
-def one_soil(soil: Soil) -> SoilArrays:
-    """A soil of numbers, by itself."""
+def under_wheels(soil: Soil) -> SoilArrays:
+    """A soil of numbers, by itself, or under each wheel of a vehicle."""
     numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus
-    return SoilArrays(*np.array(numbers, np.float64)[:, None])
+    columns = np.array(numbers, np.float64)[:, None]
+    if soil.factors is not None:
+        columns = np.repeat(columns, len(soil.factors), axis=1)
+        columns[2] *= soil.factors
+    return SoilArrays(*columns)
 
 
 def shaped(column: NDArray[np.float64], shape: tuple[int, ...]) -> Numbers:

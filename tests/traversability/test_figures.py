@@ -18,17 +18,20 @@ import terratool
 from terratool.definition.model import Surface
 from terratool.definition.presets import PRESETS, property_of
 from terratool.errors import RequestError
+from terratool.raster.grid import Grid
 from terratool.raster.layers import LAYERS, SurfaceValues
+from terratool.traversability.limits import level_demand, wheel_loads
 from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.soil import (
     ASSUMPTIONS,
     bekker_sinkage,
-    governing_load,
+    governing,
     missing_of,
     soil_of,
     soils,
     surface_figures,
 )
+from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Margins, Soil, Vehicle, Wheel
 from terratool.traversability.wheel import demand
 from tests.conftest import terrain_of
@@ -171,9 +174,44 @@ def test_soils_by_the_id_of_their_surface() -> None:
 def test_a_preset_is_resolved_for_the_driven_wheel_that_bears_most() -> None:
     """Not for a mean, nor for one that is towed."""
     vehicle = Vehicle(WHEEL, (Axle(0.2), Axle(-0.6)), 40.0, track_width=0.8)
-    assert governing_load(vehicle) == pytest.approx(vehicle.weight * 0.75 / 2)
+    assert governing(vehicle)[1] == pytest.approx(vehicle.weight * 0.75 / 2)
     towed = Vehicle(WHEEL, (Axle(0.2, driven=False), Axle(-0.6)), 40.0, track_width=0.8)
-    assert governing_load(towed) == pytest.approx(vehicle.weight * 0.25 / 2)
+    assert governing(towed)[1] == pytest.approx(vehicle.weight * 0.25 / 2)
+
+
+@pytest.mark.parametrize("preset", ["dry-sand", "lunar-nominal", "lete-sand", "clayey-soil-38"])
+def test_wheels_of_axles_count_for_presets(preset: str) -> None:
+    """The same wheels are the same vehicle, in `wheels` or in each axle, in figures and in maps."""
+    ground = terrain_of(
+        {
+            "size": 8, "surfTypes": {"s": {"preset": preset}}, "elemTypes": {"box": {"x": [1]}},
+            "elemTree": {"type": "box", "surface": "s"},
+        }
+    )  # fmt: skip
+    small, large = Wheel(0.1, 0.05), Wheel(0.25, 0.2)
+    common = replace(ROVER, wheel=small, axles=(Axle(0.4), Axle(-0.4)))
+    own = replace(common, wheel=large, axles=tuple(Axle(x, wheel=small) for x in (0.4, -0.4)))
+    figures = (surface_figures("s", Surface(preset=preset), one) for one in (common, own))
+    one, other = (replace(each, warnings=()) for each in figures)
+    assert one == other
+    maps = [survey(ground, each, Grid(3.5, 3.5, 0.5, 2, 2)) for each in (common, own)]
+    assert np.array_equal(maps[0].sinkage, maps[1].sinkage)
+    assert np.array_equal(maps[0].utilisation, maps[1].utilisation)
+
+
+def test_each_wheel_has_the_sinkage_of_its_size() -> None:
+    """That of Bekker for its own load, in a castor as in a driven wheel."""
+    soil, castor = PRESETS["lete-sand"], Wheel(0.08, 0.03)
+    vehicle = replace(ROVER, axles=(Axle(0.5, wheel=castor, driven=False), Axle(-0.2)))
+    found = soils(terrain(sand={"preset": "lete-sand"}), vehicle)[1]
+    assert found is not None and found.factors is not None
+    loads = wheel_loads(vehicle)
+    for wheel, load, factor in zip(vehicle.all_wheels, loads, found.factors, strict=True):
+        sunk = float(found.sinkage) * factor * load
+        assert sunk == pytest.approx(float(bekker_sinkage(soil, wheel, load)))
+    # the castor sinks in by itself, and stands so in a map
+    deepest = float(bekker_sinkage(soil, castor, loads[0]))
+    assert level_demand(vehicle, found).sinkage >= deepest * (1 - 1e-12)
 
 
 @pytest.mark.parametrize("key", ["cohesion", "sinkage", "shear_modulus"])

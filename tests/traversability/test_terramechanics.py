@@ -17,7 +17,7 @@ from terratool.traversability import limits, wheel
 from terratool.traversability.limits import Measure, judge, share_of
 from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
-from terratool.traversability.wheel import SoilArrays, demand, one_soil
+from terratool.traversability.wheel import SoilArrays, demand, under_wheels
 from tests.surveys import judged
 
 WHEEL = Wheel(0.2, 0.1, slips=False)
@@ -502,7 +502,7 @@ def driven(vehicle: Vehicle, soil: Soil, pull: float, pitch: float = 0.0) -> tup
     """`kernels.drive` for a vehicle that heads up a slope."""
     plan, weights = limits.wheel_layout(vehicle), limits.wheel_loads(vehicle, pitch)
     slip = vehicle.wheel.max_slip
-    need = kernels.drive(plan, weights, one_soil(soil), pull, slip, np.empty_like(weights))
+    need = kernels.drive(plan, weights, under_wheels(soil), pull, slip, np.empty_like(weights))
     return need["utilisation"], need["torque"], need["slip"], need["power"]
 
 
