@@ -93,8 +93,8 @@ template <class Visit> void visit_arguments(Body& b, Visit visit) {
 }
 
 // Where ground between the centres of pixels stands out: its height, and how far to the east and
-// the north of its pixel's centre it lies, m. They are few: rows and columns are those of the ground before
-// it is laid out for sweeps.
+// the north of its pixel's centre it lies, m. They are few: rows and columns are those of the
+// ground before it is laid out for sweeps.
 struct Crests {
     Span<const i64> row, column;
     Span<const float> height, east, north;
