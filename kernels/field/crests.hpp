@@ -166,10 +166,15 @@ private:
         return true;
     }
 
+    // How far a kink and a peak stand above the chord of a pixel across them.
+    double above_chord(double drop, double bend, double length) const {
+        double share = side_ / length;
+        return 0.5 * drop * share + 0.125 * bend * share * share;
+    }
+
     // How much a line of a curve may raise a pixel, for each unit that the element weighs it with.
     double rise_of(i64 line, double length) const {
-        double share = side_ / length;
-        return 0.5 * abs(lines_.drop[line]) * share + 0.125 * abs(lines_.bend[line]) * share * share
+        return above_chord(abs(lines_.drop[line]), abs(lines_.bend[line]), length)
             + lines_.wall[line];
     }
 
@@ -291,10 +296,8 @@ private:
         if (!point.wall[X] && !point.wall[Y]) {
             double factor = f.element.scale;
             if (f.kind.combine == PRODUCT) factor *= curve(f, other, at).value;
-            double share = side_ / f.length[axis];
-            double rise =
-                0.5 * lines_.drop[line] * share + 0.125 * lines_.bend[line] * share * share;
-            if (factor * rise < least_) return;
+            if (factor * above_chord(lines_.drop[line], lines_.bend[line], f.length[axis]) < least_)
+                return;
         }
         ask(f, point);
     }
@@ -352,8 +355,8 @@ private:
             double rho = 2.0 * lines_.t[n] - 1.0;
             if (rho <= 0.0) continue;
             bool wall = is_wall(f, n);
-            double share = side_ / min(f.length[X], f.length[Y]);
-            double rise = 0.5 * lines_.drop[n] * share + 0.125 * lines_.bend[n] * share * share;
+            double rise =
+                above_chord(lines_.drop[n], lines_.bend[n], min(f.length[X], f.length[Y]));
             if (!wall && f.element.scale * rise < least_) continue;
             i64 count = max(i64(8), i64(ceil(2.0 * PI * rho * length * 2.0 / side_)));
             for (i64 s = 0; s < count; ++s) {

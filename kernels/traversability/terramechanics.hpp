@@ -21,7 +21,7 @@
 // nothing; forces are then those at that depth.
 #pragma once
 
-#include "../core.hpp"
+#include "../field/tracks.hpp"
 
 namespace terratool::traversability {
 
@@ -29,13 +29,9 @@ using std::acos;
 using std::asin;
 using std::atan;
 using std::atan2;
-using std::cbrt;
 using std::cos;
-using std::exp;
 using std::expm1;
 using std::hypot;
-using std::log1p;
-using std::pow;
 using std::sin;
 using std::tan;
 
@@ -67,10 +63,7 @@ struct Soil {
 struct Pressed {
     double first, passes, exponent;  // m, a number, a
 
-    double depth() const {
-        if (!(passes > 1.0)) return passes > 0.0 ? first : 0.0;
-        return first * (exponent == 3.0 ? cbrt(passes) : pow(passes, 1.0 / exponent));
-    }
+    double depth() const { return passes > 0.0 ? deepened(first, passes, 1.0 / exponent) : 0.0; }
     // After one more pass, of a wheel that sinks in by `own` on fresh ground, where a is `usual`.
     Pressed after(double own, double usual) const {
         constexpr double alike = 1.0 + 1e-6;  // ruts of terrains are known in single precision

@@ -98,8 +98,6 @@ inline double tip_reserve(const Layout& layout, const Gravity& g) {
     return least;
 }
 
-constexpr i64 MOST_AXLES = 64;  // so many wheels in one line are looked at
-
 // A wheel of a vehicle, what it bears, and the soil that it stands on.
 struct LoadedWheel {
     bool driven;
@@ -167,19 +165,20 @@ inline void sink_wheel(LoadedWheels wheels, LoadedWheel& f) {
     if (f.wheel.slips && (f.ahead >= 0 || f.ground.passes > 0.0)) {
         Pressed ground = f.ground, fresh{};
         bool rut = f.ground.passes > 0.0;
-        auto deepened = [&](Pressed& soil, double own, double usual) {
+        auto added = [&](Pressed& soil, double own, double usual) {
             Pressed before = std::exchange(soil, soil.after(own, usual));
             return max(soil.depth() - before.depth(), 0.0);
         };
         auto press = [&](double own) {
-            double on_fresh = deepened(fresh, own, rut ? f.ground.exponent : f.multipass);
-            return rut ? min(deepened(ground, own, f.multipass), on_fresh) : on_fresh;
+            double on_fresh = added(fresh, own, rut ? f.ground.exponent : f.multipass);
+            return rut ? min(added(ground, own, f.multipass), on_fresh) : on_fresh;
         };
-        std::array<double, MOST_AXLES> ahead;
-        i64 count = 0;
-        for (i64 k = f.ahead; k >= 0 && count < MOST_AXLES; k = wheels[k].ahead)
-            ahead[count++] = wheels[k].load;
-        while (count > 0) f.found += press(f.soil.sinkage * ahead[--count]);
+        auto follow = [&](auto& self, i64 k) -> void {  // the foremost comes first
+            if (k < 0) return;
+            self(self, wheels[k].ahead);
+            f.found += press(f.soil.sinkage * wheels[k].load);
+        };
+        follow(follow, f.ahead);
         f.rest = min(press(f.rest), f.rest);
     }
     f.slip_at(0.0);
@@ -267,10 +266,6 @@ inline double resistances(LoadedWheels wheels) {
 // the one that is not to be exceeded, and then between these.
 constexpr int NODES = 6;
 
-// The last slip but one that is looked at: where a force has grown since, it is largest at the
-// last.
-INLINE double before_last(double max_slip) { return max_slip * (NODES - 1) / NODES; }
-
 struct BestSlip {
     double slip, force;
 };
@@ -309,16 +304,24 @@ BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF, int s
     return best;
 }
 
+// As best_slip, where most forces grow to the end: if it has grown since the slip before the
+// largest, or is `enough` there, nothing else is looked at.
+template <class ForceAt>
+BestSlip best_or_last(ForceAt force_at, double max_slip, double enough = INF, int steps = 24) {
+    BestSlip last{max_slip, force_at(max_slip)};
+    if (last.force >= enough) return last;
+    bool grows = last.force > -INF && last.force >= force_at(max_slip * (NODES - 1) / NODES);
+    return grows ? last : best_slip(force_at, max_slip, enough, steps);
+}
+
 // The most that driven wheels pull at slips up to the largest, N; motors limit them.
 inline double most_pull(LoadedWheels wheels, double max_slip) {
     auto force_at = [&](double slip) {
         double force = pulls(wheels, least_mobilised(wheels, slip), true).force;
         return deepest_share(wheels) < 1.0 ? force : -INF;
     };
-    double last = force_at(max_slip);
-    if (last > -INF && last >= force_at(before_last(max_slip))) return last;
     constexpr int few = 6;  // a peak is flat
-    double most = best_slip(force_at, max_slip, INF, few).force;
+    double most = best_or_last(force_at, max_slip, INF, few).force;
     return most > -INF ? most : pulls(wheels, least_mobilised(wheels, max_slip), true).force;
 }
 
@@ -334,9 +337,7 @@ inline double common_share(LoadedWheels wheels, double pull, double max_slip, bo
         double force = -lacking(least_mobilised(wheels, slip));
         return deepest_share(wheels) < 1.0 ? force : -INF;
     };
-    BestSlip best{max_slip, force_at(max_slip)};
-    if (best.force < 0.0 && !(best.force >= force_at(before_last(max_slip)) && best.force > -INF))
-        best = best_slip(force_at, max_slip, 0.0);
+    BestSlip best = best_or_last(force_at, max_slip, 0.0);
     double share = least_mobilised(wheels, best.slip);
     if (best.force >= 0.0) high = share, over = -best.force;
     else low = share, under = lacking(share);

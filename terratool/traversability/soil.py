@@ -315,11 +315,12 @@ def largest_slope(
 
 def _remarks(vehicle: Vehicle, soil: Soil, load: float) -> tuple[str, ...]:
     """Sentences on wheels that are not like the one of the figures."""
-    wheels = wheel_layout(vehicle)
-    towed = vehicle.weight * wheels.shares[~wheels.driven, 0]
-    if len(towed) and towed.max() > load:
-        return (
-            f"Wheels that are not driven bear more, {towed.max():.4g} N, and sink in "
-            f"{1e3 * soil.sinkage * towed.max():.3g} mm.",
-        )
-    return ()
+    layout = wheel_layout(vehicle)
+    loads = np.where(layout.driven, 0.0, vehicle.weight * layout.shares[:, 0])
+    if not loads.max() > load:
+        return ()
+    sinkage = float((wheels.under_wheels(soil).sinkage * loads).max())
+    return (
+        f"Wheels that are not driven bear more, {loads.max():.4g} N, and sink in "
+        f"{1e3 * sinkage:.3g} mm.",
+    )

@@ -386,6 +386,12 @@ def test_towed_wheels_that_bear_more_are_told_of() -> None:
     found = surface_figures("s", Surface(cohesion=1, fric_angle=30, sinkage=0.1), vehicle)
     assert found.load == pytest.approx(vehicle.weight * 0.125)
     assert any("not driven bear more, 147.1 N" in sentence for sentence in found.warnings)
+    # a castor of another size sinks in as it does, not as the wheel of the figures
+    castor = Wheel(0.08, 0.03)
+    smaller = replace(vehicle, axles=(replace(vehicle.axles[0], wheel=castor), vehicle.axles[1]))
+    sunk = 1e3 * float(bekker_sinkage(PRESETS["lete-sand"], castor, vehicle.weight * 0.375))
+    warnings = surface_figures("s", Surface(preset="lete-sand"), smaller).warnings
+    assert any(f"bear more, 147.1 N, and sink in {sunk:.3g} mm" in one for one in warnings)
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "samples").glob("*.json")), ids=lambda p: p.stem)
