@@ -141,10 +141,26 @@ def test_what_is_soon_done_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     assert terminal.AFTER <= 2 and terminal.EVERY <= 10
 
 
+# what is said last is told before it ends, however quick it is
 CODE = """
 import sys
+import threading
 from terratool.cli import terminal
 terminal.AFTER = terminal.TICK = 0.001
+show, leave, told = terminal.Status._show, terminal.Status.__exit__, threading.Event()
+
+def _show(self):
+    what = self._what
+    show(self)
+    self.shown = what
+    told.set()
+
+def __exit__(self, *error):
+    while getattr(self, "shown", None) != self._what and told.wait(10.0):
+        told.clear()
+    leave(self, *error)
+
+terminal.Status._show, terminal.Status.__exit__ = _show, __exit__
 from terratool.cli.main import main
 sys.argv[0] = "terratool"
 main()
