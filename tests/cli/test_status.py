@@ -141,13 +141,13 @@ def test_what_is_soon_done_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     assert terminal.AFTER <= 2 and terminal.EVERY <= 10
 
 
-# what is said last is told before it ends, however quick it is
+# work waits for what is said of it to be told, however quick it is
 CODE = """
 import sys
 import threading
 from terratool.cli import terminal
 terminal.AFTER = terminal.TICK = 0.001
-show, leave, told = terminal.Status._show, terminal.Status.__exit__, threading.Event()
+show, told = terminal.Status._show, threading.Event()
 
 def _show(self):
     what = self._what
@@ -155,12 +155,17 @@ def _show(self):
     self.shown = what
     told.set()
 
-def __exit__(self, *error):
-    while getattr(self, "shown", None) != self._what and told.wait(10.0):
-        told.clear()
-    leave(self, *error)
+def waiting(method):
+    def wait(self, *given):
+        result = method(self, *given)
+        while getattr(self, "shown", None) != self._what and told.wait(10.0):
+            told.clear()
+        return result
+    return wait
 
-terminal.Status._show, terminal.Status.__exit__ = _show, __exit__
+terminal.Status._show = _show
+terminal.Status.__enter__ = waiting(terminal.Status.__enter__)
+terminal.Status.say = waiting(terminal.Status.say)
 from terratool.cli.main import main
 sys.argv[0] = "terratool"
 main()
