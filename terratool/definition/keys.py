@@ -16,7 +16,9 @@ from terratool.definition.model import (
     SMALLEST,
     Definition,
     Element,
+    Library,
     Primitive,
+    Repeat,
     Surface,
     Track,
     names_of,
@@ -53,7 +55,8 @@ class Key(Struct, frozen=True):
 
     words: str
     kind: Literal[
-        "text", "number", "whole", "flag", "object", "list", "curve", "path", "depth", "any"
+        "text", "number", "whole", "flag", "object", "list", "curve", "path", "depth", "repeat",
+        "paths", "any",
     ]
     low: float = -inf
     high: float = inf
@@ -72,6 +75,11 @@ class Key(Struct, frozen=True):
 
 
 _TEXT = Key("a text", "text")
+_SCHEMA = Key("the address of the JSON Schema, a text", "text")
+_USE = Key("a list of paths of libraries", "paths")
+_SURFACES = Key("a dictionary of surfaces, an object", "object")
+_PRIMITIVES = Key("a dictionary of primitives, an object", "object")
+_PARTS = Key("a dictionary of parts, an object", "object")
 _NUMBER = Key("a number up to 1e30 in size", "number", -LARGEST, LARGEST)
 _CURVE = Key(
     "a curve: numbers up to 1e30 in size, [t, z] knots, a name or an expression", "curve",
@@ -89,8 +97,9 @@ def _figure(
 
 KEYS: dict[type, dict[str, Key]] = {
     Definition: {
-        "$schema": Key("the address of the JSON Schema, a text", "text"),
+        "$schema": _SCHEMA,
         "descr": _TEXT,
+        "use": _USE,
         "size": Key(
             "a side length above 0, from 1e-30 to 1e30, or a pair [x, y] of them", "number",
             SMALLEST, LARGEST, length=2,
@@ -100,10 +109,19 @@ KEYS: dict[type, dict[str, Key]] = {
             "number", -LARGEST, LARGEST, alone=False, length=2,
         ),
         "crs": Key('a coordinate reference system such as "EPSG:32633"', "any"),
-        "surfTypes": Key("a dictionary of surfaces, an object", "object"),
-        "elemTypes": Key("a dictionary of primitives, an object", "object"),
+        "surfTypes": _SURFACES,
+        "elemTypes": _PRIMITIVES,
+        "parts": _PARTS,
         "elemTree": Key("the root element, an object", "object"),
         "tracks": Key("a list of tracks", "list"),
+    },
+    Library: {
+        "$schema": _SCHEMA,
+        "descr": _TEXT,
+        "use": _USE,
+        "surfTypes": _SURFACES,
+        "elemTypes": _PRIMITIVES,
+        "parts": _PARTS,
     },
     Surface: {
         "descr": _TEXT,
@@ -131,9 +149,6 @@ KEYS: dict[type, dict[str, Key]] = {
         ),
     },
     Element: {
-        "descr": _TEXT,
-        "type": Key("the name of a primitive, a text", "text"),
-        "surface": Key("the name of a surface, a text", "text"),
         "cellX": Key(
             "a column of the parent's grid, a whole number from 0", "whole", 0, MAX_CELLS - 1
         ),
@@ -144,6 +159,22 @@ KEYS: dict[type, dict[str, Key]] = {
             f"two whole numbers [w, h] of cells from 1 to {MAX_CELLS}", "whole", 1, MAX_CELLS,
             alone=False, length=2,
         ),
+        "at": Key(
+            "the place [x, y] of the middle in the parent's cell, two numbers up to 1e30 in size",
+            "number", -LARGEST, LARGEST, alone=False, length=2,
+        ),
+        "extent": Key(
+            "a side length above 0, from 1e-30 to 1e30, or a pair [w, h] of them", "number",
+            SMALLEST, LARGEST, length=2,
+        ),
+        "repeat": Key(
+            'an object { "count": [nx, ny], "step": [dx, dy] }, counts from 1 to '
+            f"{MAX_CELLS}", "repeat",
+        ),
+        "descr": _TEXT,
+        "type": Key("the name of a primitive, a text", "text"),
+        "part": Key("the name of a part, a text", "text"),
+        "surface": Key("the name of a surface, a text", "text"),
         "vScale": _NUMBER,
         "vOffset": _NUMBER,
         "turnDeg": Key(
@@ -154,6 +185,16 @@ KEYS: dict[type, dict[str, Key]] = {
             length=2,
         ),
         "children": Key("a list of elements", "list"),
+    },
+    Repeat: {
+        "count": Key(
+            f"two whole numbers [nx, ny] of copies from 1 to {MAX_CELLS}", "whole", 1, MAX_CELLS,
+            alone=False, length=2,
+        ),
+        "step": Key(
+            "two steps [dx, dy], numbers up to 1e30 in size", "number", -LARGEST, LARGEST,
+            alone=False, length=2,
+        ),
     },
     Track: {
         "descr": _TEXT,
@@ -275,8 +316,9 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     WheelsText: ("radius", "width"),
     AxleText: ("x",),
     CogText: ("height",),
+    Repeat: ("count", "step"),
 }
-"""Keys of vehicles that must be there."""
+"""Keys that must be there, of terrains by rules of their own."""
 ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
     VehicleText: {
         ("axles", "wheelbase"): 'Add "axles", or "wheelbase" for two driven axles.',
@@ -312,7 +354,13 @@ NESTED: dict[type, dict[str, Nested]] = {
         "surfTypes": Nested(Surface, "dictionary", "the surface {}"),
         "elemTypes": Nested(Primitive, "dictionary", "the primitive {}"),
         "tracks": Nested(Track, "list", "a track"),
+        "parts": Nested(Element, "tree", "the part {}"),
         "elemTree": Nested(Element, "tree", "an element"),
+    },
+    Library: {
+        "surfTypes": Nested(Surface, "dictionary", "the surface {}"),
+        "elemTypes": Nested(Primitive, "dictionary", "the primitive {}"),
+        "parts": Nested(Element, "tree", "the part {}"),
     },
     Element: {"children": Nested(Element, "list", "an element")},
     VehicleText: {

@@ -6,14 +6,14 @@ import json
 from typing import Any
 
 from terratool.definition.keys import ALL_KEYS, NESTED, document_kind
-from terratool.definition.model import Definition, Element, Primitive, Surface, Track
+from terratool.definition.model import Definition, Element, Library, Primitive, Surface, Track
 from terratool.definition.vehicle import VehicleText
 from terratool.text import format as text_format
 from terratool.text.format import Layout
 
-_BROKEN = (Definition, VehicleText)
+_BROKEN = (Definition, Library, VehicleText)
 _ROWS = (Surface, Primitive, Element, Track)
-_LAST = ("surfTypes", "elemTypes", "elemTree", "children")
+_LAST = ("surfTypes", "elemTypes", "parts", "elemTree", "children")
 """Keys before which those that the format does not have are put."""
 
 

@@ -124,19 +124,36 @@ class Primitive(Struct, frozen=True, forbid_unknown_fields=True, rename="camel",
     combine: str | UnsetType = UNSET
 
 
-class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
-    """A primitive placed in a cell, with the grid that divides that cell for its children."""
+class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
+    """Copies of an element in rows: the one at (i, j) is moved by i and j steps.
 
-    descr: str | UnsetType = UNSET
-    type: str | UnsetType = UNSET
-    surface: str | UnsetType = UNSET
+    A step is in whole cells for an element in a cell, in units of the terrain for one at a place.
+    """
+
+    count: tuple[_Count, _Count] | UnsetType = UNSET
+    step: tuple[_Number, _Number] | UnsetType = UNSET
+
+
+class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
+    """A primitive or a part placed in a cell, with the grid that divides it for its children.
+
+    The cell is one of the parent's grid, or has its middle at a place of its own.
+    """
+
     cell_x: _Place | UnsetType = UNSET
     cell_y: _Place | UnsetType = UNSET
     span: tuple[_Count, _Count] | UnsetType = UNSET
+    at: tuple[_Number, _Number] | UnsetType = UNSET
+    # no range here: msgspec 0.22 mixes up a number with a range and a pair beside it
+    extent: float | Pair | UnsetType = UNSET
+    repeat: Repeat | UnsetType = UNSET
+    descr: str | UnsetType = UNSET
+    type: str | UnsetType = UNSET
+    part: str | UnsetType = UNSET
+    surface: str | UnsetType = UNSET
     v_scale: _Number | UnsetType = UNSET
     v_offset: _Number | UnsetType = UNSET
     turn_deg: _Number | UnsetType = UNSET
-    # no range here: msgspec 0.22 mixes up a number with a range and a pair beside it
     cells: int | tuple[int, int] | UnsetType = UNSET
     children: tuple[Element, ...] | UnsetType = UNSET
 
@@ -164,16 +181,43 @@ class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_
         return self.load is not UNSET and not isinstance(self.depth, float)
 
 
-class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """One terrain."""
+class Library(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """Surfaces, primitives and parts for terrains and other libraries to use."""
 
     schema: str | UnsetType = msgspec.field(default=UNSET, name="$schema")
     descr: str | UnsetType = UNSET
+    use: tuple[str, ...] | UnsetType = UNSET
+    surf_types: dict[str, Surface] | UnsetType = UNSET
+    elem_types: dict[str, Primitive] | UnsetType = UNSET
+    parts: dict[str, Element] | UnsetType = UNSET
+
+    @property
+    def used(self) -> tuple[str, ...]:
+        """The paths of the libraries that it uses, none where absent."""
+        return () if self.use is UNSET else self.use
+
+    @property
+    def surfaces(self) -> dict[str, Surface]:
+        """The dictionary of surfaces, empty where absent."""
+        return {} if self.surf_types is UNSET else self.surf_types
+
+    @property
+    def primitives(self) -> dict[str, Primitive]:
+        """The dictionary of primitives, empty where absent."""
+        return {} if self.elem_types is UNSET else self.elem_types
+
+    @property
+    def assemblies(self) -> dict[str, Element]:
+        """The dictionary of parts, empty where absent."""
+        return {} if self.parts is UNSET else self.parts
+
+
+class Definition(Library, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """One terrain."""
+
     size: float | Pair | UnsetType = UNSET
     origin: Pair | UnsetType = UNSET
     crs: str | int | dict[str, object] | UnsetType = UNSET
-    surf_types: dict[str, Surface] | UnsetType = UNSET
-    elem_types: dict[str, Primitive] | UnsetType = UNSET
     elem_tree: Element | UnsetType = UNSET
     tracks: tuple[Track, ...] | UnsetType = UNSET
 
@@ -186,16 +230,6 @@ class Definition(Struct, frozen=True, forbid_unknown_fields=True, rename="camel"
     def corner(self) -> Pair:
         """World position of the south-west corner."""
         return (0.0, 0.0) if self.origin is UNSET else self.origin
-
-    @property
-    def surfaces(self) -> dict[str, Surface]:
-        """The dictionary of surfaces, empty where absent."""
-        return {} if self.surf_types is UNSET else self.surf_types
-
-    @property
-    def primitives(self) -> dict[str, Primitive]:
-        """The dictionary of primitives, empty where absent."""
-        return {} if self.elem_types is UNSET else self.elem_types
 
     @property
     def ruts(self) -> tuple[Track, ...]:
