@@ -32,7 +32,7 @@ SITE: dict[str, Any] = {
     "elemTypes": {"ground": {"x": [0, 0], "x-ignore": ["TT308"]}, "plate": {"x": [1]}},
     "elemTree": {
         "type": "ground", "surface": "sand", "cells": [3, 2],
-        "children": [{"type": "plate", "cellX": 0, "cellY": 1, "vScale": 3, "cells": [4, 5]}],
+        "children": [{"cellX": 0, "cellY": 1, "type": "plate", "vScale": 3, "cells": [4, 5]}],
     },
 }  # fmt: skip
 ENTRY = {"x": [0, 0.25, 1], "y": [1, 0.5]}
@@ -101,7 +101,7 @@ def test_what_is_placed_answers_the_patch_within_the_error(dem: Path, site: Path
     assert run("validate", "--strict", site).code == 0
     assert set(before.decode().splitlines()) - set(text.splitlines()) == {
         '    "plate": { "x": [1] }',
-        '      { "type": "plate", "cellX": 0, "cellY": 1, "vScale": 3, "cells": [4, 5] }',
+        '      { "cellX": 0, "cellY": 1, "type": "plate", "vScale": 3, "cells": [4, 5] }',
     }
 
 
@@ -228,7 +228,7 @@ def test_another_output_leaves_the_definition_alone(site: Path) -> None:
     assert site.read_bytes() == before
     after = json.loads(gzip.decompress(out.read_bytes()))
     (child,) = after["elemTree"]["children"][0]["children"]
-    assert child == {"type": "new", "cellX": 3, "cellY": 4}
+    assert child == {"cellX": 3, "cellY": 4, "type": "new"}
     first = out.read_bytes()
     out.unlink()
     added(site, CellPath((3, 4), "/elemTree/children/0"), out)

@@ -16,7 +16,15 @@ from hypothesis import strategies as st
 
 from terratool.definition.keys import KEYS
 from terratool.definition.layout import canonical
-from terratool.definition.model import Definition, Element, Primitive, Surface, Track
+from terratool.definition.model import (
+    Definition,
+    Element,
+    Library,
+    Primitive,
+    Repeat,
+    Surface,
+    Track,
+)
 from tests.commands import call, run
 from tests.conftest import terrain_of
 from tests.layouts import values
@@ -24,13 +32,15 @@ from tests.strategies import Json, definitions, points
 
 # The order of the keys as format.md has it; keys of one's own stand where "x-" stands.
 ORDER = {
-    "terrain": ["$schema", "descr", "size", "origin", "crs", "x-", "surfTypes", "elemTypes",
-                "elemTree", "tracks"],
+    "terrain": ["$schema", "descr", "use", "size", "origin", "crs", "x-", "surfTypes", "elemTypes",
+                "parts", "elemTree", "tracks"],
+    "library": ["$schema", "descr", "use", "x-", "surfTypes", "elemTypes", "parts"],
     "surface": ["descr", "preset", "cohesion", "fricAngle", "sinkage", "color", "sonarRefl",
                 "shearModulus", "void", "x-"],
     "primitive": ["descr", "x", "y", "combine", "x-"],
-    "element": ["descr", "type", "surface", "cellX", "cellY", "span", "vScale", "vOffset",
-                "turnDeg", "cells", "x-", "children"],
+    "element": ["cellX", "cellY", "span", "at", "extent", "repeat", "descr", "type", "part", "surface",
+                "vScale", "vOffset", "turnDeg", "cells", "x-", "children"],
+    "repeat": ["count", "step", "x-"],
     "track": ["descr", "path", "width", "load", "depth", "passes", "multipass", "surface", "x-"],
 }  # fmt: skip
 MESSY = (
@@ -46,7 +56,7 @@ TIDY = """{
   "elemTree": {
     "type": "b", "x-b": 1, "x-a": 2,
     "children": [
-      { "type": "b", "cellX": 0, "cellY": 0 }
+      { "cellX": 0, "cellY": 0, "type": "b" }
     ]
   }
 }
@@ -101,8 +111,8 @@ def objects(definition: Any) -> list[tuple[str, dict[str, Any]]]:
 
 def test_the_order_has_every_key() -> None:
     """The order that is tested here is complete."""
-    kinds = {"terrain": Definition, "surface": Surface, "primitive": Primitive, "element": Element,
-             "track": Track}  # fmt: skip
+    kinds = {"terrain": Definition, "library": Library, "surface": Surface, "primitive": Primitive,
+             "element": Element, "repeat": Repeat, "track": Track}  # fmt: skip
     for name, kind in kinds.items():
         assert [key for key in ORDER[name] if key != "x-"] == list(KEYS[kind])
 
@@ -255,9 +265,9 @@ def test_a_thousand_levels(levels: int) -> None:
     """Elements a thousand levels deep are laid out, each on its level."""
     text = '{"children":[' * levels + '{"cellX":1,"type":"b"}' + '],"type":"b"}' * levels
     lines = canonical('{"elemTree":' + text + "}").splitlines()
-    leaf = ['{ "type": "b", "cellX": 1 }']
+    leaf = ['{ "cellX": 1, "type": "b" }']
     if levels == 1000:  # there is no room left, so that each member has its line
-        leaf = ["{", '  "type": "b",', '  "cellX": 1', "}"]
+        leaf = ["{", '  "cellX": 1,', '  "type": "b"', "}"]
     indent = " " * (4 * levels + 2)
     assert lines[3 * levels + 1 : -2 * levels - 1] == [indent + line for line in leaf]
     assert [line.strip() for line in lines[1:4]] == [

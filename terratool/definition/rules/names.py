@@ -68,7 +68,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand",
-            "children": [{"type": "box", "surface": "Sand", "cellX": 0, "cellY": 0}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "box", "surface": "Sand"}]
           }
         }
 

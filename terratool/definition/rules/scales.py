@@ -33,8 +33,8 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
           "elemTree": {
             "type": "box",
             "children": [
-              {"type": "box", "cellX": 2, "cellY": 1, "vScale": 0.3},
-              {"type": "gravel", "cellX": 3, "cellY": 1}
+              {"cellX": 2, "cellY": 1, "type": "box", "vScale": 0.3},
+              {"cellX": 3, "cellY": 1, "type": "gravel"}
             ]
           }
         }
@@ -47,8 +47,8 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
           "elemTree": {
             "type": "box",
             "children": [
-              {"type": "box", "cellX": 2, "cellY": 1, "vScale": 0.3},
-              {"type": "gravel", "cellX": 3, "cellY": 1, "vScale": 0.02}
+              {"cellX": 2, "cellY": 1, "type": "box", "vScale": 0.3},
+              {"cellX": 3, "cellY": 1, "type": "gravel", "vScale": 0.02}
             ]
           }
         }
