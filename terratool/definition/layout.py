@@ -1,4 +1,4 @@
-"""The canonical layout of terrains and vehicles: the order of keys, and what stands on lines."""
+"""The canonical layout of terrains, libraries and vehicles: keys in order, lines."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _layouts() -> dict[type, Layout]:
 
 _LAYOUTS = _layouts()
 TERRAIN, VEHICLE = _LAYOUTS[Definition], _LAYOUTS[VehicleText]
-LIBRARY = _LAYOUTS[Library]
+"""That of terrains is that of libraries, too, whose keys are some of a terrain's."""
 
 
 def canonical(text: str) -> str:

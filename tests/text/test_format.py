@@ -38,8 +38,8 @@ ORDER = {
     "surface": ["descr", "preset", "cohesion", "fricAngle", "sinkage", "color", "sonarRefl",
                 "shearModulus", "void", "x-"],
     "primitive": ["descr", "x", "y", "combine", "x-"],
-    "element": ["cellX", "cellY", "span", "at", "extent", "repeat", "descr", "type", "part", "surface",
-                "vScale", "vOffset", "turnDeg", "cells", "x-", "children"],
+    "element": ["cellX", "cellY", "span", "at", "extent", "repeat", "descr", "type", "part",
+                "surface", "vScale", "vOffset", "turnDeg", "cells", "x-", "children"],
     "repeat": ["count", "step", "x-"],
     "track": ["descr", "path", "width", "load", "depth", "passes", "multipass", "surface", "x-"],
 }  # fmt: skip
@@ -122,6 +122,38 @@ def test_a_layout_written_by_hand() -> None:
     assert canonical(MESSY) == TIDY
 
 
+MESSY_LIBRARY = (
+    '{"parts":{"bay":{"children":[{"descr":"a post","type":"b","x-c":[1,2],"repeat":{"step":'
+    '[0,2.5],"count":[1,9]},"extent":[0.1,0.1],"at":[0.25,1]},{"part":"bay","turnDeg":90,"span":[2,3],'
+    '"cellY":1,"cellX":4}],"type":"b"}},"use":["../soils.json","posts.json"],"descr":"racks"}'
+)
+TIDY_LIBRARY = """{
+  "descr": "racks",
+  "use": ["../soils.json", "posts.json"],
+  "parts": {
+    "bay": {
+      "type": "b",
+      "children": [
+        {
+          "at": [0.25, 1], "extent": [0.1, 0.1], "repeat": { "count": [1, 9], "step": [0, 2.5] },
+          "descr": "a post",
+          "type": "b", "x-c": [1, 2]
+        },
+        { "cellX": 4, "cellY": 1, "span": [2, 3], "part": "bay", "turnDeg": 90 }
+      ]
+    }
+  }
+}
+"""
+
+
+def test_a_library_laid_out_by_hand() -> None:
+    """Where an element stands comes first, in one order, then what it is; pairs stay on a line."""
+    assert canonical(MESSY_LIBRARY) == TIDY_LIBRARY
+    in_terrain = canonical('{"size":1,' + MESSY_LIBRARY[1:])
+    assert in_terrain == TIDY_LIBRARY.replace('json"],\n', 'json"],\n  "size": 1,\n')
+
+
 def test_paths_have_many_points_on_a_line() -> None:
     """A track that does not fit on one line has its path broken where the line is full."""
     path = ",".join(f"[{k},{k % 7}.5]" for k in range(40))
@@ -138,7 +170,7 @@ def test_paths_have_many_points_on_a_line() -> None:
 
 
 def test_a_description_has_a_line_of_its_own() -> None:
-    """Where an element does not fit on one line, what it is comes first and alone."""
+    """Where the root does not fit on one line, what it is comes first and alone."""
     children = '"children":[{"type":"b","cellX":0,"cellY":0}]'
     text = f'{{"elemTree":{{{children},"surface":"s","type":"b","descr":"a road"}}}}'
     assert canonical(text).splitlines()[1:5] == [
