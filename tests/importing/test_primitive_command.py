@@ -19,7 +19,6 @@ from terratool.importing.primitive.insert import (
     parse_cell_path,
     target_of,
     text_with,
-    write,
 )
 from tests.commands import call as run
 from tests.rasters import geotiff
@@ -199,7 +198,7 @@ def added(path: Path, place: CellPath | None = None, output: Path | None = None)
     """Add an entry, and an element where a place is given."""
     target = target_of(str(path), ("new",), place, None if output is None else str(output), False)
     elements = [{"type": "new", "cellX": place.cell[0], "cellY": place.cell[1]}] if place else []
-    write(target, text_with(target, {"new": ENTRY}, elements), False)
+    target.target.write(text_with(target, {"new": ENTRY}, elements), False)
 
 
 @pytest.mark.parametrize("marked", [False, True])
