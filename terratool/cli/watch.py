@@ -6,11 +6,10 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-import msgspec
 from msgspec import Struct, structs
 
-from terratool.definition.reader import Checked, CheckOptions, check
-from terratool.text.source import Source, read_source
+from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
+from terratool.text.source import read_source
 
 EVERY = 0.5
 """s between two looks at the files."""
@@ -22,12 +21,6 @@ State = tuple[int, int, int] | None
 def pause() -> None:
     """Wait until it is time for another look."""
     time.sleep(EVERY)
-
-
-class _Using(Struct):
-    """What a text says of libraries."""
-
-    use: list[str] = []
 
 
 class _Seen(Struct):
@@ -67,11 +60,11 @@ class Watch:
         # a change from here on is one that was not seen; libraries are mostly those of before
         states = _states([name, *(seen.states if seen else ())])
         seen = self._seen[name] = _Seen({name: states[name]}, options)
-        source = read_source(name)
-        checked = check(source, options, kind=None)
-        for library in _libraries(source):
-            seen.states[library] = states.get(library) or _state(library)
-        seen.checked = structs.replace(checked, vehicle=None, terrain=None, tree=None)
+        shelf = new_shelf(options)
+        checked = check(read_source(name), options, kind=None, shelf=shelf)
+        for library in shelf.files:
+            seen.states[library] = states[library] if library in states else _state(library)
+        seen.checked = _without_model(checked)
         return seen.checked
 
     def wait(self) -> list[str]:
@@ -101,14 +94,12 @@ class Watch:
             before = now
 
 
-def _libraries(source: Source) -> list[str]:
-    """The libraries that a file uses, there or not."""
-    try:
-        used = msgspec.json.decode(source.data, type=_Using).use
-    except (msgspec.MsgspecError, RecursionError, UnicodeError):
-        return []
-    folder = Path(source.name).parent
-    return [str(folder / path) for path in used]
+def _without_model(checked: Checked) -> Checked:
+    """The findings alone: what the files say is not needed any more."""
+    libraries = tuple(map(_without_model, checked.libraries))
+    return structs.replace(
+        checked, vehicle=None, terrain=None, tree=None, document=None, libraries=libraries
+    )
 
 
 def _differs(seen: _Seen) -> bool:

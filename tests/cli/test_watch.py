@@ -135,6 +135,31 @@ def test_reports_in_a_watched_folder_are_no_change(
     assert json.loads(out.read_text("utf-8"))["findings"][0]["code"] == "TT106"
 
 
+def test_a_library_is_watched_wherever_it_is_used(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, checked: list[str]
+) -> None:
+    """A file is checked again when a library changes, comes or goes, over detours, too."""
+    user, near, far = (tmp_path / f"{name}.json" for name in ("site", "near", "far"))
+    other = tmp_path / "other.json"
+    user.write_text(
+        '{"use":["near.json"],"size":10,"elemTree":{"type":"b","surface":"s"}}', encoding="utf-8"
+    )
+    near.write_text('{"use":["far.json"],"elemTypes":{"b":{"x":[1]}}}', encoding="utf-8")
+    other.write_text(GOOD, encoding="utf-8")
+    sand = '{"surfTypes":{"s":{"cohesion":1,"fricAngle":30,"sinkage":0}}}'
+    steps = [
+        nothing, writing(far, sand), nothing, nothing,
+        writing(far, sand.replace('"s"', '"t"')), nothing, near.unlink, nothing, nothing,
+    ]  # fmt: skip
+    ran = watched(monkeypatch, steps, user, other, "--format", "json")
+    missing, good, renamed, gone = reports(ran)
+    assert "TT701" in missing or "TT706" in missing
+    assert good == []
+    assert "TT202" in renamed
+    assert {"TT701", "TT201"} <= set(gone)
+    assert checked == ["site.json", "other.json", "site.json", "site.json", "site.json"]
+
+
 @pytest.mark.parametrize("options", [["--fix"], ["--baseline", "b.json", "--update-baseline"]])
 def test_watching_writes_nothing(tmp_path: Path, options: list[str]) -> None:
     """What writes is refused beside it."""
