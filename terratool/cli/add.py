@@ -9,7 +9,6 @@ import click
 
 from terratool.cli.terminal import say
 
-
 _ALL = 10**9
 
 
