@@ -236,7 +236,8 @@ class Tree(Struct, frozen=True, dict=True):
 
         Where there are very many copies, the first ones are looked at.
         """
-        blocks, owners = [], []
+        blocks: list[Block] = []
+        owners: list[int] = []
         for index in range(begin, end):
             x, y, w, h = self.block(index)
             if self.value("at", index) is not UNSET:

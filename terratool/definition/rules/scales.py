@@ -22,10 +22,9 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
     """An element has no vScale, but most of its neighbours have one that is not the default.
 
     The default is the side of its cell by the side of the terrain: 0.1 in a grid of 10 × 10, 0.01
-    one level further in, and in a part as the place of the part is, for which nothing is said. So an
-    element without vScale has a height, which its primitive alone does
+    one level further in. So an element without vScale has a height, which its primitive alone does
     not tell. Neighbours are the siblings, and for an only child all others of its level. Nothing
-    is said of voids and of primitives that are 0 everywhere.
+    is said of voids, of primitives that are 0 everywhere, and of elements in parts.
 
     Fails:
 
