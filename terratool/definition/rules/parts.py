@@ -125,9 +125,7 @@ def beside_part(subject: Subject) -> Iterator[Remark]:
         if part is UNSET:
             continue
         for key in ("type", "cells", "children"):
-            begin, end = tree.brood(index)
-            has = begin < end if key == "children" else tree.value(key, index) is not UNSET
-            if has:
+            if tree.value(key, index) is not UNSET:
                 message = f'the element has "{key}" beside "part".'
                 hint = f'Remove "{key}", or write the part out here.'
                 yield Remark(f"/{key}", message, hint, on_key=True, element=index)
