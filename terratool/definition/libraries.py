@@ -157,6 +157,11 @@ class Shelf:
         self._read = read
         self._documents: dict[str, Document | tuple[str, str, str]] = {}
 
+    @property
+    def files(self) -> list[str]:
+        """The real paths of all that were looked for, whether they are there or not."""
+        return list(self._documents)
+
     def link(self, document: Document) -> None:
         """Open all libraries that a file uses, directly or through others."""
         base = os.path.realpath(document.folder)
