@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -17,10 +17,12 @@ from msgspec import structs
 
 from terratool.cli.baseline import Known, read_baseline, write_baseline
 from terratool.cli.config import Config, find_config, read_config
+from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called, say
 from terratool.definition.findings import Finding
-from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.libraries import Shelf
+from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
@@ -180,6 +182,8 @@ class _Found:
     unreadable: list[Unreadable] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
+    paths: set[str] = field(default_factory=set)
+    libraries: set[str] = field(default_factory=set)
     valid: int = 0
     known: int = 0
 
@@ -207,6 +211,19 @@ class _Found:
         self.counts += counts
         self.findings += findings
         self.files.append(name)
+        self.paths.add(os.path.realpath(name))
+
+    def add_libraries(self, libraries: Iterable[Checked], *given: Any) -> None:
+        """Count the libraries that a file uses, and that were not met before."""
+        for library in libraries:
+            real = os.path.realpath(library.name)
+            if real not in self.paths:
+                self.add(library.name, library, *given)
+                self.libraries.add(real)
+
+    def is_library(self, name: str) -> bool:
+        """Whether a file was met as a library of another."""
+        return name != "-" and os.path.realpath(name) in self.libraries
 
     def report(self, limit: int, statistics: bool) -> ValidationReport:
         """All of it, with so many findings."""
@@ -228,7 +245,9 @@ class _Found:
         )  # fmt: skip
 
 
-def _mended(name: str, source: Source, options: CheckOptions, status: Status) -> Source:
+def _mended(
+    name: str, source: Source, options: CheckOptions, status: Status, shelf: Shelf
+) -> Source:
     """A text without what has one answer; its file is written anew if there was any.
 
     Raises:
@@ -241,14 +260,14 @@ def _mended(name: str, source: Source, options: CheckOptions, status: Status) ->
         )
     data, count = source.data, 0
     options = structs.replace(options, limit=_ALL)
-    checked = check(source, options, kind=None)
+    checked = check(source, options, kind=None, shelf=shelf)
     # an error of syntax hides all others, so that there may be many rounds
     for _ in range(_ROUNDS):
         edits = [finding.fix for finding in checked.findings if finding.fix is not None]
         if not edits:
             break
         mended = apply_edits(data, edits)
-        after = check(structs.replace(source, data=mended), options, kind=None)
+        after = check(structs.replace(source, data=mended), options, kind=None, shelf=shelf)
         # keys that would stand twice stay as they are
         if after.counts["TT102"] > checked.counts["TT102"]:
             break
@@ -266,12 +285,14 @@ def _mended(name: str, source: Source, options: CheckOptions, status: Status) ->
 
 
 def _is_definition(name: str) -> bool:
-    """Whether a file has keys of a terrain or a vehicle at its top."""
+    """Whether a file has keys of a terrain, a library or a vehicle at its top."""
     try:
         members = msgspec.json.decode(read_source(name).data, type=dict[str, msgspec.Raw])
     except (msgspec.MsgspecError, RecursionError, UnicodeError, ReadError):
         return False
-    return not members.keys().isdisjoint(("size", "elemTypes", "elemTree", "mass", "wheels"))
+    return not members.keys().isdisjoint(
+        ("size", "surfTypes", "elemTypes", "elemTree", "parts", "mass", "wheels")
+    )
 
 
 def _by_severity(counts: Counter[str]) -> Counter[str]:
@@ -295,12 +316,14 @@ class _Job:
 
     Attributes:
         names: of files and folders, as they are given.
+        roots: folders under which libraries may lie.
         compared: what the baseline knows is left out.
     """
 
     names: tuple[str, ...]
     plan: _Plan
     settings: Config
+    roots: tuple[str, ...] = ()
     compared: bool = True
 
     def listed(self) -> list[str]:
@@ -328,12 +351,16 @@ class _Job:
                 continue  # met in a folder
             room = _ALL if plan.baseline is not None else max(0, plan.limit - len(found.findings))
             options = plan.options(self.settings, name, room)
+            options = structs.replace(options, library_roots=self.roots)
+            if found.is_library(name):
+                continue
             try:
                 checked = look(name, options)
             except ReadError as error:
                 found.unreadable.append(Unreadable(name, error.message, error.hint))
                 continue
             found.add(name, checked, options, known, plan.strict)
+            found.add_libraries(checked.libraries, options, known, plan.strict)
         return found
 
     def watch(self, statistics: bool) -> NoReturn:
@@ -441,6 +468,7 @@ def _write(report: ValidationReport, plan: _Plan) -> None:
     is_flag=True,
     help="Check again whenever a file, or a library that it uses, changes.",
 )
+@library_root_option
 @click.option("--config", "config_file", metavar="FILE", help="Settings, in place of those found.")
 @click.pass_context
 def command(
@@ -455,13 +483,15 @@ def command(
     config_file: str | None,
     **given: Any,
 ) -> None:
-    """Check terrains and vehicles and say what is wrong, where, and what to do.
+    """Check terrains, libraries and vehicles and say what is wrong, where, and what to do.
 
-    A file is a vehicle if its $schema says so, or else most of its keys; all others are terrains.
+    A file is a vehicle or a library if its $schema says so, or else its keys; all others are
+    terrains.
     FILE may be gzipped, and - is standard input; of a DIR all *.json and *.json.gz are checked, but
-    nothing whose name begins with a dot. Exits 0 if all are valid, 1 if one is not, 3 if one cannot
-    be read. A text that is not JSON is an error whatever is selected. With --watch there is one
-    report after another, each on all files; Ctrl-C ends it with exit code 130.
+    nothing whose name begins with a dot. Libraries that a terrain uses are checked, too, each once.
+    Exits 0 if all are valid, 1 if one is not, 3 if one cannot be read. A text that is not JSON is
+    an error whatever is selected. With --watch there is one report after another, each on all
+    files; Ctrl-C ends it with exit code 130.
 
     Settings are those of .terratool.toml, or of [tool.terratool] in pyproject.toml, in this folder
     or the nearest one above; options outrank them.
@@ -478,17 +508,19 @@ def command(
             raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
         if Path(plan.baseline).exists():
             read_baseline(plan.baseline)  # no other file is written over
-    job = _Job(names, plan, settings, compared=not update_baseline)
+    roots = library_roots() + tuple(name for name in names if Path(name).is_dir())
+    job = _Job(names, plan, settings, roots, compared=not update_baseline)
     if watch:
         _refuse_watching(names, fix, update_baseline)
         job.watch(statistics)
+    shelf = new_shelf(CheckOptions(library_roots=roots))
     with Status("checking") as status:
 
         def look(name: str, options: CheckOptions) -> Checked:
             source = read_source(name)
             if fix:
-                source = _mended(name, source, options, status)
-            return check(source, options, kind=None)
+                source = _mended(name, source, options, status, shelf)
+            return check(source, options, kind=None, shelf=shelf)
 
         found = job.done(look, status)
     if plan.form != "sarif" or update_baseline:

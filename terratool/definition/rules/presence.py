@@ -51,7 +51,7 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
     definition = subject.definition
     for key, value in (
         ("size", definition.size),
-        ("elemTypes", definition.elem_types if not definition.used else ""),
+        ("elemTypes", definition.elem_types if definition.use is UNSET else ""),
         ("elemTree", "" if ROOT in subject.tree.root_at else UNSET),
     ):
         if subject.is_library:
