@@ -23,7 +23,8 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 
 @click.command(
     "import-terrain",
-    epilog="Example: terratool import-terrain dem.tif site.json.gz --max-error 0.1 --preset dry-sand",
+    epilog="Example: terratool import-terrain dem.tif site.json.gz --max-error 0.1 "
+    "--preset dry-sand",
 )
 @click.argument("source")
 @click.argument("output")

@@ -137,7 +137,7 @@ def test_classes_in_another_reference_system_and_size(tmp_path):
     ],
 )
 def test_the_ground_has_a_surface(dem, tmp_path, options, name, surface, warned):
-    """The root wears it, and so does all that is no void; only a soil without figures is warned of."""
+    """The root wears it, and so does all that is no void; a soil without figures is warned of."""
     out = tmp_path / "site.json"
     ran = run("import-terrain", dem, out, "--max-error", "0.25", *options)
     assert ran.code == 0 and ran.err == ""
