@@ -55,8 +55,18 @@ class Key(Struct, frozen=True):
 
     words: str
     kind: Literal[
-        "text", "number", "whole", "flag", "object", "list", "curve", "path", "depth", "repeat",
-        "paths", "any",
+        "text",
+        "number",
+        "whole",
+        "flag",
+        "object",
+        "list",
+        "curve",
+        "path",
+        "depth",
+        "repeat",
+        "paths",
+        "any",
     ]
     low: float = -inf
     high: float = inf
