@@ -415,7 +415,7 @@ class Oracle:
         ]
 
     def _around(self, x: float, y: float) -> Iterator[Element]:
-        """The elements that may contain the point, in document order: its cell does, or it is whole.
+        """The elements whose cells contain the point, in document order, and those that are whole.
 
         Children are looked for in cells that contain the point, and nowhere else.
         """

@@ -258,9 +258,11 @@ inline void cell_rectangles(const Field& field, Span<const i32> parents, Matrix<
     for (i64 e = 0; e < count_of(field.elements); ++e) {
         const Element& element = field.elements[e];
         const Pose& pose = field.poses[element.pose];
-        const Grid& grid = field.grids[e ? field.elements[parents[e]].grid : 0];
-        // all grids of one element have the same corner
-        const Grid& own = pose.free ? free_frame(grid, field.places[place_of(element)]) : grid;
+        u64 g = e ? field.elements[parents[e]].grid : 0;
+        // all grids of one element have the same corner, and those in cells the same cells
+        while (!pose.free && field.grids[g].standing != IN_CELLS) ++g;
+        Grid own = field.grids[g];
+        if (pose.free) own = free_frame(own, field.places[place_of(element)]);
         for (int axis : {X, Y}) {
             Block block = block_of(element, pose, axis);
             out(axis, e) = edge_double(axis_of(own, axis), block.cell);

@@ -237,8 +237,8 @@ INLINE u32 hash32(u64 key) { return u32(hash64(key)) | 1; }
 // What an element adds to all of its pixels: 0 where none of its edges can be a wall.
 INLINE u32 mark_of(const Painted& p, Span<const u8> nonzero) {
     const auto& [index, element, kind, pose, grid] = p;
-    // trimmed by its cell a turned element ends anywhere; whole is what has no cell to trim it, what
-    // a half turn leaves, or a quarter or a disc in a square
+    // trimmed by its cell a turned element ends anywhere; whole is what has no cell to trim it,
+    // what a half turn leaves, or a quarter or a disc in a square
     bool squared = abs(pose.sin_u) == abs(pose.sin_v);
     bool whole = !pose.turned || pose.free || abs(pose.cos) == 1.0
         || (squared && (pose.cos == 0.0 || kind.combine == RADIAL));
