@@ -40,7 +40,7 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand", "cells": [2, 1],
-            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0, "span": [2, 1]}]
+            "children": [{"cellX": 0, "cellY": 0, "span": [2, 1], "type": "box", "surface": "rock"}]
           }
         }
 
@@ -55,7 +55,7 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand", "cells": [2, 1],
-            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "box", "surface": "rock"}]
           }
         }
 
@@ -82,7 +82,7 @@ def _hidden_by_siblings(tree: Tree, filling: _Filling, begin: int, end: int) -> 
     blocks = [tree.block(index) for index in range(begin, end)]
     alone = {block: index for index, block in enumerate(blocks, begin) if filling.fills(index)}
     for index, block in enumerate(blocks, begin):
-        if surfaces[index] is UNSET:
+        if surfaces[index] is UNSET or block[0] < 0 or tree.value("repeat", index) is not UNSET:
             continue
         if alone.get(block, -1) > index:
             yield index
@@ -122,7 +122,7 @@ class _Filling:
         self._tree = tree = subject.tree
         self._square = {
             name
-            for name, primitive in subject.definition.primitives.items()
+            for name, primitive in subject.primitives.items()
             if primitive.combine != "radial"
             and not subject.left_out(f"/elemTypes/{escape(name)}", "combine")
         }
@@ -157,6 +157,8 @@ class _Filling:
 
     def _tiles(self, children: Sequence[int], columns: int, rows: int) -> bool:
         blocks = [self._tree.block(i) for i in children if i in self.tiled or self.fills(i)]
+        if self._tree.distinct("at") != {UNSET}:
+            blocks = [block for block in blocks if block[0] >= 0]
         if sum(width * height for _, _, width, height in blocks) < columns * rows:
             return False
         if any(

@@ -16,10 +16,10 @@ _LONG = 60
 
 @rule("TT201", "unknown-primitive")
 def unknown_primitive(subject: Subject) -> Iterator[Remark]:
-    """The type of an element is a name that elemTypes does not have.
+    """The type of an element is a name that elemTypes does not have, here or in a library.
 
     Names are case-sensitive. A surface is no primitive, though the paper behind the format prints
-    the surface pebble as a type.
+    the surface pebble as a type. While a library is missing, nothing is said.
 
     Fails:
 
@@ -40,11 +40,11 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
 
     To mend: write a name that is there, in the same case, or add the primitive.
     """
-    primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
-    if subject.definition.elem_types is UNSET:
+    primitives, surfaces = subject.primitives, subject.surfaces
+    if subject.lacks_library or (subject.definition.elem_types is UNSET and not primitives):
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
-    hints = _Hints(primitives, "elemTypes")
+    hints = NameHints(primitives, "elemTypes")
     for index, name in subject.tree.having("type", missing):
         if name in surfaces:
             message = f"{shown(name)} is a surface, where a primitive belongs."
@@ -56,9 +56,10 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT202", "unknown-surface")
 def unknown_surface(subject: Subject) -> Iterator[Remark]:
-    """The surface of an element or a track is a name that surfTypes does not have.
+    """The surface of an element or a track is a name that no surfTypes has, here or in a library.
 
     Names are case-sensitive. The depths of a track may be given by the names of surfaces, too.
+    While a library is missing, nothing is said.
 
     Fails:
 
@@ -68,7 +69,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand",
-            "children": [{"type": "box", "surface": "Sand", "cellX": 0, "cellY": 0}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "box", "surface": "Sand"}]
           }
         }
 
@@ -83,11 +84,11 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
 
     To mend: write a name that is there, in the same case, or add the surface.
     """
-    primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
-    if subject.left_out("", "surfTypes"):
+    primitives, surfaces = subject.primitives, subject.surfaces
+    if subject.lacks_library or subject.left_out("", "surfTypes"):
         return
     missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
-    hints = _Hints(surfaces, "surfTypes")
+    hints = NameHints(surfaces, "surfTypes")
     for index, name in subject.tree.having("surface", missing):
         if name in primitives:
             message = f"{shown(name)} is a primitive, where a surface belongs."
@@ -109,7 +110,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
                 yield Remark(pointer, message, hint, on_key=True, fix=fix)
 
 
-class _Hints(dict[str, tuple[str, str]]):
+class NameHints(dict[str, tuple[str, str]]):
     """What to write instead of names that a dictionary does not have: in words, and as JSON.
 
     The second is empty unless one name alone is near.
