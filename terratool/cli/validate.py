@@ -28,7 +28,7 @@ from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
 from terratool.text.display import counted, printable, shown
 from terratool.text.edit import apply_edits
-from terratool.text.source import Source, read_source, sources, write_source
+from terratool.text.source import Source, is_folder, read_source, real_path, sources, write_source
 
 _ALL = 10**9
 _MOST_FINDINGS = 1000
@@ -211,19 +211,19 @@ class _Found:
         self.counts += counts
         self.findings += findings
         self.files.append(name)
-        self.paths.add(os.path.realpath(name))
+        self.paths.add(real_path(name))
 
     def add_libraries(self, libraries: Iterable[Checked], *given: Any) -> None:
         """Count the libraries that a file uses, and that were not met before."""
         for library in libraries:
-            real = os.path.realpath(library.name)
+            real = real_path(library.name)
             if real not in self.paths:
                 self.add(library.name, library, *given)
                 self.libraries.add(real)
 
     def is_library(self, name: str) -> bool:
         """Whether a file was met as a library of another."""
-        return name != "-" and os.path.realpath(name) in self.libraries
+        return name != "-" and real_path(name) in self.libraries
 
     def report(self, limit: int, statistics: bool) -> ValidationReport:
         """All of it, with so many findings."""
@@ -508,7 +508,7 @@ def command(
             raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
         if Path(plan.baseline).exists():
             read_baseline(plan.baseline)  # no other file is written over
-    roots = library_roots() + tuple(name for name in names if Path(name).is_dir())
+    roots = library_roots() + tuple(filter(is_folder, names))
     job = _Job(names, plan, settings, roots, compared=not update_baseline)
     if watch:
         _refuse_watching(names, fix, update_baseline)
