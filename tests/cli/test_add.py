@@ -167,8 +167,8 @@ def test_parts_and_libraries(tmp_path: Path) -> None:
     )
     ran = call("add", site, "--part", "rack", "--at", 7, 4, "--extent", 2, 4, "--turn", 90)
     assert ran.code == 0, ran.err
-    # a quarter turn clockwise: what is in the south-east of the part is in the south-west now
-    assert load(site).height([6.1, 7.9, 6.1, 7.9], [2.2, 2.2, 5.8, 5.8]).tolist() == [2, 0, 0, 0]
+    # a quarter turn clockwise: the part's south-east corner becomes its south-west one
+    assert load(site).height([7.0, 6.1, 7.9], [4.0, 2.2, 2.2]).tolist() == [0, 2, 0]
     ran = call("add", kit, "--type", "post", "--cell", 0, 0)
     assert ran.code == 2 and "/parts/NAME" in ran.err
 
