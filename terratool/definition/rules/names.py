@@ -40,8 +40,8 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
 
     To mend: write a name that is there, in the same case, or add the primitive.
     """
-    primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
-    if subject.definition.elem_types is UNSET:
+    primitives, surfaces = subject.primitives, subject.surfaces
+    if subject.definition.elem_types is UNSET and not primitives:
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
     hints = _Hints(primitives, "elemTypes")
@@ -83,7 +83,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
 
     To mend: write a name that is there, in the same case, or add the surface.
     """
-    primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
+    primitives, surfaces = subject.primitives, subject.surfaces
     if subject.left_out("", "surfTypes"):
         return
     missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
