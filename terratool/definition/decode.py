@@ -56,7 +56,8 @@ _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Library: "a library", Repeat: "a repeat",
     Surface: "a surface", Primitive: "a primitive", Element: "an element", Track: "a track",
-    VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle", CogText: "the centre of gravity", OverhangText: "the overhang",
+    VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
+    CogText: "the centre of gravity", OverhangText: "the overhang",
     MarginsText: "the margins", ClassesText: "the classes",
 }  # fmt: skip
 _ROOTS: dict[Kind, tuple[str, str]] = {

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct
 
-from terratool.definition.libraries import Document, Names
+from terratool.definition.libraries import Dictionary, Document, Names
 from terratool.definition.model import Definition, Pair
 from terratool.definition.sides import Sides, sides
 from terratool.definition.tree import ROOT, Tree, part_pointer
@@ -116,6 +116,74 @@ class Uses(Struct, frozen=True, dict=True):
                     found[use.part] = None
                     pending.append(self.part(use.part))
         return found
+
+    def behind(self, name: str) -> set[str]:
+        """The parts within a part, and that itself."""
+        found = {name}
+        pending = [name]
+        while pending:
+            for use in self.within(self.part(pending.pop())):
+                if use.part not in found:
+                    found.add(use.part)
+                    pending.append(use.part)
+        return found
+
+    def leading_to(self, name: str) -> list[PartUse]:
+        """The elements of the file itself in whose parts a part is."""
+        tree = self.document.decoded.tree
+        return [
+            PartUse(index, part)
+            for index, part in enumerate(tree.column("part"))
+            if part in self.known and name in self.behind(part)
+        ]
+
+    @cached_property
+    def unknown(self) -> bool:
+        """Whether an element stands for a part that is not known."""
+        tree = self.document.decoded.tree
+        return bool(tree.distinct("part") - self.known - {UNSET})
+
+    @cached_property
+    def needed(self) -> dict[Dictionary, dict[str, None]]:
+        """The names that the terrain needs, in the order in which they come up."""
+        terrain = self.document.model
+        surfaces: dict[str, None] = {}
+        primitives: dict[str, None] = {}
+        for root in (self.root, *map(self.part, self.reached)):
+            tree = root.tree
+            for index, root_of in enumerate(tree.root_of):
+                if root_of == root.element:
+                    surfaces[tree.value("surface", index)] = None
+                    primitives[tree.value("type", index)] = None
+        for track in terrain.ruts if isinstance(terrain, Definition) else ():
+            surfaces[track.surface] = None  # type: ignore[index]
+            surfaces |= dict.fromkeys(track.depth if isinstance(track.depth, dict) else ())
+        for names in (surfaces, primitives):
+            names.pop(UNSET, None)  # type: ignore[call-overload]
+        return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.reached)}
+
+    def tallest(self) -> Iterator[tuple[PartUse, float]]:
+        """For each element of the terrain in whose cell a part stands, the largest factor in it."""
+        largest: dict[str, float] = {}
+
+        def factor(root: Root, use: PartUse) -> float:
+            own = root.tree.value("v_scale", use.element)
+            return (1.0 if own is UNSET else abs(own)) * max(1.0, largest[use.part])
+
+        pending = list(self.known)
+        while pending:
+            name = pending[-1]
+            uses = self.within(self.part(name))
+            missing = [use.part for use in uses if use.part not in largest]
+            if missing:
+                pending += missing
+                continue
+            largest[pending.pop()] = max(
+                (factor(self.part(name), use) for use in uses), default=1.0
+            )
+        if self.document.decoded.tree.roots[:1] == (ROOT,):
+            for use in self.within(self.root):
+                yield use, factor(self.root, use)
 
     @cached_property
     def counts(self) -> dict[str, int]:

@@ -44,7 +44,7 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     if subject.definition.elem_types is UNSET and not primitives:
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
-    hints = _Hints(primitives, "elemTypes")
+    hints = NameHints(primitives, "elemTypes")
     for index, name in subject.tree.having("type", missing):
         if name in surfaces:
             message = f"{shown(name)} is a surface, where a primitive belongs."
@@ -87,7 +87,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
     if subject.left_out("", "surfTypes"):
         return
     missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
-    hints = _Hints(surfaces, "surfTypes")
+    hints = NameHints(surfaces, "surfTypes")
     for index, name in subject.tree.having("surface", missing):
         if name in primitives:
             message = f"{shown(name)} is a primitive, where a surface belongs."
@@ -109,7 +109,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
                 yield Remark(pointer, message, hint, on_key=True, fix=fix)
 
 
-class _Hints(dict[str, tuple[str, str]]):
+class NameHints(dict[str, tuple[str, str]]):
     """What to write instead of names that a dictionary does not have: in words, and as JSON.
 
     The second is empty unless one name alone is near.
