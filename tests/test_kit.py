@@ -151,10 +151,9 @@ class TestDunes:
         x, y = np.random.default_rng(33).uniform((0, 0), (260, 140), (400_000, 2)).T
         steep, sand = slopes(dunes, x, y), dunes.surface(x, y) == "drySand"
         assert 0.04 < sand.mean() < 0.12
-        low, middle, high = np.quantile(steep[sand], (0.3, 0.5, 0.8))
-        assert middle == pytest.approx(33, abs=1)
-        assert 31 < low < high < 35
-        assert np.quantile(steep[sand], 0.99) < 37
+        assert ((steep[sand] > 31) & (steep[sand] < 35)).mean() > 0.5  # the rest is brink and foot
+        assert np.quantile(steep[sand], 0.7) == pytest.approx(33, abs=0.5)
+        assert np.quantile(steep[sand], 0.99) < 36
         assert np.quantile(steep[~sand], 0.95) < 18
 
     def test_a_barchan_has_horns_and_a_crest(self, tmp_path: Path) -> None:
