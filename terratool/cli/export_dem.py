@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import Names
+from terratool.cli.options import Names, library_root_option
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -85,6 +85,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+@library_root_option
 def command(
     file: str,
     output: str | None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from terratool.cli.options import library_root_option
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ _OPTIONS = (
         help="Write files of about N faces each, for terrains too large for one, into a folder: "
         "OUTPUT without its suffix. They fit each other; its tiles.json lists them.",
     ),
+    library_root_option,
     click.option("--overwrite", is_flag=True, help="Replace files that exist."),
     click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON."),
 )

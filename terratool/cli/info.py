@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from terratool.cli.options import library_root_option
 from terratool.cli.terminal import Status, load
 from terratool.text.display import printable
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Write the footprints of elements and the lines of tracks as GeoJSON, in its crs.",
 )
+@library_root_option
 def command(file: str, as_json: bool, geojson: bool) -> None:
     """Say what a terrain consists of: size, elements, heights, memory."""
     if as_json and geojson:

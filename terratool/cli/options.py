@@ -31,6 +31,31 @@ class Names(click.Choice[str]):
         return f"{message} Did you mean {close[0]}?" if close else message
 
 
+_ROOTS = "terratool.library_roots"
+
+
+def _keep_roots(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> None:
+    ctx.meta[_ROOTS] = value
+
+
+library_root_option = click.option(
+    "--library-root",
+    multiple=True,
+    metavar="DIR",
+    type=click.Path(exists=True, file_okay=False),
+    expose_value=False,
+    callback=_keep_roots,
+    help="Libraries may lie under this folder, too, not only under that of the file and the "
+    "current one; may be repeated.",
+)
+
+
+def library_roots() -> tuple[str, ...]:
+    """The folders that --library-root names."""
+    context = click.get_current_context(silent=True)
+    return () if context is None else context.meta.get(_ROOTS, ())
+
+
 def source_options(command: _Command) -> _Command:
     """Add the options to a command; it gets them by name, and `options_of` collects them."""
     for option in reversed(

@@ -141,7 +141,8 @@ def load(file: str) -> Terrain:
         ReadError: the file cannot be read.
         DefinitionError: it is no valid terrain.
     """
+    from terratool.cli.options import library_roots
     from terratool.field import terrain
 
     with Status(f"reading {called(file)}"):
-        return terrain.load(file)
+        return terrain.load(file, library_roots())
