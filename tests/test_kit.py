@@ -139,6 +139,14 @@ class TestRewritten:
         assert 2 * new <= old
 
 
+def test_only_what_is_worn_is_listed() -> None:
+    """Libraries have more surfaces and primitives than a terrain uses."""
+    course = load(SAMPLES / "obstacle-course.json")
+    worn = {"concrete", "hole", "rubber", "sandyLoam", "steel", "timber"}
+    assert course.surface_types.keys() == worn
+    assert 0 not in course.count_by_primitive().values()
+
+
 def slopes(terrain: Terrain, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
     """Degrees from the level, (n,)."""
     return np.degrees(np.arccos(np.clip(terrain.normal(x, y)[..., 2], -1, 1)))

@@ -14,6 +14,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.layout import TERRAIN
+from terratool.definition.libraries import known_names
 from terratool.definition.model import Surface, Track, middle_of
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
@@ -196,7 +197,8 @@ def deform(
     bare = msgspec.structs.replace(definition, tracks=UNSET)
     ground = Terrain(msgspec.structs.replace(checked, terrain=bare))
     surfaces = ground.surface_types  # those of libraries, too
-    if surface is not None and surface not in surfaces:
+    known = () if checked.document is None else known_names(checked.document)[0].surfaces
+    if surface is not None and surface not in known:
         raise RequestError(
             f"There is no surface {shown(surface)} for the ruts.", "Name one of surfTypes."
         )
@@ -225,8 +227,8 @@ def deform(
                 surface=UNSET if surface is None else surface,
             )
         )
-    known = () if definition.tracks is UNSET else definition.tracks
-    tracks, added, again = _merged(known, fresh)
+    before = () if definition.tracks is UNSET else definition.tracks
+    tracks, added, again = _merged(before, fresh)
     return Deformed(
         tracks,
         added,
