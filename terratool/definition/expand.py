@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct, UnsetType, structs
@@ -11,9 +12,8 @@ from terratool.definition.libraries import Document, entries, path_between
 from terratool.definition.model import Definition, Element, Pair, pair_of
 from terratool.definition.sides import Side, side
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.uses import Root, Uses, quarter_turns
+from terratool.definition.uses import Root, Uses
 from terratool.errors import RequestError
-from terratool.text.display import escape
 
 MAX_ELEMENTS = 2_000_000
 """So many elements are written out at most."""
@@ -29,28 +29,6 @@ class Expansion(NamedTuple):
 _ONCE = (1, 1), (0.0, 0.0)
 
 
-class _Chain(NamedTuple):
-    """An element of a primitive, and what the elements that stand for it add, inner ones first.
-
-    Attributes:
-        root: where the element of the primitive stands.
-        factor: on every height of the part.
-        offset: of the element, with those of the others and under their factors.
-        quarters: turns of the whole part.
-        surface: what it wears.
-        descr: what it is.
-        name: the end of its name.
-    """
-
-    root: Root
-    factor: float
-    offset: float | UnsetType
-    quarters: int
-    surface: Any
-    descr: Any
-    name: str
-
-
 class _Node(NamedTuple):
     """An element to be written out, in its frame.
 
@@ -64,7 +42,7 @@ class _Node(NamedTuple):
         step: the end of its name.
     """
 
-    chain: _Chain
+    chain: Chain
     factor: float
     quarters: int
     place: dict[str, Any]
@@ -78,17 +56,12 @@ class _Node(NamedTuple):
         return self.cell[0].length * self.span[0], self.cell[1].length * self.span[1]
 
 
-def expand(uses: Uses) -> Expansion:
-    """Write out the parts and copies of a valid definition.
-
-    Raises:
-        RequestError: there are more than `MAX_ELEMENTS`.
-    """
+def with_names(uses: Uses) -> Definition:
+    """A definition with the names of its libraries, and without its parts."""
     definition = uses.document.model
     assert isinstance(definition, Definition)
-    tree = uses.document.decoded.tree
     names = uses.names
-    definition = structs.replace(
+    return structs.replace(
         definition,
         use=UNSET,
         parts=UNSET,
@@ -99,6 +72,15 @@ def expand(uses: Uses) -> Expansion:
         if names.primitives
         else definition.elem_types,
     )
+
+
+def expand(uses: Uses) -> Expansion:
+    """Write out the parts and copies of a valid definition.
+
+    Raises:
+        RequestError: there are more than `MAX_ELEMENTS`.
+    """
+    definition, tree = with_names(uses), uses.document.decoded.tree
     if not uses.composed and len(tree.roots) == 1:
         return _with_names_in_use(Expansion(definition, tree), uses)
     if uses.elements > MAX_ELEMENTS:
@@ -140,10 +122,15 @@ class _Writer(Struct, frozen=True, dict=True):
     uses: Uses
     definition: Definition
 
+    @cached_property
+    def chains(self) -> Chains:
+        """What elements stand for."""
+        return Chains(self.uses)
+
     def tree(self) -> Tree:
         """All elements."""
         size = self.definition.extent
-        first = self._chain(self.uses.root)
+        first = self.chains.of(self.uses.root)
         level = [
             _Node(first, 1.0, 0, {}, (side(size[0]), side(size[1])), (1, 1), ROOT + first.name)
         ]
@@ -211,7 +198,7 @@ class _Writer(Struct, frozen=True, dict=True):
         lengths = node.lengths
         found = []
         for index in range(begin, end):
-            inner = self._chain(Root(tree, index, root.home))
+            inner = self.chains.of(Root(tree, index, root.home))
             step = f"/children/{index - begin}"
             repeat, at = tree.value("repeat", index), tree.value("at", index)
             count, (dx, dy) = _ONCE if repeat is UNSET else (repeat.count, repeat.step)
@@ -221,7 +208,7 @@ class _Writer(Struct, frozen=True, dict=True):
                     if at is UNSET:
                         x, y, w, h = tree.block(index)
                         x, y = x + i * int(dx), y + j * int(dy)
-                        span, place = _turned_block((x, y, w, h), grid, quarters)
+                        span, place = turned_block((x, y, w, h), grid, quarters)
                         found.append(_Node(inner, factor, quarters, place, cell, span, copy))
                     else:
                         extent = pair_of(tree.value("extent", index), math.nan)
@@ -234,49 +221,8 @@ class _Writer(Struct, frozen=True, dict=True):
                         found.append(_Node(inner, factor, quarters, place, own, (1, 1), copy))
         return found
 
-    def _chain(self, root: Root) -> _Chain:
-        """What an element stands for."""
-        known: dict[tuple[int, int], _Chain] = self.__dict__.setdefault("_chains", {})
-        key = id(root.tree), root.element
-        if key in known:
-            return known[key]
-        places = []
-        names = []
-        inner = root
-        while (name := inner.tree.value("part", inner.element)) is not UNSET:
-            places.append(inner)
-            outer, inner = inner, self.uses.part(name)
-            names.append(self._name(name, outer.home, inner.home))
-        tree = inner.tree
-        offset, surface, descr = (
-            tree.value(key, inner.element) for key in ("v_offset", "surface", "descr")
-        )
-        quarters, factor = 0, 1.0
-        for place in places:
-            by = place.tree.value("v_scale", place.element)
-            factor *= 1.0 if by is UNSET else by
-        for place in reversed(places):
-            own = {
-                key: place.tree.value(key, place.element)
-                for key in ("v_scale", "v_offset", "surface", "descr", "turn_deg")
-            }
-            if offset is not UNSET and own["v_scale"] is not UNSET:
-                offset = own["v_scale"] * offset
-            if own["v_offset"] is not UNSET:
-                offset = own["v_offset"] if offset is UNSET else offset + own["v_offset"]
-            surface = own["surface"] if surface is UNSET else surface
-            descr = descr if own["descr"] is UNSET else own["descr"]
-            quarters += quarter_turns(own["turn_deg"])
-        chain = _Chain(inner, factor, offset, quarters % 4, surface, descr, "".join(names))
-        known[key] = chain
-        return chain
 
-    def _name(self, part: str, outer: Document, home: Document) -> str:
-        where = "" if home is outer else f"{path_between(self.uses.document, home)}#"
-        return f">{where}/parts/{escape(part)}"
-
-
-def _turned_block(
+def turned_block(
     block: tuple[int, int, int, int], grid: tuple[int, int], quarters: int
 ) -> tuple[tuple[int, int], dict[str, Any]]:
     """The span, and the place, of a block of cells of a grid after quarter turns."""
