@@ -96,21 +96,27 @@ def expand(uses: Uses) -> Expansion:
 
 
 def _with_names_in_use(expansion: Expansion, uses: Uses) -> Expansion:
-    """Without what libraries have and nothing wears; a file's own names stay."""
-    if not uses.document.uses:
-        return expansion
     definition, tree = expansion
+    worn, wearing = tree.distinct("surface"), tree.distinct("type")
+    return Expansion(with_names_in_use(definition, worn, wearing, uses), tree)
+
+
+def with_names_in_use(
+    definition: Definition, surfaces: set[Any], primitives: set[Any], uses: Uses
+) -> Definition:
+    """A definition without what libraries have and no element names; a file's own names stay."""
+    if not uses.document.uses:
+        return definition
     own = uses.document.model
     tracks = () if definition.tracks is UNSET else definition.tracks
-    surfaces = {*tree.distinct("surface"), *(track.surface for track in tracks)}
+    surfaces = {*surfaces, *(track.surface for track in tracks)}
     surfaces |= entries(own, "surfTypes").keys()
-    primitives = tree.distinct("type") | entries(own, "elemTypes").keys()
-    definition = structs.replace(
+    primitives = primitives | entries(own, "elemTypes").keys()
+    return structs.replace(
         definition,
         surf_types={n: value for n, value in definition.surfaces.items() if n in surfaces},
         elem_types={n: value for n, value in definition.primitives.items() if n in primitives},
     )
-    return Expansion(definition, tree)
 
 
 _NAMES = tuple(name for name in Element.__struct_fields__ if name != "children")
