@@ -63,11 +63,12 @@ def trimmed_element(subject: Subject) -> Iterator[Remark]:
     if all(turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg")):
         return
     cells = _Cells(subject)
-    parts, places = tree.column("part"), tree.column("at")
+    parts, places, scatters = (tree.column(key) for key in ("part", "at", "scatter"))
     for index, turn in enumerate(tree.column("turn_deg")):
         if turn is UNSET or turn % 180 == 0:
             continue
-        if parts[index] is not UNSET or places[index] is not UNSET or tree.parents[index] < 0:
+        whole = {parts[index], places[index], scatters[index]} != {UNSET}
+        if whole or tree.parents[index] < 0:
             continue
         cell = cells.of(index)
         if cell is None:
