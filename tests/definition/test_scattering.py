@@ -123,7 +123,7 @@ def test_heights_grow_with_the_size() -> None:
 
 
 def test_parts_are_scattered_as_a_whole() -> None:
-    """All heights of a part grow with the size of its copy, and its vOffset is added to the root."""
+    """All heights of a part grow with the size of its copy; its vOffset is added to the root."""
     pairs = terrain(definition(part="pair", vOffset=7))
     for x, y, side in inside():
         low, high = pairs.height([x - side / 4, x + side / 4], [y, y]).tolist()

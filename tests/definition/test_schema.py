@@ -21,6 +21,7 @@ from terratool.definition.model import (
     Library,
     Primitive,
     Repeat,
+    Scatter,
     Surface,
     Track,
 )
