@@ -470,9 +470,10 @@ def _mark_plain(
     """Mark the grids of leaves with nothing special, and the free ones without turns."""
     plain = (elements["grid"] == 0) & (kinds["special"][elements["kind"]] == 0)
     leaves = np.logical_and.reduceat(plain, firsts)
-    grids["leaves"] = leaves & (grids["listed"] == 0)
+    free = grids["standing"] == FREE
+    grids["leaves"] = leaves & (free | (grids["listed"] == 0))
     unturned = np.logical_and.reduceat(turn == 0, firsts)
-    grids["standing"][leaves & unturned & (grids["standing"] == FREE)] = FREE_PLAIN
+    grids["standing"][leaves & unturned & free] = FREE_PLAIN
 
 
 def _poses(

@@ -308,7 +308,10 @@ class TestFreePlaces:
         """Also where the decimals make it only almost the same number, and for its children."""
         inner = child(9, 9, vScale=1)
         for x, w in ((9.95, 0.1), (9.85, 0.3), (5, 10)):
-            tree = {"type": "flat", "children": [free(x, 4.9, [w, 0.2], vScale=1, children=[inner])]}
+            tree = {
+                "type": "flat",
+                "children": [free(x, 4.9, [w, 0.2], vScale=1, children=[inner])],
+            }
             t = terrain(tree, size=[10, 5])
             assert t.height([10, 10], [4.9, 5]).tolist() == [1, 2]
         lone = {"type": "flat", "children": [free(5, 2, 2, vScale=1)]}
@@ -355,12 +358,11 @@ class TestFreePlaces:
     def test_children_of_both_kinds_are_deeper_than_any_sibling(self) -> None:
         surfaces = {"surfTypes": {name: {} for name in "abcd"}}
         first = free(50, 25, [40, 20], surface="a", children=[
-            child(5, 5, surface="b"), free(22, 11, 4, surface="c")
+            child(5, 5, surface="b"), free(22, 11, 2, surface="c")
         ])  # fmt: skip
         later = child(5, 5, surface="d", span=[2, 2])
         t = terrain({"type": "flat", "children": [first, later]}, size=[100, 50], **surfaces)
-        assert t.surface([51, 50.5, 55], [25.5, 27.5, 25.5]).tolist() == ["c", "c", "d"]
-        assert t.surface([50.5, 53.5], [25.5, 26.5]).tolist() == ["c", "b"]
+        assert t.surface([52, 50.5, 55, 68], [26, 26, 26, 34]).tolist() == ["c", "b", "d", "d"]
 
     def test_a_step_stands_where_its_decimal_says(self) -> None:
         t = terrain({"type": "flat", "children": [free(2.5, 1, [3, 2], "kerb", vScale=2)]}, size=9)
