@@ -127,7 +127,7 @@ inline i64 count_free(const FreeBins& bins, i64 first, i64 last, const Placed& p
 inline i64 choose_free_bins(
     FreeBins& bins, const Grid& grid, i64 first, i64 last, const Placed& placed
 ) {
-    constexpr double most = 7.5;     // bins and entries for each element, of 4 bytes each
+    constexpr double most = 8.5;     // bins and entries for each element, of 4 bytes each
     constexpr double finest = 2.0;   // bins for each element
     constexpr double coarser = 0.8;  // so many bins are tried next
     bins.places = placed.cell(first, 0) - first;

@@ -110,9 +110,10 @@ template <bool turned> INLINE double free_depth(const Place& place, const Pose& 
 }
 
 // Position in the primitive of a free element of a point that its footprint holds.
+template <bool turns = true>
 INLINE UV free_place_in_shape(const Place& place, const Pose& square, UV from) {
     UV at{free_position(place, X, from.u), free_position(place, Y, from.v)};
-    if (square.turned) at = turned(free_pose(square, place), at.u, at.v);
+    if (turns && square.turned) at = turned(free_pose(square, place), at.u, at.v);
     return {clamp(at.u, 0.0, 1.0), clamp(at.v, 0.0, 1.0)};
 }
 
@@ -143,22 +144,24 @@ INLINE i64 keep_free_leaves(
 // So many entries of a bin are looked at together.
 constexpr i64 FREE_CHUNK = 256;
 
-// Add a product of evenly spaced pieces of an element that holds a point.
-template <bool sloped>
+// Add a product of evenly spaced pieces of an element that holds a point; `turns` if it may be
+// turned.
+template <bool sloped, bool turns = true>
 INLINE void add_free_leaf(
     const Field& field, i64 index, const Place& place, UV from, LeafSum& sum
 ) {
     const Element& element = field.elements[index];
     const Kind& kind = field.kinds[element.kind];
-    const Pose& square = field.poses[element.pose];
-    UV at = free_place_in_shape(place, square, from);
+    const Pose& square = field.poses[turns ? element.pose : 0];
+    UV at = free_place_in_shape<turns>(place, square, from);
     CurvePoint fx = even_curve(field.curves.pieces, kind, X, at.u);
     CurvePoint fy = even_curve(field.curves.pieces, kind, Y, at.v);
     sum.z += element.scale * (fx.value * fy.value) + element.offset;
     sum.top = max(sum.top, index);
     if constexpr (sloped) {
         UV slopes{fx.slope * fy.value, fx.value * fy.slope};
-        if (square.turned) slopes = turned_slopes(free_pose(square, place), slopes.u, slopes.v);
+        if (turns && square.turned)
+            slopes = turned_slopes(free_pose(square, place), slopes.u, slopes.v);
         sum.slope_x += element.scale * slopes.u * (1.0 / place.extent[X]);
         sum.slope_y += element.scale * slopes.v * (1.0 / place.extent[Y]);
     }
@@ -213,7 +216,7 @@ INLINE void add_free_element(
     }
     UV at = free_place_in_shape(place, square, from);
     Pose pose = square;
-    Grid frame;
+    Grid frame{};
     if (square.turned) {
         pose = free_pose(square, place);
         at = turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
@@ -556,7 +559,7 @@ void batch_free_leaves(
             auto [index, n] = held[k];
             const Place& place = field.places[i64(index) + bins.places];
             LeafSum sum{batch.z[n], 0.0, 0.0, scratch.top[n]};
-            add_free_leaf<false>(field, index, place, batch.from_corner(n), sum);
+            add_free_leaf<false, turned>(field, index, place, batch.from_corner(n), sum);
             batch.z[n] = sum.z, scratch.top[n] = sum.top;
         }
         count = 0;

@@ -387,7 +387,7 @@ class TestFreePlaces:
             assert height == pytest.approx((sides[over].min(axis=1) / size).sum(), abs=1e-9)
 
     def test_a_grid_finer_than_doubles_within_a_free_place(self) -> None:
-        """Where its cells are narrower than spacings of doubles the place in its parent's decides."""
+        """The place in its parent's cell decides there, as within a cell."""
         block = child(15000, 6000, vScale=5, span=[20000, 30000])
         inner = free(0.5, 0.5, 1e-5, "flat", cells=60000, children=[block])
         t = terrain({"type": "flat", "children": [inner]}, 1, origin=[1e5, 2e5])
