@@ -118,11 +118,12 @@ INLINE UV free_place_in_shape(const Place& place, const Pose& square, UV from) {
 }
 
 // Keep those of some elements of a free grid of leaves whose footprints hold a point, in their
-// order; returns how many. What is near an edge is looked at again; there is no branch but for it.
+// order, with the index of the point; returns how many. What is near an edge is looked at again;
+// there is no branch but for it.
 template <bool turned>
 INLINE i64 keep_free_leaves(
     const Field& field, const Grid& grid, const FreeBins& bins, Span<const u32> entries, UV from,
-    const DescentPoint& p, u32* kept
+    const DescentPoint& p, u32 point, HeldPoint* kept
 ) {
     i64 count = 0;
     double slack = bins.slack;
@@ -135,7 +136,7 @@ INLINE i64 keep_free_leaves(
             const Pose& own = field.poses[field.elements[index].pose];
             holds = free_leaf_holds(field, grid, place, own, from, p);
         }
-        kept[count] = index;
+        kept[count] = {index, point};
         count += holds;
     }
     return count;
@@ -174,15 +175,16 @@ LeafSum add_free_leaves(
     LeafSum sum
 ) {
     const FreeBins& bins = field.free_bins[grid.free];
-    std::array<u32, FREE_CHUNK> kept;
+    std::array<HeldPoint, FREE_CHUNK> kept;
     for (std::size_t begin = 0; begin < entries.size(); begin += FREE_CHUNK) {
         auto some = entries.subspan(begin, min(std::size_t(FREE_CHUNK), entries.size() - begin));
         i64 count = grid.standing == FREE_PLAIN
-            ? keep_free_leaves<false>(field, grid, bins, some, from, p, kept.data())
-            : keep_free_leaves<true>(field, grid, bins, some, from, p, kept.data());
+            ? keep_free_leaves<false>(field, grid, bins, some, from, p, 0, kept.data())
+            : keep_free_leaves<true>(field, grid, bins, some, from, p, 0, kept.data());
         for (i64 n = 0; n < count; ++n) {
-            const Place& place = field.places[i64(kept[n]) + bins.places];
-            add_free_leaf<sloped>(field, kept[n], place, from, sum);
+            u32 index = kept[n].element;
+            const Place& place = field.places[i64(index) + bins.places];
+            add_free_leaf<sloped>(field, index, place, from, sum);
         }
     }
     return sum;
@@ -575,17 +577,15 @@ void batch_free_leaves(
         u64 bin = u64(grid.table + row + free_bin(bins, X, from.u));
         scratch.begins[n] = field.offsets[bin], scratch.ends[n] = field.offsets[bin + 1];
     }
-    std::array<u32, FREE_CHUNK> kept;
     for (std::size_t n = 0; n < x.size(); ++n) {
         UV from = batch.from_corner(n);
         for (u32 begin = scratch.begins[n], end; begin < scratch.ends[n]; begin = end) {
             end = min(scratch.ends[n], begin + u32(FREE_CHUNK));
             if (count + FREE_CHUNK > count_of(held)) add();
-            i64 more = keep_free_leaves<turned>(
+            count += keep_free_leaves<turned>(
                 field, grid, bins, field.entries.subspan(begin, end - begin), from,
-                {x[n], y[n], 0.0, 0.0}, kept.data()
+                {x[n], y[n], 0.0, 0.0}, u32(n), held.data() + count
             );
-            for (i64 k = 0; k < more; ++k) held[count++] = {kept[k], u32(n)};
         }
     }
     add();
