@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.change import moved
 from terratool.definition.layout import TERRAIN
 from terratool.definition.libraries import known_names
 from terratool.definition.model import Surface, Track, middle_of
@@ -358,7 +359,11 @@ def _passes(track: Track) -> int:
 
 
 def write_deformed(
-    path: str, output: str | Path, deformed: Deformed, overwrite: bool = False
+    path: str,
+    output: str | Path,
+    deformed: Deformed,
+    overwrite: bool = False,
+    library_roots: tuple[str, ...] = (),
 ) -> int:
     """Write the text of the definition at `path` with other tracks; all else stays byte for byte.
 
@@ -373,10 +378,12 @@ def write_deformed(
     """
     source = read_source(path)
     tracks = msgspec.to_builtins(deformed.tracks)
-    data = set_member(source.data, "", "tracks", tracks, TERRAIN).applied(source.data)
+    text = moved(source, output)
+    data = set_member(text, "", "tracks", tracks, TERRAIN).applied(text)
     packed = Path(output).name.lower().endswith(".gz")
-    result = Source(str(path), data, packed, source.marked)
-    checked = check(result, CheckOptions(warnings=False))
+    result = Source(str(output), data, packed, source.marked)
+    options = CheckOptions(warnings=False, library_roots=(*library_roots, str(Path(path).parent)))
+    checked = check(result, options)
     if checked.terrain is None:
         first = checked.findings[0]
         raise DefinitionError(
