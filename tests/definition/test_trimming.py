@@ -80,6 +80,30 @@ def test_what_is_lost_is_what_the_field_lacks(
     assert findings[0].pointer == "/elemTree/children/0/turnDeg"
 
 
+@given(blocks, turns, st.sampled_from(["flat", "disc", "cone", "corner"]))
+def test_the_place_that_is_offered_keeps_what_is_there(
+    span: tuple[int, int], turn: float, kind: str
+) -> None:
+    """Within the cell the heights stay, but for rims, and beyond it there is more."""
+    element = {"type": kind, "turnDeg": turn, "surface": "soil"}
+    place = {"cellX": 17, "cellY": 16, "span": list(span)}
+    value = definition({**place, **element}, (80, 60), (40, 40))
+    findings = found(value)
+    if not findings:
+        return
+    middle = {key: numbers(findings[0].hint, key) for key in ("at", "extent")}
+    free = definition({**middle, **element}, (80, 60), (40, 40))
+    assert found(free) == []
+    old, new = (Terrain(check(Source("t", json.dumps(v).encode()))) for v in (value, free))
+    steps = (np.arange(90) + 0.4321) / 90
+    x, y = 34 + steps[None] * 2 * span[0], 24 + steps[:, None] * 1.5 * span[1]
+    close = np.isclose(old.height(x, y), new.height(x, y), rtol=0, atol=1e-9)
+    assert close.mean() > 0.999
+    grid = np.linspace(20, 60, 200)[None] + 0.0123, np.linspace(10, 50, 200)[:, None] + 0.0123
+    worn = [np.count_nonzero(t.surface(*grid) == "soil") for t in (old, new)]
+    assert worn[1] >= worn[0]
+
+
 @given(blocks, st.integers(-8, 8), st.sampled_from(["flat", "disc"]))
 def test_quarters(span: tuple[int, int], quarters: int, kind: str) -> None:
     """Half turns lose nothing, quarter turns nothing in square blocks, and else a known part."""

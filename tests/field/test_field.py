@@ -308,7 +308,10 @@ class TestFreePlaces:
         """Also where the decimals make it only almost the same number, and for its children."""
         inner = child(9, 9, vScale=1)
         for x, w in ((9.95, 0.1), (9.85, 0.3), (5, 10)):
-            tree = {"type": "flat", "children": [free(x, 4.9, [w, 0.2], vScale=1, children=[inner])]}
+            tree = {
+                "type": "flat",
+                "children": [free(x, 4.9, [w, 0.2], vScale=1, children=[inner])],
+            }
             t = terrain(tree, size=[10, 5])
             assert t.height([10, 10], [4.9, 5]).tolist() == [1, 2]
         lone = {"type": "flat", "children": [free(5, 2, 2, vScale=1)]}
