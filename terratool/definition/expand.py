@@ -9,6 +9,7 @@ from msgspec import UNSET, Struct, UnsetType, structs
 
 from terratool.definition.libraries import Document, entries, path_between
 from terratool.definition.model import Definition, Element, Pair, pair_of
+from terratool.definition.scattering import strewn
 from terratool.definition.sides import Side, side
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses, quarter_turns
@@ -34,6 +35,8 @@ class _Chain(NamedTuple):
 
     Attributes:
         root: where the element of the primitive stands.
+        scale: its factor on the curves, as it is given.
+        turn: its turn, likewise.
         factor: on every height of the part.
         offset: of the element, with those of the others and under their factors.
         quarters: turns of the whole part.
@@ -43,6 +46,8 @@ class _Chain(NamedTuple):
     """
 
     root: Root
+    scale: float | UnsetType
+    turn: float | UnsetType
     factor: float
     offset: float | UnsetType
     quarters: int
@@ -169,12 +174,12 @@ class _Writer(Struct, frozen=True, dict=True):
     def _write(self, node: _Node, columns: dict[str, list[Any]]) -> None:
         chain, tree, index = node.chain, node.chain.root.tree, node.chain.root.element
         quarters = (node.quarters + chain.quarters) % 4
-        turn, cells = tree.value("turn_deg", index), tree.value("cells", index)
+        turn, cells = chain.turn, tree.value("cells", index)
         if quarters:
             turn = (math.fmod(0.0 if turn is UNSET else turn, 360.0) + 90.0 * quarters) % 360.0
             if quarters % 2 and isinstance(cells, tuple):
                 cells = cells[::-1]
-        factor, scale = node.factor * chain.factor, tree.value("v_scale", index)
+        factor, scale = node.factor * chain.factor, chain.scale
         if factor != 1.0:
             if scale is UNSET:
                 lengths, size = node.lengths, self.definition.extent
@@ -211,8 +216,11 @@ class _Writer(Struct, frozen=True, dict=True):
         lengths = node.lengths
         found = []
         for index in range(begin, end):
-            inner = self._chain(Root(tree, index, root.home))
             step = f"/children/{index - begin}"
+            if tree.value("scatter", index) is not UNSET:
+                found += self._strewn(node, Root(tree, index, root.home), step)
+                continue
+            inner = self._chain(Root(tree, index, root.home))
             repeat, at = tree.value("repeat", index), tree.value("at", index)
             count, (dx, dy) = _ONCE if repeat is UNSET else (repeat.count, repeat.step)
             for j in range(count[1]):
@@ -234,11 +242,46 @@ class _Writer(Struct, frozen=True, dict=True):
                         found.append(_Node(inner, factor, quarters, place, own, (1, 1), copy))
         return found
 
-    def _chain(self, root: Root) -> _Chain:
-        """What an element stands for."""
+    def _strewn(self, node: _Node, root: Root, step: str) -> list[_Node]:
+        """The copies of a scattered element in the cell of a parent."""
+        tree, index, parent = root.tree, root.element, node.chain.root
+        quarters = (node.quarters + node.chain.quarters) % 4
+        scatter, at = tree.value("scatter", index), tree.value("at", index)
+        around = node.lengths[::-1] if quarters % 2 else node.lengths
+        if at is UNSET:
+            grid, block = tree.grid(parent.element), tree.block(index)
+            pitches = (around[0] / grid[0], around[1] / grid[1])
+            area = pitches[0] * block[2], pitches[1] * block[3]
+            corner = pitches[0] * block[0], pitches[1] * block[1]
+        else:
+            area = pair_of(tree.value("extent", index), math.nan)
+            corner = at[0] - area[0] / 2, at[1] - area[1] / 2
+        found = []
+        is_part = tree.value("part", index) is not UNSET
+        angle = tree.value("turn_deg", index)
+        tilted = angle is not UNSET and angle % 90 != 0
+        copies = strewn(scatter, area, by_quarters=is_part, tilted=tilted)
+        for n, copy in enumerate(copies):
+            inner = self._chain(root, copy.side, copy.turn)
+            middle = corner[0] + copy.middle[0], corner[1] + copy.middle[1]
+            place = {"at": _turned_place(middle, node.lengths, quarters), "extent": copy.side}
+            own = side(copy.side), side(copy.side)
+            factor = node.factor * node.chain.factor
+            name = f"{step}[{n}]{inner.name}"
+            found.append(_Node(inner, factor, quarters, place, own, (1, 1), name))
+        return found
+
+    def _chain(self, root: Root, by: float | None = None, turn: float = 0.0) -> _Chain:
+        """What an element stands for.
+
+        Args:
+            root: the element.
+            by: of a scattered one the size of the copy, a factor on its heights.
+            turn: of a scattered one the turn of the copy.
+        """
         known: dict[tuple[int, int], _Chain] = self.__dict__.setdefault("_chains", {})
         key = id(root.tree), root.element
-        if key in known:
+        if by is None and key in known:
             return known[key]
         places = []
         names = []
@@ -251,24 +294,36 @@ class _Writer(Struct, frozen=True, dict=True):
         offset, surface, descr = (
             tree.value(key, inner.element) for key in ("v_offset", "surface", "descr")
         )
-        quarters, factor = 0, 1.0
-        for place in places:
-            by = place.tree.value("v_scale", place.element)
-            factor *= 1.0 if by is UNSET else by
-        for place in reversed(places):
+        scales = [place.tree.value("v_scale", place.element) for place in (*places, inner)]
+        own_turn = tree.value("turn_deg", inner.element)
+        quarters = 0
+        if by is not None:
+            scales[0] = by if scales[0] is UNSET else by * scales[0]
+            if places:
+                quarters = quarter_turns(turn)
+            elif turn:
+                own_turn = turn if own_turn is UNSET else math.fmod(own_turn, 360.0) + turn
+        factor = 1.0
+        for scale in scales[:-1]:
+            factor *= 1.0 if scale is UNSET else scale
+        for place, scale in zip(reversed(places), reversed(scales[:-1]), strict=True):
             own = {
                 key: place.tree.value(key, place.element)
-                for key in ("v_scale", "v_offset", "surface", "descr", "turn_deg")
+                for key in ("v_offset", "surface", "descr", "turn_deg")
             }
-            if offset is not UNSET and own["v_scale"] is not UNSET:
-                offset = own["v_scale"] * offset
+            if offset is not UNSET and scale is not UNSET:
+                offset = scale * offset
             if own["v_offset"] is not UNSET:
                 offset = own["v_offset"] if offset is UNSET else offset + own["v_offset"]
             surface = own["surface"] if surface is UNSET else surface
             descr = descr if own["descr"] is UNSET else own["descr"]
             quarters += quarter_turns(own["turn_deg"])
-        chain = _Chain(inner, factor, offset, quarters % 4, surface, descr, "".join(names))
-        known[key] = chain
+        chain = _Chain(
+            inner, scales[-1], own_turn, factor, offset, quarters % 4, surface, descr,
+            "".join(names),
+        )  # fmt: skip
+        if by is None:
+            known[key] = chain
         return chain
 
     def _name(self, part: str, outer: Document, home: Document) -> str:

@@ -214,8 +214,8 @@ def compile_definition(definition: Definition, tree: Tree) -> Compiled:
     grids["more"][1:-1] = owners[1:] == owners[:-1]
     grid_of = np.zeros(len(parents), np.uint32)
     grid_of[owners[::-1]] = np.arange(len(owners), 0, -1)  # the first of each
-    home = np.repeat(np.arange(len(firsts)), np.diff(firsts, append=len(parents)))
-    home = home.astype(np.uint32)
+    grid_numbers = np.arange(len(firsts), dtype=np.uint32)
+    home = np.repeat(grid_numbers, np.diff(firsts, append=len(parents)))
     sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
     corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
     kernels.lay_grids(grids, sides, aspects, owners, home, placed, corner, extent)
