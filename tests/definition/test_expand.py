@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import tempfile
 from pathlib import Path
@@ -13,12 +12,12 @@ from hypothesis import given, settings
 from msgspec import UNSET
 
 from terratool.definition.libraries import known_names
-from terratool.definition.model import names_of, pair_of
 from terratool.definition.model import Element as ElementText
+from terratool.definition.model import names_of, pair_of
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses
-from terratool.text.source import Source, read_source
+from terratool.text.source import read_source
 from tests import composition
 from tests.filesets import MAIN, FileSet, file_sets, save
 
