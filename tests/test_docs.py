@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
 import shlex
 import shutil
 import subprocess
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 import trimesh
 
+import terratool
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGRESS = re.compile(r"^terratool: .*\d s\n", re.MULTILINE)  # of a slow machine
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SAVED = re.compile(
+    r"[Ss]ave this as `([^`]+)`[^\n]*\n(?:[^`\n]*\n)*?```json\n(.*?)^```$", re.MULTILINE | re.DOTALL
+)
+TUTORIAL = ROOT / "docs/tutorial.md"
 
 
 def blocks(page: Path) -> list[tuple[str, str]]:
@@ -26,24 +32,35 @@ def blocks(page: Path) -> list[tuple[str, str]]:
     return [(found[1], found[2]) for found in FENCE.finditer(page.read_text("utf-8"))]
 
 
+def saved(page: Path) -> dict[str, str]:
+    """The files that a page tells its readers to save, by name."""
+    return {found[1]: found[2] for found in SAVED.finditer(page.read_text("utf-8"))}
+
+
 def sessions() -> list[object]:
     """Blocks that show commands and what they say, with the last JSON that stands before each."""
     found = []
     for page in PAGES:
+        if page == TUTORIAL:
+            continue
         text = ""
         for language, block in blocks(page):
             if language == "json":
                 text = block
             elif block.startswith("$ terratool "):
                 name = f"{page.stem}-{block.split()[2]}"
-                found.append(pytest.param(block, text, id=name))
+                found.append(pytest.param(block, text, saved(page), id=name))
     return found
 
 
-@pytest.mark.parametrize(("block", "text"), sessions())
-def test_commands_say_what_the_page_shows(block: str, text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("block", "text", "files"), sessions())
+def test_commands_say_what_the_page_shows(
+    block: str, text: str, files: dict[str, str], tmp_path: Path
+) -> None:
     """A line of "…" stands for whatever follows; a file that is no sample is the JSON before."""
     shutil.copytree(ROOT / "samples", tmp_path / "samples")
+    for name, saved_text in files.items():
+        (tmp_path / name).write_text(saved_text, "utf-8")
     for session in re.split(r"^\$ ", block.replace("\\\n", ""), flags=re.MULTILINE)[1:]:
         command, _, shown = session.partition("\n")
         program, *words = shlex.split(command)
@@ -118,3 +135,72 @@ def test_python_gives_what_its_comments_say(
         if array := re.match(r"(\(\d+, \d+(, \d+)?\)) (float\d+)", comment):
             value = names[code.split(" = ")[0]]
             assert (value.shape, str(value.dtype)) == (ast.literal_eval(array[1]), array[3]), line
+
+
+class Row(NamedTuple):
+    """What a table of docs/format.md says of a point.
+
+    Attributes:
+        page_line: where.
+        file: the terrain that it is about.
+        point: x and y.
+        said: the other columns by their heads.
+    """
+
+    page_line: int
+    file: str
+    point: tuple[float, float]
+    said: dict[str, str]
+
+
+def rows() -> list[Row]:
+    """Rows of all tables of points, each about the file that was named last."""
+    found: list[Row] = []
+    file, heads = "", []
+    for number, line in enumerate((ROOT / "docs/format.md").read_text("utf-8").splitlines(), 1):
+        if named := re.search(r"[Ss]ave this as `([^`]+)`|query (samples/\S+)", line):
+            file, heads = named[1] or named[2], []
+        cells = [cell.strip() for cell in line.removeprefix("|").removesuffix("|").split("|")]
+        if line.startswith("| x | y | z |"):
+            heads = cells
+        elif not line.startswith("|"):
+            heads = []
+        elif heads and not line.startswith("|---"):
+            said = dict(zip(heads, cells, strict=True))
+            found.append(Row(number, file, (float(said["x"]), float(said["y"])), said))
+    return found
+
+
+@pytest.fixture(scope="module")
+def terrains(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All files of docs/format.md, and the samples."""
+    folder = tmp_path_factory.mktemp("format")
+    shutil.copytree(ROOT / "samples", folder / "samples")
+    for name, text in saved(ROOT / "docs/format.md").items():
+        (folder / name).write_text(text, "utf-8")
+    return folder
+
+
+def test_the_tables_are_found() -> None:
+    files = [row.file for row in rows()]
+    assert len(files) == 71
+    assert {*files} >= {"first.json", "parts.json", "places.json", "edges.json"}
+
+
+@pytest.mark.parametrize("file", sorted({row.file for row in rows()}))
+def test_tables_of_the_format_say_what_the_terrain_says(file: str, terrains: Path) -> None:
+    """Heights to six digits, surfaces and elements; an empty height is none."""
+    terrain = terratool.load(terrains / file)
+    for _, _, point, said in (row for row in rows() if row.file == file):
+        z = float(said["z"]) if said["z"] else math.nan
+        assert terrain.height(*point) == pytest.approx(z, rel=1e-6, abs=1e-6, nan_ok=True), said
+        assert (terrain.locate(*point) or "") == said["element"].strip("`"), said
+        if "surface" in said:
+            assert (terrain.surface(*point) or "") == said["surface"], said
+
+
+@pytest.mark.parametrize("file", sorted(saved(ROOT / "docs/format.md")))
+def test_files_of_the_format_are_valid(file: str, terrains: Path) -> None:
+    """Even strictly, but for what the page does not speak of: unused names and soils."""
+    ran = call("validate", "--strict", "--ignore", "TT2,TT4", terrains / file)
+    assert ran.code == 0, ran.out

@@ -7,8 +7,8 @@ namespace terratool {
 
 enum Combine : u8 { PRODUCT, SUM, MIN, MAX, RADIAL };
 
-// How the elements of a grid stand: in its cells, or each at a place of its own; plain ones have no
-// grid, no turn and nothing special.
+// How the elements of a grid stand: in its cells, or each at a place of its own; plain ones are
+// leaves without a turn.
 enum Standing : u8 { IN_CELLS, FREE, FREE_PLAIN };
 
 constexpr u8 STEPPED = 2;  // a knotted curve with vertical steps

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.libraries import Document, path_between
+from terratool.definition.scattering import Strewn
 from terratool.definition.uses import Root, Uses, quarter_turns
 from terratool.text.display import escape
 
@@ -16,6 +18,8 @@ class Chain(NamedTuple):
 
     Attributes:
         root: where the element of the primitive stands.
+        scale: its factor on the curves, where that is given.
+        turn: its turn, likewise.
         factor: on every height of the part.
         offset: of the element, with those of the others and under their factors.
         quarters: turns of the whole part.
@@ -25,6 +29,8 @@ class Chain(NamedTuple):
     """
 
     root: Root
+    scale: float | UnsetType
+    turn: float | UnsetType
     factor: float
     offset: float | UnsetType
     quarters: int
@@ -47,7 +53,11 @@ class Chains:
             self._known[key] = self._follow(root)
         return self._known[key]
 
-    def _follow(self, root: Root) -> Chain:
+    def strewn(self, root: Root, copy: Strewn) -> Chain:
+        """What one copy of a scattered element stands for: its heights grow with its side."""
+        return self._follow(root, copy)
+
+    def _follow(self, root: Root, copy: Strewn | None = None) -> Chain:
         places = []
         names = []
         inner = root
@@ -55,27 +65,33 @@ class Chains:
             places.append(inner)
             outer, inner = inner, self._uses.part(name)
             names.append(self._name(name, outer.home, inner.home))
-        tree = inner.tree
+        scales = [place.tree.value("v_scale", place.element) for place in (*places, inner)]
+        turns = [place.tree.value("turn_deg", place.element) for place in (*places, inner)]
+        if copy is not None:
+            scales[0] = copy.side if scales[0] is UNSET else copy.side * scales[0]
+            if copy.turn:
+                turn = 0.0 if turns[0] is UNSET else math.fmod(turns[0], 360.0)
+                turns[0] = turn + copy.turn
+        factor = 1.0
+        for scale in scales[:-1]:
+            factor *= 1.0 if scale is UNSET else scale
         offset, surface, descr = (
-            tree.value(key, inner.element) for key in ("v_offset", "surface", "descr")
+            inner.tree.value(key, inner.element) for key in ("v_offset", "surface", "descr")
         )
-        quarters, factor = 0, 1.0
-        for place in places:
-            by = place.tree.value("v_scale", place.element)
-            factor *= 1.0 if by is UNSET else by
-        for place in reversed(places):
-            own = {
-                key: place.tree.value(key, place.element)
-                for key in ("v_scale", "v_offset", "surface", "descr", "turn_deg")
-            }
-            if offset is not UNSET and own["v_scale"] is not UNSET:
-                offset = own["v_scale"] * offset
-            if own["v_offset"] is not UNSET:
-                offset = own["v_offset"] if offset is UNSET else offset + own["v_offset"]
-            surface = own["surface"] if surface is UNSET else surface
-            descr = descr if own["descr"] is UNSET else own["descr"]
-            quarters += quarter_turns(own["turn_deg"])
-        return Chain(inner, factor, offset, quarters % 4, surface, descr, "".join(names))
+        for place, scale in zip(reversed(places), reversed(scales[:-1]), strict=True):
+            own_offset, own_surface, own_descr = (
+                place.tree.value(key, place.element) for key in ("v_offset", "surface", "descr")
+            )
+            if offset is not UNSET and scale is not UNSET:
+                offset = scale * offset
+            if own_offset is not UNSET:
+                offset = own_offset if offset is UNSET else offset + own_offset
+            surface = own_surface if surface is UNSET else surface
+            descr = descr if own_descr is UNSET else own_descr
+        quarters = sum(map(quarter_turns, turns[:-1])) % 4
+        return Chain(
+            inner, scales[-1], turns[-1], factor, offset, quarters, surface, descr, "".join(names)
+        )
 
     def _name(self, part: str, outer: Document, home: Document) -> str:
         where = "" if home is outer else f"{path_between(self._uses.document, home)}#"

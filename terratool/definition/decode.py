@@ -7,6 +7,7 @@ from functools import lru_cache
 from itertools import chain
 from typing import Any, TypeVar
 
+import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
 from terratool.definition.findings import Owner, Remark, RemarkLog
@@ -33,6 +34,7 @@ from terratool.definition.model import (
     Library,
     Primitive,
     Repeat,
+    Scatter,
     Surface,
     Track,
 )
@@ -52,9 +54,10 @@ _Model = TypeVar("_Model", bound=Struct)
 _NUMBER = KEYS[Element]["vScale"]
 _DEPTH = Key("a depth from 0 to 1e30", "number", 0, LARGEST)
 _UNKNOWN = Element()
+_MEMBERS: dict[str, type[Struct]] = {"repeat": Repeat, "scatter": Scatter}
 _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
-    Definition: "a terrain", Library: "a library", Repeat: "a repeat",
+    Definition: "a terrain", Library: "a library", Repeat: "a repeat", Scatter: "a scatter",
     Surface: "a surface", Primitive: "a primitive", Element: "an element", Track: "a track",
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
     CogText: "the centre of gravity", OverhangText: "the overhang",
@@ -256,8 +259,8 @@ class _Decoder:
             return self._path(wanted, key, item, owner)
         if wanted.kind == "depth":
             return self._depth(wanted, key, item, owner)
-        if wanted.kind == "repeat":
-            return self._repeat(wanted, key, item, owner)
+        if wanted.kind == "members":
+            return self._members(_MEMBERS[key], wanted, key, item, owner)
         if wanted.kind == "paths":
             return self._paths(wanted, key, item, owner)
         if wanted.kind == "any":
@@ -342,33 +345,39 @@ class _Decoder:
                 self._wrong_type(owner, rest, subject, "a point [x, y], two numbers", part)
         return tuple(points)
 
-    def _repeat(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+    def _members(self, kind: type[Struct], wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        """An object in an element that has numbers alone."""
         if not isinstance(item, dict):
             return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
         found: dict[str, Any] = {}
         for name, value in item.items():
-            if name not in SLOTS[Repeat]:
+            rest = f"/{key}/{escape(name)}"
+            if name not in SLOTS[kind]:
                 if not name.startswith("x-"):
-                    about = unknown_key(Repeat, name, frozenset(item))
                     self._failed = True
+                    about = unknown_key(kind, name, frozenset(item))
                     if self._found.wants("TT103"):
-                        rest = f"/{key}/{escape(name)}"
                         self._found.keep("TT103", remark_on(owner, rest, *about, on_key=True))
                 continue
-            inner, here = KEYS[Repeat][name], f"/{key}/{name}"
-            if not isinstance(value, list) or len(value) != inner.length:
-                self._wrong_type(owner, here, f'"{name}"', inner.words, value)
-                continue
-            found[name] = tuple(
-                self._single(inner, part, owner, f"{here}/{i}", f'item {i} of "{name}"', name)
-                for i, part in enumerate(value)
-            )
-        for name, wanted in KEYS[Repeat].items():
-            if name not in item:
+            inner, attribute = KEYS[kind][name], SLOTS[kind][name].name
+            if not inner.length:
+                found[attribute] = self._single(inner, value, owner, rest, f'"{name}"', name)
+            elif isinstance(value, list) and len(value) == inner.length:
+                found[attribute] = tuple(
+                    self._single(inner, part, owner, f"{rest}/{i}", f'item {i} of "{name}"', name)
+                    for i, part in enumerate(value)
+                )
+            else:
+                self._wrong_type(owner, rest, f'"{name}"', inner.words, value)
+        for field_ in msgspec.structs.fields(kind):
+            name = field_.encode_name
+            if field_.required and name not in item:
                 self._failed = True
-                message, hint = f'"{key}" has no "{name}".', f'Add "{name}", {wanted.words}.'
-                self.add("TT104", f"/{key}", message, hint, owner)
-        return None if self._failed else Repeat(**found)
+                message = f'"{key}" has no "{name}".'
+                self.add(
+                    "TT104", f"/{key}", message, f'Add "{name}", {KEYS[kind][name].words}.', owner
+                )
+        return None if self._failed else kind(**found)
 
     def _paths(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
         if not isinstance(item, list):

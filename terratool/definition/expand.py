@@ -6,10 +6,12 @@ import math
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from msgspec import UNSET, Struct, UnsetType, structs
+from msgspec import UNSET, Struct, structs
 
-from terratool.definition.libraries import Document, entries, path_between
+from terratool.definition.chains import Chain, Chains
+from terratool.definition.libraries import entries
 from terratool.definition.model import Definition, Element, Pair, pair_of
+from terratool.definition.scattering import strewn
 from terratool.definition.sides import Side, side
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses
@@ -162,12 +164,12 @@ class _Writer(Struct, frozen=True, dict=True):
     def _write(self, node: _Node, columns: dict[str, list[Any]]) -> None:
         chain, tree, index = node.chain, node.chain.root.tree, node.chain.root.element
         quarters = (node.quarters + chain.quarters) % 4
-        turn, cells = tree.value("turn_deg", index), tree.value("cells", index)
+        turn, cells = chain.turn, tree.value("cells", index)
         if quarters:
             turn = (math.fmod(0.0 if turn is UNSET else turn, 360.0) + 90.0 * quarters) % 360.0
             if quarters % 2 and isinstance(cells, tuple):
                 cells = cells[::-1]
-        factor, scale = node.factor * chain.factor, tree.value("v_scale", index)
+        factor, scale = node.factor * chain.factor, chain.scale
         if factor != 1.0:
             if scale is UNSET:
                 lengths, size = node.lengths, self.definition.extent
@@ -204,8 +206,11 @@ class _Writer(Struct, frozen=True, dict=True):
         lengths = node.lengths
         found = []
         for index in range(begin, end):
-            inner = self.chains.of(Root(tree, index, root.home))
             step = f"/children/{index - begin}"
+            if tree.value("scatter", index) is not UNSET:
+                found += self._strewn(node, Root(tree, index, root.home), step)
+                continue
+            inner = self.chains.of(Root(tree, index, root.home))
             repeat, at = tree.value("repeat", index), tree.value("at", index)
             count, (dx, dy) = _ONCE if repeat is UNSET else (repeat.count, repeat.step)
             for j in range(count[1]):
@@ -225,6 +230,36 @@ class _Writer(Struct, frozen=True, dict=True):
                         }
                         own = side(extent[0]), side(extent[1])
                         found.append(_Node(inner, factor, quarters, place, own, (1, 1), copy))
+        return found
+
+    def _strewn(self, node: _Node, root: Root, step: str) -> list[_Node]:
+        """The copies of a scattered element in the cell of its parent."""
+        tree, index, parent = root.tree, root.element, node.chain.root
+        quarters = (node.quarters + node.chain.quarters) % 4
+        factor = node.factor * node.chain.factor
+        at, angle = tree.value("at", index), tree.value("turn_deg", index)
+        around = node.lengths[::-1] if quarters % 2 else node.lengths
+        if at is UNSET:
+            grid, block = tree.grid(parent.element), tree.block(index)
+            pitches = (around[0] / grid[0], around[1] / grid[1])
+            area = pitches[0] * block[2], pitches[1] * block[3]
+            corner = pitches[0] * block[0], pitches[1] * block[1]
+        else:
+            area = pair_of(tree.value("extent", index), math.nan)
+            corner = at[0] - area[0] / 2, at[1] - area[1] / 2
+        copies = strewn(
+            tree.value("scatter", index),
+            area,
+            by_quarters=tree.value("part", index) is not UNSET,
+            tilted=angle is not UNSET and angle % 90 != 0,
+        )
+        found = []
+        for number, copy in enumerate(copies):
+            inner = self.chains.strewn(root, copy)
+            middle = corner[0] + copy.middle[0], corner[1] + copy.middle[1]
+            place = {"at": _turned_place(middle, node.lengths, quarters), "extent": copy.side}
+            own, name = side(copy.side), f"{step}[{number}]{inner.name}"
+            found.append(_Node(inner, factor, quarters, place, (own, own), (1, 1), name))
         return found
 
 

@@ -19,6 +19,7 @@ from terratool.definition.model import (
     Library,
     Primitive,
     Repeat,
+    Scatter,
     Surface,
     Track,
     names_of,
@@ -38,6 +39,8 @@ from terratool.definition.vehicle import (
 
 MAX_PASSES = 10**9
 """Sums of passes stay whole in doubles."""
+MAX_SCATTERED = 1_000_000
+MAX_SEED = 2**53
 COMBINES = ("product", "sum", "min", "max", "radial")
 
 
@@ -64,7 +67,7 @@ class Key(Struct, frozen=True):
         "curve",
         "path",
         "depth",
-        "repeat",
+        "members",
         "paths",
         "any",
     ]
@@ -179,7 +182,10 @@ KEYS: dict[type, dict[str, Key]] = {
         ),
         "repeat": Key(
             'an object { "count": [nx, ny], "step": [dx, dy] }, counts from 1 to '
-            f"{MAX_CELLS}", "repeat",
+            f"{MAX_CELLS}", "members",
+        ),
+        "scatter": Key(
+            'an object { "count": n, "sizes": [least, most], … }', "members",
         ),
         "descr": _TEXT,
         "type": Key("the name of a primitive, a text", "text"),
@@ -205,6 +211,20 @@ KEYS: dict[type, dict[str, Key]] = {
             "two steps [dx, dy], numbers up to 1e30 in size", "number", -LARGEST, LARGEST,
             alone=False, length=2,
         ),
+    },
+    Scatter: {
+        "count": Key(
+            f"a whole number of copies from 1 to {MAX_SCATTERED:,}", "whole", 1, MAX_SCATTERED
+        ),
+        "density": Key("copies in a square unit, above 0 and up to 1e30", "number", SMALLEST,
+            LARGEST),
+        "sizes": Key(
+            "the least and the largest side [least, most], from 1e-30 to 1e30", "number",
+            SMALLEST, LARGEST, alone=False, length=2,
+        ),
+        "distance": Key("a distance from 0 to 1e30", "number", 0, LARGEST),
+        "turned": Key("true or false", "flag"),
+        "seed": Key(f"a whole number from 0 to {MAX_SEED}", "whole", 0, MAX_SEED),
     },
     Track: {
         "descr": _TEXT,

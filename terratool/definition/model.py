@@ -134,6 +134,17 @@ class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc
     step: tuple[_Number, _Number]
 
 
+class Scatter(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
+    """Copies of an element strewn over its cell, each with a place and a size of its own."""
+
+    sizes: tuple[_Number, _Number]
+    count: int | UnsetType = UNSET
+    density: float | UnsetType = UNSET
+    seed: int | UnsetType = UNSET
+    distance: float | UnsetType = UNSET
+    turned: bool | UnsetType = UNSET
+
+
 class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
     """A primitive or a part placed in a cell, with the grid that divides it for its children.
 
@@ -147,6 +158,7 @@ class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
     # no range here: msgspec 0.22 mixes up a number with a range and a pair beside it
     extent: float | Pair | UnsetType = UNSET
     repeat: Repeat | UnsetType = UNSET
+    scatter: Scatter | UnsetType = UNSET
     descr: str | UnsetType = UNSET
     type: str | UnsetType = UNSET
     part: str | UnsetType = UNSET

@@ -224,7 +224,7 @@ class Tree(Struct, frozen=True, dict=True):
         """Elements that share cells with an earlier sibling, and that sibling."""
         xs, ys = self.column("cell_x"), self.column("cell_y")
         spans = self.distinct("span") != {UNSET}
-        if self.distinct("at") | self.distinct("repeat") != {UNSET}:
+        if any(self.distinct(key) != {UNSET} for key in ("at", "repeat", "scatter")):
             return [pair for _, begin, end in self.families for pair in self._sharing(begin, end)]
         shared = []
         for begin, end in self.crowded:
@@ -248,7 +248,7 @@ class Tree(Struct, frozen=True, dict=True):
         owners: list[int] = []
         for index in range(begin, end):
             x, y, w, h = self.block(index)
-            if self.value("at", index) is not UNSET:
+            if {self.value("at", index), self.value("scatter", index)} != {UNSET}:
                 continue
             if min(x, y) < 0:
                 return []

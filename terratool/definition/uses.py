@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from msgspec import UNSET, Struct
 
 from terratool.definition.libraries import Dictionary, Document, Names
-from terratool.definition.model import Definition, Pair
+from terratool.definition.model import Definition, Pair, pair_of
+from terratool.definition.scattering import wanted
 from terratool.definition.sides import Sides, sides
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
@@ -60,7 +61,7 @@ class Uses(Struct, frozen=True, dict=True):
     def composed(self) -> bool:
         """Whether anything has to be written out: a part, or copies."""
         tree = self.document.decoded.tree
-        return tree.distinct("part") | tree.distinct("repeat") != {UNSET}
+        return any(tree.distinct(key) != {UNSET} for key in ("part", "repeat", "scatter"))
 
     @property
     def has_root(self) -> bool:
@@ -273,14 +274,18 @@ def _part_uses(tree: Tree) -> dict[int, list[PartUse]]:
 
 def _count(root: Root, counts: dict[str, int]) -> int:
     tree = root.tree
-    if tree.distinct("part") == {UNSET} and tree.distinct("repeat") == {UNSET}:
+    if all(tree.distinct(key) == {UNSET} for key in ("part", "repeat", "scatter")):
         return tree.root_of.count(root.element) if len(tree.roots) > 1 else len(tree)
-    parts, repeats = tree.column("part"), tree.column("repeat")
+    parts, repeats, scatters = (tree.column(key) for key in ("part", "repeat", "scatter"))
     below = [0] * len(tree)
     for index in range(len(tree) - 1, root.element, -1):
         if tree.root_of[index] == root.element:
             own = below[index] + (1 if parts[index] is UNSET else counts.get(parts[index], 0))
-            below[tree.parents[index]] += own * copies(repeats[index])
+            times = copies(repeats[index])
+            if scatters[index] is not UNSET:
+                extent = pair_of(tree.value("extent", index), math.nan)
+                times = wanted(scatters[index], extent)
+            below[tree.parents[index]] += own * times
     part = parts[root.element]
     return below[root.element] + (1 if part is UNSET else counts.get(part, 0))
 

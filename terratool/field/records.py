@@ -18,7 +18,7 @@ COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
 IN_CELLS, FREE, FREE_PLAIN = 0, 1, 2
 """How the elements of a grid stand: in its cells, or each at a place of its own.
 
-Plain ones have no grid, no turn and nothing special.
+Plain ones are leaves without a turn.
 """
 
 STEPPED = 2
@@ -58,7 +58,7 @@ FREE_BINS = np.dtype(
     [
         ("corner", np.float64, 2),  # south-west, from the corner of the parent's cell
         ("per", np.float64, 2),  # bins per unit of length
-        ("slack", np.float64),  # so far from an edge its double decides, and a billionth of a side
+        ("slack", np.float64),  # a point farther from all edges is inside or outside for certain
         ("shape", np.uint32, 2),  # bins along x and y
         ("places", np.int64),  # from the index of an element to that of its place
     ],

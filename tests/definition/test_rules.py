@@ -98,6 +98,8 @@ NAMES = {
     "TT717": "unused-part",
     "TT718": "hiding-name",
     "TT719": "overlapping-copies",
+    "TT720": "scatter",
+    "TT721": "crowded-scatter",
 }
 ROOT = Path(__file__).parents[2]
 INVALID = sorted((ROOT / "samples" / "invalid").glob("*.json"))

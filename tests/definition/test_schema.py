@@ -21,6 +21,7 @@ from terratool.definition.model import (
     Library,
     Primitive,
     Repeat,
+    Scatter,
     Surface,
     Track,
 )
@@ -59,6 +60,7 @@ GOOD: Json = {
             {"type": "r", "cellX": 1, "cellY": 1, "span": [1, 2], "vScale": 2},
             {"part": "q", "cellX": 0, "cellY": 0, "repeat": {"count": [2, 3], "step": [1, 1]}},
             {"at": [2, 3], "extent": [1, 2], "type": "p", "turnDeg": 30},
+            {"at": [5, 5], "extent": 4, "type": "p", "scatter": {"count": 3, "sizes": [1, 2]}},
         ],
     },
     "parts": {"q": {"type": "p", "children": [{"at": [0.1, 0.1], "extent": 0.1, "type": "r"}]}},
@@ -99,6 +101,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
     [
         (Definition, SCHEMA["properties"]),
         (Library, LIBRARY["properties"]),
+        (Scatter, SCHEMA["$defs"]["element"]["properties"]["scatter"]["properties"]),
         (Repeat, SCHEMA["$defs"]["element"]["properties"]["repeat"]["properties"]),
         (Surface, SCHEMA["$defs"]["surface"]["properties"]),
         (Primitive, SCHEMA["$defs"]["primitive"]["properties"]),
@@ -110,7 +113,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
 )
 def test_has_the_keys_of_the_reader(kind: type, properties: Json) -> None:
     """Its keys are those that the reader knows, no more and no fewer."""
-    keys = {*KEYS[kind], "x-ignore"} if kind is not Repeat else {*KEYS[kind]}
+    keys = {*KEYS[kind], "x-ignore"} if kind not in (Repeat, Scatter) else {*KEYS[kind]}
     if properties in (SCHEMA["$defs"][name]["properties"] for name in ("root", "part")):
         keys -= PLACEMENT.keys()
     assert set(properties) == keys
@@ -208,6 +211,8 @@ def test_agrees_with_the_reader_on_mutations(definition: Json, data: st.DataObje
     "elemTree/children/1/repeat/step", "elemTree/children/1/cells", "elemTree/children/1/type",
     "elemTree/children/1/children", "elemTree/children/1/at", "elemTree/children/2/at",
     "elemTree/children/2/extent", "elemTree/children/2/cellX", "elemTree/children/2/span",
+    "elemTree/children/3/scatter", "elemTree/children/3/scatter/count",
+    "elemTree/children/3/scatter/sizes", "elemTree/children/3/scatter/turned",
     "elemTree/at", "elemTree/repeat", "parts/q/cellX", "parts/q/extent",
 ])  # fmt: skip
 def test_agrees_with_the_reader_on_each_key(pointer: str) -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check
-from terratool.definition.rules.trimming import _Turned
+from terratool.definition.rules.trimming import turned
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
 
@@ -133,7 +133,7 @@ def test_the_place_is_the_middle_of_its_cell(
     hint = finding.hint
     middle = [Fraction(size[k]) * (2 * place[k] + span[k]) / (2 * cells[k]) for k in (0, 1)]
     sides = [Fraction(size[k]) * span[k] / cells[k] for k in (0, 1)]
-    reach = _Turned((float(sides[0]), float(sides[1])), turn, False).reach
+    reach = turned((float(sides[0]), float(sides[1])), turn, False).reach
     inside = [reach[k] <= min(middle[k], Fraction(size[k]) - middle[k]) for k in (0, 1)]
     if not all(inside):
         assert "does not have there" in hint

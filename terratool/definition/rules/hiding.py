@@ -82,7 +82,7 @@ def _hidden_by_siblings(tree: Tree, filling: _Filling, begin: int, end: int) -> 
     blocks = [tree.block(index) for index in range(begin, end)]
     alone = {block: index for index, block in enumerate(blocks, begin) if filling.fills(index)}
     for index, block in enumerate(blocks, begin):
-        if surfaces[index] is UNSET or block[0] < 0 or tree.value("repeat", index) is not UNSET:
+        if surfaces[index] is UNSET or block[0] < 0 or _is_copied(tree, index):
             continue
         if alone.get(block, -1) > index:
             yield index
@@ -94,6 +94,10 @@ def _hidden_by_siblings(tree: Tree, filling: _Filling, begin: int, end: int) -> 
             ]
             if cover(others, block):
                 yield index
+
+
+def _is_copied(tree: Tree, index: int) -> bool:
+    return {tree.value("repeat", index), tree.value("scatter", index)} != {UNSET}
 
 
 def _remark(tree: Tree, index: int, by: str) -> Remark:
@@ -141,6 +145,7 @@ class _Filling:
         return (
             not self._subject.unfit
             and self._tree.distinct("type") <= self._square
+            and self._tree.distinct("scatter") == {UNSET}
             and all(turn is UNSET or turn % 180 == 0 for turn in self._tree.column("turn_deg"))
         )
 
@@ -152,6 +157,7 @@ class _Filling:
         return (
             self._tree.column("type")[index] in self._square
             and (turn is UNSET or turn % 180 == 0)
+            and self._tree.value("scatter", index) is UNSET
             and not self._subject.left_out(index, "turnDeg")
         )
 

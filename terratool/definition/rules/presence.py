@@ -12,7 +12,7 @@ from terratool.definition.tree import ROOT
 
 PLACEMENT = {
     "cellX": "cell_x", "cellY": "cell_y", "span": "span", "at": "at", "extent": "extent",
-    "repeat": "repeat",
+    "repeat": "repeat", "scatter": "scatter",
 }  # fmt: skip
 """The keys that say where an element stands, and their attributes."""
 
@@ -84,7 +84,7 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT110", "root-placed")
 def root_placed(subject: Subject) -> Iterator[Remark]:
-    """The root, or a part, has a place: a cell, a span, at, extent or repeat.
+    """The root, or a part, has a place: a cell, a span, at, extent, repeat or scatter.
 
     The root covers the whole terrain, and a part stands where the elements that name it stand, so
     the numbers could mean nothing.
@@ -101,7 +101,7 @@ def root_placed(subject: Subject) -> Iterator[Remark]:
 
         {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
 
-    To mend: remove cellX, cellY, span, at, extent and repeat there.
+    To mend: remove cellX, cellY, span, at, extent, repeat and scatter there.
     """
     tree = subject.tree
     for index, pointer in enumerate(tree.roots[: len(tree)]):

@@ -80,7 +80,7 @@ class _Heights:
     def __init__(self, subject: Subject) -> None:
         definition, tree = subject.definition, subject.tree
         self._scales, self._types = tree.column("v_scale"), tree.column("type")
-        self._surfaces = tree.column("surface")
+        self._surfaces, self._scatters = tree.column("surface"), tree.column("scatter")
         self._ranges = {name: value_range(shape) for name, shape in subject.summaries.items()}
         self._voids = {name for name, it in subject.surfaces.items() if it.void is True}
         self._sides = cell_sides(tree, definition.extent)
@@ -93,7 +93,8 @@ class _Heights:
 
     def by_default(self, index: int) -> bool:
         """Whether an element has a height, though it has no vScale."""
-        unsaid = self._scales[index] is UNSET and not self._subject.left_out(index, "vScale")
+        given = {self._scales[index], self._scatters[index]} != {UNSET}
+        unsaid = not given and not self._subject.left_out(index, "vScale")
         return unsaid and self.matters(index)
 
     def remarks(self, own: Sequence[int], group: Iterable[int]) -> Iterator[Remark]:

@@ -19,8 +19,7 @@ from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT
 
 _CLOSE = 1e-9
-_CORNERS = 720
-"""Of the polygon that the area of an ellipse is taken of."""
+_CORNERS = (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)
 _STEPS = 128
 """Along each side, between points at which a shape is asked for."""
 
@@ -63,17 +62,18 @@ def trimmed_element(subject: Subject) -> Iterator[Remark]:
     if all(turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg")):
         return
     cells = _Cells(subject)
-    parts, places = tree.column("part"), tree.column("at")
+    parts, places, scatters = (tree.column(key) for key in ("part", "at", "scatter"))
     for index, turn in enumerate(tree.column("turn_deg")):
         if turn is UNSET or turn % 180 == 0:
             continue
-        if parts[index] is not UNSET or places[index] is not UNSET or tree.parents[index] < 0:
+        whole = {parts[index], places[index], scatters[index]} != {UNSET}
+        if whole or tree.parents[index] < 0:
             continue
         cell = cells.of(index)
         if cell is None:
             continue
         primitive = subject.primitives.get(tree.value("type", index))
-        shape = _Turned(cell.lengths, turn, primitive is not None and primitive.combine == "radial")
+        shape = turned(cell.lengths, turn, primitive is not None and primitive.combine == "radial")
         if shape.is_trimmed and not _is_bare(subject, index, shape):
             around = cells.of(tree.parents[index])
             assert around is not None
@@ -125,6 +125,16 @@ class _Cells:
         return around.block(block[2:], tree.grid(parent))
 
 
+def turned(lengths: Pair, turn: float, is_round: bool) -> _Turned:
+    """A rectangle or an ellipse with these sides, turned; quarter turns are exact."""
+    angle = math.fmod(turn, 360.0)
+    if angle % 90 == 0:
+        axes = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(angle // 90) % 4]
+    else:
+        axes = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    return _Turned(lengths, turn, is_round, axes)
+
+
 class _Turned(NamedTuple):
     """A rectangle or an ellipse, turned in a cell of its own sides.
 
@@ -132,19 +142,13 @@ class _Turned(NamedTuple):
         lengths: its sides.
         turn: in degrees.
         is_round: whether it is an ellipse.
+        axes: cosine and sine of the turn.
     """
 
     lengths: Pair
     turn: float
     is_round: bool
-
-    @property
-    def axes(self) -> Pair:
-        """Cosine and sine of the turn, those of quarter turns exact."""
-        turn = math.fmod(self.turn, 360.0)
-        if turn % 90 == 0:
-            return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(turn // 90) % 4]
-        return math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    axes: Pair
 
     @property
     def reach(self) -> Pair:
@@ -178,24 +182,21 @@ class _Turned(NamedTuple):
         """Whether one of its points comes to lie outside its cell."""
         return max(map(abs, self.placed(x, y))) > 0.5 + _CLOSE
 
-    def outline(self) -> list[Point]:
-        """Its corners around its middle, in units in which the cell has sides of 1."""
-        if self.is_round:
-            steps = (2 * math.pi * k / _CORNERS for k in range(_CORNERS))
-            corners = [(math.cos(t) / 2, math.sin(t) / 2) for t in steps]
-        else:
-            corners = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
-        return [self.placed(*corner) for corner in corners]
-
     @property
     def lost(self) -> float:
         """The share of its area that lies outside its cell."""
-        outline = self.outline()
-        kept = outline
+        if self.is_round:
+            # segments, which do not meet: no ellipse in a cell reaches the cell's corners
+            shares = (
+                min(1.0, length / 2 / reach)
+                for length, reach in zip(self.lengths, self.reach, strict=True)
+            )
+            return sum(2 / math.pi * (math.acos(k) - k * math.sqrt(1 - k * k)) for k in shares)
+        kept = [self.placed(*corner) for corner in _CORNERS]
         for axis in (0, 1):
             for side in (-1.0, 1.0):
                 kept = _cut(kept, axis, side)
-        return 1 - _area(kept) / _area(outline)
+        return 1 - _area(kept)
 
     def sentence(self) -> str:
         """What the cell takes off it."""
@@ -226,27 +227,36 @@ def _is_bare(subject: Subject, index: int, shape: _Turned) -> bool:
     primitive = subject.primitives.get(tree.value("type", index))
     if primitive is None or problems(primitive):
         return False
-    return _is_zero_beyond(primitive, shape)
+    return not any(shape.is_beyond(*point) for point in _hull(primitive))
 
 
-@lru_cache(maxsize=256)
-def _is_zero_beyond(primitive: Primitive, shape: _Turned) -> bool:
-    """Whether a primitive is 0 where its cell cuts it off, at evenly spaced points of it."""
-    heights = shape_of(primitive)
-    x_at = curve_values(heights.x)
+@lru_cache(maxsize=4096)
+def _hull(primitive: Primitive) -> tuple[Point, ...]:
+    """Points around all of a primitive that is not 0, as far as evenly spaced ones tell.
+
+    They lie around its middle, in units of its sides. As a cell is convex, what is between these
+    points lies in it if they do.
+    """
+    shape = shape_of(primitive)
+    x_at = curve_values(shape.x)
     times = [k / _STEPS for k in range(_STEPS + 1)]
-    if heights.y is None:
-        discs = ((u, v, math.hypot(2 * u - 1, 2 * v - 1)) for u in times for v in times)
-        return not any(
-            rho <= 1 and shape.is_beyond(u - 0.5, v - 0.5) and x_at(0.5 + rho / 2) != 0
-            for u, v, rho in discs
-        )
-    xs, ys = list(map(x_at, times)), list(map(curve_values(heights.y), times))
-    return not any(
-        combine_values(heights.combine, x, y) != 0 and shape.is_beyond(u - 0.5, v - 0.5)
-        for u, x in zip(times, xs, strict=True)
-        for v, y in zip(times, ys, strict=True)
-    )
+    if shape.y is None:
+        reach = max((t for t in times[_STEPS // 2 :] if x_at(t) != 0), default=0.5) - 0.5
+        steps = (2 * math.pi * k / _STEPS for k in range(_STEPS))
+        return tuple((reach * math.cos(step), reach * math.sin(step)) for step in steps)
+    xs, ys = list(map(x_at, times)), list(map(curve_values(shape.y), times))
+    found: list[Point] = []
+    by_column: dict[float, list[float]] = {}
+    for u, x in zip(times, xs, strict=True):
+        if x not in by_column:
+            by_column[x] = [
+                v for v, y in zip(times, ys, strict=True)
+                if combine_values(shape.combine, x, y) != 0
+            ]  # fmt: skip
+        column = by_column[x]
+        if column:
+            found += [(u - 0.5, column[0] - 0.5), (u - 0.5, column[-1] - 0.5)]
+    return tuple(found)
 
 
 def _hint(subject: Subject, index: int, shape: _Turned, around: Sides) -> str:

@@ -1,0 +1,145 @@
+"""Scattered copies: where they stand, how large they are, and that this never changes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+
+from terratool.definition import scattering
+from terratool.definition.model import Scatter
+from terratool.definition.reader import CheckOptions, check
+from terratool.definition.scattering import Strewn, strewn
+from terratool.field.terrain import Terrain
+from terratool.text.source import Source
+
+AREA = (30.0, 12.0)
+
+
+def copies(area: tuple[float, float] = AREA, **asked: Any) -> list[Strewn]:
+    asked = {"count": 400, "sizes": (0.2, 1.6), "seed": 5} | asked
+    return list(strewn(Scatter(**asked), area))
+
+
+def test_the_mixer_is_that_of_splitmix64() -> None:
+    """The published stream for the seed 1234567."""
+    golden, state, found = 0x9E3779B97F4A7C15, 1234567, []
+    for _ in range(3):
+        state = (state + golden) & (2**64 - 1)
+        found.append(scattering._mixed(state))
+    assert found == [6457827717110365317, 3203168211198807973, 9817491932198370423]
+
+
+@pytest.mark.parametrize("asked", [{}, {"turned": True}, {"distance": 0.0}, {"distance": 0.3}])
+def test_copies_stay_in_the_cell(asked: dict[str, Any]) -> None:
+    """However a copy is turned, it does not reach out of its cell."""
+    found = copies(**asked)
+    assert len(found) > 100
+    for copy in found:
+        angle = math.radians(copy.turn)
+        reach = copy.side / 2 * (abs(math.cos(angle)) + abs(math.sin(angle)))
+        for middle, side in zip(copy.middle, AREA, strict=True):
+            assert reach - 1e-9 <= middle <= side - reach + 1e-9
+
+
+def test_copies_keep_their_distance() -> None:
+    """Between the circles around any two there is what was asked for."""
+    found = copies(distance=0.25)
+    assert 100 < len(found) < 400, "too few or too many to tell anything"
+    for one, other in combinations(found, 2):
+        apart = math.dist(one.middle, other.middle)
+        assert apart >= (one.side + other.side) * math.sqrt(0.5) + 0.25 - 1e-12
+    touching = copies()
+    assert len(touching) == 400
+    assert any(math.dist(a.middle, b.middle) < 0.2 for a, b in combinations(touching, 2))
+
+
+def test_there_are_more_small_ones_than_large_ones() -> None:
+    """The share of copies larger than D falls as D to the power of -2."""
+    sides = np.array([copy.side for copy in copies(count=20_000, area=(300, 300))])
+    assert (sides == np.sort(sides)[::-1]).all()
+    assert sides.min() >= 0.2 and sides.max() <= 1.6
+    low, high = 0.2**-2.0, 1.6**-2.0
+    for size in (0.25, 0.4, 0.8, 1.2):
+        share = (size**-2.0 - high) / (low - high)
+        assert (sides > size).mean() == pytest.approx(share, abs=3 * (share / 20_000) ** 0.5)
+
+
+def test_copies_are_spread_evenly() -> None:
+    """Every part of an oblong cell gets its share, along both axes; no two seeds are alike."""
+    found = copies(count=20_000, sizes=(0.001, 0.001))
+    at = np.array([copy.middle for copy in found]) / AREA
+    counts, _, _ = np.histogram2d(at[:, 0], at[:, 1], bins=(8, 5), range=((0, 1), (0, 1)))
+    assert abs(counts - 500).max() < 5 * 500**0.5
+    assert abs(np.corrcoef(at.T)[0, 1]) < 0.03
+    assert [copy.middle for copy in copies(seed=6)] != [copy.middle for copy in copies()]
+
+
+def test_what_does_not_fit_is_left_out() -> None:
+    """A copy that is wider than the cell has no place in it."""
+    assert copies(area=(1, 1), sizes=(1.1, 1.2)) == []
+    assert len(copies(area=(1, 1), sizes=(0.9, 0.9))) == 400
+    assert copies(area=(1, 1), sizes=(0.9, 0.9), turned=True) == []
+
+
+def definition(**element: Any) -> dict[str, Any]:
+    scatter = {"count": 30, "sizes": [0.4, 2], "seed": 9, "distance": 0}
+    child = {"at": [13, 5], "extent": [20, 8], "scatter": scatter} | element
+    return {
+        "size": [40, 20],
+        "elemTypes": {"flat": {"x": [0]}, "box": {"x": [1]}, "east": {"x": [0, 1]}},
+        "parts": {"pair": {"type": "box", "vOffset": 1, "vScale": 2, "cells": [2, 1],
+                           "children": [{"cellX": 1, "cellY": 0, "type": "box", "vScale": 3}]}},
+        "elemTree": {"type": "flat", "children": [child]},
+    }  # fmt: skip
+
+
+def terrain(value: dict[str, Any]) -> Terrain:
+    checked = check(Source("t.json", json.dumps(value).encode()), CheckOptions(warnings=False))
+    assert checked.findings == ()
+    return Terrain(checked)
+
+
+def inside() -> Iterator[tuple[float, float, float]]:
+    """World place of the middle of each copy, and its side."""
+    scatter = Scatter(count=30, sizes=(0.4, 2.0), seed=9, distance=0.0)
+    for copy in strewn(scatter, (20.0, 8.0)):
+        yield 3 + copy.middle[0], 1 + copy.middle[1], copy.side
+
+
+def test_heights_grow_with_the_size() -> None:
+    """A primitive of height 1 becomes as high as it is wide, times vScale; vOffset is added."""
+    box = terrain(definition(type="box"))
+    tall = terrain(definition(type="box", vScale=-3, vOffset=0.5))
+    for number, (x, y, side) in enumerate(inside()):
+        assert box.height(x, y) == side
+        assert tall.height(x, y) == -3 * side + 0.5
+        assert box.locate(x, y) == f"/elemTree/children/0[{number}]"
+
+
+def test_parts_are_scattered_as_a_whole() -> None:
+    """All heights of a part grow with the size of its copy; its vOffset is added to the root."""
+    pairs = terrain(definition(part="pair", vOffset=7))
+    for x, y, side in inside():
+        low, high = pairs.height([x - side / 4, x + side / 4], [y, y]).tolist()
+        assert low == pytest.approx(side * (2 + 1) + 7, rel=1e-15)
+        assert high == pytest.approx(low + side * 3, rel=1e-15)
+
+
+def test_a_cell_is_an_area_too() -> None:
+    """Copies are strewn over the block of cells that an element has, and over no other."""
+    value = definition(type="box")
+    child = value["elemTree"]["children"][0]
+    del child["at"], child["extent"]
+    child |= {"cellX": 2, "cellY": 1, "span": [3, 4]}
+    found = terrain(value)
+    x, y = np.meshgrid(np.linspace(0.01, 39.99, 400), np.linspace(0.01, 19.99, 200))
+    there = found.height(x, y) != 0
+    assert 0.01 < there.mean() < 0.1
+    assert x[there].min() > 8 and x[there].max() < 20
+    assert y[there].min() > 2 and y[there].max() < 10
