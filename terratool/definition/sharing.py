@@ -7,12 +7,19 @@ once for each of its quarter turns and for each surface that it takes from aroun
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.chains import Chain, Chains
-from terratool.definition.expand import MAX_ELEMENTS, turned_block, with_names, with_names_in_use
+from terratool.definition.expand import (
+    MAX_ELEMENTS,
+    strewn_at_place,
+    turned_block,
+    with_names,
+    with_names_in_use,
+)
 from terratool.definition.model import Definition, Pair, pair_of
 from terratool.definition.sides import Sides, sides
 from terratool.definition.tree import ROOT
@@ -112,8 +119,24 @@ class _Sketch(NamedTuple):
     inner: list[_Key | None]
 
 
+def is_shareable(uses: Uses) -> bool:
+    """Whether what stands in a part is the same wherever that stands.
+
+    Copies that are scattered over a cell of a grid depend on its sides.
+    """
+    if not uses.composed:
+        return False
+    trees = {id(root.tree): root.tree for root in (uses.root, *map(uses.part, uses.reached))}
+    return not any(
+        scatter is not UNSET and tree.value("at", index) is UNSET
+        for tree in trees.values()
+        if tree.distinct("scatter") != {UNSET}
+        for index, scatter in enumerate(tree.column("scatter"))
+    )
+
+
 def blueprint(uses: Uses) -> Blueprint:
-    """The templates of a valid definition.
+    """The templates of a valid definition, which is shareable.
 
     Raises:
         RequestError: they come to too many elements.
@@ -191,21 +214,21 @@ class _Drafter:
                 begin, end = tree.brood(element)
                 if begin == end:
                     continue
-                families.append((parent, len(nodes), len(nodes) + end - begin))
+                families.append((parent, len(nodes), len(nodes)))
                 for index in range(begin, end):
-                    chain = self.chains.of(Root(tree, index, root.home))
-                    worn = around if chain.surface is UNSET else chain.surface
-                    node = _node(Root(tree, index, root.home), chain, worn, quarters, begin)
-                    name = None
-                    if chain.root.tree is not tree or chain.root.element != index:
-                        first, last = chain.root.tree.brood(chain.root.element)
-                        if first < last:
-                            turns = (quarters + chain.quarters) % 4
-                            name = self._key(chain.root, turns, worn)
-                    else:
-                        below.append((len(nodes), index, worn))
-                    nodes.append(node)
-                    inner.append(name)
+                    step = f"/children/{index - begin}"
+                    for node in self._nodes(Root(tree, index, root.home), around, quarters, step):
+                        chain, name = node.chain, None
+                        if chain.root.tree is not tree or chain.root.element != index:
+                            first, last = chain.root.tree.brood(chain.root.element)
+                            if first < last:
+                                turns = (quarters + chain.quarters) % 4
+                                name = self._key(chain.root, turns, node.surface)
+                        else:
+                            below.append((len(nodes), index, node.surface))
+                        nodes.append(node)
+                        inner.append(name)
+                families[-1] = parent, families[-1][1], len(nodes)
             if len(nodes) > levels[-1]:
                 levels.append(len(nodes))
             level = below
@@ -219,10 +242,27 @@ class _Drafter:
         cells = _turned_cells(root, quarters)
         return _Sketch(Template(cells, quarters, nodes, families, levels), inner)
 
+    def _nodes(self, root: Root, around: Any, quarters: int, step: str) -> Iterator[Node]:
+        """An element of the text, or the copies of a scattered one."""
+        scatter = root.tree.value("scatter", root.element)
+        if scatter is UNSET:
+            chain = self.chains.of(root)
+            worn = around if chain.surface is UNSET else chain.surface
+            yield _node(root, chain, worn, quarters, step)
+            return
+        for number, (middle, copy) in enumerate(strewn_at_place(root)):
+            chain = self.chains.strewn(root, copy)
+            worn = around if chain.surface is UNSET else chain.surface
+            inner = (quarters + chain.quarters) % 4
+            yield Node(
+                chain, worn, _turn(chain, inner), _turned_cells(chain.root, inner), (0, 0), ONE,
+                middle[::-1] if quarters % 2 else middle, (copy.side, copy.side), None, -1,
+                (f"{step}[{number}]", chain.name),
+            )  # fmt: skip
+
 
 def _turn(chain: Chain, quarters: int) -> float:
-    turn = chain.root.tree.value("turn_deg", chain.root.element)
-    turn = 0.0 if turn is UNSET else turn
+    turn = 0.0 if chain.turn is UNSET else chain.turn
     return (math.fmod(turn, 360.0) + 90.0 * quarters) % 360.0 if quarters else turn
 
 
@@ -231,12 +271,12 @@ def _turned_cells(root: Root, quarters: int) -> tuple[int, int]:
     return cells[::-1] if quarters % 2 else cells
 
 
-def _node(root: Root, chain: Chain, surface: Any, quarters: int, first: int) -> Node:
+def _node(root: Root, chain: Chain, surface: Any, quarters: int, name: str) -> Node:
     """An element that stands in a template of so many quarter turns."""
     tree, index = root.tree, root.element
     repeat, at = tree.value("repeat", index), tree.value("at", index)
     inner_quarters = (quarters + chain.quarters) % 4
-    step = f"/children/{index - first}", chain.name
+    step = name, chain.name
     cell, span, place, extent = (0, 0), ONE, None, None
     odd = quarters % 2 == 1
     if at is UNSET:

@@ -267,9 +267,8 @@ def _columns(draft: _Draft, plan: Blueprint) -> tuple[_Columns, _Columns]:
     surfaces: dict[Any, int] = {name: i for i, name in enumerate(definition.surfaces)}
     surfaces[UNSET] = -1
 
-    def given(name: str) -> list[Any]:
-        return [node.chain.root.tree.value(name, node.chain.root.element) for node in nodes]
-
+    scales = [node.chain.scale for node in nodes]
+    named = [node.chain.root.tree.value("type", node.chain.root.element) for node in nodes]
     free = np.array([node.at is not None for node in nodes], np.bool_)
     cell = np.array([node.cell for node in nodes], np.int64)
     span = np.array([node.span for node in nodes], np.int64)
@@ -278,12 +277,12 @@ def _columns(draft: _Draft, plan: Blueprint) -> tuple[_Columns, _Columns]:
         cell=cell,
         span=span,
         cells=np.array([node.cells for node in nodes], np.int64),
-        scale=np.array([math.nan if v is UNSET else v for v in given("v_scale")], np.float64),
+        scale=np.array([math.nan if scale is UNSET else scale for scale in scales]),
         offset=np.array(
             [0.0 if n.chain.offset is UNSET else n.chain.offset for n in nodes], np.float64
         ),
         turn=np.fmod(np.array([node.turn for node in nodes], np.float64), 360.0),
-        type=np.array([types[name] for name in given("type")], np.int64),
+        type=np.array([types[name] for name in named], np.int64),
         surface=np.array([surfaces[node.surface] for node in nodes], np.int64),
         free=free,
         place=np.cumsum(free) - 1,

@@ -16,7 +16,7 @@ from terratool.definition.expand import Expansion, expand
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal, uses_of
-from terratool.definition.sharing import blueprint
+from terratool.definition.sharing import blueprint, is_shareable
 from terratool.definition.uses import Uses
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
@@ -158,7 +158,7 @@ class Terrain:
         self._tally: Tally | None = None
         self._source: Definition | Checked | None = None
         self._far: dict[int, int] = {}
-        if uses.composed and uses.elements > share_above:
+        if is_shareable(uses) and uses.elements > share_above:
             self._source = definition
             plan = blueprint(uses)
             if isinstance(definition, Checked):
