@@ -132,6 +132,7 @@ def compile_shared(plan: Blueprint) -> tuple[Compiled, Tally]:
     definition = plan.definition
     columns, bounding = _columns(draft, plan)
     order, dense = _order(bounding, Tree([], [], draft.levels))
+    dense = dense[order]
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     parents = np.where(columns.parent >= 0, rank[columns.parent], -1)[order]
