@@ -26,7 +26,15 @@ from terratool.definition.keys import (
     QuickCheck,
     fits_double,
 )
-from terratool.definition.model import LARGEST, Definition, Element, Primitive, Surface, Track
+from terratool.definition.model import (
+    LARGEST,
+    Definition,
+    Element,
+    Primitive,
+    Roughness,
+    Surface,
+    Track,
+)
 from terratool.definition.tree import Tree
 from terratool.definition.vehicle import (
     AxleText,
@@ -45,7 +53,7 @@ _DEPTH = Key("a depth from 0 to 1e30", "number", 0, LARGEST)
 _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
-    Element: "an element", Track: "a track", VehicleText: "a vehicle", WheelsText: "the wheels",
+    Element: "an element", Track: "a track", Roughness: "a roughness", VehicleText: "a vehicle", WheelsText: "the wheels",
     AxleText: "an axle", CogText: "the centre of gravity", OverhangText: "the overhang",
     MarginsText: "the margins", ClassesText: "the classes",
 }  # fmt: skip

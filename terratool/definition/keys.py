@@ -19,6 +19,7 @@ from terratool.definition.model import (
     Library,
     Primitive,
     Repeat,
+    Roughness,
     Surface,
     Track,
     names_of,
@@ -38,6 +39,8 @@ from terratool.definition.vehicle import (
 
 MAX_PASSES = 10**9
 """Sums of passes stay whole in doubles."""
+MAX_SEED = 2**53
+"""Whole numbers up to here are the same in every reader of JSON."""
 COMBINES = ("product", "sum", "min", "max", "radial")
 
 
@@ -138,6 +141,20 @@ KEYS: dict[type, dict[str, Key]] = {
         "sonarRefl": Key("a reflection from 0 to 1", "number", 0, 1),
         "shearModulus": _figure("a shear modulus in metres, above 0", 0, open_low=True),
         "void": Key("true or false", "flag"),
+        "roughness": Key(
+            'a relief, an object { "rms": …, "correlation": … }', "object"
+        ),
+    },
+    Roughness: {
+        "rms": Key(
+            "the standard deviation of the relief in units of the terrain, from 0 to 1e30",
+            "number", 0, LARGEST,
+        ),
+        "correlation": Key(
+            "a correlation length above 0 in units of the terrain, from 1e-30 to 1e30", "number",
+            SMALLEST, LARGEST,
+        ),
+        "seed": Key(f"a whole number from 0 to {MAX_SEED}", "whole", 0, MAX_SEED),
     },
     Primitive: {
         "descr": _TEXT,
@@ -317,6 +334,7 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     AxleText: ("x",),
     CogText: ("height",),
     Repeat: ("count", "step"),
+    Roughness: ("rms", "correlation"),
 }
 """Keys that must be there, of terrains by rules of their own."""
 ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
@@ -362,6 +380,7 @@ NESTED: dict[type, dict[str, Nested]] = {
         "elemTypes": Nested(Primitive, "dictionary", "the primitive {}"),
         "parts": Nested(Element, "tree", "the part {}"),
     },
+    Surface: {"roughness": Nested(Roughness)},
     Element: {"children": Nested(Element, "list", "an element")},
     VehicleText: {
         "wheels": Nested(WheelsText),

@@ -17,7 +17,15 @@ from msgspec import Struct
 from terratool.definition.decode import Decoded, decode
 from terratool.definition.findings import Finding, Owner, Remark, RemarkLog
 from terratool.definition.keys import COMBINES, KEYS, Key, Kind, document_kind
-from terratool.definition.model import Definition, Element, Primitive, Surface, Track, names_of
+from terratool.definition.model import (
+    Definition,
+    Element,
+    Primitive,
+    Roughness,
+    Surface,
+    Track,
+    names_of,
+)
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Subject, VehicleSubject
 from terratool.definition.tree import Tree, complete, flatten
@@ -288,16 +296,20 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
         for name, key in names_of(kind)
         if KEYS[kind][key].kind in ("number", "whole")
     ]
-    for kind in (Definition, Surface, Track)
+    for kind in (Definition, Surface, Roughness, Track)
 }
 
 
 def _in_range(definition: Definition, tree: Tree) -> bool:
     """Whether every number whose range is not part of its type lies in that of its key."""
+    surfaces = definition.surfaces.values()
+    reliefs = [s.roughness for s in surfaces if s.roughness is not msgspec.UNSET]
+    if any(r.rms is msgspec.UNSET or r.correlation is msgspec.UNSET for r in reliefs):
+        return False
     ranged = [(tree.distinct("cells"), KEYS[Element]["cells"])]
     ranged += [
         ({getattr(owner, name)}, key)
-        for owner in (definition, *definition.surfaces.values(), *definition.ruts)
+        for owner in (definition, *surfaces, *reliefs, *definition.ruts)
         for name, key in _RANGED[type(owner)]
     ]
     for primitive in definition.primitives.values():

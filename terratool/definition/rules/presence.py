@@ -15,9 +15,9 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
     """A required key is absent.
 
     A terrain needs size, elemTypes and elemTree; an element needs type, and cellX and cellY unless
-    it is the root; a track needs path and width. A vehicle needs mass, wheels with radius and
-    width, axles (each with x) or wheelbase, track, cog with height, and clearance. Everything else
-    has a default.
+    it is the root; a track needs path and width; a roughness needs rms and correlation. A vehicle
+    needs mass, wheels with radius and width, axles (each with x) or wheelbase, track, cog with
+    height, and clearance. Everything else has a default.
 
     Fails:
 
