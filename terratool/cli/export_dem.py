@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import Names
+from terratool.cli.options import Names, roughness_option
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -83,6 +83,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 @click.option(
     "--losses/--no-losses", default=True, help="Whether to say what the pixels do not show."
 )
+@roughness_option
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
 def command(
@@ -102,6 +103,7 @@ def command(
     dask: str | None,
     threads: int | None,
     losses: bool,
+    roughness: bool,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -139,7 +141,7 @@ def command(
         refuse_existing(Path(output), overwrite)
     if is_same_file(output, file):
         raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
-    terrain = load(file)
+    terrain = load(file, roughness=roughness)
     why = "as asked"
     if resolution is None:
         resolution, why = default_resolution(terrain, bounds)

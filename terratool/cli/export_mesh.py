@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from terratool.cli.options import roughness_option
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ _OPTIONS = (
         help="Write files of about N faces each, for terrains too large for one, into a folder: "
         "OUTPUT without its suffix. They fit each other; its tiles.json lists them.",
     ),
+    roughness_option,
     click.option("--overwrite", is_flag=True, help="Replace files that exist."),
     click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON."),
 )
@@ -149,6 +151,7 @@ class _Request:
     tile_faces: int | None
     overwrite: bool
     as_json: bool
+    roughness: bool
     elevation_grid: bool = False
     resolution: float | None = None
 
@@ -224,7 +227,7 @@ def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
     from terratool.text.display import counted, length
 
     _check_output(request)
-    terrain = load(request.file)
+    terrain = load(request.file, roughness=request.roughness)
     with Status("meshing") as status:
         report = export_mesh(
             terrain,
@@ -247,7 +250,7 @@ def _export_grid(request: _Request) -> tuple[ElevationGridReport, list[str]]:
     from terratool.mesh.elevation import export_elevation_grid
 
     _check_output(request)
-    terrain = load(request.file)
+    terrain = load(request.file, roughness=request.roughness)
     with Status("writing"):
         report = export_elevation_grid(
             terrain,
@@ -276,7 +279,7 @@ def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
         raise WriteError(
             f"{folder}: holds the definition itself.", "Choose another folder for the tiles."
         )
-    terrain = load(request.file)
+    terrain = load(request.file, roughness=request.roughness)
     with Status("meshing") as status:
         report = export_tiles(
             terrain,

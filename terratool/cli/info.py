@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from terratool.cli.options import roughness_option
 from terratool.cli.terminal import Status, load
 from terratool.text.display import printable
 
@@ -22,13 +23,14 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Write the footprints of elements and the lines of tracks as GeoJSON, in its crs.",
 )
-def command(file: str, as_json: bool, geojson: bool) -> None:
+@roughness_option
+def command(file: str, as_json: bool, geojson: bool, roughness: bool) -> None:
     """Say what a terrain consists of: size, elements, heights, memory."""
     if as_json and geojson:
         raise click.UsageError("--json and --geojson are two formats. Choose one.")
     from terratool.field.summary import summarise
 
-    terrain = load(file)
+    terrain = load(file, roughness=roughness)
     if geojson:
         with Status("writing"):
             _write_geojson(terrain)

@@ -31,6 +31,13 @@ class Names(click.Choice[str]):
         return f"{message} Did you mean {close[0]}?" if close else message
 
 
+def roughness_option(command: _Command) -> _Command:
+    """Add the option to a command; it gets it as `roughness`."""
+    text = "Leave out the relief of rough surfaces."
+    return click.option("--no-roughness", "roughness", is_flag=True, default=True, flag_value=False,
+                        help=text)(command)
+
+
 def source_options(command: _Command) -> _Command:
     """Add the options to a command; it gets them by name, and `options_of` collects them."""
     for option in reversed(

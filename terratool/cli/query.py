@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from terratool.cli.options import roughness_option
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
 from terratool.text.display import printable, shown
@@ -48,7 +49,10 @@ Point = tuple[float, float]
     default="csv",
     help="How the answers are written.",
 )
-def command(file: str, coordinates: tuple[str, ...], points: str | None, form: str) -> None:
+@roughness_option
+def command(
+    file: str, coordinates: tuple[str, ...], points: str | None, form: str, roughness: bool
+) -> None:
     """Answer height, surface, element and normal at points.
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
@@ -60,7 +64,7 @@ def command(file: str, coordinates: tuple[str, ...], points: str | None, form: s
         raise click.UsageError("Give points either as X Y pairs or with --points.")
     given = _from_arguments(coordinates) if points is None else None
 
-    terrain = load(file)
+    terrain = load(file, roughness=roughness)
     source = iter(given) if given is not None else _from_csv(str(points))
     write, names = _write_json, list(terrain.surfaces)
     if form == "csv":

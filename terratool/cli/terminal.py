@@ -134,8 +134,8 @@ def say(line: str, err: bool = False) -> None:
     click.echo(printable(line), err=err)
 
 
-def load(file: str) -> Terrain:
-    """Read, check and compile a definition.
+def load(file: str, *, roughness: bool = True) -> Terrain:
+    """Read, check and compile a definition; its rough surfaces with their relief or without.
 
     Raises:
         ReadError: the file cannot be read.
@@ -144,4 +144,4 @@ def load(file: str) -> Terrain:
     from terratool.field import terrain
 
     with Status(f"reading {called(file)}"):
-        return terrain.load(file)
+        return terrain.load(file, roughness=roughness)

@@ -27,11 +27,13 @@ from terratool.field.records import (
     GRID,
     KIND,
     POSE,
+    RELIEF,
     SEGMENT,
     CurveArrays,
     FieldArrays,
     TrackArrays,
 )
+from terratool.field.relief import compile_reliefs
 from terratool.kernels import field as kernels
 
 Ints = NDArray[np.int64]
@@ -179,8 +181,8 @@ class Compiled(NamedTuple):
     primitives: Ints
 
 
-def compile_definition(definition: Definition, tree: Tree) -> Compiled:
-    """Compile a valid definition and its elements, laid flat."""
+def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = True) -> Compiled:
+    """Compile a valid definition and its elements, laid flat; with reliefs or without."""
     columns = _columns(tree, definition)
     order, dense = _order(columns, tree)
     rank = np.empty_like(order)
@@ -234,6 +236,7 @@ def compile_definition(definition: Definition, tree: Tree) -> Compiled:
         pending=pending,
         voids=bool(found.kinds["is_void"].any()),
         tracks=compile_tracks(definition, bounds),
+        reliefs=compile_reliefs(definition) if roughness else np.zeros(0, RELIEF),
     )
     return Compiled(
         arrays,

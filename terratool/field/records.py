@@ -93,9 +93,19 @@ SEGMENT = np.dtype(
 )
 """A straight piece of a track, in the order of the document."""
 
+RELIEF = np.dtype(
+    [
+        ("per", np.float64),  # cells of its lattice per unit of length
+        ("scale", np.float64),  # factor on its bumps; 0 for no relief
+        ("key", np.uint64),  # what is hashed with the cells
+    ],
+    align=True,
+)
+"""The relief of a rough surface."""
+
 _ALIGNMENT = 8
 
-kernels.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT)
+kernels.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT, RELIEF)
 
 
 def aligned(value: Any) -> Any:
@@ -188,6 +198,7 @@ class FieldArrays(NamedTuple):
         pending: the most grids that a descent has to remember at a time.
         voids: whether any surface is void.
         tracks: the ruts in it.
+        reliefs: RELIEF by the index of the surface and one; none where nothing is rough.
     """
 
     elements: NDArray[Any]
@@ -201,6 +212,7 @@ class FieldArrays(NamedTuple):
     pending: int
     voids: bool
     tracks: TrackArrays
+    reliefs: NDArray[Any]
 
     @property
     def nbytes(self) -> int:
