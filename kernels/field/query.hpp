@@ -78,7 +78,7 @@ INLINE double height_or_void(const Field& field, double z, i64 top) {
 // the rut is taken from it, then the relief of the surface that is there then is added.
 template <bool sloped> struct Ground {
     double z;
-    i64 surface_track = -1;  // the track that decides the surface, -1 for none
+    i64 surface_track = -1;               // the track that decides the surface, -1 for none
     double slope_x = 0.0, slope_y = 0.0;  // of the relief
 
     INLINE Ground(const Field& field, double height, i64 top, double x, double y) : z(height) {

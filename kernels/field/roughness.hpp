@@ -1,10 +1,11 @@
 // Relief of rough surfaces: bumps on a lattice, computed from the place alone.
 //
-// Each cell of an even lattice over the world has one bump, whose place in the cell and whose height
-// are hashed from the cell; the relief is the sum of those that reach a point. As places are uniform
-// and heights have the mean 0, the autocorrelation of all is that of one bump, wherever on the
-// lattice and in whichever direction: sparse convolution noise (Lewis, Algorithms for solid noise
-// synthesis, SIGGRAPH 1989, 263-270). A bump is a polynomial, so bits are the same everywhere.
+// Each cell of an even lattice over the world has one bump, whose place in the cell and whose
+// height are hashed from the cell; the relief is the sum of those that reach a point. As places are
+// uniform and heights have the mean 0, the autocorrelation of all is that of one bump, wherever on
+// the lattice and in whichever direction: sparse convolution noise (Lewis, Algorithms for solid
+// noise synthesis, SIGGRAPH 1989, 263-270). A bump is a polynomial, so bits are the same
+// everywhere.
 #pragma once
 
 #include "types.hpp"

@@ -270,7 +270,9 @@ struct RegionTriangle {
             );
             if (total > enough) return INF;
         }
-        if (relief) total += relief_error(*relief, {part[0].in(world), part[1].in(world), part[2].in(world)});
+        if (relief)
+            total +=
+                relief_error(*relief, {part[0].in(world), part[1].in(world), part[2].in(world)});
         return total > enough ? INF : total;
     }
 };

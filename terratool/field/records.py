@@ -5,6 +5,7 @@ Members of two numbers or rows are along x and y.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -127,8 +128,9 @@ def scalar_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
     """The numbers of a record array, a column for each, in the order of memory; or the array."""
     if values.dtype.names is None:
         return [values]
-    members = (values[name].reshape(len(values), -1).T for name in values.dtype.names)
-    return [column for member in members for column in member]
+    members = (values[name] for name in values.dtype.names)
+    columns = (m.reshape(len(m), math.prod(m.shape[1:])).T for m in members)
+    return [column for member in columns for column in member]
 
 
 class CurveArrays(NamedTuple):

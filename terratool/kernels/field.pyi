@@ -13,6 +13,7 @@ def check_records(
     pose: np.dtype[Any],
     kind: np.dtype[Any],
     segment: np.dtype[Any],
+    relief: np.dtype[Any],
 ) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
 
@@ -146,6 +147,19 @@ def fill_track_index(
     Fill the index of tracks.
 
     Shapes: segments[_], frame[4], shape[2], masks[m], offsets[m+1], entries[_].
+    """
+
+def reliefs(
+    relief: NDArray[np.void],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    height: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+) -> None:
+    """
+    Heights and gradients of a relief at points.
+
+    Shapes: relief[1], x[n], y[n], height[n], gradient[n,2].
     """
 
 def segment_holds(
