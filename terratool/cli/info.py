@@ -77,6 +77,11 @@ def _text(s: dict[str, Any]) -> str:
             f"height         {height['low']:.6g} to {height['high']:.6g}, "
             f"at {height['points']:,} points"
         )
+    for number, one in enumerate(s.get("roughness", ())):
+        lines.append(
+            f"{'' if number else 'roughness':15}{printable(one['surface'])}: rms {one['rms']:.6g}, "
+            f"correlation {one['correlation']:.6g}, seed {one['seed']}"
+        )
     for number, one in enumerate(s.get("ranges", ())):
         lines.append(
             f"{'' if number else 'soil ranges':15}{printable(one['surface'])}: {one['key']} "
