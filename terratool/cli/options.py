@@ -34,8 +34,9 @@ class Names(click.Choice[str]):
 def roughness_option(command: _Command) -> _Command:
     """Add the option to a command; it gets it as `roughness`."""
     text = "Leave out the relief of rough surfaces."
-    return click.option("--no-roughness", "roughness", is_flag=True, default=True, flag_value=False,
-                        help=text)(command)
+    return click.option(
+        "--no-roughness", "roughness", is_flag=True, default=True, flag_value=False, help=text
+    )(command)
 
 
 def source_options(command: _Command) -> _Command:

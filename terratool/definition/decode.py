@@ -30,12 +30,14 @@ from terratool.definition.model import (
     LARGEST,
     Definition,
     Element,
+    Library,
     Primitive,
+    Repeat,
     Roughness,
     Surface,
     Track,
 )
-from terratool.definition.tree import Tree
+from terratool.definition.tree import ROOT, Tree, part_pointer
 from terratool.definition.vehicle import (
     AxleText,
     ClassesText,
@@ -50,15 +52,19 @@ from terratool.text.display import counted, escape, only_answer, shown
 _Model = TypeVar("_Model", bound=Struct)
 _NUMBER = KEYS[Element]["vScale"]
 _DEPTH = Key("a depth from 0 to 1e30", "number", 0, LARGEST)
+_UNKNOWN = Element()
 _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
-    Definition: "a terrain", Surface: "a surface", Primitive: "a primitive",
-    Element: "an element", Track: "a track", Roughness: "a roughness", VehicleText: "a vehicle", WheelsText: "the wheels",
-    AxleText: "an axle", CogText: "the centre of gravity", OverhangText: "the overhang",
+    Definition: "a terrain", Library: "a library", Repeat: "a repeat",
+    Surface: "a surface", Roughness: "a roughness", Primitive: "a primitive",
+    Element: "an element", Track: "a track",
+    VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
+    CogText: "the centre of gravity", OverhangText: "the overhang",
     MarginsText: "the margins", ClassesText: "the classes",
 }  # fmt: skip
 _ROOTS: dict[Kind, tuple[str, str]] = {
     "terrain": ("the definition", '{ "size": …, "elemTypes": {…}, "elemTree": {…} }'),
+    "library": ("the library", '{ "surfTypes": {…}, "elemTypes": {…}, "parts": {…} }'),
     "vehicle": ("the vehicle", '{ "mass": …, "wheels": {…}, "wheelbase": …, … }'),
 }
 JSON_NAMES = {
@@ -108,13 +114,15 @@ class Decoded(Struct):
 
     Attributes:
         definition: the terrain, with or without its elements; None where there is none.
+        library: the library, likewise.
         vehicle: the vehicle; None where there is none.
-        tree: the elements of the terrain.
+        tree: the elements of the terrain and of its parts, or of the library's.
         unfit: of each key the owners whose value was left out; "" is for the owner itself.
         ignores: owner and value of each `x-ignore`.
     """
 
     definition: Definition | None = None
+    library: Library | None = None
     vehicle: VehicleText | None = None
     tree: Tree = field(default_factory=lambda: Tree([], [], [0]))
     unfit: dict[str, set[Owner]] = field(default_factory=dict)
@@ -136,6 +144,8 @@ def decode(value: Any, kind: Kind, found: RemarkLog) -> Decoded:
         decoder.add("TT105", "", message, f"Write {example}.")
     elif kind == "vehicle":
         decoder.decoded.vehicle = decoder.model(VehicleText, value, "", "the vehicle")
+    elif kind == "library":
+        decoder.decoded.library = decoder.model(Library, value, "", "the library")
     else:
         decoder.decoded.definition = decoder.model(Definition, value, "", "the terrain")
     return decoder.decoded
@@ -155,12 +165,16 @@ class _Decoder:
     def model(self, kind: type[_Model], value: dict[str, Any], pointer: str, name: str) -> _Model:
         """The model of an object and of all objects in it."""
         fields = self._fields(kind, value, pointer)
+        roots: dict[str, Any] = {}
         for key, nested in NESTED.get(kind, {}).items():
             attribute = SLOTS[kind][key].name
             if attribute in fields:
                 inner, here = fields.pop(attribute), f"{pointer}/{key}"
-                if nested.form == "tree":
-                    self.decoded.tree = self._tree(inner)
+                if nested.form == "tree" and key == "parts":
+                    fields[attribute] = dict.fromkeys(inner, _UNKNOWN)  # what they are is below
+                    roots |= {part_pointer(name): part for name, part in inner.items()}
+                elif nested.form == "tree":
+                    roots = {ROOT: inner} | roots
                 elif nested.form == "dictionary":
                     fields[attribute] = {
                         entry: self._item(nested, item, f"{here}/{escape(entry)}", shown(entry))
@@ -177,6 +191,8 @@ class _Decoder:
                     )
                 else:
                     fields[attribute] = self.model(nested.kind, inner, here, f'"{key}"')
+        if roots:
+            self.decoded.tree = self._tree(roots)
         for key in REQUIRED.get(kind, ()):
             if key not in value:
                 hint = f'Add "{key}", {ALL_KEYS[kind][key].words}.'
@@ -242,6 +258,10 @@ class _Decoder:
             return self._path(wanted, key, item, owner)
         if wanted.kind == "depth":
             return self._depth(wanted, key, item, owner)
+        if wanted.kind == "repeat":
+            return self._repeat(wanted, key, item, owner)
+        if wanted.kind == "paths":
+            return self._paths(wanted, key, item, owner)
         if wanted.kind == "any":
             if isinstance(item, float) and (item.is_integer() or not fits_double(item)):
                 item = int(item) if fits_double(item) else 10**400  # as in JSON Schema
@@ -324,6 +344,46 @@ class _Decoder:
                 self._wrong_type(owner, rest, subject, "a point [x, y], two numbers", part)
         return tuple(points)
 
+    def _repeat(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        if not isinstance(item, dict):
+            return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
+        found: dict[str, Any] = {}
+        for name, value in item.items():
+            if name not in SLOTS[Repeat]:
+                if not name.startswith("x-"):
+                    about = unknown_key(Repeat, name, frozenset(item))
+                    self._failed = True
+                    if self._found.wants("TT103"):
+                        rest = f"/{key}/{escape(name)}"
+                        self._found.keep("TT103", remark_on(owner, rest, *about, on_key=True))
+                continue
+            inner, here = KEYS[Repeat][name], f"/{key}/{name}"
+            if not isinstance(value, list) or len(value) != inner.length:
+                self._wrong_type(owner, here, f'"{name}"', inner.words, value)
+                continue
+            found[name] = tuple(
+                self._single(inner, part, owner, f"{here}/{i}", f'item {i} of "{name}"', name)
+                for i, part in enumerate(value)
+            )
+        for name, wanted in KEYS[Repeat].items():
+            if name not in item:
+                self._failed = True
+                message, hint = f'"{key}" has no "{name}".', f'Add "{name}", {wanted.words}.'
+                self.add("TT104", f"/{key}", message, hint, owner)
+        return None if self._failed else Repeat(**found)
+
+    def _paths(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
+        if not isinstance(item, list):
+            return self._wrong_type(owner, f"/{key}", f'"{key}"', wanted.words, item)
+        paths = []
+        for index, path in enumerate(item):
+            if isinstance(path, str):
+                paths.append(path)
+            else:
+                words = "the path of a library, a text"
+                self._wrong_type(owner, f"/{key}/{index}", f'item {index} of "{key}"', words, path)
+        return tuple(paths)
+
     def _depth(self, wanted: Key, key: str, item: Any, owner: Owner) -> Any:
         if not isinstance(item, dict):
             if type(item) not in JSON_TYPES["number"]:
@@ -359,11 +419,11 @@ class _Decoder:
         if self._found.wants(code):
             self._found.keep(code, remark_on(owner, rest, message, hint))
 
-    def _tree(self, root: dict[str, Any]) -> Tree:
+    def _tree(self, roots: dict[str, Any]) -> Tree:
         values: list[dict[str, Any]] = []
         families = []
         levels = [0]
-        level: list[Any] = [root]
+        level: list[Any] = list(roots.values())
         while level:
             start = len(values)
             if set(map(type, level)) != {dict}:
@@ -392,7 +452,7 @@ class _Decoder:
             else:
                 columns[slot.name] = [UNSET] * len(values)
         self._own_keys(used - SLOTS[Element].keys(), values)
-        return Tree([], families, levels, columns)
+        return Tree([], families, levels, columns, tuple(roots))
 
     def _own_keys(self, own: set[str], values: list[dict[str, Any]]) -> None:
         """All keys that elements have besides those of the format."""

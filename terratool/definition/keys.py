@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from math import inf
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import msgspec
 from msgspec import Struct
@@ -58,8 +58,18 @@ class Key(Struct, frozen=True):
 
     words: str
     kind: Literal[
-        "text", "number", "whole", "flag", "object", "list", "curve", "path", "depth", "repeat",
-        "paths", "any",
+        "text",
+        "number",
+        "whole",
+        "flag",
+        "object",
+        "list",
+        "curve",
+        "path",
+        "depth",
+        "repeat",
+        "paths",
+        "any",
     ]
     low: float = -inf
     high: float = inf
@@ -333,10 +343,9 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     WheelsText: ("radius", "width"),
     AxleText: ("x",),
     CogText: ("height",),
-    Repeat: ("count", "step"),
     Roughness: ("rms", "correlation"),
 }
-"""Keys that must be there, of terrains by rules of their own."""
+"""Keys of vehicles and of roughnesses that must be there."""
 ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
     VehicleText: {
         ("axles", "wheelbase"): 'Add "axles", or "wheelbase" for two driven axles.',
@@ -447,32 +456,39 @@ def fits_double(number: float) -> bool:
     return -BIGGEST <= number <= BIGGEST
 
 
-Kind = Literal["terrain", "vehicle"]
+Kind = Literal["terrain", "library", "vehicle"]
 
 _LONGEST = 1 << 20
 """Bytes from which on nothing is a vehicle, so that large terrains are not read twice."""
 
-_named = re.compile(r"(?:^|.*[/:])(terrain|vehicle)(?:\.schema\.json)?").fullmatch
+_named = re.compile(r"(?:^|.*[/:])(terrain|library|vehicle)(?:\.schema\.json)?").fullmatch
 _terrain = KEYS[Definition].keys() - VEHICLE_KEYS[VehicleText].keys()
+_own = KEYS[Definition].keys() - KEYS[Library].keys()
+_library = KEYS[Library].keys() - {"$schema", "descr"}
+_large_library = re.compile(rb'\s*{\s*"\$schema"\s*:\s*"[^"]{0,500}library').match
 _vehicle = VEHICLE_KEYS[VehicleText].keys() - KEYS[Definition].keys()
 
 
 def document_kind(data: bytes) -> Kind | None:
     """What a text is by its `$schema`, else by most of its keys; None if neither tells.
 
+    What has only such keys of terrains as libraries have, too, is a library.
+
     Args:
         data: a text in UTF-8; one that is no JSON object is neither.
     """
     if len(data) > _LONGEST:
-        return "terrain"
+        return "library" if _large_library(data) else "terrain"
     try:
         members = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
         schema = msgspec.json.decode(members.get("$schema", b"null"))
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
         return None
     if isinstance(schema, str) and (match := _named(schema)):
-        return "vehicle" if match[1] == "vehicle" else "terrain"
+        return cast("Kind", match[1])
     terrain, vehicle = len(_terrain & members.keys()), len(_vehicle & members.keys())
     if terrain == vehicle:
         return None
-    return "vehicle" if vehicle > terrain else "terrain"
+    if vehicle > terrain:
+        return "vehicle"
+    return "terrain" if _own & members.keys() or not _library & members.keys() else "library"

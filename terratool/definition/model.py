@@ -139,8 +139,8 @@ class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc
     A step is in whole cells for an element in a cell, in units of the terrain for one at a place.
     """
 
-    count: tuple[_Count, _Count] | UnsetType = UNSET
-    step: tuple[_Number, _Number] | UnsetType = UNSET
+    count: tuple[_Count, _Count]
+    step: tuple[_Number, _Number]
 
 
 class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):

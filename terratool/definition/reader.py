@@ -6,20 +6,24 @@ import gc
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from terratool.definition.decode import Decoded, decode
+from terratool.definition.expand import Expansion, expand
 from terratool.definition.findings import Finding, Owner, Remark, RemarkLog
 from terratool.definition.keys import COMBINES, KEYS, Key, Kind, document_kind
+from terratool.definition.libraries import Document, Shelf, known_names
 from terratool.definition.model import (
     Definition,
     Element,
+    Library,
     Primitive,
     Roughness,
     Surface,
@@ -28,10 +32,11 @@ from terratool.definition.model import (
 )
 from terratool.definition.rules import RULES
 from terratool.definition.rules.base import Subject, VehicleSubject
-from terratool.definition.tree import Tree, complete, flatten
+from terratool.definition.tree import ROOT, Tree, complete, flatten
+from terratool.definition.uses import Uses
 from terratool.definition.vehicle import VehicleText
 from terratool.errors import DefinitionError
-from terratool.text.display import shown, unescape
+from terratool.text.display import counted, shown, unescape
 from terratool.text.edit import Edit
 from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source
@@ -142,6 +147,8 @@ class CheckOptions(Struct, frozen=True):
         limit: how many findings to place; the others are counted.
         select: place those whose code begins with one of these; none means all.
         ignore: but none whose code begins with one of these.
+        library_roots: folders under which libraries may lie, beside that of the file and the
+            current one.
     """
 
     warnings: bool = True
@@ -149,6 +156,7 @@ class CheckOptions(Struct, frozen=True):
     limit: int = 1000
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
+    library_roots: tuple[str, ...] = ()
 
     def shows(self, code: str) -> bool:
         """Whether findings of this code are wanted."""
@@ -166,7 +174,10 @@ class Checked(Struct, frozen=True, dict=True):
         readable: whether it was read to its end; if not, there is one finding that says why.
         vehicle: None if it has an error, or is no vehicle.
         terrain: None if it has an error, or is no terrain; its elements may be in `tree` alone.
-        tree: the elements of the terrain, laid flat.
+        tree: the elements of the terrain or the library, laid flat.
+        document: the text with its libraries; None if it has an error, or is a vehicle.
+        libraries: what was found in each library that it uses, directly or through others.
+        name: of the file.
     """
 
     findings: tuple[Finding, ...]
@@ -175,6 +186,20 @@ class Checked(Struct, frozen=True, dict=True):
     vehicle: VehicleText | None = None
     terrain: Definition | None = None
     tree: Tree | None = None
+    document: Document | None = None
+    libraries: tuple[Checked, ...] = ()
+    name: str = ""
+
+    @cached_property
+    def expansion(self) -> Expansion | None:
+        """The terrain with parts and copies written out; None if there is no terrain.
+
+        Raises:
+            RequestError: they come to too many elements.
+        """
+        if self.terrain is None or self.document is None:
+            return None
+        return expand(Uses(self.document, known_names(self.document)[0]))
 
     @cached_property
     def definition(self) -> Definition | None:
@@ -184,20 +209,27 @@ class Checked(Struct, frozen=True, dict=True):
         return complete(self.terrain, self.tree)
 
 
-def load_checked(path: str | Path) -> Checked:
+def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Checked:
     """Read a terrain that has no errors.
+
+    Args:
+        path: of the file.
+        library_roots: further folders under which the libraries that it uses may lie.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it has errors; they are in `findings`, the first 1,000 of them.
     """
     source = read_source(path)
-    checked = check(source, CheckOptions(warnings=False))
+    checked = check(source, CheckOptions(warnings=False, library_roots=library_roots))
     if checked.terrain is None:
-        if document_kind(source.data) == "vehicle":
+        kind = document_kind(source.data)
+        if kind in ("vehicle", "library"):
             raise DefinitionError(
-                f"{source.name}: is a vehicle, where a terrain is wanted.",
-                "Name a terrain here, and the vehicle with --vehicle.",
+                f"{source.name}: is a {kind}, where a terrain is wanted.",
+                "Name a terrain here, and the vehicle with --vehicle."
+                if kind == "vehicle"
+                else 'Name a terrain; its "use" may list libraries.',
             )
         raise refusal(checked)
     return checked
@@ -208,6 +240,17 @@ def load_definition(path: str | Path) -> Definition:
     definition = load_checked(path).definition
     assert definition is not None
     return definition
+
+
+def expand_definition(definition: Definition) -> Expansion:
+    """A valid definition without libraries, its parts and copies written out.
+
+    Raises:
+        RequestError: they come to too many elements.
+    """
+    source = Source("the definition", b"")
+    document = Document(source, Decoded(definition, tree=flatten(definition)), RemarkLog(0))
+    return expand(Uses(document, known_names(document)[0]))
 
 
 def refusal(checked: Checked) -> DefinitionError:
@@ -223,46 +266,105 @@ def refusal(checked: Checked) -> DefinitionError:
 
 
 def check(
-    source: Source, options: CheckOptions | None = None, kind: Kind | None = "terrain"
+    source: Source,
+    options: CheckOptions | None = None,
+    kind: Kind | None = "terrain",
+    shelf: Shelf | None = None,
 ) -> Checked:
     """Read a text and let every rule look at it. Never raises for what the text contains.
+
+    The libraries that it uses are read and looked at, too.
 
     Args:
         source: the text.
         options: how closely to look.
-        kind: what it is read as. None is what it looks like; what looks like neither is read as a
+        kind: what it is read as. None is what it looks like; what looks like nothing is read as a
             terrain.
+        shelf: keeps libraries for the next text.
     """
     kind = kind or document_kind(source.data) or "terrain"
+    options = options or CheckOptions()
     with _no_collector():
-        return _check(source, options or CheckOptions(), kind)
+        document = read_document(source, kind, options.limit)
+        (shelf or new_shelf(options)).link(document)
+        libraries = tuple(_checked(library, options) for library in document.reached())
+        return structs.replace(_checked(document, options, libraries), libraries=libraries)
 
 
-def _check(source: Source, options: CheckOptions, kind: Kind) -> Checked:
-    found = RemarkLog(options.limit)
-    decoded = _decode_quickly(source.data) if kind == "terrain" else None
+def new_shelf(options: CheckOptions | None = None) -> Shelf:
+    """A shelf without libraries yet."""
+    options = options or CheckOptions()
+    return Shelf(
+        lambda source: read_document(source, "library", options.limit), options.library_roots
+    )
+
+
+def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
+    """Read a text into the model, as far as it fits."""
+    found = RemarkLog(limit)
+    decoded = None if kind == "vehicle" else _decode_quickly(source.data, kind)
     if decoded is None:
         from terratool.text.syntax import JsonSyntaxError
 
         try:
             value = read_values(source.data)
         except JsonSyntaxError as error:
-            return _unreadable(source, error)
+            return Document(source, Decoded(), found, broken=error, kind=kind)
         decoded = decode(value, kind, found)
         del value
     repeated, count = repeated_keys(source.data, found.limit)
     found.take("TT102", map(_duplicate, repeated), count)
-    _apply_rules(kind, decoded, source, found, options)
-    findings = _placed(source, found, decoded, options)
-    if any(RULES[code].severity == "error" for code in found.counts):
-        return Checked(findings, found.counts)
-    return Checked(
-        findings,
-        found.counts,
-        vehicle=decoded.vehicle,
-        terrain=decoded.definition,
-        tree=decoded.tree,
-    )
+    return Document(source, decoded, found, kind=kind)
+
+
+def _checked(
+    document: Document, options: CheckOptions, libraries: tuple[Checked, ...] = ()
+) -> Checked:
+    """What rules find in a text, which is not looked at twice."""
+    known: Checked | None = document.__dict__.get("_checked")
+    if known is not None and not libraries:
+        return known
+    if document.broken is not None:
+        checked = _unreadable(document.source, document.broken)
+    else:
+        found, decoded = copy(document.found), document.decoded
+        found.kept, found.counts = list(found.kept), Counter(found.counts)
+        for code, remark in document.problems:
+            found.take(code, iter((remark,)))
+        found.take("TT706", _broken_libraries(document, libraries))
+        _apply_rules(document, found, options)
+        findings = _placed(document.source, found, decoded, options)
+        checked = Checked(findings, found.counts, name=document.source.name)
+        if not any(RULES[code].severity == "error" for code in found.counts):
+            checked = structs.replace(
+                checked, vehicle=decoded.vehicle, terrain=decoded.definition, tree=decoded.tree,
+                document=None if decoded.vehicle else document,
+            )  # fmt: skip
+    document.__dict__["_checked"] = checked
+    return checked
+
+
+def _broken_libraries(document: Document, libraries: tuple[Checked, ...]) -> Iterator[Remark]:
+    """A remark on each entry of `use` behind which there are errors."""
+    by_document = dict(zip(map(id, document.reached()), libraries, strict=bool(libraries)))
+    told: set[int] = set()
+    for index, library in enumerate(document.uses):
+        if library is None:
+            continue
+        for one in (library, *library.reached()):
+            checked = by_document.get(id(one))
+            if checked is None or id(one) in told:
+                continue
+            told.add(id(one))
+            first = next((f for f in checked.findings if f.severity == "error"), None)
+            count = sum(n for code, n in checked.counts.items() if RULES[code].severity == "error")
+            if count:
+                where = f": {first.line}:{first.column}: {first.message}" if first else "."
+                yield Remark(
+                    f"/use/{index}",
+                    f"the library {shown(one.source.name)} has {counted(count, 'error')}{where}",
+                    first.hint if first else "Run terratool validate on it.",
+                )
 
 
 @contextmanager
@@ -277,17 +379,21 @@ def _no_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _decode_quickly(data: bytes) -> Decoded | None:
+def _decode_quickly(data: bytes, kind: Kind) -> Decoded | None:
     """What the text says, if all of it fits."""
+    model: type[Library] = Definition if kind == "terrain" else Library
     try:
-        definition = msgspec.json.decode(data, type=Definition)
+        definition: Library = msgspec.json.decode(data, type=model)
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
         return None
     tree = flatten(definition)
-    crs = definition.crs
+    terrain = definition if isinstance(definition, Definition) else None
+    crs = terrain.crs if terrain else msgspec.UNSET
     # the values of a crs are free, and may be beyond any float
     free = isinstance(crs, dict) or (isinstance(crs, int) and crs.bit_length() > 64)
-    return None if free or not _in_range(definition, tree) else Decoded(definition, tree=tree)
+    if free or not _in_range(definition, tree):
+        return None
+    return Decoded(terrain, None if terrain else definition, tree=tree)
 
 
 _RANGED: dict[type, list[tuple[str, Key]]] = {
@@ -296,20 +402,21 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
         for name, key in names_of(kind)
         if KEYS[kind][key].kind in ("number", "whole")
     ]
-    for kind in (Definition, Surface, Roughness, Track)
+    for kind in (Definition, Library, Surface, Roughness, Track)
 }
 
 
-def _in_range(definition: Definition, tree: Tree) -> bool:
+def _in_range(definition: Library, tree: Tree) -> bool:
     """Whether every number whose range is not part of its type lies in that of its key."""
     surfaces = definition.surfaces.values()
     reliefs = [s.roughness for s in surfaces if s.roughness is not msgspec.UNSET]
     if any(r.rms is msgspec.UNSET or r.correlation is msgspec.UNSET for r in reliefs):
         return False
-    ranged = [(tree.distinct("cells"), KEYS[Element]["cells"])]
+    ranged = [(tree.distinct(key), KEYS[Element][key]) for key in ("cells", "extent")]
+    tracks = definition.ruts if isinstance(definition, Definition) else ()
     ranged += [
         ({getattr(owner, name)}, key)
-        for owner in (definition, *surfaces, *reliefs, *definition.ruts)
+        for owner in (definition, *surfaces, *reliefs, *tracks)
         for name, key in _RANGED[type(owner)]
     ]
     for primitive in definition.primitives.values():
@@ -317,7 +424,7 @@ def _in_range(definition: Definition, tree: Tree) -> bool:
             return False
         curves = (primitive.x, primitive.y)
         ranged += [(set(curve), KEYS[Primitive]["x"]) for curve in curves if type(curve) is tuple]
-    for track in definition.ruts:
+    for track in tracks:
         ranged.append((set(chain.from_iterable(track.points)), KEYS[Track]["path"]))
         if track.depth is not msgspec.UNSET:
             depths = track.depth.values() if isinstance(track.depth, dict) else (track.depth,)
@@ -333,17 +440,22 @@ def _all_hold(ranged: tuple[set[Any], Key]) -> bool:
     return not numbers or (key.holds(min(numbers)) and key.holds(max(numbers)))
 
 
-def _apply_rules(
-    kind: Kind, decoded: Decoded, source: Source, found: RemarkLog, options: CheckOptions
-) -> None:
-    """Let every rule look at a terrain or a vehicle, unless the text is no object."""
+def _apply_rules(document: Document, found: RemarkLog, options: CheckOptions) -> None:
+    """Let every rule look at a terrain, a library or a vehicle, unless the text is no object."""
+    decoded, source = document.decoded, document.source
     subject: Subject | VehicleSubject
-    if decoded.definition is not None:
+    terrain = decoded.definition
+    if decoded.library is not None:
+        library = decoded.library
+        terrain = Definition(**{name: getattr(library, name) for name, _ in names_of(Library)})
+    if terrain is not None:
+        kind: Kind = "terrain"
         subject = Subject(
-            definition=decoded.definition, tree=decoded.tree, unfit=decoded.unfit,
+            definition=terrain, tree=decoded.tree, document=document, unfit=decoded.unfit,
             size=source.size, packed=source.packed, max_step=options.max_step,
         )  # fmt: skip
     elif decoded.vehicle is not None:
+        kind = "vehicle"
         subject = VehicleSubject(vehicle=decoded.vehicle, unfit=decoded.unfit)
     else:
         return
@@ -390,8 +502,9 @@ def _placed(
     findings = []
     for place, (code, remark), pointer, begin in in_order[: found.limit]:
         bounds = None
-        if decoded.definition is not None and remark.element >= 0:
-            bounds = tree.rectangle(remark.element, decoded.definition)
+        terrain, element = decoded.definition, remark.element
+        if terrain is not None and element >= 0 and tree.roots[tree.root_of[element]] == ROOT:
+            bounds = tree.rectangle(element, terrain)
         fix = None
         if remark.fix:
             fix = Edit(begin, value_end(source.data, begin, source.size), remark.fix.encode())
@@ -435,7 +548,7 @@ def _unreadable(source: Source, error: JsonSyntaxError) -> Checked:
         count, new = error.fix
         fix = Edit(at[0], _in_bytes(source.data, error.offset + count), new.encode())
     finding = _finding(source, error.code, "", Remark("", message, error.hint), place, fix=fix)
-    return Checked((finding,), Counter([error.code]), readable=False)
+    return Checked((finding,), Counter([error.code]), readable=False, name=source.name)
 
 
 def _in_bytes(data: bytes, offset: int) -> int:

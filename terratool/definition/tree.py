@@ -13,13 +13,20 @@ from typing import Any
 from msgspec import UNSET, Struct, field, structs
 
 from terratool.definition.findings import Bounds
-from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
+from terratool.definition.model import DEFAULT_CELLS, Definition, Element, Library, pair_of
+from terratool.text.display import escape
 
 ROOT = "/elemTree"
+PARTS = "/parts"
 
 Pair = tuple[int, int]
 Block = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
+
+
+def part_pointer(name: str) -> str:
+    """JSON pointer of a part."""
+    return f"{PARTS}/{escape(name)}"
 
 
 def overlaps(blocks: Sequence[Block]) -> list[tuple[int, int]]:
@@ -88,12 +95,19 @@ class Tree(Struct, frozen=True, dict=True):
             stand side by side.
         levels: where each level begins, and at the end the number of elements.
         columns: those that were read or looked at before.
+        roots: pointers of the elements of the first level: the root, and those of parts.
+        steps: of each element the end of its name, behind that of its parent, where it was written
+            out from parts or copies; None where the place among its siblings tells it.
+        notes: what others found out about the tree.
     """
 
     elements: list[Element]
     families: list[tuple[int, int, int]]
     levels: list[int]
     columns: dict[str, list[Any]] = field(default_factory=dict)
+    roots: tuple[str, ...] = (ROOT,)
+    steps: list[str] | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
     _distinct: dict[str, set[Any]] = field(default_factory=dict)
     _above: dict[int, str] = field(default_factory=dict)
 
@@ -139,22 +153,41 @@ class Tree(Struct, frozen=True, dict=True):
 
     @cached_property
     def parents(self) -> list[int]:
-        """Index of each element's parent; the root's is -1."""
-        parents = [-1] * min(1, len(self))
+        """Index of each element's parent; that of a root is -1."""
+        parents = [-1] * min(len(self.roots), len(self))
         for parent, begin, end in self.families:
             parents.extend(repeat(parent, end - begin))
         return parents
 
     @cached_property
+    def root_at(self) -> dict[str, int]:
+        """The index of each root by its pointer."""
+        return {pointer: index for index, pointer in enumerate(self.roots[: len(self)])}
+
+    @cached_property
+    def root_of(self) -> list[int]:
+        """The root that each element is below, or is."""
+        root_of = list(range(min(len(self.roots), len(self))))
+        for parent, begin, end in self.families:
+            root_of.extend(repeat(root_of[parent], end - begin))
+        return root_of
+
+    @cached_property
     def first_child(self) -> list[int]:
         """Where the children of each element begin, or would."""
         first_child: list[int] = []
-        after = 1
+        after = len(self.roots)
         for parent, begin, end in self.families:
             first_child.extend(repeat(begin, parent + 1 - len(first_child)))
             after = end
         first_child.extend(repeat(after, len(self) - len(first_child)))
         return first_child
+
+    def brood(self, index: int) -> tuple[int, int]:
+        """First and last but one of the children of an element."""
+        begin = self.first_child[index]
+        end = self.first_child[index + 1] if index + 1 < len(self) else len(self)
+        return begin, end
 
     @cached_property
     def crowded(self) -> list[tuple[int, int]]:
@@ -196,7 +229,7 @@ class Tree(Struct, frozen=True, dict=True):
         """JSON pointer of an element."""
         parent = self.parents[index]
         if parent < 0:
-            return ROOT
+            return self.roots[index]
         if parent not in self._above:  # kept for the siblings, which mostly follow
             self._above.clear()
             self._above[parent] = self._path(parent)
@@ -207,7 +240,7 @@ class Tree(Struct, frozen=True, dict=True):
         while (parent := self.parents[index]) >= 0:
             steps.append(f"/children/{index - self.first_child[parent]}")
             index = parent
-        return ROOT + "".join(reversed(steps))
+        return self.roots[index] + "".join(reversed(steps))
 
     def rectangle(self, index: int, definition: Definition) -> Bounds | None:
         """The world rectangle of an element's cell; None where that is not known."""
@@ -243,10 +276,15 @@ def _finite(number: float) -> bool:
     return number - number == 0
 
 
-def flatten(definition: Definition) -> Tree:
-    """Lay the tree of a definition flat; time and memory linear in the number of elements."""
-    root = definition.elem_tree
-    level = [] if root is UNSET else [root]
+def flatten(definition: Library) -> Tree:
+    """Lay the tree of a terrain flat, and those of its parts or of a library's.
+
+    Time and memory are linear in the number of elements.
+    """
+    root = definition.elem_tree if isinstance(definition, Definition) else UNSET
+    parts = definition.assemblies
+    roots = ((ROOT,) if root is not UNSET else ()) + tuple(map(part_pointer, parts))
+    level = [*(() if root is UNSET else (root,)), *parts.values()]
     elements: list[Element] = []
     families: list[tuple[int, int, int]] = []
     levels = [0]
@@ -263,7 +301,7 @@ def flatten(definition: Definition) -> Tree:
                     begin = after + len(level)
                     level.extend(children)
                     families.append((index, begin, after + len(level)))
-    return Tree(elements, families, levels)
+    return Tree(elements, families, levels, roots=roots or (ROOT,))
 
 
 def complete(definition: Definition, tree: Tree) -> Definition:
@@ -280,4 +318,8 @@ def complete(definition: Definition, tree: Tree) -> Definition:
             broods[parent] = tuple(elements[first - end : last - end])
         columns = [tree.column(name)[begin:end] for name in names]
         elements = list(map(Element, *columns, broods[begin:end]))
-    return structs.replace(definition, elem_tree=elements[0])
+    given = dict(zip(tree.roots, elements, strict=True))
+    parts = definition.parts
+    if parts is not UNSET:
+        parts = {name: given[part_pointer(name)] for name in parts}
+    return structs.replace(definition, elem_tree=given.get(ROOT, UNSET), parts=parts)

@@ -19,7 +19,7 @@ from terratool.definition.model import (
     middle_of,
     pair_of,
 )
-from terratool.definition.tree import Tree
+from terratool.definition.tree import ROOT, Tree
 from terratool.field.pieces import CurveStore, Floats
 from terratool.field.records import (
     COMBINE,
@@ -170,6 +170,7 @@ class Compiled(NamedTuple):
         surfaces: names of the surfaces, in the order of their ids.
         levels: levels of nesting, 1 for a root alone.
         primitives: (kinds,) index of each kind's primitive.
+        steps: the end of each element's name, where the elements were written out from parts.
     """
 
     arrays: FieldArrays
@@ -179,6 +180,13 @@ class Compiled(NamedTuple):
     surfaces: tuple[str, ...]
     levels: int
     primitives: Ints
+    steps: tuple[str, ...] | None = None
+
+    def step(self, element: int) -> str:
+        """The end of an element's name, behind that of its parent."""
+        if self.steps is not None:
+            return self.steps[element]
+        return f"/children/{self.document[element]}" if element else ROOT
 
 
 def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = True) -> Compiled:
@@ -246,6 +254,7 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
         surfaces,
         len(tree.levels) - 1,
         found.primitives,
+        None if tree.steps is None else tuple(tree.steps[index] for index in order.tolist()),
     )
 
 

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
-from terratool.definition.reader import Checked, load_checked, refusal
-from terratool.definition.tree import flatten
+from terratool.definition.reader import Checked, expand_definition, load_checked, refusal
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays, aligned
@@ -138,14 +137,16 @@ class Terrain:
 
         Raises:
             DefinitionError: what was checked has errors.
+            RequestError: its parts and copies come to too many elements.
         """
         if isinstance(definition, Checked):
             checked = definition
-            if checked.terrain is None or checked.tree is None:
+            expansion = checked.expansion
+            if expansion is None:
                 raise refusal(checked)
-            definition, tree = checked.terrain, checked.tree
         else:
-            tree = flatten(definition)
+            expansion = expand_definition(definition)
+        definition, tree = expansion
         self._compiled: Compiled = compile_definition(definition, tree, roughness=roughness)
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
@@ -282,34 +283,40 @@ class Terrain:
         return out
 
     def pointer(self, element: int) -> str | None:
-        """JSON pointer of an element or track by its index, None for a negative one."""
+        """JSON pointer of an element or track by its index, None for a negative one.
+
+        Of an element in a part it is a chain: the place of the part, and that in the part.
+        """
         if element < 0:
             return None
         if element >= len(self.arrays.elements):
             return f"/tracks/{element - len(self.arrays.elements)}"
         steps = []
-        while element > 0:
-            steps.append(f"/children/{self._compiled.document[element]}")
+        while element >= 0:
+            steps.append(self._compiled.step(element))
             element = int(self._compiled.parents[element])
-        return "/elemTree" + "".join(reversed(steps))
+        return "".join(reversed(steps))
 
     @cached_property
     def _surface_names(self) -> NDArray[Any]:
         return np.array([*self.surfaces, None], object)
 
 
-def load(path: str | Path, *, roughness: bool = True) -> Terrain:
+def load(
+    path: str | Path, library_roots: tuple[str, ...] = (), *, roughness: bool = True
+) -> Terrain:
     """Read, check and compile a definition.
 
     Args:
-        path: the file.
+        path: of the file.
+        library_roots: further folders under which the libraries that it uses may lie.
         roughness: whether rough surfaces have their relief.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it is no valid terrain; the findings say why.
     """
-    return Terrain(load_checked(path), roughness=roughness)
+    return Terrain(load_checked(path, library_roots), roughness=roughness)
 
 
 def _points(

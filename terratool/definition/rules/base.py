@@ -12,9 +12,11 @@ from msgspec import UNSET, Struct, UnsetType
 from terratool.definition.curves import CurveError, problems
 from terratool.definition.findings import Owner, Remark, Severity
 from terratool.definition.keys import SLOTS, Kind
-from terratool.definition.model import Definition
+from terratool.definition.libraries import Clash, Document, Names, known_names
+from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.summaries import ShapeSummary, summarise_shape
 from terratool.definition.tree import Tree
+from terratool.definition.uses import Uses
 from terratool.definition.vehicle import AxleText, VehicleText, WheelsText, WheelText
 
 
@@ -36,8 +38,10 @@ class Subject(_Subject, frozen=True, kw_only=True):
     """What a rule about terrains looks at.
 
     Attributes:
-        definition: the model, without the values that did not fit.
+        definition: the model, without the values that did not fit; of a library what terrains have,
+            too.
         tree: its elements laid flat.
+        document: the file, with the libraries that it uses.
         size: bytes of the text.
         packed: whether they came from gzip.
         max_step: height of a step from which on it is remarked on; None for no limit.
@@ -45,9 +49,39 @@ class Subject(_Subject, frozen=True, kw_only=True):
 
     definition: Definition
     tree: Tree
+    document: Document
     size: int = 0
     packed: bool = False
     max_step: float | None = None
+
+    @property
+    def is_library(self) -> bool:
+        """Whether it is a library, not a terrain."""
+        return self.document.kind == "library"
+
+    @cached_property
+    def uses(self) -> Uses:
+        """The parts that it knows, and their uses."""
+        return Uses(self.document, self._known[0])
+
+    @property
+    def clashes(self) -> list[Clash]:
+        """Names that two libraries have."""
+        return self._known[1]
+
+    @cached_property
+    def _known(self) -> tuple[Names, list[Clash]]:
+        return known_names(self.document)
+
+    @cached_property
+    def surfaces(self) -> dict[str, Surface]:
+        """All surfaces that it knows, by name, those of libraries, too."""
+        return {name: named.value for name, named in self.uses.names.surfaces.items()}
+
+    @cached_property
+    def primitives(self) -> dict[str, Primitive]:
+        """All primitives that it knows, by name, those of libraries, too."""
+        return {name: named.value for name, named in self.uses.names.primitives.items()}
 
     @cached_property
     def curve_errors(self) -> dict[str, tuple[CurveError, ...]]:
@@ -58,6 +92,16 @@ class Subject(_Subject, frozen=True, kw_only=True):
     @cached_property
     def summaries(self) -> dict[str, ShapeSummary]:
         """What the curves of primitives are like, by name; none of those that mean nothing."""
+        others = {
+            name: p
+            for name, p in self.primitives.items()
+            if name not in self.definition.primitives and not problems(p)
+        }
+        return self.own_summaries | {name: summarise_shape(p) for name, p in others.items()}
+
+    @cached_property
+    def own_summaries(self) -> dict[str, ShapeSummary]:
+        """The same of those that stand in the file itself."""
         primitives = self.definition.primitives.items()
         return {name: summarise_shape(p) for name, p in primitives if name not in self.curve_errors}
 
@@ -131,7 +175,7 @@ class Rule(Struct, frozen=True):
 
     Attributes:
         check: None if the reader itself reports the code.
-        kind: what `check` looks at.
+        kind: what `check` looks at; rules about terrains look at libraries, too.
     """
 
     code: str

@@ -122,7 +122,7 @@ class _Filling:
         self._tree = tree = subject.tree
         self._square = {
             name
-            for name, primitive in subject.definition.primitives.items()
+            for name, primitive in subject.primitives.items()
             if primitive.combine != "radial"
             and not subject.left_out(f"/elemTypes/{escape(name)}", "combine")
         }

@@ -40,11 +40,11 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
 
     To mend: write a name that is there, in the same case, or add the primitive.
     """
-    primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
-    if subject.definition.elem_types is UNSET:
+    primitives, surfaces = subject.primitives, subject.surfaces
+    if subject.definition.elem_types is UNSET and not primitives:
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
-    hints = _Hints(primitives, "elemTypes")
+    hints = NameHints(primitives, "elemTypes")
     for index, name in subject.tree.having("type", missing):
         if name in surfaces:
             message = f"{shown(name)} is a surface, where a primitive belongs."
@@ -83,11 +83,11 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
 
     To mend: write a name that is there, in the same case, or add the surface.
     """
-    primitives, surfaces = subject.definition.primitives, subject.definition.surfaces
+    primitives, surfaces = subject.primitives, subject.surfaces
     if subject.left_out("", "surfTypes"):
         return
     missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
-    hints = _Hints(surfaces, "surfTypes")
+    hints = NameHints(surfaces, "surfTypes")
     for index, name in subject.tree.having("surface", missing):
         if name in primitives:
             message = f"{shown(name)} is a primitive, where a surface belongs."
@@ -109,7 +109,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
                 yield Remark(pointer, message, hint, on_key=True, fix=fix)
 
 
-class _Hints(dict[str, tuple[str, str]]):
+class NameHints(dict[str, tuple[str, str]]):
     """What to write instead of names that a dictionary does not have: in words, and as JSON.
 
     The second is empty unless one name alone is near.

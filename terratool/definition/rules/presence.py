@@ -8,16 +8,24 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
+from terratool.definition.tree import ROOT
+
+PLACEMENT = {
+    "cellX": "cell_x", "cellY": "cell_y", "span": "span", "at": "at", "extent": "extent",
+    "repeat": "repeat",
+}  # fmt: skip
+"""The keys that say where an element stands, and their attributes."""
 
 
 @rule("TT104", "missing-key")
 def missing_key(subject: Subject) -> Iterator[Remark]:
     """A required key is absent.
 
-    A terrain needs size, elemTypes and elemTree; an element needs type, and cellX and cellY unless
-    it is the root; a track needs path and width; a roughness needs rms and correlation. A vehicle
-    needs mass, wheels with radius and width, axles (each with x) or wheelbase, track, cog with
-    height, and clearance. Everything else has a default.
+    A terrain needs size, elemTree, and elemTypes unless it uses libraries; an element needs type or
+    part, and cellX and cellY, or at and extent, unless it is the root or a part; a track needs path
+    and width; a roughness needs rms and correlation. A vehicle needs mass, wheels with radius and
+    width, axles (each with x) or wheelbase, track, cog with height, and clearance. Everything else
+    has a default.
 
     Fails:
 
@@ -44,18 +52,29 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
     definition = subject.definition
     for key, value in (
         ("size", definition.size),
-        ("elemTypes", definition.elem_types),
-        ("elemTree", UNSET if len(subject.tree) == 0 else ""),
+        ("elemTypes", definition.elem_types if not definition.used else ""),
+        ("elemTree", "" if ROOT in subject.tree.root_at else UNSET),
     ):
+        if subject.is_library:
+            continue
         if value is UNSET and not subject.left_out("", key):
             yield Remark("", f'the terrain has no "{key}".', f'Add "{key}".')
     tree = subject.tree
-    for key, name in (("type", "type"), ("cellX", "cell_x"), ("cellY", "cell_y")):
-        first = key != "type"  # the root has no cell
+    for key, name, other in (
+        ("type", "type", "part"), ("cellX", "cell_x", "at"), ("cellY", "cell_y", "at"),
+    ):  # fmt: skip
+        first = 0 if key == "type" else len(tree.roots)  # a root has no cell
         if UNSET in tree.distinct(name) and (column := tree.column(name)).count(UNSET) > first:
-            message, hint = f'the element has no "{key}".', f'Add "{key}".'
+            free = tree.distinct(other) != {UNSET}
+            message = f'the element has no "{key}".'
+            hint = f'Add "{key}".' if key == "type" else f'Add "{key}", or "at" and "extent".'
             for index, value in enumerate(column):
-                if value is UNSET and index >= first and not subject.left_out(index, key):
+                if (
+                    value is UNSET
+                    and index >= first
+                    and not (free and tree.value(other, index) is not UNSET)
+                    and not subject.left_out(index, key, other)
+                ):
                     yield Remark("", message, hint, element=index)
     for index, track in enumerate(definition.ruts):
         here = f"/tracks/{index}"
@@ -66,9 +85,10 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT110", "root-placed")
 def root_placed(subject: Subject) -> Iterator[Remark]:
-    """The root has a cell or a span, though it covers the whole terrain.
+    """The root, or a part, has a place: a cell, a span, at, extent or repeat.
 
-    It stands in no grid, so the numbers could mean nothing.
+    The root covers the whole terrain, and a part stands where the elements that name it stand, so
+    the numbers could mean nothing.
 
     Fails:
 
@@ -82,16 +102,14 @@ def root_placed(subject: Subject) -> Iterator[Remark]:
 
         {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"}}
 
-    To mend: remove cellX, cellY and span from the root.
+    To mend: remove cellX, cellY, span, at, extent and repeat there.
     """
-    if len(subject.tree) == 0:
-        return
-    for key, name in (("cellX", "cell_x"), ("cellY", "cell_y"), ("span", "span")):
-        if subject.tree.value(name, 0) is not UNSET:
-            yield Remark(
-                f"/{key}",
-                f'the root has a "{key}", though its cell is the whole terrain.',
-                f'Remove "{key}".',
-                on_key=True,
-                element=0,
-            )
+    tree = subject.tree
+    for index, pointer in enumerate(tree.roots[: len(tree)]):
+        what, why = "the root", "its cell is the whole terrain"
+        if pointer != ROOT:
+            what, why = "the part", "its place is that of the elements that stand for it"
+        for key, name in PLACEMENT.items():
+            if tree.value(name, index) is not UNSET:
+                message = f'{what} has "{key}", though {why}.'
+                yield Remark(f"/{key}", message, f'Remove "{key}".', on_key=True, element=index)

@@ -81,8 +81,8 @@ class _Heights:
         self._scales, self._types = tree.column("v_scale"), tree.column("type")
         self._surfaces = tree.column("surface")
         self._ranges = {name: value_range(shape) for name, shape in subject.summaries.items()}
-        self._voids = {name for name, it in definition.surfaces.items() if it.void is True}
-        self._sides = cell_sides(tree)
+        self._voids = {name for name, it in subject.surfaces.items() if it.void is True}
+        self._sides = cell_sides(tree, definition.extent)
         self._subject = subject
 
     def matters(self, index: int) -> bool:

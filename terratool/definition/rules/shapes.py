@@ -40,7 +40,7 @@ def curve_range(subject: Subject) -> Iterator[Remark]:
     To mend: divide the values by the largest and multiply vScale by it; a pit is a hill with a
     negative vScale. Where other values are meant, silence TT306 by x-ignore in the primitive.
     """
-    for name, summary in subject.summaries.items():
+    for name, summary in subject.own_summaries.items():
         primitive = subject.definition.primitives[name]
         for key, curve, curve_summary in (
             ("x", primitive.x, summary.x),
@@ -92,7 +92,7 @@ def asymmetric_radial(subject: Subject) -> Iterator[Remark]:
 
     To mend: let the curve run from rim to rim, its left half the mirror image of the right one.
     """
-    for name, summary in subject.summaries.items():
+    for name, summary in subject.own_summaries.items():
         if summary.y is None and not summary.x.mirrored:
             yield Remark(
                 f"/elemTypes/{escape(name)}/x",
@@ -116,7 +116,7 @@ def zero_primitive(subject: Subject) -> Iterator[Remark]:
     To mend: give it a shape; level ground is a primitive that is 1 everywhere, and where only a
     surface is meant, silence TT308 by x-ignore in the primitive.
     """
-    for name, summary in subject.summaries.items():
+    for name, summary in subject.own_summaries.items():
         if value_range(summary) == (0, 0):
             yield Remark(
                 f"/elemTypes/{escape(name)}",
@@ -154,7 +154,7 @@ def inexact_curve(subject: Subject) -> Iterator[Remark]:
     To mend: let it vary less quickly, or spread it over several elements; keep what is divided by
     away from 0, and tan away from its poles; leave out large numbers that cancel.
     """
-    for name in subject.summaries:
+    for name in subject.own_summaries:
         primitive = subject.definition.primitives[name]
         for key, written in (("x", primitive.x), ("y", primitive.y)):
             curve = read_curve(written, key) if isinstance(written, str) else None

@@ -185,7 +185,7 @@ def track_without_sinkage(subject: Subject) -> Iterator[Remark]:
 
     To mend: add the sinkage, 0 for rigid ground, or give the track a depth on that surface.
     """
-    surfaces = subject.definition.surfaces
+    surfaces = subject.surfaces
     lacking = [
         name
         for name in surfaces
@@ -230,7 +230,7 @@ def void_track(subject: Subject) -> Iterator[Remark]:
 
     To mend: write a surface that is not void; holes are made by elements.
     """
-    surfaces = subject.definition.surfaces
+    surfaces = subject.surfaces
     for here, track in _tracks(subject):
         if track.surface in surfaces and surfaces[str(track.surface)].void is True:
             yield Remark(

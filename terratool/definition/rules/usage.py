@@ -33,7 +33,7 @@ def unused_primitive(subject: Subject) -> Iterator[Remark]:
     To mend: remove it, or use it.
     """
     used = subject.tree.distinct("type") - {UNSET}
-    if not used or used - subject.definition.primitives.keys():
+    if subject.is_library or not used or used - subject.primitives.keys():
         return
     for name in subject.definition.primitives:
         if name not in used:
@@ -70,7 +70,7 @@ def unused_surface(subject: Subject) -> Iterator[Remark]:
     """
     used = subject.tree.distinct("surface") | {track.surface for track in subject.definition.ruts}
     used -= {UNSET}
-    if used - subject.definition.surfaces.keys():
+    if subject.is_library or used - subject.surfaces.keys():
         return
     used |= subject.tree.distinct("type")  # in the wrong place, as TT201 says
     for name in subject.definition.surfaces:

@@ -1,0 +1,261 @@
+"""Libraries: the files that a definition uses, opened once each, and their names together."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+
+from msgspec import Struct, field
+
+from terratool.definition.decode import Decoded
+from terratool.definition.findings import Remark, RemarkLog
+from terratool.definition.keys import Kind, document_kind
+from terratool.definition.model import Element, Library, Primitive, Surface
+from terratool.errors import ReadError, reason
+from terratool.text.display import shown
+from terratool.text.source import Source, read_source
+
+if TYPE_CHECKING:
+    from terratool.text.syntax import JsonSyntaxError
+
+MAX_LIBRARIES = 1000
+"""So many files may a definition use, directly or through others."""
+MAX_BYTES = 1 << 30
+_SMALLER = "Split the library, or describe shapes by curves rather than by points."
+_address = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:").match
+_drive = re.compile(r"[A-Za-z]:").match
+
+Dictionary = Literal["surfTypes", "elemTypes", "parts"]
+_Value = TypeVar("_Value", Surface, Primitive, Element)
+
+
+class Document(Struct, eq=False, dict=True):
+    """A text that was read: a terrain, or a library.
+
+    Attributes:
+        source: the text, under the name that findings give it.
+        decoded: what it says; nothing where it is no JSON.
+        found: remarks so far.
+        real: the path without links; empty where it has none.
+        uses: for each entry of `use` the library; None where there is none to be had.
+        problems: remarks on entries of `use`, by code.
+        broken: the error of syntax, if it has one.
+        kind: what it was read as.
+    """
+
+    source: Source
+    decoded: Decoded
+    found: RemarkLog
+    real: str = ""
+    uses: list[Document | None] = field(default_factory=list)
+    problems: list[tuple[str, Remark]] = field(default_factory=list)
+    broken: JsonSyntaxError | None = None
+    kind: Kind = "library"
+    linked: bool = False
+
+    @property
+    def model(self) -> Library:
+        """The library, or the terrain."""
+        return self.decoded.definition or self.decoded.library or Library()
+
+    @property
+    def folder(self) -> str:
+        """Where the paths of `use` begin."""
+        return "." if self.source.name == "<stdin>" else str(Path(self.source.name).parent)
+
+    def reached(self) -> Iterator[Document]:
+        """All libraries that it uses, directly or through others, each once, in order."""
+        seen = {id(self)}
+        pending = [iter(self.uses)]
+        while pending:
+            for library in pending[-1]:
+                if library is not None and id(library) not in seen:
+                    seen.add(id(library))
+                    yield library
+                    pending.append(iter(library.uses))
+                    break
+            else:
+                pending.pop()
+
+
+class Named(Struct, Generic[_Value], frozen=True):
+    """A surface, a primitive or a part, and the file that it stands in."""
+
+    value: _Value
+    home: Document
+
+
+class Names(Struct, frozen=True):
+    """All names that a file knows: its own, and those of the libraries that it uses."""
+
+    surfaces: dict[str, Named[Surface]] = field(default_factory=dict)
+    primitives: dict[str, Named[Primitive]] = field(default_factory=dict)
+    parts: dict[str, Named[Element]] = field(default_factory=dict)
+
+    def of(self, dictionary: Dictionary) -> dict[str, Named[Any]]:
+        """The names of one dictionary."""
+        known: dict[Dictionary, dict[str, Any]] = {
+            "surfTypes": self.surfaces, "elemTypes": self.primitives, "parts": self.parts,
+        }  # fmt: skip
+        return known[dictionary]
+
+
+class Clash(Struct, frozen=True):
+    """One name in two libraries."""
+
+    dictionary: Dictionary
+    name: str
+    first: Document
+    second: Document
+
+
+DICTIONARIES: tuple[Dictionary, ...] = ("surfTypes", "elemTypes", "parts")
+
+
+def entries(model: Library, dictionary: Dictionary) -> dict[str, Any]:
+    """One of the dictionaries of a file, empty where absent."""
+    known: dict[Dictionary, dict[str, Any]] = {
+        "surfTypes": model.surfaces, "elemTypes": model.primitives, "parts": model.assemblies,
+    }  # fmt: skip
+    return known[dictionary]
+
+
+def known_names(document: Document) -> tuple[Names, list[Clash]]:
+    """What a file knows, and what it cannot know as two libraries have it."""
+    names, clashes = Names(), []
+    for dictionary in DICTIONARIES:
+        known = names.of(dictionary)
+        known |= {
+            name: Named(value, document)
+            for name, value in entries(document.model, dictionary).items()
+        }
+        own = set(known)
+        for library in document.reached():
+            for name, value in entries(library.model, dictionary).items():
+                if name not in known:
+                    known[name] = Named(value, library)
+                elif name not in own:
+                    clashes.append(Clash(dictionary, name, known[name].home, library))
+    return names, clashes
+
+
+class Shelf:
+    """Libraries that were opened, by their real paths, and the folders that they may lie in."""
+
+    def __init__(self, read: Callable[[Source], Document], roots: Sequence[str] = ()) -> None:
+        """Keep libraries.
+
+        Args:
+            read: makes a document of a text that is a library.
+            roots: folders beside the current one under which libraries may lie.
+        """
+        self._roots = [os.path.realpath(root) for root in (".", *roots)]
+        self._read = read
+        self._documents: dict[str, Document | tuple[str, str, str]] = {}
+
+    def link(self, document: Document) -> None:
+        """Open all libraries that a file uses, directly or through others."""
+        base = os.path.realpath(document.folder)
+        pending, count = [document], 0
+        while pending:
+            user = pending.pop()
+            if user.linked:
+                continue
+            user.linked = True
+            paths = user.model.used
+            count += len(paths)
+            for index, path in enumerate(paths):
+                if count > MAX_LIBRARIES:
+                    user.problems.append(
+                        (
+                            "TT701",
+                            Remark(
+                                f"/use/{index}",
+                                f"the definition uses more than {MAX_LIBRARIES:,} libraries.",
+                                "Put several of them into one file.",
+                            ),
+                        )
+                    )
+                    break
+                found = self._open(user, path, base)
+                if isinstance(found, Document):
+                    user.uses.append(found)
+                    pending.append(found)
+                else:
+                    code, message, hint = found
+                    user.problems.append((code, Remark(f"/use/{index}", message, hint)))
+                    user.uses.append(None)
+
+    def _open(self, user: Document, path: str, base: str) -> Document | tuple[str, str, str]:
+        """A library, or what is wrong with its path."""
+        wrong = _refused(path)
+        if wrong is not None:
+            return "TT702", *wrong
+        name = os.path.normpath(Path(user.folder, path))
+        real = os.path.realpath(name)
+        if not any(_is_under(real, root) for root in (base, *self._roots)):
+            return (
+                "TT702",
+                f"the library {shown(path)} lies outside of the folders that may be read.",
+                "Move it below the folder of the terrain, or name its folder by --library-root.",
+            )
+        if real not in self._documents:
+            self._documents[real] = self._load(name, real)
+        return self._documents[real]
+
+    def _load(self, name: str, real: str) -> Document | tuple[str, str, str]:
+        said = shown(name)
+        try:
+            mode = Path(real).stat().st_mode
+            if not stat.S_ISREG(mode):
+                what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+                return "TT701", f"the library {said} is {what}.", "Name a JSON file."
+            source = read_source(real, MAX_BYTES, _SMALLER)
+        except FileNotFoundError:
+            hint = "Check the path; it begins at the folder of this file."
+            return "TT701", f"there is no library {said}.", hint
+        except (OSError, ValueError) as error:
+            why = reason(error) if isinstance(error, OSError) else "its name cannot be one"
+            return "TT701", f"the library {said} cannot be read ({why}).", "Check the path."
+        except ReadError as error:
+            return "TT701", f"the library {said} {error.message.partition(': ')[2]}", error.hint
+        document = self._read(Source(name, source.data, source.packed, source.marked))
+        document.real = real
+        looks = document_kind(source.data)
+        if document.broken is None and looks not in ("library", None):
+            return (
+                "TT703",
+                f"the file {said} is a {looks}, where a library is wanted.",
+                'A library has "surfTypes", "elemTypes" and "parts", and no "size" or "elemTree".',
+            )
+        return document
+
+
+def _refused(path: str) -> tuple[str, str] | None:
+    """What is wrong with a path as it is written."""
+    hint = "Write a path relative to this file, with forward slashes."
+    if not path or "\0" in path:
+        return f"{shown(path)} is no path of a library.", hint
+    if _address(path):
+        return (
+            f"the library {shown(path)} is an address, and nothing is read from the net.",
+            "Save the file beside the terrain, and write its path relative to this file.",
+        )
+    if path.startswith("/") or _drive(path):
+        return f"the path {shown(path)} is absolute.", hint
+    if "\\" in path:
+        return f"the path {shown(path)} has backslashes.", hint
+    return None
+
+
+def _is_under(path: str, folder: str) -> bool:
+    return path.startswith(folder if folder.endswith(os.sep) else folder + os.sep)
+
+
+def path_between(user: Document, library: Document) -> str:
+    """The path of a library as seen from the file that uses it, with forward slashes."""
+    return os.path.relpath(library.source.name, user.folder).replace(os.sep, "/")
