@@ -160,6 +160,8 @@ class Shelf:
     def link(self, document: Document) -> None:
         """Open all libraries that a file uses, directly or through others."""
         base = os.path.realpath(document.folder)
+        if document.real and document.kind == "library":
+            self._documents.setdefault(document.real, document)
         pending, count = [document], 0
         while pending:
             user = pending.pop()

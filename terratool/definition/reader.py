@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -286,6 +287,8 @@ def check(
     options = options or CheckOptions()
     with _no_collector():
         document = read_document(source, kind, options.limit)
+        if document.model.used and source.name != "<stdin>":
+            document.real = os.path.realpath(source.name)
         (shelf or new_shelf(options)).link(document)
         libraries = tuple(_checked(library, options) for library in document.reached())
         return structs.replace(_checked(document, options, libraries), libraries=libraries)

@@ -24,6 +24,10 @@ Block = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
 
 
+MANY_COPIES = 20_000
+"""So many cells of copies of siblings are compared."""
+
+
 def part_pointer(name: str) -> str:
     """JSON pointer of a part."""
     return f"{PARTS}/{escape(name)}"
@@ -212,6 +216,8 @@ class Tree(Struct, frozen=True, dict=True):
         """Elements that share cells with an earlier sibling, and that sibling."""
         xs, ys = self.column("cell_x"), self.column("cell_y")
         spans = self.distinct("span") != {UNSET}
+        if self.distinct("at") | self.distinct("repeat") != {UNSET}:
+            return [pair for _, begin, end in self.families for pair in self._sharing(begin, end)]
         shared = []
         for begin, end in self.crowded:
             if spans:
@@ -224,6 +230,34 @@ class Tree(Struct, frozen=True, dict=True):
                 if other != index:
                     shared.append((index, other))
         return shared
+
+    def _sharing(self, begin: int, end: int) -> list[tuple[int, int]]:
+        """The same of some siblings, some of them copied or at free places.
+
+        Where there are very many copies, the first ones are looked at.
+        """
+        blocks: list[Block] = []
+        owners: list[int] = []
+        for index in range(begin, end):
+            x, y, w, h = self.block(index)
+            if self.value("at", index) is not UNSET:
+                continue
+            if min(x, y) < 0:
+                return []
+            again = self.value("repeat", index)
+            count, step = ((1, 1), (0, 0)) if again is UNSET else (again.count, again.step)
+            if len(blocks) + count[0] * count[1] > MANY_COPIES:
+                count = (1, 1)
+            for j in range(count[1]):
+                for i in range(count[0]):
+                    blocks.append((x + i * int(step[0]), y + j * int(step[1]), w, h))
+                    owners.append(index)
+        pairs = {(owners[later], owners[other]) for later, other in overlaps(blocks)}
+        first: dict[int, int] = {}
+        for later, other in sorted(pairs):
+            if later != other:
+                first.setdefault(later, other)
+        return list(first.items())
 
     def pointer(self, index: int) -> str:
         """JSON pointer of an element."""

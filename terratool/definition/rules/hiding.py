@@ -82,7 +82,7 @@ def _hidden_by_siblings(tree: Tree, filling: _Filling, begin: int, end: int) -> 
     blocks = [tree.block(index) for index in range(begin, end)]
     alone = {block: index for index, block in enumerate(blocks, begin) if filling.fills(index)}
     for index, block in enumerate(blocks, begin):
-        if surfaces[index] is UNSET:
+        if surfaces[index] is UNSET or block[0] < 0 or tree.value("repeat", index) is not UNSET:
             continue
         if alone.get(block, -1) > index:
             yield index
@@ -157,6 +157,8 @@ class _Filling:
 
     def _tiles(self, children: Sequence[int], columns: int, rows: int) -> bool:
         blocks = [self._tree.block(i) for i in children if i in self.tiled or self.fills(i)]
+        if self._tree.distinct("at") != {UNSET}:
+            blocks = [block for block in blocks if block[0] >= 0]
         if sum(width * height for _, _, width, height in blocks) < columns * rows:
             return False
         if any(

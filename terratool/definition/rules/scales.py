@@ -11,6 +11,7 @@ from terratool.definition.findings import Remark
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.rules.steps import cell_sides
 from terratool.definition.summaries import value_range
+from terratool.definition.tree import ROOT
 from terratool.text.display import shown
 
 _SAME = 1e-6
@@ -23,7 +24,7 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
     The default is the side of its cell by the side of the terrain: 0.1 in a grid of 10 × 10, 0.01
     one level further in. So an element without vScale has a height, which its primitive alone does
     not tell. Neighbours are the siblings, and for an only child all others of its level. Nothing
-    is said of voids and of primitives that are 0 everywhere.
+    is said of voids, of primitives that are 0 everywhere, and of elements in parts.
 
     Fails:
 
@@ -57,13 +58,13 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
     """
     tree = subject.tree
     scales = tree.column("v_scale")
-    if UNSET not in scales or tree.distinct("v_scale") == {UNSET}:
+    if subject.is_library or UNSET not in scales or tree.distinct("v_scale") == {UNSET}:
         return
     heights = _Heights(subject)
     alone: dict[int, list[int]] = {}
     for _, begin, end in tree.families:
-        if UNSET not in scales[begin:end]:
-            continue
+        if UNSET not in scales[begin:end] or tree.roots[tree.root_of[begin]] != ROOT:
+            continue  # in parts the default is that of the place
         own = [i for i in range(begin, end) if heights.by_default(i)]
         if end - begin == 1:
             alone.setdefault(bisect(tree.levels, begin), []).extend(own)

@@ -1,0 +1,264 @@
+"""Parts, and the elements that stand for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import UNSET
+
+from terratool.definition.findings import Remark
+from terratool.definition.model import LARGEST
+from terratool.definition.rules.base import Subject, rule
+from terratool.definition.rules.names import NameHints
+from terratool.definition.tree import part_pointer
+from terratool.text.display import escape, shown
+
+
+@rule("TT707", "unknown-part")
+def unknown_part(subject: Subject) -> Iterator[Remark]:
+    """The part of an element is a name that parts does not have, here or in a library.
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"crate": {"type": "box"}},
+          "elemTree": {
+            "type": "box",
+            "children": [
+              {"cellX": 0, "cellY": 0, "part": "crate"}, {"cellX": 1, "cellY": 0, "part": "Crate"}
+            ]
+          }
+        }
+
+    Passes:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"crate": {"type": "box"}},
+          "elemTree": {"type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "crate"}]}
+        }
+
+    To mend: write a name that is there, in the same case, or add the part or its library.
+    """
+    parts = subject.uses.names.parts
+    missing = subject.tree.distinct("part") - parts.keys() - {UNSET}
+    hints = NameHints(parts, "parts")
+    for index, name in subject.tree.having("part", missing):
+        hint, fix = hints[name]
+        yield Remark("/part", f"no part is called {shown(name)}.", hint, element=index, fix=fix)
+
+
+@rule("TT708", "part-circle")
+def part_circle(subject: Subject) -> Iterator[Remark]:
+    """A part contains itself, directly or through other parts.
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"tower": {
+            "type": "box", "children": [{"cellX": 4, "cellY": 4, "part": "tower"}]
+          }},
+          "elemTree": {"type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "tower"}]}
+        }
+
+    Passes:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"tower": {"type": "box", "children": [{"cellX": 4, "cellY": 4, "part": "top"}]},
+            "top": {"type": "box"}
+          },
+          "elemTree": {"type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "tower"}]}
+        }
+
+    To mend: take the part out of itself.
+    """
+    uses, tree = subject.uses, subject.tree
+    if not uses.circles:
+        return
+    own = {part_pointer(name): name for name in subject.definition.assemblies}
+    for index, name in tree.having("part", uses.circles):
+        outer = own.get(tree.roots[tree.root_of[index]])
+        if outer is not None and outer in uses.behind(name):
+            through = "itself" if outer == name else f"{shown(name)}, which contains it"
+            yield Remark(
+                "/part",
+                f"the part {shown(outer)} contains {through}.",
+                "Take it out, or put another part there.",
+                element=index,
+            )
+
+
+@rule("TT709", "beside-part")
+def beside_part(subject: Subject) -> Iterator[Remark]:
+    """An element with a part has a type, cells or children as well.
+
+    The part says what stands there, and what stands on it. Beside it may be the keys of its place,
+    descr, surface, vScale, vOffset and turnDeg.
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"crate": {"type": "box"}},
+          "elemTree": {
+            "type": "box", "children": [{"cellX": 0, "cellY": 0, "type": "box", "part": "crate"}]
+          }
+        }
+
+    Passes:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"crate": {"type": "box"}},
+          "elemTree": {"type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "crate"}]}
+        }
+
+    To mend: remove the key, or write the part out there.
+    """
+    tree = subject.tree
+    if tree.distinct("part") == {UNSET}:
+        return
+    for index, part in enumerate(tree.column("part")):
+        if part is UNSET:
+            continue
+        for key in ("type", "cells", "children"):
+            begin, end = tree.brood(index)
+            has = begin < end if key == "children" else tree.value(key, index) is not UNSET
+            if has:
+                message = f'the element has "{key}" beside "part".'
+                hint = f'Remove "{key}", or write the part out here.'
+                yield Remark(f"/{key}", message, hint, on_key=True, element=index)
+
+
+@rule("TT710", "part-turn")
+def part_turn(subject: Subject) -> Iterator[Remark]:
+    """A part is turned by other than a multiple of 90 degrees.
+
+    A part turns as a whole, with all cells in it, and cells stay aligned with the axes.
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"crate": {"type": "box"}},
+          "elemTree": {
+            "type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "crate", "turnDeg": 45}]
+          }
+        }
+
+    Passes:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"crate": {"type": "box"}},
+          "elemTree": {
+            "type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "crate", "turnDeg": 270}]
+          }
+        }
+
+    To mend: turn it by 0, 90, 180 or 270, or turn the elements in it.
+    """
+    tree = subject.tree
+    if tree.distinct("part") == {UNSET}:
+        return
+    for index, (part, turn) in enumerate(
+        zip(tree.column("part"), tree.column("turn_deg"), strict=True)
+    ):
+        if part is not UNSET and turn is not UNSET and turn % 90 != 0:
+            yield Remark(
+                "/turnDeg",
+                f"a part is turned by {shown(turn)} degrees, which is no multiple of 90.",
+                "Turn it by 0, 90, 180 or 270, or turn the elements in it.",
+                element=index,
+            )
+
+
+@rule("TT715", "beyond-limits")
+def beyond_limits(subject: Subject) -> Iterator[Remark]:
+    """The factors of parts in parts, or their sizes, go beyond what is computed.
+
+    The vScale of parts in parts are multiplied, and may reach 1e30 together. Parts with free places
+    in them may stand in up to 10,000 sizes.
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {
+            "low": {"type": "box"},
+            "high": {"type": "box", "children": [
+              {"cellX": 0, "cellY": 0, "part": "low", "vScale": 1e20}
+            ]}
+          },
+          "elemTree": {
+            "type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "high", "vScale": 1e20}]
+          }
+        }
+
+    Passes:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {
+            "low": {"type": "box"},
+            "high": {"type": "box", "children": [
+              {"cellX": 0, "cellY": 0, "part": "low", "vScale": 2}
+            ]}
+          },
+          "elemTree": {
+            "type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "high", "vScale": 3}]
+          }
+        }
+
+    To mend: lower the factors, or give the part the same size in more places.
+    """
+    uses = subject.uses
+    if subject.is_library or uses.circles:
+        return
+    for use, height in uses.tallest():
+        if height > LARGEST:
+            yield Remark(
+                "/part",
+                f"the heights of parts within {shown(use.part)} reach {height:.3g}, over 1e30.",
+                "Lower vScale here or in the part.",
+                element=use.element,
+            )
+
+
+@rule("TT717", "unused-part", "warning")
+def unused_part(subject: Subject) -> Iterator[Remark]:
+    """A part stands nowhere in the terrain.
+
+    Parts of libraries may wait for those who need them; a terrain's own are for itself.
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"crate": {"type": "box"}},
+          "elemTree": {"type": "box"}
+        }
+
+    Passes:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"crate": {"type": "box"}},
+          "elemTree": {"type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "crate"}]}
+        }
+
+    To mend: remove it, or let an element stand for it.
+    """
+    if subject.is_library or subject.uses.unknown or not len(subject.tree):
+        return
+    for name in subject.definition.assemblies:
+        if name not in subject.uses.reached:
+            yield Remark(
+                f"/parts/{escape(name)}",
+                f"no element stands for the part {shown(name)}.",
+                'Remove it, or name it by "part".',
+                on_key=True,
+            )
