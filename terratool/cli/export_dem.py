@@ -115,8 +115,9 @@ def command(
 
     Without --resolution a pixel is the least of a tenth of the smallest cell, the finest detail of
     a curve, a third of the narrowest track and a quarter of the shortest correlation length of a
-    rough surface, but the longer side has at most 4096. Pixels count from the south-west. Where they do not divide a side, their number is rounded to the nearest:
-    the last ones end up to half a pixel before or beyond the east and north sides.
+    rough surface, but the longer side has at most 4096. Pixels count from the south-west. Where
+    they do not divide a side, their number is rounded to the nearest: the last ones end up to half
+    a pixel before or beyond the east and north sides.
 
     With --tiles, OUTPUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
     Tiles that an interrupted run had finished are kept if they are unchanged.
