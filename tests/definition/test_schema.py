@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import terratool
 from terratool.definition.keys import KEYS
-from terratool.definition.model import Definition, Element, Primitive, Surface, Track
+from terratool.definition.model import Definition, Element, Primitive, Roughness, Surface, Track
 from terratool.definition.reader import Checked, check
 from terratool.text.source import Source
 from tests.schemas import subschemas
@@ -33,6 +33,7 @@ GOOD: Json = {
     "origin": [1, 2],
     "surfTypes": {
         "s": {"preset": "dry-sand", "color": [0, 0, 0], "cohesion": 1, "void": False},
+        "g": {"roughness": {"rms": 0.01, "correlation": 0.2, "seed": 7}},
         "r": {
             "cohesion": [1, 2],
             "fricAngle": [25, 31.5],
@@ -84,6 +85,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
     [
         (Definition, SCHEMA["properties"]),
         (Surface, SCHEMA["$defs"]["surface"]["properties"]),
+        (Roughness, SCHEMA["$defs"]["surface"]["properties"]["roughness"]["properties"]),
         (Primitive, SCHEMA["$defs"]["primitive"]["properties"]),
         (Element, SCHEMA["$defs"]["element"]["properties"]),
         (Element, SCHEMA["$defs"]["root"]["properties"]),
