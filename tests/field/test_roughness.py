@@ -1,4 +1,4 @@
-"""Reliefs of rough surfaces: the statistics that were asked for, wherever, and the bits that are told."""
+"""Reliefs of rough surfaces: the statistics that were asked for, and the same bits everywhere."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Window, grid_over
 from terratool.raster.painter import Painter
+from tests.commands import ROOT
 from tests.conftest import terrain_of
 from tests.oracle import relief
 
@@ -118,7 +119,7 @@ def test_no_place_in_a_cell_is_special() -> None:
 
 
 def test_heights_are_spread_as_those_of_natural_ground() -> None:
-    """Nearly normally: as much beyond one, two and three deviations, and neither skew nor pointed."""
+    """Nearly normally: as many beyond one, two and three deviations, neither skew nor pointed."""
     heights = plane({"rms": 1.0, "correlation": 0.3, "seed": 5}, 0.0, 0.0)
     assert abs((heights**3).mean()) < 0.1
     assert (heights**4).mean() == pytest.approx(3, abs=0.3)
@@ -190,9 +191,20 @@ def test_nothing_is_beyond_the_bounds() -> None:
 FAR = st.floats(-1e9, 1e9) | st.floats(-3, 3) | st.sampled_from([0.0, -0.0, 1e300, -1e17, 1e14])
 
 
-@given(
-    FAR, FAR, st.floats(1e-3, 1e3), st.floats(0, 10), st.integers(0, 2**53) | st.integers(0, 3)
-)
+def test_the_page_says_it_to_the_last_bit() -> None:
+    """Its Python is what the kernels compute."""
+    page = (ROOT / "docs" / "format.md").read_text("utf-8")
+    (code,) = (part for part in page.split("```")[1::2] if "def relief(" in part)
+    names: Json = {}
+    exec(code.removeprefix("python"), names)
+    x, y = np.random.default_rng(3).uniform(-1e5, 1e5, (2, 300))
+    found, _ = sampled({"rms": 0.03, "correlation": 0.7, "seed": 11}, x, y)
+    assert found.tolist() == [
+        names["relief"](*place, 0.03, 0.7, 11) for place in zip(x.tolist(), y.tolist(), strict=True)
+    ]
+
+
+@given(FAR, FAR, st.floats(1e-3, 1e3), st.floats(0, 10), st.integers(0, 2**53) | st.integers(0, 3))
 def test_a_height_is_told_to_the_last_bit(
     x: float, y: float, correlation: float, rms: float, seed: int
 ) -> None:
