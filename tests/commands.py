@@ -33,9 +33,9 @@ YARD: dict[str, Any] = {
     "elemTree": {
         "type": "flat", "vScale": 2, "surface": "sand", "cells": 2,
         "children": [
-            {"type": "ramp", "cellX": 1, "cellY": 0, "vScale": 5},
-            {"type": "flat", "cellX": 0, "cellY": 1, "surface": "hole"},
-            {"type": "step", "cellX": 1, "cellY": 1, "vScale": 10, "surface": "wet, grey"},
+            {"cellX": 1, "cellY": 0, "type": "ramp", "vScale": 5},
+            {"cellX": 0, "cellY": 1, "type": "flat", "surface": "hole"},
+            {"cellX": 1, "cellY": 1, "type": "step", "vScale": 10, "surface": "wet, grey"},
         ],
     },
 }  # fmt: skip

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import vehicle_from, vehicle_options
+from terratool.cli.options import library_root_option, library_roots, vehicle_from, vehicle_options
 from terratool.cli.terminal import Status, called, say
 from terratool.text.display import counted, listed, shown
 
@@ -66,6 +66,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> 
 )
 @click.option("--overwrite", is_flag=True, help="Replace OUT if it exists; it may be FILE itself.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was done as JSON.")
+@library_root_option
 def command(
     file: str,
     path_file: str,
@@ -100,7 +101,7 @@ def command(
     vehicle = vehicle_from(options)
     path = read_waypoints(path_file)
     with Status(f"reading {called(file)}") as status:
-        checked = load_checked(file)
+        checked = load_checked(file, library_roots())
         status.say("driving")
         deformed = deform(
             checked,

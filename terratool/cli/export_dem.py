@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import Names, roughness_option
+from terratool.cli.options import Names, library_root_option, roughness_option
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -83,9 +83,10 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 @click.option(
     "--losses/--no-losses", default=True, help="Whether to say what the pixels do not show."
 )
-@roughness_option
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+@roughness_option
+@library_root_option
 def command(
     file: str,
     output: str | None,
@@ -103,7 +104,6 @@ def command(
     dask: str | None,
     threads: int | None,
     losses: bool,
-    roughness: bool,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -142,7 +142,7 @@ def command(
         refuse_existing(Path(output), overwrite)
     if is_same_file(output, file):
         raise WriteError(f"{output}: is the definition itself.", "Choose another name.")
-    terrain = load(file, roughness=roughness)
+    terrain = load(file)
     why = "as asked"
     if resolution is None:
         resolution, why = default_resolution(terrain, bounds)

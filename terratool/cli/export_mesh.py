@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from terratool.cli.options import roughness_option
+from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ _OPTIONS = (
         "OUTPUT without its suffix. They fit each other; its tiles.json lists them.",
     ),
     roughness_option,
+    library_root_option,
     click.option("--overwrite", is_flag=True, help="Replace files that exist."),
     click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON."),
 )
@@ -151,7 +152,6 @@ class _Request:
     tile_faces: int | None
     overwrite: bool
     as_json: bool
-    roughness: bool
     elevation_grid: bool = False
     resolution: float | None = None
 
@@ -227,7 +227,7 @@ def _export_mesh(request: _Request) -> tuple[MeshReport, list[str]]:
     from terratool.text.display import counted, length
 
     _check_output(request)
-    terrain = load(request.file, roughness=request.roughness)
+    terrain = load(request.file)
     with Status("meshing") as status:
         report = export_mesh(
             terrain,
@@ -250,7 +250,7 @@ def _export_grid(request: _Request) -> tuple[ElevationGridReport, list[str]]:
     from terratool.mesh.elevation import export_elevation_grid
 
     _check_output(request)
-    terrain = load(request.file, roughness=request.roughness)
+    terrain = load(request.file)
     with Status("writing"):
         report = export_elevation_grid(
             terrain,
@@ -279,7 +279,7 @@ def _export_tiles(request: _Request) -> tuple[MeshTilesReport, list[str]]:
         raise WriteError(
             f"{folder}: holds the definition itself.", "Choose another folder for the tiles."
         )
-    terrain = load(request.file, roughness=request.roughness)
+    terrain = load(request.file)
     with Status("meshing") as status:
         report = export_tiles(
             terrain,

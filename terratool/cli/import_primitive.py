@@ -12,7 +12,7 @@ from terratool.cli.terminal import Status, called, say
 
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive, PrimitiveRequest
-    from terratool.importing.primitive.insert import CellPath, TargetDefinition
+    from terratool.importing.primitive.insert import CellPath, PrimitiveTarget
     from terratool.importing.sources import SampledHeights, SourceOptions
 
 _MOST_STEPS = 64
@@ -26,7 +26,7 @@ _MOST_STEPS = 64
 )
 @click.argument("source")
 @click.option("--name", required=True, metavar="NAME", help="Of the primitive.")
-@click.option("--into", metavar="FILE", help="Add it to this definition.")
+@click.option("--into", metavar="FILE", help="Add it to this terrain or library.")
 @click.option("--output", metavar="OUT", help="Write to this file instead.")
 @click.option(
     "--place",
@@ -151,7 +151,7 @@ def _read(
 
 def _deliver(
     imported: ImportedPrimitive,
-    target: TargetDefinition | None,
+    target: PrimitiveTarget | None,
     output: str | None,
     overwrite: bool,
     as_json: bool,
@@ -169,8 +169,8 @@ def _deliver(
         elements = imported.elements(place.cell, place.span) if place else []
         data = insert.text_with(target, imported.primitives(), elements)
         notes = insert.remarks(target, imported)
-        insert.write(target, data, overwrite)
-        written = str(target.output)
+        target.target.write(data, overwrite)
+        written = str(target.target.output)
     elif output is not None:
         with whole_file(output, overwrite) as path:
             path.write_text(primitives_text(imported.primitives()), encoding="utf-8", newline="\n")

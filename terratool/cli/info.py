@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import roughness_option
+from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load
 from terratool.text.display import printable
 
@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     help="Write the footprints of elements and the lines of tracks as GeoJSON, in its crs.",
 )
 @roughness_option
-def command(file: str, as_json: bool, geojson: bool, roughness: bool) -> None:
+@library_root_option
+def command(file: str, as_json: bool, geojson: bool) -> None:
     """Say what a terrain consists of: size, elements, heights, memory."""
     if as_json and geojson:
         raise click.UsageError("--json and --geojson are two formats. Choose one.")
     from terratool.field.summary import summarise
 
-    terrain = load(file, roughness=roughness)
+    terrain = load(file)
     if geojson:
         with Status("writing"):
             _write_geojson(terrain)

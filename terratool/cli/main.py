@@ -16,6 +16,7 @@ from terratool.errors import TerratoolError, interruption, reason
 _COMMANDS = {
     "validate": ("validate", "Check terrains and vehicles and say what is wrong, and where."),
     "format": ("format_", "Lay definitions out in the canonical way."),
+    "add": ("add", "Add an element to a terrain or a library."),
     "info": ("info", "Say what a terrain consists of."),
     "query": ("query", "Answer height, surface, element and normal at points."),
     "export-dem": ("export_dem", "Write a raster: heights, surfaces, slopes, soils, …."),

@@ -31,12 +31,51 @@ class Names(click.Choice[str]):
         return f"{message} Did you mean {close[0]}?" if close else message
 
 
-def roughness_option(command: _Command) -> _Command:
-    """Add the option to a command; it gets it as `roughness`."""
-    text = "Leave out the relief of rough surfaces."
-    return click.option(
-        "--no-roughness", "roughness", is_flag=True, default=True, flag_value=False, help=text
-    )(command)
+_ROOTS = "terratool.library_roots"
+
+
+def _keep_roots(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> None:
+    ctx.meta[_ROOTS] = value
+
+
+library_root_option = click.option(
+    "--library-root",
+    multiple=True,
+    metavar="DIR",
+    type=click.Path(exists=True, file_okay=False),
+    expose_value=False,
+    callback=_keep_roots,
+    help="Libraries may lie under this folder, too, not only under that of the file and the "
+    "current one; may be repeated.",
+)
+
+
+def library_roots() -> tuple[str, ...]:
+    """The folders that --library-root names."""
+    context = click.get_current_context(silent=True)
+    return () if context is None else context.meta.get(_ROOTS, ())
+
+
+_ROUGHNESS = "terratool.roughness"
+
+
+def _keep_roughness(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    ctx.meta[_ROUGHNESS] = not value
+
+
+roughness_option = click.option(
+    "--no-roughness",
+    is_flag=True,
+    expose_value=False,
+    callback=_keep_roughness,
+    help="Leave out the relief of rough surfaces.",
+)
+
+
+def has_roughness() -> bool:
+    """Whether rough surfaces have their relief; not with --no-roughness."""
+    context = click.get_current_context(silent=True)
+    return True if context is None else context.meta.get(_ROUGHNESS, True)
 
 
 def source_options(command: _Command) -> _Command:

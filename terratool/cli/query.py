@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from terratool.cli.options import roughness_option
+from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
 from terratool.text.display import printable, shown
@@ -50,9 +50,8 @@ Point = tuple[float, float]
     help="How the answers are written.",
 )
 @roughness_option
-def command(
-    file: str, coordinates: tuple[str, ...], points: str | None, form: str, roughness: bool
-) -> None:
+@library_root_option
+def command(file: str, coordinates: tuple[str, ...], points: str | None, form: str) -> None:
     """Answer height, surface, element and normal at points.
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
@@ -64,7 +63,7 @@ def command(
         raise click.UsageError("Give points either as X Y pairs or with --points.")
     given = _from_arguments(coordinates) if points is None else None
 
-    terrain = load(file, roughness=roughness)
+    terrain = load(file)
     source = iter(given) if given is not None else _from_csv(str(points))
     write, names = _write_json, list(terrain.surfaces)
     if form == "csv":

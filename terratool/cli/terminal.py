@@ -134,14 +134,15 @@ def say(line: str, err: bool = False) -> None:
     click.echo(printable(line), err=err)
 
 
-def load(file: str, *, roughness: bool = True) -> Terrain:
-    """Read, check and compile a definition; its rough surfaces with their relief or without.
+def load(file: str) -> Terrain:
+    """Read, check and compile a definition, as the options that commands share say.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it is no valid terrain.
     """
+    from terratool.cli.options import has_roughness, library_roots
     from terratool.field import terrain
 
     with Status(f"reading {called(file)}"):
-        return terrain.load(file, roughness=roughness)
+        return terrain.load(file, library_roots(), roughness=has_roughness())

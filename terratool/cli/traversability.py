@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import Names, roughness_option, vehicles_from, vehicles_options
+from terratool.cli.options import (
+    Names,
+    library_root_option,
+    roughness_option,
+    vehicles_from,
+    vehicles_options,
+)
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -130,9 +136,10 @@ SAMPLES = (256, 16, 1024)  # the default, least and most
     help="End with 1 if no-route, caution, no-go or unknown, or on a figure: no-go-fraction>0.3.",
 )
 @click.option("--threads", type=click.IntRange(1), metavar="N", help="Default: all processors.")
-@roughness_option
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Write the report as JSON, no table.")
+@roughness_option
+@library_root_option
 def command(
     file: str,
     model: str,
@@ -150,7 +157,6 @@ def command(
     seed: int,
     conditions: tuple[str, ...],
     threads: int | None,
-    roughness: bool,
     overwrite: bool,
     as_json: bool,
     **values: Any,
@@ -207,8 +213,7 @@ def command(
         samples=samples,
         seed=seed,
     )
-    terrain = load(file, roughness=roughness)
-    planned, notes = prepare(terrain, vehicles, request, map_path=map_, overwrite=overwrite)
+    planned, notes = prepare(load(file), vehicles, request, map_path=map_, overwrite=overwrite)
     doing = "judging" if planned[0].pixels else "looking for ways"
     # every file is complete before the first one takes its place
     with Status(doing, planned[0].pixels) as progress, contextlib.ExitStack() as stack:

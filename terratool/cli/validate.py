@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 import msgspec
@@ -17,16 +17,18 @@ from msgspec import structs
 
 from terratool.cli.baseline import Known, read_baseline, write_baseline
 from terratool.cli.config import Config, find_config, read_config
+from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called, say
 from terratool.definition.findings import Finding
-from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.libraries import Shelf
+from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
 from terratool.text.display import counted, printable, shown
 from terratool.text.edit import apply_edits
-from terratool.text.source import Source, read_source, sources, write_source
+from terratool.text.source import Source, is_folder, read_source, real_path, sources, write_source
 
 _ALL = 10**9
 _MOST_FINDINGS = 1000
@@ -180,6 +182,8 @@ class _Found:
     unreadable: list[Unreadable] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
+    paths: set[str] = field(default_factory=set)
+    libraries: set[str] = field(default_factory=set)
     valid: int = 0
     known: int = 0
 
@@ -207,6 +211,19 @@ class _Found:
         self.counts += counts
         self.findings += findings
         self.files.append(name)
+        self.paths.add(real_path(name))
+
+    def add_libraries(self, libraries: Iterable[Checked], *given: Any) -> None:
+        """Count the libraries that a file uses, and that were not met before."""
+        for library in libraries:
+            real = real_path(library.name)
+            if real not in self.paths:
+                self.add(library.name, library, *given)
+                self.libraries.add(real)
+
+    def is_library(self, name: str) -> bool:
+        """Whether a file was met as a library of another."""
+        return name != "-" and real_path(name) in self.libraries
 
     def report(self, limit: int, statistics: bool) -> ValidationReport:
         """All of it, with so many findings."""
@@ -228,7 +245,9 @@ class _Found:
         )  # fmt: skip
 
 
-def _mended(name: str, source: Source, options: CheckOptions, status: Status) -> Source:
+def _mended(
+    name: str, source: Source, options: CheckOptions, status: Status, shelf: Shelf
+) -> Source:
     """A text without what has one answer; its file is written anew if there was any.
 
     Raises:
@@ -241,14 +260,14 @@ def _mended(name: str, source: Source, options: CheckOptions, status: Status) ->
         )
     data, count = source.data, 0
     options = structs.replace(options, limit=_ALL)
-    checked = check(source, options, kind=None)
+    checked = check(source, options, kind=None, shelf=shelf)
     # an error of syntax hides all others, so that there may be many rounds
     for _ in range(_ROUNDS):
         edits = [finding.fix for finding in checked.findings if finding.fix is not None]
         if not edits:
             break
         mended = apply_edits(data, edits)
-        after = check(structs.replace(source, data=mended), options, kind=None)
+        after = check(structs.replace(source, data=mended), options, kind=None, shelf=shelf)
         # keys that would stand twice stay as they are
         if after.counts["TT102"] > checked.counts["TT102"]:
             break
@@ -266,12 +285,14 @@ def _mended(name: str, source: Source, options: CheckOptions, status: Status) ->
 
 
 def _is_definition(name: str) -> bool:
-    """Whether a file has keys of a terrain or a vehicle at its top."""
+    """Whether a file has keys of a terrain, a library or a vehicle at its top."""
     try:
         members = msgspec.json.decode(read_source(name).data, type=dict[str, msgspec.Raw])
     except (msgspec.MsgspecError, RecursionError, UnicodeError, ReadError):
         return False
-    return not members.keys().isdisjoint(("size", "elemTypes", "elemTree", "mass", "wheels"))
+    return not members.keys().isdisjoint(
+        ("size", "surfTypes", "elemTypes", "elemTree", "parts", "mass", "wheels")
+    )
 
 
 def _by_severity(counts: Counter[str]) -> Counter[str]:
@@ -287,6 +308,116 @@ def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str
             yield from sources(name)
         except ReadError as error:
             unreadable.append(Unreadable(name, error.message, error.hint))
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """Files to check, and how.
+
+    Attributes:
+        names: of files and folders, as they are given.
+        roots: folders under which libraries may lie.
+        compared: what the baseline knows is left out.
+    """
+
+    names: tuple[str, ...]
+    plan: _Plan
+    settings: Config
+    roots: tuple[str, ...] = ()
+    compared: bool = True
+
+    def listed(self) -> list[str]:
+        """The files that are there now and are to be checked."""
+        return [name for name in _names(self.names, []) if not self.plan.writes(name)]
+
+    def done(self, look: Callable[[str, CheckOptions], Checked], status: Status) -> _Found:
+        """Check all files, one after the other.
+
+        Args:
+            look: reads a file and checks it.
+            status: says which.
+
+        Raises:
+            ReadError: the baseline cannot be read.
+            WriteError: a file that is to be checked would be written over.
+        """
+        plan, found = self.plan, _Found()
+        known = Known(plan.baseline) if plan.baseline is not None and self.compared else None
+        for name in _names(self.names, found.unreadable):
+            status.say(f"checking {called(name)}")
+            if plan.writes(name):
+                if name in self.names or _is_definition(name):
+                    raise WriteError(f"{name}: is to be checked.", "Write elsewhere.")
+                continue  # met in a folder
+            room = _ALL if plan.baseline is not None else max(0, plan.limit - len(found.findings))
+            options = plan.options(self.settings, name, room)
+            options = structs.replace(options, library_roots=self.roots)
+            if found.is_library(name):
+                continue
+            try:
+                checked = look(name, options)
+            except ReadError as error:
+                found.unreadable.append(Unreadable(name, error.message, error.hint))
+                continue
+            found.add(name, checked, options, known, plan.strict)
+            found.add_libraries(checked.libraries, options, known, plan.strict)
+        return found
+
+    def watch(self, statistics: bool) -> NoReturn:
+        """Report on all files, and again whenever some have changed, until Ctrl-C.
+
+        Raises:
+            KeyboardInterrupt: that was pressed.
+            ReadError, WriteError: as of `done`.
+        """
+        from terratool.cli.watch import Watch
+
+        watch = Watch(self.listed)
+        limit = _ALL if self.plan.baseline is not None else self.plan.limit
+        watched = False
+        while True:
+            with Status("checking") as status:
+                found = self.done(
+                    lambda name, options: watch.look(name, structs.replace(options, limit=limit)),
+                    status,
+                )
+            if self.plan.form != "sarif":
+                _say_unreadable(found)
+            _write(found.report(self.plan.limit, statistics), self.plan)
+            if not watched:
+                files = counted(len(found.files) + len(found.unreadable), "file")
+                say(f"terratool: watching {files}; Ctrl-C ends it.", err=True)
+                watched = True
+            for name in watch.wait():
+                say(f"terratool: {name}: has changed.", err=True)
+
+
+def _refuse_watching(names: tuple[str, ...], fix: bool, update_baseline: bool) -> None:
+    for option, given in (("--fix", fix), ("--update-baseline", update_baseline)):
+        if given:
+            raise click.UsageError(f"--watch only looks, and {option} writes. Drop one of them.")
+    if "-" in names:
+        raise click.UsageError("--watch needs files, and - is none. Name a file or a directory.")
+
+
+def _say_unreadable(found: _Found) -> None:
+    """Say which files could not be read."""
+    for file in found.unreadable:
+        click.echo(f"terratool: {printable(file.message)}\n  {printable(file.hint)}", err=True)
+
+
+def _write(report: ValidationReport, plan: _Plan) -> None:
+    """Write a report to files and standard output.
+
+    Raises:
+        WriteError: a file cannot be written.
+    """
+    for form, out in plan.outputs:
+        with whole_file(out, overwrite=True) as part:
+            text = click.unstyle(REPORTERS[form](report))
+            part.write_text(text + "\n", encoding="utf-8", newline="\n")
+    color = False if os.environ.get("NO_COLOR") else None
+    click.echo(REPORTERS[plan.form](report), color=color)
 
 
 @click.command(
@@ -332,6 +463,12 @@ def _names(given: tuple[str, ...], unreadable: list[Unreadable]) -> Iterator[str
 @click.option("--update-baseline", is_flag=True, help="Write all findings into the baseline.")
 @click.option("--statistics", is_flag=True, help="Say how often each rule was broken.")
 @click.option("--fix", is_flag=True, help="Mend in place what can be mended in one way only.")
+@click.option(
+    "--watch",
+    is_flag=True,
+    help="Check again whenever a file, or a library that it uses, changes.",
+)
+@library_root_option
 @click.option("--config", "config_file", metavar="FILE", help="Settings, in place of those found.")
 @click.pass_context
 def command(
@@ -342,15 +479,19 @@ def command(
     update_baseline: bool,
     statistics: bool,
     fix: bool,
+    watch: bool,
     config_file: str | None,
     **given: Any,
 ) -> None:
-    """Check terrains and vehicles and say what is wrong, where, and what to do.
+    """Check terrains, libraries and vehicles and say what is wrong, where, and what to do.
 
-    A file is a vehicle if its $schema says so, or else most of its keys; all others are terrains.
+    A file is a vehicle or a library if its $schema says so, or else its keys; all others are
+    terrains.
     FILE may be gzipped, and - is standard input; of a DIR all *.json and *.json.gz are checked, but
-    nothing whose name begins with a dot. Exits 0 if all are valid, 1 if one is not, 3 if one cannot
-    be read. A text that is not JSON is an error whatever is selected.
+    nothing whose name begins with a dot. Libraries that a terrain uses are checked, too, each once.
+    Exits 0 if all are valid, 1 if one is not, 3 if one cannot be read. A text that is not JSON is
+    an error whatever is selected. With --watch there is one report after another, each on all
+    files; Ctrl-C ends it with exit code 130.
 
     Settings are those of .terratool.toml, or of [tool.terratool] in pyproject.toml, in this folder
     or the nearest one above; options outrank them.
@@ -367,29 +508,23 @@ def command(
             raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
         if Path(plan.baseline).exists():
             read_baseline(plan.baseline)  # no other file is written over
-    known = None if plan.baseline is None or update_baseline else Known(plan.baseline)
-    found = _Found()
+    roots = library_roots() + tuple(filter(is_folder, names))
+    job = _Job(names, plan, settings, roots, compared=not update_baseline)
+    if watch:
+        _refuse_watching(names, fix, update_baseline)
+        job.watch(statistics)
+    shelf = new_shelf(CheckOptions(library_roots=roots))
     with Status("checking") as status:
-        for name in _names(names, found.unreadable):
-            status.say(f"checking {called(name)}")
-            if plan.writes(name):
-                if name in names or _is_definition(name):
-                    raise WriteError(f"{name}: is to be checked.", "Write elsewhere.")
-                continue  # met in a folder
-            room = _ALL if plan.baseline is not None else max(0, plan.limit - len(found.findings))
-            options = plan.options(settings, name, room)
-            try:
-                source = read_source(name)
-            except ReadError as error:
-                found.unreadable.append(Unreadable(name, error.message, error.hint))
-                continue
+
+        def look(name: str, options: CheckOptions) -> Checked:
+            source = read_source(name)
             if fix:
-                source = _mended(name, source, options, status)
-            checked = check(source, options, kind=None)
-            found.add(name, checked, options, known, plan.strict)
+                source = _mended(name, source, options, status, shelf)
+            return check(source, options, kind=None, shelf=shelf)
+
+        found = job.done(look, status)
     if plan.form != "sarif" or update_baseline:
-        for file in found.unreadable:
-            click.echo(f"terratool: {printable(file.message)}\n  {printable(file.hint)}", err=True)
+        _say_unreadable(found)
     if update_baseline and found.unreadable:
         raise ReadError(
             f"{plan.baseline}: was not written, as not all files could be read.",
@@ -401,10 +536,5 @@ def command(
         say(f"{plan.baseline}: {counted(len(found.lasting), 'finding')} known now.")
         ctx.exit(0)
     report = found.report(plan.limit, statistics)
-    for form, out in plan.outputs:
-        with whole_file(out, overwrite=True) as part:
-            text = click.unstyle(REPORTERS[form](report))
-            part.write_text(text + "\n", encoding="utf-8", newline="\n")
-    color = False if os.environ.get("NO_COLOR") else None
-    click.echo(REPORTERS[plan.form](report), color=color)
+    _write(report, plan)
     ctx.exit(3 if found.unreadable else int(report.summary.invalid > 0))

@@ -451,6 +451,8 @@ class _Decoder:
                 self._convert_column(key, slot, columns[slot.name])
             else:
                 columns[slot.name] = [UNSET] * len(values)
+        if "part" in used:  # they are told of even where there are none
+            columns["children"] = [() if "children" in value else UNSET for value in values]
         self._own_keys(used - SLOTS[Element].keys(), values)
         return Tree([], families, levels, columns, tuple(roots))
 

@@ -1,4 +1,4 @@
-"""The canonical layout of terrains and vehicles: the order of keys, and what stands on lines."""
+"""The canonical layout of terrains, libraries and vehicles: keys in order, lines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,15 @@ import json
 from typing import Any
 
 from terratool.definition.keys import ALL_KEYS, NESTED, document_kind
-from terratool.definition.model import Definition, Element, Library, Primitive, Surface, Track
+from terratool.definition.model import (
+    Definition,
+    Element,
+    Library,
+    Primitive,
+    Repeat,
+    Surface,
+    Track,
+)
 from terratool.definition.vehicle import VehicleText
 from terratool.text import format as text_format
 from terratool.text.format import Layout
@@ -27,14 +35,16 @@ def _layouts() -> dict[type, Layout]:
     for kind, members in NESTED.items():
         for key, nested in members.items():
             layout = layouts[nested.kind]
-            if nested.form in ("list", "dictionary"):
+            if nested.form in ("list", "dictionary") or key == "parts":
                 layout = Layout(items=layout, broken=key != "axles")
             layouts[kind].members[key] = layout
+    layouts[Element].members["repeat"] = layouts[Repeat]
     return layouts
 
 
 _LAYOUTS = _layouts()
 TERRAIN, VEHICLE = _LAYOUTS[Definition], _LAYOUTS[VehicleText]
+"""That of terrains is that of libraries, too, whose keys are some of a terrain's."""
 
 
 def canonical(text: str) -> str:

@@ -17,7 +17,7 @@ from terratool.definition.keys import Kind, document_kind
 from terratool.definition.model import Element, Library, Primitive, Surface
 from terratool.errors import ReadError, reason
 from terratool.text.display import shown
-from terratool.text.source import Source, read_source
+from terratool.text.source import Source, read_source, real_path
 
 if TYPE_CHECKING:
     from terratool.text.syntax import JsonSyntaxError
@@ -153,13 +153,18 @@ class Shelf:
             read: makes a document of a text that is a library.
             roots: folders beside the current one under which libraries may lie.
         """
-        self._roots = [os.path.realpath(root) for root in (".", *roots)]
+        self._roots = [real_path(root) for root in (".", *roots)]
         self._read = read
         self._documents: dict[str, Document | tuple[str, str, str]] = {}
 
+    @property
+    def files(self) -> list[str]:
+        """The real paths of all that were looked for, whether they are there or not."""
+        return list(self._documents)
+
     def link(self, document: Document) -> None:
         """Open all libraries that a file uses, directly or through others."""
-        base = os.path.realpath(document.folder)
+        base = real_path(document.folder)
         if document.real and document.kind == "library":
             self._documents.setdefault(document.real, document)
         pending, count = [document], 0
@@ -198,7 +203,7 @@ class Shelf:
         if wrong is not None:
             return "TT702", *wrong
         name = os.path.normpath(Path(user.folder, path))
-        real = os.path.realpath(name)
+        real = real_path(name)
         if not any(_is_under(real, root) for root in (base, *self._roots)):
             return (
                 "TT702",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -40,7 +39,7 @@ from terratool.errors import DefinitionError
 from terratool.text.display import counted, shown, unescape
 from terratool.text.edit import Edit
 from terratool.text.scan import value_end
-from terratool.text.source import Source, read_source
+from terratool.text.source import Source, read_source, real_path
 from terratool.text.values import Repeated, read_values, repeated_keys
 
 if TYPE_CHECKING:
@@ -288,7 +287,7 @@ def check(
     with _no_collector():
         document = read_document(source, kind, options.limit)
         if document.model.used and source.name != "<stdin>":
-            document.real = os.path.realpath(source.name)
+            document.real = real_path(source.name)
         (shelf or new_shelf(options)).link(document)
         libraries = tuple(_checked(library, options) for library in document.reached())
         return structs.replace(_checked(document, options, libraries), libraries=libraries)

@@ -59,9 +59,11 @@ def mixed(key: int) -> int:
 def relief_of(roughness: Roughness) -> NDArray[Any]:
     """The RELIEF of a roughness, (1,)."""
     relief = np.zeros(1, RELIEF)
+    if roughness.rms is UNSET or roughness.correlation is UNSET:
+        return relief  # a rule says where there is none
     seed = 0 if roughness.seed is UNSET else roughness.seed
-    relief["per"] = CELLS_PER_CORRELATION / np.float64(roughness.correlation)
-    relief["scale"] = SCALE_PER_RMS * np.float64(roughness.rms)
+    relief["per"] = CELLS_PER_CORRELATION / roughness.correlation
+    relief["scale"] = SCALE_PER_RMS * roughness.rms
     relief["key"] = np.uint64(mixed(seed + 1))
     return relief
 

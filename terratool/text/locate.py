@@ -62,6 +62,18 @@ def offsets(data: bytes, addresses: Sequence[Address], repeated: bool = False) -
         return [len(text.text[: text.offset(*address)].encode()) for address in addresses]
 
 
+def value_at(data: bytes, pointer: str) -> bytes | None:
+    """The text of the value that a JSON pointer names; None where there is none.
+
+    Args:
+        data: a JSON text in UTF-8, in which no key stands twice in an object.
+        pointer: of the value, not empty.
+    """
+    # what is absent is where its parent is, and no value begins where its parent does
+    above, at = offsets(data, [Address(pointer.rpartition("/")[0]), Address(pointer)])
+    return None if at == above else data[at : value_end(data, at, len(data))]
+
+
 def positions_of(data: bytes, at: Sequence[int]) -> list[Position]:
     """Line, column and surroundings of offsets in bytes; CRLF, LF and CR end a line."""
     found = {}

@@ -93,13 +93,23 @@ def write_source(source: Source, path: str | Path, overwrite: bool) -> None:
 PLAIN, ALL = (".json",), (".json", ".json.gz")
 
 
+def is_folder(name: str) -> bool:
+    """Whether a name is that of a directory."""
+    return name != "-" and os.path.isdir(name)  # noqa: PTH112, that of Path raises
+
+
+def real_path(name: str) -> str:
+    """The path of a file without links, or the name itself if it can be none."""
+    return name if "\0" in name else os.path.realpath(name)
+
+
 def sources(name: str, endings: tuple[str, ...] = ALL) -> Iterator[str]:
     """The file of that name, or all in the directory of that name with these endings, in order.
 
     Raises:
         ReadError: the directory has none, or one in it cannot be listed; after the others.
     """
-    if name == "-" or not os.path.isdir(name):  # noqa: PTH112, that of Path raises
+    if not is_folder(name):
         yield name
         return
     found = False

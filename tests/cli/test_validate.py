@@ -559,7 +559,9 @@ def test_rules_as_markdown() -> None:
     for section in page.split("\n## ")[1:]:
         assert "\nTo mend: " in section
         block = re.findall(
-            r"^Passes[^\n]*:\n+```json\n(.*?)^```$", section, re.MULTILINE | re.DOTALL
+            r"^Passes[^\n]*:\n+(?:beside.*?```\n\n)*```json\n(.*?)^```$",
+            section,
+            re.MULTILINE | re.DOTALL,
         )
         assert block, section
         assert all({"size", "mass"} & json.loads(text).keys() for text in block)

@@ -15,17 +15,28 @@ from hypothesis import strategies as st
 
 import terratool
 from terratool.definition.keys import KEYS
-from terratool.definition.model import Definition, Element, Primitive, Roughness, Surface, Track
+from terratool.definition.model import (
+    Definition,
+    Element,
+    Library,
+    Primitive,
+    Repeat,
+    Roughness,
+    Surface,
+    Track,
+)
 from terratool.definition.reader import Checked, check
+from terratool.definition.rules.presence import PLACEMENT
 from terratool.text.source import Source
 from tests.schemas import subschemas
 from tests.strategies import Json, definitions
 
 SCHEMA = terratool.schema()
+LIBRARY = terratool.schema("library")
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 HERE = Path(__file__).parents[1]
 STRUCTURAL = {"TT103", "TT104", "TT105", "TT106", "TT110", "TT303", "TT305", "TT405"}
-STRUCTURAL |= {"TT601", "TT602"}
+STRUCTURAL |= {"TT601", "TT602", "TT709", "TT711"}
 """Codes of what a schema can see: not names, grids, formulas or the order of knots."""
 
 GOOD: Json = {
@@ -46,8 +57,13 @@ GOOD: Json = {
         "type": "p",
         "surface": "s",
         "cells": [3, 3],
-        "children": [{"type": "r", "cellX": 1, "cellY": 1, "span": [1, 2], "vScale": 2}],
+        "children": [
+            {"type": "r", "cellX": 1, "cellY": 1, "span": [1, 2], "vScale": 2},
+            {"part": "q", "cellX": 0, "cellY": 0, "repeat": {"count": [2, 3], "step": [1, 1]}},
+            {"at": [2, 3], "extent": [1, 2], "type": "p", "turnDeg": 30},
+        ],
     },
+    "parts": {"q": {"type": "p", "children": [{"at": [0.1, 0.1], "extent": 0.1, "type": "r"}]}},
     "tracks": [
         {"path": [[1, 2], [8, 2], [8, 4]], "width": 0.5, "load": 1, "depth": {"s": 0.5}},
         {"path": [[2, 2], [2, 9]], "width": 1, "depth": 0.25, "passes": 2, "multipass": 2},
@@ -84,19 +100,22 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
     ("kind", "properties"),
     [
         (Definition, SCHEMA["properties"]),
+        (Library, LIBRARY["properties"]),
+        (Repeat, SCHEMA["$defs"]["element"]["properties"]["repeat"]["properties"]),
         (Surface, SCHEMA["$defs"]["surface"]["properties"]),
         (Roughness, SCHEMA["$defs"]["surface"]["properties"]["roughness"]["properties"]),
         (Primitive, SCHEMA["$defs"]["primitive"]["properties"]),
         (Element, SCHEMA["$defs"]["element"]["properties"]),
         (Element, SCHEMA["$defs"]["root"]["properties"]),
+        (Element, SCHEMA["$defs"]["part"]["properties"]),
         (Track, SCHEMA["$defs"]["track"]["properties"]),
     ],
 )
 def test_has_the_keys_of_the_reader(kind: type, properties: Json) -> None:
     """Its keys are those that the reader knows, no more and no fewer."""
-    keys = {*KEYS[kind], "x-ignore"}
-    if properties is SCHEMA["$defs"]["root"]["properties"]:
-        keys -= {"cellX", "cellY", "span"}
+    keys = {*KEYS[kind], "x-ignore"} if kind is not Repeat else {*KEYS[kind]}
+    if properties in (SCHEMA["$defs"][name]["properties"] for name in ("root", "part")):
+        keys -= PLACEMENT.keys()
     assert set(properties) == keys
 
 
@@ -142,6 +161,7 @@ REPLACEMENTS = [
 ]  # fmt: skip
 NEW_KEYS = ["x-note", "x-ignore",
             "x-", "X-note", "x", "y", "z", "cellx", "cellX", "cellY", "span", "type",
+            "at", "extent", "repeat", "part", "parts", "use", "count", "step",
             "combine", "preset", "color", "descr", "size", "$schema", "crs", "origin", "children",
             ""]  # fmt: skip
 
@@ -186,6 +206,12 @@ def test_agrees_with_the_reader_on_mutations(definition: Json, data: st.DataObje
     "elemTree/vOffset", "elemTree/turnDeg", "elemTree/cells", "elemTree/children", "elemTree/cellX",
     "elemTree/span", "elemTree/children/0", "elemTree/children/0/cellX",
     "elemTree/children/0/span", "elemTree/children/0/cells", "elemTree/children/0/type",
+    "use", "parts", "parts/q", "parts/q/type", "parts/q/children/0/at", "elemTree/children/1/part",
+    "elemTree/children/1/repeat", "elemTree/children/1/repeat/count",
+    "elemTree/children/1/repeat/step", "elemTree/children/1/cells", "elemTree/children/1/type",
+    "elemTree/children/1/children", "elemTree/children/1/at", "elemTree/children/2/at",
+    "elemTree/children/2/extent", "elemTree/children/2/cellX", "elemTree/children/2/span",
+    "elemTree/at", "elemTree/repeat", "parts/q/cellX", "parts/q/extent",
 ])  # fmt: skip
 def test_agrees_with_the_reader_on_each_key(pointer: str) -> None:
     """For every key, any one value is taken by both or refused by both."""
@@ -197,6 +223,30 @@ def test_agrees_with_the_reader_on_each_key(pointer: str) -> None:
             owner = owner[int(step) if isinstance(owner, list) else step]
         owner[int(last) if isinstance(owner, list) else last] = copy.deepcopy(value)
         agree(definition)
+
+
+def test_the_schemas_say_the_same_of_what_both_have() -> None:
+    """What libraries and terrains have in common is told alike."""
+    for key, inner in LIBRARY["properties"].items():
+        if key != "$schema":
+            assert inner == SCHEMA["properties"][key]
+    for name, inner in LIBRARY["$defs"].items():
+        assert inner == SCHEMA["$defs"][name]
+    jsonschema.Draft202012Validator.check_schema(LIBRARY)
+
+
+@given(st.sampled_from(["parts", "elemTypes", "surfTypes", "use", "size", "descr"]), st.data())
+def test_the_schema_of_libraries_agrees_with_the_reader(key: str, data: st.DataObject) -> None:
+    """A library whose keys are dropped or changed has one verdict, too."""
+    library = {name: copy.deepcopy(GOOD[name]) for name in ("surfTypes", "elemTypes", "parts")}
+    library[key] = copy.deepcopy(data.draw(st.sampled_from(REPLACEMENTS)))
+    checked = check(Source("t.json", json.dumps(library).encode()), kind="library")
+    codes = {f.code for f in checked.findings if f.severity == "error"}
+    valid = jsonschema.Draft202012Validator(LIBRARY).is_valid(library)
+    if not codes:
+        assert valid
+    elif codes <= STRUCTURAL:
+        assert not valid, checked.findings
 
 
 @pytest.mark.parametrize("value", [2.0, 1e20, 9007199254740992.0, -3, 1.5, 10**30, 10**200])

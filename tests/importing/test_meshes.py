@@ -371,7 +371,7 @@ def test_a_terrain_comes_back_as_heights(tmp_path: Path) -> None:
             },
             "elemTree": {
                 "type": "slope", "vScale": 0.75, "cells": [6, 4],
-                "children": [{"type": "kerb", "cellX": 3, "cellY": 0, "span": [3, 4], "vScale": 2}],
+                "children": [{"cellX": 3, "cellY": 0, "span": [3, 4], "type": "kerb", "vScale": 2}],
             },
         }
     )  # fmt: skip

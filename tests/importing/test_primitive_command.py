@@ -19,7 +19,6 @@ from terratool.importing.primitive.insert import (
     parse_cell_path,
     target_of,
     text_with,
-    write,
 )
 from tests.commands import call as run
 from tests.rasters import geotiff
@@ -32,7 +31,7 @@ SITE: dict[str, Any] = {
     "elemTypes": {"ground": {"x": [0, 0], "x-ignore": ["TT308"]}, "plate": {"x": [1]}},
     "elemTree": {
         "type": "ground", "surface": "sand", "cells": [3, 2],
-        "children": [{"type": "plate", "cellX": 0, "cellY": 1, "vScale": 3, "cells": [4, 5]}],
+        "children": [{"cellX": 0, "cellY": 1, "type": "plate", "vScale": 3, "cells": [4, 5]}],
     },
 }  # fmt: skip
 ENTRY = {"x": [0, 0.25, 1], "y": [1, 0.5]}
@@ -101,7 +100,7 @@ def test_what_is_placed_answers_the_patch_within_the_error(dem: Path, site: Path
     assert run("validate", "--strict", site).code == 0
     assert set(before.decode().splitlines()) - set(text.splitlines()) == {
         '    "plate": { "x": [1] }',
-        '      { "type": "plate", "cellX": 0, "cellY": 1, "vScale": 3, "cells": [4, 5] }',
+        '      { "cellX": 0, "cellY": 1, "type": "plate", "vScale": 3, "cells": [4, 5] }',
     }
 
 
@@ -199,7 +198,7 @@ def added(path: Path, place: CellPath | None = None, output: Path | None = None)
     """Add an entry, and an element where a place is given."""
     target = target_of(str(path), ("new",), place, None if output is None else str(output), False)
     elements = [{"type": "new", "cellX": place.cell[0], "cellY": place.cell[1]}] if place else []
-    write(target, text_with(target, {"new": ENTRY}, elements), False)
+    target.target.write(text_with(target, {"new": ENTRY}, elements), False)
 
 
 @pytest.mark.parametrize("marked", [False, True])
@@ -228,7 +227,7 @@ def test_another_output_leaves_the_definition_alone(site: Path) -> None:
     assert site.read_bytes() == before
     after = json.loads(gzip.decompress(out.read_bytes()))
     (child,) = after["elemTree"]["children"][0]["children"]
-    assert child == {"type": "new", "cellX": 3, "cellY": 4}
+    assert child == {"cellX": 3, "cellY": 4, "type": "new"}
     first = out.read_bytes()
     out.unlink()
     added(site, CellPath((3, 4), "/elemTree/children/0"), out)

@@ -600,8 +600,8 @@ def test_rows_leave_room_for_what_hills_add_between_the_pixels(tmp_path):
             "elemTree": {
                 "type": "ground", "vScale": 2, "cells": [15, 10],
                 "children": [
-                    {"type": "hill", "cellX": 1, "cellY": 1, "span": [6, 6], "vScale": 3},
-                    {"type": "hill", "cellX": 8, "cellY": 3, "span": [5, 6], "vScale": -2},
+                    {"cellX": 1, "cellY": 1, "span": [6, 6], "type": "hill", "vScale": 3},
+                    {"cellX": 8, "cellY": 3, "span": [5, 6], "type": "hill", "vScale": -2},
                 ],
             },
         }

@@ -17,7 +17,7 @@ from tests.layouts import Layout, texts, values
 from tests.strategies import Json, definitions
 
 PRIMITIVE = {"x": [0, 0.25, 1], "y": [1, -0.5], "x-ignore": ["TT306"]}
-ELEMENT = {"type": "new", "cellX": 3, "cellY": 1, "vScale": -2.5, "vOffset": 0.125}
+ELEMENT = {"cellX": 3, "cellY": 1, "type": "new", "vScale": -2.5, "vOffset": 0.125}
 gaps = st.sampled_from(["", "", " ", "\t", "\n", "\r\n", "\r", " \n\t ", "\n\r\n", "\n    "])
 keys = texts | st.sampled_from(
     ['"', "\\", "{", "}", "[", ",", ":", "x-a/b~c", "\u2028", "世界", ""]
@@ -163,10 +163,10 @@ def test_children_are_added_where_there_are_none() -> None:
     before = '{\n  "elemTree": {\n    "type": "a", "cells": 4\n  }\n}\n'
     after = (
         '{\n  "elemTree": {\n    "type": "a", "cells": 4,\n    "children": [\n'
-        '      { "type": "b", "cellX": 1, "cellY": 2 }\n    ]\n  }\n}\n'
+        '      { "cellX": 1, "cellY": 2, "type": "b" }\n    ]\n  }\n}\n'
     )
     edit = append_child(
-        before.encode(), "/elemTree", {"type": "b", "cellX": 1, "cellY": 2}, False, TERRAIN
+        before.encode(), "/elemTree", {"cellX": 1, "cellY": 2, "type": "b"}, False, TERRAIN
     )
     assert edit.applied(before.encode()).decode() == after
     again = append_child(after.encode(), "/elemTree", {"type": "c"}, True, TERRAIN)

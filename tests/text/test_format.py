@@ -16,7 +16,15 @@ from hypothesis import strategies as st
 
 from terratool.definition.keys import KEYS
 from terratool.definition.layout import canonical
-from terratool.definition.model import Definition, Element, Primitive, Surface, Track
+from terratool.definition.model import (
+    Definition,
+    Element,
+    Library,
+    Primitive,
+    Repeat,
+    Surface,
+    Track,
+)
 from tests.commands import call, run
 from tests.conftest import terrain_of
 from tests.layouts import values
@@ -24,13 +32,15 @@ from tests.strategies import Json, definitions, points
 
 # The order of the keys as format.md has it; keys of one's own stand where "x-" stands.
 ORDER = {
-    "terrain": ["$schema", "descr", "size", "origin", "crs", "x-", "surfTypes", "elemTypes",
-                "elemTree", "tracks"],
+    "terrain": ["$schema", "descr", "use", "size", "origin", "crs", "x-", "surfTypes", "elemTypes",
+                "parts", "elemTree", "tracks"],
+    "library": ["$schema", "descr", "use", "x-", "surfTypes", "elemTypes", "parts"],
     "surface": ["descr", "preset", "cohesion", "fricAngle", "sinkage", "color", "sonarRefl",
                 "shearModulus", "void", "x-"],
     "primitive": ["descr", "x", "y", "combine", "x-"],
-    "element": ["descr", "type", "surface", "cellX", "cellY", "span", "vScale", "vOffset",
-                "turnDeg", "cells", "x-", "children"],
+    "element": ["cellX", "cellY", "span", "at", "extent", "repeat", "descr", "type", "part",
+                "surface", "vScale", "vOffset", "turnDeg", "cells", "x-", "children"],
+    "repeat": ["count", "step", "x-"],
     "track": ["descr", "path", "width", "load", "depth", "passes", "multipass", "surface", "x-"],
 }  # fmt: skip
 MESSY = (
@@ -46,7 +56,7 @@ TIDY = """{
   "elemTree": {
     "type": "b", "x-b": 1, "x-a": 2,
     "children": [
-      { "type": "b", "cellX": 0, "cellY": 0 }
+      { "cellX": 0, "cellY": 0, "type": "b" }
     ]
   }
 }
@@ -101,8 +111,8 @@ def objects(definition: Any) -> list[tuple[str, dict[str, Any]]]:
 
 def test_the_order_has_every_key() -> None:
     """The order that is tested here is complete."""
-    kinds = {"terrain": Definition, "surface": Surface, "primitive": Primitive, "element": Element,
-             "track": Track}  # fmt: skip
+    kinds = {"terrain": Definition, "library": Library, "surface": Surface, "primitive": Primitive,
+             "element": Element, "repeat": Repeat, "track": Track}  # fmt: skip
     for name, kind in kinds.items():
         assert [key for key in ORDER[name] if key != "x-"] == list(KEYS[kind])
 
@@ -110,6 +120,38 @@ def test_the_order_has_every_key() -> None:
 def test_a_layout_written_by_hand() -> None:
     """Big keys come last, small ones share lines, and numbers stay as they are spelled."""
     assert canonical(MESSY) == TIDY
+
+
+MESSY_LIBRARY = (
+    '{"parts":{"bay":{"children":[{"descr":"a post","type":"b","x-c":[1,2],"repeat":{"step":'
+    '[0,2.5],"count":[1,9]},"extent":[0.1,0.1],"at":[0.25,1]},{"part":"bay","turnDeg":90,"span":[2,3],'
+    '"cellY":1,"cellX":4}],"type":"b"}},"use":["../soils.json","posts.json"],"descr":"racks"}'
+)
+TIDY_LIBRARY = """{
+  "descr": "racks",
+  "use": ["../soils.json", "posts.json"],
+  "parts": {
+    "bay": {
+      "type": "b",
+      "children": [
+        {
+          "at": [0.25, 1], "extent": [0.1, 0.1], "repeat": { "count": [1, 9], "step": [0, 2.5] },
+          "descr": "a post",
+          "type": "b", "x-c": [1, 2]
+        },
+        { "cellX": 4, "cellY": 1, "span": [2, 3], "part": "bay", "turnDeg": 90 }
+      ]
+    }
+  }
+}
+"""
+
+
+def test_a_library_laid_out_by_hand() -> None:
+    """Where an element stands comes first, in one order, then what it is; pairs stay on a line."""
+    assert canonical(MESSY_LIBRARY) == TIDY_LIBRARY
+    in_terrain = canonical('{"size":1,' + MESSY_LIBRARY[1:])
+    assert in_terrain == TIDY_LIBRARY.replace('json"],\n', 'json"],\n  "size": 1,\n')
 
 
 def test_paths_have_many_points_on_a_line() -> None:
@@ -128,7 +170,7 @@ def test_paths_have_many_points_on_a_line() -> None:
 
 
 def test_a_description_has_a_line_of_its_own() -> None:
-    """Where an element does not fit on one line, what it is comes first and alone."""
+    """Where the root does not fit on one line, what it is comes first and alone."""
     children = '"children":[{"type":"b","cellX":0,"cellY":0}]'
     text = f'{{"elemTree":{{{children},"surface":"s","type":"b","descr":"a road"}}}}'
     assert canonical(text).splitlines()[1:5] == [
@@ -255,9 +297,9 @@ def test_a_thousand_levels(levels: int) -> None:
     """Elements a thousand levels deep are laid out, each on its level."""
     text = '{"children":[' * levels + '{"cellX":1,"type":"b"}' + '],"type":"b"}' * levels
     lines = canonical('{"elemTree":' + text + "}").splitlines()
-    leaf = ['{ "type": "b", "cellX": 1 }']
+    leaf = ['{ "cellX": 1, "type": "b" }']
     if levels == 1000:  # there is no room left, so that each member has its line
-        leaf = ["{", '  "type": "b",', '  "cellX": 1', "}"]
+        leaf = ["{", '  "cellX": 1,', '  "type": "b"', "}"]
     indent = " " * (4 * levels + 2)
     assert lines[3 * levels + 1 : -2 * levels - 1] == [indent + line for line in leaf]
     assert [line.strip() for line in lines[1:4]] == [

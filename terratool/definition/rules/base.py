@@ -59,6 +59,12 @@ class Subject(_Subject, frozen=True, kw_only=True):
         """Whether it is a library, not a terrain."""
         return self.document.kind == "library"
 
+    @property
+    def lacks_library(self) -> bool:
+        """Whether a library, and so names that it may have, cannot be had."""
+        documents = (self.document, *self.document.reached())
+        return any(None in document.uses or document.broken for document in documents)
+
     @cached_property
     def uses(self) -> Uses:
         """The parts that it knows, and their uses."""

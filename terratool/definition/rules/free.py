@@ -136,7 +136,7 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
 
     To mend: move the element, make it smaller, or make it a child of the element around both.
     """
-    if subject.is_library or subject.left_out("", "size"):
+    if subject.is_library or subject.definition.size is UNSET:
         return
     told: set[int] = set()
     for sized in subject.uses.free_places():

@@ -40,7 +40,7 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand", "cells": [2, 1],
-            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0, "span": [2, 1]}]
+            "children": [{"cellX": 0, "cellY": 0, "span": [2, 1], "type": "box", "surface": "rock"}]
           }
         }
 
@@ -55,7 +55,7 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand", "cells": [2, 1],
-            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "box", "surface": "rock"}]
           }
         }
 

@@ -16,10 +16,10 @@ _LONG = 60
 
 @rule("TT201", "unknown-primitive")
 def unknown_primitive(subject: Subject) -> Iterator[Remark]:
-    """The type of an element is a name that elemTypes does not have.
+    """The type of an element is a name that elemTypes does not have, here or in a library.
 
     Names are case-sensitive. A surface is no primitive, though the paper behind the format prints
-    the surface pebble as a type.
+    the surface pebble as a type. While a library is missing, nothing is said.
 
     Fails:
 
@@ -41,7 +41,7 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     To mend: write a name that is there, in the same case, or add the primitive.
     """
     primitives, surfaces = subject.primitives, subject.surfaces
-    if subject.definition.elem_types is UNSET and not primitives:
+    if subject.lacks_library or (subject.definition.elem_types is UNSET and not primitives):
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
     hints = NameHints(primitives, "elemTypes")
@@ -56,9 +56,10 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT202", "unknown-surface")
 def unknown_surface(subject: Subject) -> Iterator[Remark]:
-    """The surface of an element or a track is a name that surfTypes does not have.
+    """The surface of an element or a track is a name that no surfTypes has, here or in a library.
 
     Names are case-sensitive. The depths of a track may be given by the names of surfaces, too.
+    While a library is missing, nothing is said.
 
     Fails:
 
@@ -68,7 +69,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand",
-            "children": [{"type": "box", "surface": "Sand", "cellX": 0, "cellY": 0}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "box", "surface": "Sand"}]
           }
         }
 
@@ -84,7 +85,7 @@ def unknown_surface(subject: Subject) -> Iterator[Remark]:
     To mend: write a name that is there, in the same case, or add the surface.
     """
     primitives, surfaces = subject.primitives, subject.surfaces
-    if subject.left_out("", "surfTypes"):
+    if subject.lacks_library or subject.left_out("", "surfTypes"):
         return
     missing = subject.tree.distinct("surface") - surfaces.keys() - {UNSET}
     hints = NameHints(surfaces, "surfTypes")

@@ -18,6 +18,8 @@ from terratool.text.display import escape, shown
 def unknown_part(subject: Subject) -> Iterator[Remark]:
     """The part of an element is a name that parts does not have, here or in a library.
 
+    While a library is missing, nothing is said.
+
     Fails:
 
         {
@@ -42,6 +44,8 @@ def unknown_part(subject: Subject) -> Iterator[Remark]:
     To mend: write a name that is there, in the same case, or add the part or its library.
     """
     parts = subject.uses.names.parts
+    if subject.lacks_library:
+        return
     missing = subject.tree.distinct("part") - parts.keys() - {UNSET}
     hints = NameHints(parts, "parts")
     for index, name in subject.tree.having("part", missing):
@@ -125,9 +129,7 @@ def beside_part(subject: Subject) -> Iterator[Remark]:
         if part is UNSET:
             continue
         for key in ("type", "cells", "children"):
-            begin, end = tree.brood(index)
-            has = begin < end if key == "children" else tree.value(key, index) is not UNSET
-            if has:
+            if tree.value(key, index) is not UNSET:
                 message = f'the element has "{key}" beside "part".'
                 hint = f'Remove "{key}", or write the part out here.'
                 yield Remark(f"/{key}", message, hint, on_key=True, element=index)

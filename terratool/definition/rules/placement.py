@@ -27,7 +27,7 @@ def outside_grid(subject: Subject) -> Iterator[Remark]:
         {
           "size": 10,
           "elemTypes": {"box": {"x": [1]}},
-          "elemTree": {"type": "box", "children": [{"type": "box", "cellX": 10, "cellY": 0}]}
+          "elemTree": {"type": "box", "children": [{"cellX": 10, "cellY": 0, "type": "box"}]}
         }
 
     Passes:
@@ -35,7 +35,7 @@ def outside_grid(subject: Subject) -> Iterator[Remark]:
         {
           "size": 10,
           "elemTypes": {"box": {"x": [1]}},
-          "elemTree": {"type": "box", "children": [{"type": "box", "cellX": 9, "cellY": 0}]}
+          "elemTree": {"type": "box", "children": [{"cellX": 9, "cellY": 0, "type": "box"}]}
         }
 
     To mend: move the element, shorten its span, or give the parent more cells.
@@ -104,8 +104,8 @@ def shared_cell(subject: Subject) -> Iterator[Remark]:
           "elemTree": {
             "type": "box",
             "children": [
-              {"type": "box", "cellX": 2, "cellY": 1},
-              {"type": "box", "cellX": 2, "cellY": 1}
+              {"cellX": 2, "cellY": 1, "type": "box"},
+              {"cellX": 2, "cellY": 1, "type": "box"}
             ]
           }
         }
@@ -118,8 +118,8 @@ def shared_cell(subject: Subject) -> Iterator[Remark]:
           "elemTree": {
             "type": "box",
             "children": [
-              {"type": "box", "cellX": 2, "cellY": 1},
-              {"type": "box", "cellX": 3, "cellY": 1}
+              {"cellX": 2, "cellY": 1, "type": "box"},
+              {"cellX": 3, "cellY": 1, "type": "box"}
             ]
           }
         }

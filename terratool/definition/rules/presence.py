@@ -36,7 +36,7 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
         {
           "size": 10,
           "elemTypes": {"box": {"x": [1]}},
-          "elemTree": {"type": "box", "children": [{"type": "box", "cellX": 1}]}
+          "elemTree": {"type": "box", "children": [{"cellX": 1, "type": "box"}]}
         }
 
     Passes:
@@ -44,7 +44,7 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
         {
           "size": 10,
           "elemTypes": {"box": {"x": [1]}},
-          "elemTree": {"type": "box", "children": [{"type": "box", "cellX": 1, "cellY": 4}]}
+          "elemTree": {"type": "box", "children": [{"cellX": 1, "cellY": 4, "type": "box"}]}
         }
 
     To mend: add the key to the object at that place.
@@ -52,7 +52,7 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
     definition = subject.definition
     for key, value in (
         ("size", definition.size),
-        ("elemTypes", definition.elem_types if not definition.used else ""),
+        ("elemTypes", definition.elem_types if definition.use is UNSET else ""),
         ("elemTree", "" if ROOT in subject.tree.root_at else UNSET),
     ):
         if subject.is_library:
@@ -95,7 +95,7 @@ def root_placed(subject: Subject) -> Iterator[Remark]:
         {
           "size": 10,
           "elemTypes": {"box": {"x": [1]}},
-          "elemTree": {"type": "box", "cellX": 0}
+          "elemTree": {"cellX": 0, "type": "box"}
         }
 
     Passes:

@@ -34,8 +34,8 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
           "elemTree": {
             "type": "box",
             "children": [
-              {"type": "box", "cellX": 2, "cellY": 1, "vScale": 0.3},
-              {"type": "gravel", "cellX": 3, "cellY": 1}
+              {"cellX": 2, "cellY": 1, "type": "box", "vScale": 0.3},
+              {"cellX": 3, "cellY": 1, "type": "gravel"}
             ]
           }
         }
@@ -48,8 +48,8 @@ def default_scale(subject: Subject) -> Iterator[Remark]:
           "elemTree": {
             "type": "box",
             "children": [
-              {"type": "box", "cellX": 2, "cellY": 1, "vScale": 0.3},
-              {"type": "gravel", "cellX": 3, "cellY": 1, "vScale": 0.02}
+              {"cellX": 2, "cellY": 1, "type": "box", "vScale": 0.3},
+              {"cellX": 3, "cellY": 1, "type": "gravel", "vScale": 0.02}
             ]
           }
         }

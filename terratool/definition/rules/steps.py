@@ -67,7 +67,7 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box",
-            "children": [{"type": "box", "cellX": 0, "cellY": 0, "vScale": 0.2}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "box", "vScale": 0.2}]
           }
         }
 
@@ -78,7 +78,7 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}, "mound": {"x": "cosbell", "y": []}},
           "elemTree": {
             "type": "box",
-            "children": [{"type": "mound", "cellX": 0, "cellY": 0, "vScale": 0.2}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "mound", "vScale": 0.2}]
           }
         }
 

@@ -94,7 +94,7 @@ def same_color(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand",
-            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "box", "surface": "rock"}]
           }
         }
 
@@ -109,7 +109,7 @@ def same_color(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}},
           "elemTree": {
             "type": "box", "surface": "sand",
-            "children": [{"type": "box", "surface": "rock", "cellX": 0, "cellY": 0}]
+            "children": [{"cellX": 0, "cellY": 0, "type": "box", "surface": "rock"}]
           }
         }
 

@@ -125,7 +125,7 @@ def similar_names(subject: Subject) -> Iterator[Remark]:
         {
           "size": 10,
           "elemTypes": {"box": {"x": [1]}, "Box": {"x": [0, 1]}},
-          "elemTree": {"type": "box", "children": [{"type": "Box", "cellX": 0, "cellY": 0}]}
+          "elemTree": {"type": "box", "children": [{"cellX": 0, "cellY": 0, "type": "Box"}]}
         }
 
     Passes:
@@ -133,7 +133,7 @@ def similar_names(subject: Subject) -> Iterator[Remark]:
         {
           "size": 10,
           "elemTypes": {"box": {"x": [1]}, "ramp": {"x": [0, 1]}},
-          "elemTree": {"type": "box", "children": [{"type": "ramp", "cellX": 0, "cellY": 0}]}
+          "elemTree": {"type": "box", "children": [{"cellX": 0, "cellY": 0, "type": "ramp"}]}
         }
 
     To mend: give one of them a name that says how it differs.

@@ -63,10 +63,10 @@ class PrimitiveEntry:
         """An element of this type, in cells from the given one on."""
         return _given(
             {
-                "type": name,
                 "cellX": cell and cell[0],
                 "cellY": cell and cell[1],
                 "span": list(span) if cell and span != (1, 1) else None,
+                "type": name,
                 "vScale": _plain(self.scale),
                 "vOffset": _plain(self.offset) or None,
                 "turnDeg": _plain(self.turn) or None,

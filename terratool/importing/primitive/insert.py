@@ -1,26 +1,19 @@
-"""Primitives are added to a definition's file, and elements of them to its tree."""
+"""Primitives are added to the file of a terrain or a library, and elements of them to its tree."""
 
 from __future__ import annotations
 
 import math
 import re
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from msgspec import UNSET
 
+from terratool.definition.change import Target, open_target
 from terratool.definition.findings import Bounds
-from terratool.definition.layout import TERRAIN
-from terratool.definition.model import Definition
-from terratool.definition.reader import CheckOptions, check, load_definition
-from terratool.definition.tree import ROOT, Tree, flatten
-from terratool.errors import DefinitionError, RequestError
-from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+from terratool.definition.tree import ROOT, Tree
+from terratool.errors import RequestError
 from terratool.text.display import shown
-from terratool.text.edit import append_child, set_member
-from terratool.text.source import Source, read_source, write_source
 
 if TYPE_CHECKING:
     from terratool.importing.primitive.build import ImportedPrimitive
@@ -46,37 +39,28 @@ class CellPath:
 
 
 @dataclass(frozen=True, slots=True)
-class TargetDefinition:
-    """A definition that primitives are added to, and what becomes of it.
+class PrimitiveTarget:
+    """A terrain or a library that primitives are added to.
 
     Attributes:
-        source: its file and text; `packed` says whether the result is gzipped.
-        output: where the result goes; the file itself, or another one.
-        definition: what the text says.
-        tree: its elements.
+        target: the file.
         place: where elements go, if anywhere.
     """
 
-    source: Source
-    output: Path
-    definition: Definition
-    tree: Tree
+    target: Target
     place: CellPath | None
 
-    @property
-    def parent(self) -> int:
-        """Index of the element that elements go into."""
-        index = _index(self.tree, self.place.parent) if self.place else None
-        assert index is not None
-        return index
-
     def cell(self) -> Bounds | None:
-        """The world rectangle of the cells that elements go into."""
-        rectangle = self.tree.rectangle(self.parent, self.definition) if self.place else None
-        if self.place is None or rectangle is None:
+        """The world rectangle of the cells that elements go into; None where that is not known."""
+        definition, tree = self.target.checked.terrain, self.target.checked.tree
+        if self.place is None or definition is None or tree is None:
+            return None
+        parent = _index(tree, self.place.parent)
+        rectangle = None if parent is None else tree.rectangle(parent, definition)
+        if parent is None or rectangle is None:
             return None
         west, south, east, north = rectangle
-        columns, rows = self.tree.grid(self.parent)
+        columns, rows = tree.grid(parent)
         width, height = (east - west) / columns, (north - south) / rows
         (x, y), (across, along) = self.place.cell, self.place.span
         west, south = west + x * width, south + y * height
@@ -85,11 +69,11 @@ class TargetDefinition:
 
 def target_of(
     path: str, names: tuple[str, ...], place: CellPath | None, output: str | None, overwrite: bool
-) -> TargetDefinition:
-    """Read the definition, and refuse what cannot be added to it.
+) -> PrimitiveTarget:
+    """Read the terrain or the library, and refuse what cannot be added to it.
 
     Args:
-        path: of the definition, plain or gzipped.
+        path: of the file, plain or gzipped.
         names: of the primitives.
         place: where elements of them go.
         output: another file for the result.
@@ -97,67 +81,44 @@ def target_of(
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it is no valid definition.
+        DefinitionError: it has errors.
         RequestError: it has such a primitive already, or no such place.
         WriteError: the output exists.
     """
-    if path == "-":
-        raise RequestError(
-            "Primitives are added to a file, not to standard input.",
-            "Give the name of a file with --into.",
-        )
-    definition = load_definition(path)
-    source = read_source(path)
-    taken = [name for name in names if name in definition.primitives]
+    target = open_target(path, output, overwrite)
+    own = target.names("elemTypes")
+    taken = [name for name in names if name in own]
     if taken and not overwrite:
         raise RequestError(
             f"{path}: already has a primitive called {shown(taken[0])}.",
             "Choose another --name, or add --overwrite to replace it.",
         )
-    tree = flatten(definition)
     if place is not None:
-        _refuse_place(path, tree, place)
-    result = Path(path if output is None else output)
-    if output is not None and not is_same_file(result, path):
-        refuse_existing(result, overwrite)
-        refuse_missing_folder(result)
-    packed = source.packed if output is None else result.name.lower().endswith(".gz")
-    source = Source(path, source.data, packed, source.marked)
-    return TargetDefinition(source, result, definition, tree, place)
+        _refuse_outside(path, target.parent(place.parent).grid, place)
+    return PrimitiveTarget(target, place)
 
 
 def text_with(
-    target: TargetDefinition, primitives: dict[str, Any], elements: list[dict[str, Any]]
+    into: PrimitiveTarget, primitives: dict[str, Any], elements: list[dict[str, Any]]
 ) -> bytes:
-    """The definition's text with primitives and, if there is a place, elements at its end.
+    """The text with primitives and, if there is a place, elements at its end.
 
     Raises:
-        DefinitionError: it would be no valid definition.
+        DefinitionError: it would have errors.
     """
+    target = into.target
     data = target.source.data
     for name, primitive in primitives.items():
-        data = set_member(data, "/elemTypes", name, primitive, TERRAIN).applied(data)
-    if target.place is not None:
-        has_children = target.tree.elements[target.parent].children is not UNSET
-        for element in elements:
-            edit = append_child(data, target.place.parent, element, has_children, TERRAIN)
-            data = edit.applied(data)
-            has_children = True
-    checked = check(Source(target.source.name, data), CheckOptions(warnings=False))
-    if checked.terrain is None:
-        first = checked.findings[0]
-        raise DefinitionError(
-            f"{target.source.name}: with the primitive, it would be invalid: {first.code}: "
-            f"{first.message}",
-            first.hint,
-            checked.findings,
-        )
+        data = target.with_primitive(data, name, primitive)
+    if into.place is not None:
+        data = target.with_elements(data, into.place.parent, elements)
+    target.accepted(data, "the primitive")
     return data
 
 
-def remarks(target: TargetDefinition, imported: ImportedPrimitive) -> list[str]:
+def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
     """What a user should know of the cell: its size, and the ground that is there already."""
-    cell = target.cell()
+    cell = into.cell()
     if cell is None:
         return []
     found = []
@@ -173,7 +134,7 @@ def remarks(target: TargetDefinition, imported: ImportedPrimitive) -> list[str]:
     from terratool.field.terrain import Terrain
 
     t = (np.arange(_ASKED) + 0.5) / _ASKED
-    z = Terrain(target.definition).height(west + t[None] * width, south + t[:, None] * height)
+    z = Terrain(into.target.checked).height(west + t[None] * width, south + t[:, None] * height)
     z = z[~np.isnan(z)]
     if z.size and (z != 0.0).any():
         found.append(
@@ -181,17 +142,6 @@ def remarks(target: TargetDefinition, imported: ImportedPrimitive) -> list[str]:
             "already; the primitive stands on it, so that the heights add up."
         )
     return found
-
-
-def write(target: TargetDefinition, data: bytes, overwrite: bool) -> None:
-    """Put a text in the place of the definition, or of the output, whole or not at all.
-
-    Raises:
-        WriteError: it cannot be written.
-    """
-    source = target.source
-    result = Source(source.name, data, source.packed, source.marked)
-    write_source(result, target.output, overwrite or is_same_file(target.output, source.name))
 
 
 def parse_cell_path(text: str, span: str | None = None) -> CellPath:
@@ -219,20 +169,13 @@ def parse_cell_path(text: str, span: str | None = None) -> CellPath:
     )
 
 
-def _refuse_place(path: str, tree: Tree, place: CellPath) -> None:
-    """Refuse a parent that is not there, and a cell outside of its grid."""
-    parent = _index(tree, place.parent)
-    if parent is None:
-        raise RequestError(
-            f"{path}: has no element {shown(place.parent)}.",
-            "Give a JSON pointer as terratool query shows them, such as /elemTree/children/0.",
-        )
-    columns, rows = tree.grid(parent)
-    if place.cell[0] + place.span[0] > columns or place.cell[1] + place.span[1] > rows:
+def _refuse_outside(path: str, grid: tuple[int, int], place: CellPath) -> None:
+    """Refuse a cell outside of the grid."""
+    if place.cell[0] + place.span[0] > grid[0] or place.cell[1] + place.span[1] > grid[1]:
         wide = "" if place.span == (1, 1) else f" with {place.span[0]} × {place.span[1]} cells"
         raise RequestError(
             f"{path}: the cell {place.cell[0]}, {place.cell[1]}{wide} lies outside of the grid of "
-            f"{place.parent}, which has {columns} × {rows} cells.",
+            f"{place.parent}, which has {grid[0]} × {grid[1]} cells.",
             "Columns and rows count from 0, from the south-west.",
         )
 

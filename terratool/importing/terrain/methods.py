@@ -515,8 +515,8 @@ def hat_texts(
                     yield ElementText(b'"%s":{"x":%s,"y":%s}' % members, b"")
                 scale = int(level.counts[row, column]) * step
                 line.append(
-                    b'{"type":"%s","cellX":%d,"cellY":%d,"span":[%d,%d],"vScale":%.15g}'
-                    % (names[x, y], west, south, width, height, scale)
+                    b'{"cellX":%d,"cellY":%d,"span":[%d,%d],"type":"%s","vScale":%.15g}'
+                    % (west, south, width, height, names[x, y], scale)
                 )
             yield ElementText(b"", b",\n".join(line))
 

@@ -65,10 +65,10 @@ def curve(values: NDArray[np.int64] | str) -> bytes:
 
 def element(name: str, cell: tuple[int, int], span: tuple[int, int], **more: Any) -> bytes:
     """An element on one line."""
-    members = {"type": name, "cellX": cell[0], "cellY": cell[1]}
+    members: dict[str, Any] = {"cellX": cell[0], "cellY": cell[1]}
     if span != (1, 1):
         members["span"] = list(span)
-    return msgspec.json.encode(members | more)
+    return msgspec.json.encode({**members, "type": name, **more})
 
 
 class Spool:

@@ -1,0 +1,143 @@
+"""`terratool add`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+from terratool.cli.terminal import say
+
+_ALL = 10**9
+
+
+def _encodable(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    try:
+        (value or "").encode()
+    except UnicodeEncodeError as error:
+        raise click.BadParameter(f"{value!r} is no text in UTF-8.") from error
+    return value
+
+
+def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+    for number in value if isinstance(value, tuple) else (value,):
+        if number is not None and not math.isfinite(number):
+            raise click.BadParameter(f"{number:g} is no number that JSON has.")
+    return value
+
+
+@click.command(
+    "add",
+    epilog="Example: terratool add site.json --type kerb --surface concrete --at 12.5 4 "
+    "--extent 6 0.3 --turn 30",
+)
+@click.argument("file")
+@click.option("--type", "kind", metavar="T", callback=_encodable, help="The primitive that it is.")
+@click.option(
+    "--part", metavar="P", callback=_encodable, help="The part that it is, in place of a primitive."
+)
+@click.option("--surface", metavar="S", callback=_encodable, help="What it wears.")
+@click.option(
+    "--at", nargs=2, type=float, metavar="X Y", callback=_finite,
+    help="Its middle, from the south-west corner of the parent's cell.",
+)  # fmt: skip
+@click.option(
+    "--extent", nargs=2, type=float, metavar="W H", callback=_finite, help="With --at: its sides."
+)
+@click.option(
+    "--cell", nargs=2, type=int, metavar="X Y",
+    help="Or its cell in the parent's grid, by column and row from 0.",
+)  # fmt: skip
+@click.option(
+    "--span", nargs=2, type=int, metavar="W H",
+    help="With --cell: how many cells it takes to the east and north.  [default: 1 1]",
+)  # fmt: skip
+@click.option(
+    "--turn", type=float, metavar="D", callback=_finite, help="Degrees clockwise.  [default: 0]"
+)
+@click.option(
+    "--v-scale", type=float, metavar="F", callback=_finite,
+    help="Factor on its heights.  [default: by the size of its cell]",
+)  # fmt: skip
+@click.option(
+    "--v-offset", type=float, metavar="Z", callback=_finite,
+    help="Added to its heights.  [default: 0]",
+)  # fmt: skip
+@click.option("--descr", metavar="TEXT", callback=_encodable, help="A description.")
+@click.option(
+    "--parent", metavar="POINTER", default="/elemTree", show_default=True,
+    help="JSON pointer of the element that it is put into.",
+)  # fmt: skip
+@click.option("--output", metavar="OUT", help="Write to this file instead.")
+@click.option("--overwrite", is_flag=True, help="Replace an OUT that exists.")
+def command(file: str, parent: str, output: str | None, overwrite: bool, **values: Any) -> None:
+    """Add an element to a terrain or a library, FILE.
+
+    The element comes behind the other children of its parent. Everything else in FILE stays as it
+    is, byte for byte; the new lines are laid out as their neighbours are. What would make the file
+    invalid is not written. On standard error stand the pointer of the new element and what is to
+    be said of it.
+    """
+    from terratool.definition.change import open_target
+    from terratool.definition.reader import CheckOptions
+
+    element = _element(values)
+    target = open_target(file, output, overwrite)
+    pointer = f"{parent}/children/{len(target.parent(parent).children or ())}"
+    data = target.with_elements(target.source.data, parent, [element])
+    checked = target.accepted(data, "the element", CheckOptions(limit=_ALL))
+    target.write(data, overwrite)
+    say(f"{target.output}: has {pointer} now.", err=True)
+    for finding in checked.findings:
+        if finding.pointer == pointer or finding.pointer.startswith(f"{pointer}/"):
+            where = f"{finding.file}:{finding.line}:{finding.column}"
+            say(f"{where}: {finding.severity} {finding.code}: {finding.message}", err=True)
+            say(f"  {finding.hint}", err=True)
+
+
+def _element(values: dict[str, Any]) -> dict[str, Any]:
+    """The element that is asked for, its keys in the format's order.
+
+    Raises:
+        click.UsageError: it has no place or nothing to put there, or two of them.
+    """
+    for one, other, what in (
+        ("--type", "--part", "Say what to add"),
+        ("--at", "--cell", "Say where to put it"),
+    ):
+        given = [
+            values[{"--type": "kind"}.get(name, name[2:])] is not None for name in (one, other)
+        ]
+        if not any(given):
+            raise click.UsageError(f"{what}: give {one} or {other}.")
+        if all(given):
+            raise click.UsageError(f"{one} and {other} exclude each other. Drop one of them.")
+    for name, of in (("span", "cell"), ("extent", "at")):
+        if values[name] is not None and values[of] is None:
+            raise click.UsageError(f"--{name} goes with --{of}. Give --{of}, or drop --{name}.")
+    if values["at"] is not None and values["extent"] is None:
+        raise click.UsageError("--at needs the sides, too. Add --extent W H.")
+    column, row = values["cell"] or (None, None)
+    members = {
+        "cellX": column,
+        "cellY": row,
+        "span": values["span"],
+        "at": values["at"],
+        "extent": values["extent"],
+        "descr": values["descr"],
+        "type": values["kind"],
+        "part": values["part"],
+        "surface": values["surface"],
+        "vScale": values["v_scale"],
+        "vOffset": values["v_offset"],
+        "turnDeg": values["turn"],
+    }
+    return {key: _plain(value) for key, value in members.items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    """Whole numbers without a point, pairs as lists."""
+    if isinstance(value, tuple):
+        return [_plain(number) for number in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -1,0 +1,162 @@
+"""Changes to the text of a terrain or a library: looked at before they are written."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import UNSET, Raw, Struct, UnsetType
+
+from terratool.definition.keys import document_kind
+from terratool.definition.layout import TERRAIN
+from terratool.definition.model import DEFAULT_CELLS, pair_of
+from terratool.definition.reader import Checked, CheckOptions, check, refusal
+from terratool.definition.rules import RULES
+from terratool.definition.tree import ROOT
+from terratool.errors import DefinitionError, RequestError
+from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+from terratool.text.display import shown
+from terratool.text.edit import append_child, set_member
+from terratool.text.locate import value_at
+from terratool.text.source import Source, read_source, write_source
+
+_pointer = re.compile(rf"(?:{ROOT}|/parts/[^/]*)(?:/children/(?:0|[1-9][0-9]*))*").fullmatch
+
+
+class Parent(Struct):
+    """What an element's text says of its cell and of what stands in it.
+
+    Attributes:
+        cells: its grid, as it is written.
+        children: the texts of the elements in it; None where the key is left out.
+    """
+
+    cells: int | tuple[int, int] | UnsetType = UNSET
+    children: list[Raw] | None = None
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Columns and rows of its cells."""
+        return pair_of(self.cells, DEFAULT_CELLS)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A terrain or a library that is to be changed.
+
+    Attributes:
+        source: its text; `packed` says whether the result is gzipped.
+        output: where the result goes; the file itself, or another one.
+        checked: what the text says; it has no errors.
+    """
+
+    source: Source
+    output: Path
+    checked: Checked
+
+    def names(self, dictionary: str) -> list[str]:
+        """The names of one of its own dictionaries, such as `elemTypes`."""
+        text = value_at(self.source.data, f"/{dictionary}")
+        return [] if text is None else list(msgspec.json.decode(text, type=dict[str, Raw]))
+
+    def parent(self, pointer: str) -> Parent:
+        """An element that is to get a child.
+
+        Args:
+            pointer: JSON pointer of the element.
+
+        Raises:
+            RequestError: there is none.
+        """
+        text = value_at(self.source.data, pointer) if _pointer(pointer) else None
+        if text is None:
+            example = f"{ROOT}/children/0"
+            if value_at(self.source.data, ROOT) is None:
+                example = "/parts/NAME, as this is a library"
+            raise RequestError(
+                f"{self.source.name}: has no element {shown(pointer)}.",
+                f"Give a JSON pointer as terratool query shows them, such as {example}.",
+            )
+        return msgspec.json.decode(text, type=Parent)
+
+    def with_primitive(self, data: bytes, name: str, primitive: dict[str, Any]) -> bytes:
+        """The text with a primitive, in the place of one of that name or behind all others."""
+        if value_at(data, "/elemTypes") is None:
+            return set_member(data, "", "elemTypes", {name: primitive}, TERRAIN).applied(data)
+        return set_member(data, "/elemTypes", name, primitive, TERRAIN).applied(data)
+
+    def with_elements(self, data: bytes, pointer: str, elements: list[dict[str, Any]]) -> bytes:
+        """The text with elements behind the children of the one that a pointer names."""
+        has_children = self.parent(pointer).children is not None
+        for element in elements:
+            data = append_child(data, pointer, element, has_children, TERRAIN).applied(data)
+            has_children = True
+        return data
+
+    def accepted(self, data: bytes, added: str, options: CheckOptions | None = None) -> Checked:
+        """What a rule has to say of a changed text.
+
+        Args:
+            data: the text.
+            added: what is new in it, in words.
+            options: how closely to look; warnings are not looked for, unless they say so.
+
+        Raises:
+            DefinitionError: it has an error.
+        """
+        source = msgspec.structs.replace(self.source, name=str(self.output), data=data)
+        checked = check(source, options or CheckOptions(warnings=False), kind=None)
+        wrong = [f for f in checked.findings if f.severity == "error"]
+        if wrong:
+            raise DefinitionError(
+                f"{self.source.name}: with {added}, it would be invalid: {wrong[0].code}: "
+                f"{wrong[0].message}",
+                wrong[0].hint,
+                checked.findings,
+            )
+        return checked
+
+    def write(self, data: bytes, overwrite: bool) -> None:
+        """Put a text in the place of the file, or of the output, whole or not at all.
+
+        Raises:
+            WriteError: it cannot be written.
+        """
+        result = msgspec.structs.replace(self.source, data=data)
+        own = is_same_file(self.output, self.source.name)
+        write_source(result, self.output, overwrite or own)
+
+
+def open_target(path: str, output: str | None, overwrite: bool) -> Target:
+    """Read what is to be changed, and refuse what cannot be.
+
+    Args:
+        path: of a terrain or a library, plain or gzipped.
+        output: another file for the result.
+        overwrite: replace that one if it exists.
+
+    Raises:
+        ReadError: the file cannot be read.
+        DefinitionError: it has an error, or is a vehicle.
+        RequestError: it is standard input.
+        WriteError: the output exists.
+    """
+    if path == "-":
+        raise RequestError("Standard input cannot be changed.", "Give the name of a file.")
+    source = read_source(path)
+    if document_kind(source.data) == "vehicle":
+        raise DefinitionError(
+            f"{source.name}: is a vehicle, where a terrain is wanted.", "Name a terrain."
+        )
+    checked = check(source, CheckOptions(warnings=False), kind=None)
+    if any(RULES[code].severity == "error" for code in checked.counts):
+        raise refusal(checked)
+    result = Path(path if output is None else output)
+    if output is not None and not is_same_file(result, path):
+        refuse_existing(result, overwrite)
+        refuse_missing_folder(result)
+    packed = source.packed if output is None else result.name.lower().endswith(".gz")
+    return Target(msgspec.structs.replace(source, packed=packed), result, checked)

@@ -1,0 +1,236 @@
+"""`terratool add`: one more element, and every other byte as it was."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import stat
+import tempfile
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from terratool.definition.layout import canonical
+from terratool.field.terrain import load
+from tests.commands import call
+from tests.strategies import Json
+from tests.text.test_edit import elements_of, spelled
+
+SITE: dict[str, Any] = {
+    "size": [60, 26],
+    "surfTypes": {"sand": {"cohesion": 1, "fricAngle": 28, "sinkage": 0.1}},
+    "elemTypes": {"ground": {"x": [0, 0], "x-ignore": ["TT308"]}, "plate": {"x": [1]}},
+    "elemTree": {
+        "type": "ground", "surface": "sand", "cells": [3, 2],
+        "children": [{"cellX": 0, "cellY": 1, "type": "plate", "vScale": 3, "cells": [4, 5]}],
+    },
+}  # fmt: skip
+PLATE = ("--type", "plate", "--v-scale", "0.5")
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    path = tmp_path / "site.json"
+    path.write_text(canonical(json.dumps(SITE)), encoding="utf-8")
+    return path
+
+
+def inserted(before: bytes, after: bytes) -> bytes:
+    """What one text has that the other lacks, in one piece."""
+    size = len(after) - len(before)
+    begin = next((k for k, (a, b) in enumerate(zip(before, after, strict=False)) if a != b), None)
+    begin = len(before) if begin is None else begin
+    assert size > 0 and after[:begin] + after[begin + size :] == before
+    return after[begin : begin + size]
+
+
+@given(spelled(), st.data())
+def test_an_element_is_added_and_nothing_else_changes(
+    drawn: tuple[bytes, Json], data: st.DataObject
+) -> None:
+    """Under any parent, in any layout; the pointer that is said is that of the new element."""
+    text, value = drawn
+    assume(value["elemTypes"])
+    pointer, _ = data.draw(st.sampled_from(elements_of(value)))
+    kind = data.draw(st.sampled_from(sorted(value["elemTypes"])))
+    element = {"cellX": 0, "cellY": 0, "type": kind, "vScale": -2.5, "turnDeg": 30}
+    options = ["--cell", 0, 0, f"--type={kind}", "--v-scale", -2.5, "--turn", 30]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "t.json")
+        path.write_bytes(text)
+        ran = call("add", path, *options, "--parent", pointer)
+        assert (ran.code, ran.out) == (0, ""), ran.err
+        after = path.read_bytes()
+    inserted(text, after)
+    expected = deepcopy(value)
+    children = dict(elements_of(expected))[pointer].setdefault("children", [])
+    assert ran.err.splitlines()[0] == f"{path}: has {pointer}/children/{len(children)} now."
+    children.append(element)
+    assert json.loads(after) == expected
+
+
+@given(st.integers(1, 599), st.integers(1, 259), st.sampled_from([0, 30, 90, -45.5]))
+def test_a_free_place_is_where_it_is_said(x: int, y: int, turn: float) -> None:
+    """The middle of the plate is asked in tenths, so that it stands on no edge."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "site.json")
+        path.write_text(json.dumps(SITE), encoding="utf-8")
+        before = load(path)
+        ran = call("add", path, *PLATE, "--at", x / 10, y / 10, "--extent", 0.1, 0.05,
+                   "--turn", turn)  # fmt: skip
+        assert ran.code == 0, ran.err
+        after = load(path)
+    assert after.height(x / 10, y / 10) - before.height(x / 10, y / 10) == 0.5
+    beside = np.array([x / 10 + 0.06, x / 10 - 0.06]), np.full(2, y / 10)
+    assert np.array_equal(after.height(*beside), before.height(*beside), equal_nan=True)
+
+
+def test_the_new_lines_look_like_their_neighbours(site: Path) -> None:
+    """The canonical layout stays canonical, and the element has its keys in order."""
+    before = site.read_bytes()
+    ran = call("add", site, *PLATE, "--surface", "sand", "--cell", 1, 0, "--span", 2, 1,
+               "--v-offset", 0.25, "--turn", 180, "--descr", "a “plate”")  # fmt: skip
+    assert ran.code == 0, ran.err
+    after = site.read_bytes()
+    assert canonical(after.decode()) == after.decode()
+    # what is wide has its description on a line of its own, as the layout has it everywhere
+    assert b'"cellX": 1, "cellY": 0, "span": [2, 1]' in inserted(before, after)
+    added = json.loads(after)["elemTree"]["children"][1]
+    assert list(added) == [
+        "cellX", "cellY", "span", "descr", "type", "surface", "vScale", "vOffset", "turnDeg",
+    ]  # fmt: skip
+    assert added["descr"] == "a “plate”" and added["turnDeg"] == 180
+    assert "180.0" not in after.decode()
+
+
+@pytest.mark.parametrize("marked", [False, True])
+@pytest.mark.parametrize("packed", [False, True])
+def test_marks_gzip_and_permissions_are_kept(tmp_path: Path, marked: bool, packed: bool) -> None:
+    text = json.dumps(SITE, indent=3).replace("\n", "\r\n").encode()
+    data = b"\xef\xbb\xbf" * marked + text
+    path = tmp_path / ("site.json.gz" if packed else "site.json")
+    path.write_bytes(gzip.compress(data) if packed else data)
+    path.chmod(0o640)
+    assert call("add", path, *PLATE, "--cell", 2, 1).code == 0
+    after = path.read_bytes()
+    if packed:
+        assert after[4:8] == bytes(4)  # no clock
+        after = gzip.decompress(after)
+    assert after.startswith(b"\xef\xbb\xbf") == marked
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    assert b"\r\n" in inserted(data, after)
+    assert b"\n" not in inserted(data, after).replace(b"\r\n", b"")
+
+
+def test_another_output_leaves_the_file_alone(site: Path) -> None:
+    before, out = site.read_bytes(), site.with_name("out.json.gz")
+    asked = ("add", site, *PLATE, "--cell", 2, 1, "--output", out)
+    assert call(*asked).err.startswith(f"{out}: has /elemTree/children/1 now.")
+    assert site.read_bytes() == before
+    inserted(before, gzip.decompress(out.read_bytes()))
+    ran = call(*asked)
+    assert ran.code == 3 and "exists already" in ran.err
+    assert call(*asked, "--overwrite").code == 0
+
+
+def test_what_is_unusual_about_it_is_said(site: Path) -> None:
+    """Warnings about the new element follow, and none about the others."""
+    ran = call("add", site, *PLATE, "--cell", 0, 1)
+    assert ran.code == 0 and "TT208" in ran.err and "/elemTree/children/1" in ran.err
+    assert "TT208" not in call("add", site, *PLATE, "--cell", 2, 0).err
+
+
+def test_parts_and_libraries(tmp_path: Path) -> None:
+    """A part is put into a terrain that knows it, and an element into a part of a library."""
+    kit, site = tmp_path / "kit.json", tmp_path / "site.json"
+    kit.write_text(
+        '{"elemTypes":{"post":{"x":[1]}},"parts":{"rack":{"type":"post","vScale":0,'
+        '"x-ignore":["TT210"]}}}',
+        encoding="utf-8",
+    )
+    site.write_text(
+        '{"use":["kit.json"],"size":[20,10],"elemTree":{"type":"post","vScale":0}}',
+        encoding="utf-8",
+    )
+    before = kit.read_bytes()
+    ran = call("add", kit, "--type", "post", "--cell", 9, 0, "--v-scale", 2,
+               "--parent", "/parts/rack")  # fmt: skip
+    assert ran.code == 0, ran.err
+    assert ran.err.startswith(f"{kit}: has /parts/rack/children/0 now.")
+    assert inserted(before, kit.read_bytes()) == (
+        b',"children":[{"cellX":9,"cellY":0,"type":"post","vScale":2}]'
+    )
+    ran = call("add", site, "--part", "rack", "--at", 7, 4, "--extent", 2, 4, "--turn", 90)
+    assert ran.code == 0, ran.err
+    # a quarter turn clockwise: the part's east end, two tenths of a unit wide, looks south
+    assert load(site).height([7.0, 7.0, 5.1], [4.0, 2.1, 5.9]).tolist() == [0, 0, 0]
+    assert load(site).height([6, 7.9], [3.1, 3.1]).tolist().count(2.0) == 1
+    ran = call("add", kit, "--type", "post", "--cell", 0, 0)
+    assert ran.code == 2 and "/parts/NAME" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--cell", 0, 0], 2, "--type or --part"),
+        ([*PLATE], 2, "--at or --cell"),
+        ([*PLATE, "--part", "p", "--cell", 0, 0], 2, "exclude each other"),
+        ([*PLATE, "--at", 1, 1, "--cell", 0, 0], 2, "exclude each other"),
+        ([*PLATE, "--at", 1, 1], 2, "--extent"),
+        ([*PLATE, "--cell", 1, 1, "--extent", 1, 1], 2, "--at"),
+        ([*PLATE, "--at", 1, 1, "--extent", 1, 1, "--span", 1, 1], 2, "--cell"),
+        ([*PLATE, "--at", "nan", 1, "--extent", 1, 1], 2, "nan"),
+        ([*PLATE, "--at", 1, 1, "--extent", "inf", 1], 2, "inf"),
+        ([*PLATE, "--at", 70, 1, "--extent", 1, 1], 1, "would be invalid"),
+        ([*PLATE, "--at", 1, 1, "--extent", 0, 1], 1, "TT106"),
+        ([*PLATE, "--cell", 3, 0], 1, "TT203"),
+        ([*PLATE, "--cell", 2, 0, "--span", 2, 1], 1, "TT203"),
+        ([*PLATE, "--cell", -1, 0], 1, "TT106"),
+        (["--type", "plat", "--cell", 0, 0], 1, "TT201"),
+        (["--part", "rack", "--cell", 0, 0], 1, "rack"),
+        ([*PLATE, "--surface", "mud", "--cell", 0, 0], 1, "TT202"),
+        ([*PLATE, "--cell", 0, 0, "--v-scale", 1e31], 1, "TT106"),
+        ([*PLATE, "--cell", 0, 0, "--descr", "\udcff"], 2, "UTF-8"),
+        ([*PLATE, "--cell", 0, 0, "--parent", "/elemTree/children/1"], 2, "has no element"),
+        ([*PLATE, "--cell", 0, 0, "--parent", "/elemTree/children/00"], 2, "has no element"),
+        ([*PLATE, "--cell", 0, 0, "--parent", "/elemTypes/plate"], 2, "has no element"),
+        ([*PLATE, "--cell", 0, 0, "--parent", "/elemTree/cells"], 2, "has no element"),
+        ([*PLATE, "--cell", 0, 0, "--parent", ""], 2, "has no element"),
+    ],
+)
+def test_what_is_refused_is_not_written(
+    site: Path, options: list[object], code: int, words: str
+) -> None:
+    """It is said why, with what to do, and the file is as it was."""
+    before = site.read_bytes()
+    ran = call("add", site, *options)
+    assert (ran.code, ran.out) == (code, "") and words in ran.err
+    assert site.read_bytes() == before
+    assert [path.name for path in site.parent.iterdir()] == ["site.json"]
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "words"),
+    [
+        (json.dumps({**SITE, "size": -1}), 1, "TT106"),
+        ('{"size": 1', 1, "TT101"),
+        ('{"mass": 50, "track": 0.5}', 1, "is a vehicle"),
+        ("[]", 1, "TT105"),
+    ],
+)
+def test_a_file_that_cannot_be_added_to(tmp_path: Path, text: str, code: int, words: str) -> None:
+    path = tmp_path / "t.json"
+    path.write_text(text, encoding="utf-8")
+    ran = call("add", path, *PLATE, "--cell", 0, 0)
+    assert ran.code == code and words in ran.err
+    assert path.read_text("utf-8") == text
+
+
+def test_standard_input_is_not_changed() -> None:
+    ran = call("add", "-", *PLATE, "--cell", 0, 0, stdin=json.dumps(SITE))
+    assert ran.code == 2 and "Standard input" in ran.err
