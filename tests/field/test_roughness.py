@@ -177,13 +177,33 @@ def test_nothing_is_beyond_the_bounds() -> None:
     assert np.hypot(*np.moveaxis(gradient, -1, 0)).max() < bounds.slope
     assert bounds.rms == pytest.approx(2) and bounds.finest == pytest.approx(4)
     assert gradient.std() == pytest.approx(bounds.rms_slope, rel=0.02)
-    # of one point in a cell (u, v), bumps of all cells where they add most
-    u = np.linspace(0, 1, 101)
-    nearest = [np.maximum(np.maximum(k - u, u - k - 1), 0) for k in range(-2, 3)]
-    worst = sum(
-        np.maximum(2.25 - a[:, None] ** 2 - b[None] ** 2, 0) ** 3 for a in nearest for b in nearest
-    )
-    assert 64 < worst.max() < 65
+
+
+@pytest.mark.parametrize(
+    ("bound", "of_bump"),
+    [
+        (65, lambda d, rest: rest**3),
+        (130, lambda d, rest: 6 * d * rest**2),
+        (364, lambda d, rest: np.maximum(6 * rest**2, np.abs(24 * d**2 * rest - 6 * rest**2))),
+    ],
+    ids=["height", "slope", "bend"],
+)
+def test_bounds_are_those_of_the_worst_bumps(bound: float, of_bump: Callable[..., Floats]) -> None:
+    """Each cell's bump lies where it adds most to a point, and is as high as can be.
+
+    Points (u, v) of a cell are tried, and distances to a bump that may lie anywhere in its cell.
+    """
+    u = np.linspace(0, 1, 61)
+    nearest = np.array([np.maximum(np.maximum(k - u, u - k - 1), 0) for k in range(-2, 3)])
+    farthest = np.array([np.maximum(np.abs(u - k), np.abs(u - k - 1)) for k in range(-2, 3)])
+    worst = np.zeros((61, 61))
+    for near_x, far_x in zip(nearest, farthest, strict=True):
+        for near_y, far_y in zip(nearest, farthest, strict=True):
+            low = np.hypot(near_x[:, None], near_y)
+            high = np.minimum(np.hypot(far_x[:, None], far_y), 1.5)
+            d = low + np.linspace(0, 1, 60)[:, None, None] * np.maximum(high - low, 0)
+            worst += of_bump(d, np.maximum(2.25 - d**2, 0)).max(axis=0)
+    assert 0.98 * bound < worst.max() < bound
 
 
 # --- the same everywhere ---------------------------------------------------------------------
