@@ -28,8 +28,8 @@ _OPTIONS = (
         type=float,
         metavar="E",
         help="How far the ground may be from the terrain, along z, anywhere.  [default: 0.005, "
-        "half of what a small wheel notices; but 1/100,000 of a side beyond 500, 1/1000 below 5, and "
-        "more where rough surfaces would take over 2,000,000 faces]",
+        "half of what a small wheel notices; but 1/100,000 of a side beyond 500, 1/1000 below 5, "
+        "and more where rough surfaces would take over 2,000,000 faces]",
     ),
     click.option(
         "--max-faces",
