@@ -131,6 +131,37 @@ def random_definition(
     return {"size": 10, "surfTypes": SURFACES, "elemTypes": primitives, "elemTree": root}
 
 
+def freed(definition: dict[str, Any], seed: int) -> dict[str, Any]:
+    """The same with about half of its elements at free places in place of cells.
+
+    What is turned and has children is turned by quarters.
+    """
+    rng = np.random.default_rng(seed + 1000)
+
+    def moved(element: dict[str, Any], wide: float, tall: float) -> dict[str, Any]:
+        sides = np.array([wide, tall])
+        children, grid = [], np.array(element.get("cells", (10, 10)))
+        for child in element.get("children", []):
+            own = sides / grid * child.get("span", (1, 1))
+            if rng.random() < 0.5:
+                child = {k: v for k, v in child.items() if k not in ("cellX", "cellY", "span")}
+                if "turnDeg" in child and child.get("children"):
+                    child["turnDeg"] = 90 * round(child["turnDeg"] / 90)
+                turn = np.radians(child.get("turnDeg", 0))
+                c, s = abs(np.cos(turn)), abs(np.sin(turn))
+                own = sides * rng.uniform(0.05, 0.6, 2)
+                reach = np.maximum(c * own + s * own[::-1], own)
+                own, reach = np.array([own, reach]) * min(1.0, float((0.95 * sides / reach).min()))
+                child["extent"] = own.tolist()
+                child["at"] = ((sides - reach) * rng.random(2) + 0.5 * reach).tolist()
+            children.append(moved(child, float(own[0]), float(own[1])))
+        return {**element, "children": children} if children else element
+
+    size = definition["size"]
+    wide, tall = size if isinstance(size, list) else (size, size)
+    return {**definition, "elemTree": moved(definition["elemTree"], wide, tall)}
+
+
 def flat(*children: dict[str, Any], size: Any = 10, **more: Any) -> Terrain:
     """A level floor with elements in cells of 1 × 1; `box` is as high as its vScale."""
     definition = {
@@ -278,6 +309,10 @@ def beside_arcs(definition: dict[str, Any], x: np.ndarray, y: np.ndarray, aside:
                 near[(inside > -1e-7) & (inside < aside + 1e-7)] = True
         nx, ny = element.get("cells", (10, 10))
         for child in element.get("children", []):
+            if "at" in child:
+                (at_x, at_y), (w, h) = child["at"], child["extent"]
+                visit(child, west + at_x - w / 2, south + at_y - h / 2, w, h)
+                continue
             w, h = child.get("span", (1, 1))
             visit(
                 child, west + child["cellX"] * wide / nx, south + child["cellY"] * tall / ny,

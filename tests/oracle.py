@@ -162,10 +162,11 @@ def cos_sin(degrees: float) -> tuple[Fraction, Fraction]:
 
 @dataclass(frozen=True)
 class Side:
-    """The extent of a cell along one axis, exactly."""
+    """The extent of a cell along one axis, exactly; whether the terrain ends with it."""
 
     low: Fraction
     length: Fraction
+    last: bool = True
 
     def at(self, t: float) -> float:
         """The world coordinate of a fraction of the way along."""
@@ -173,12 +174,18 @@ class Side:
 
     def part(self, first: int, count: int, n: int) -> Side:
         """Of n equal parts, `count` parts from `first` on."""
-        return Side(self.low + first * self.length / n, count * self.length / n)
+        last = self.last and first + count == n
+        return Side(self.low + first * self.length / n, count * self.length / n, last)
+
+    def free(self, at: float, extent: float, ground: Side) -> Side:
+        """A free place: its middle is at `at` from the low end, its sides are `extent`."""
+        length = Fraction(float(extent))
+        side = Side(self.low + Fraction(float(at)) - length / 2, length)
+        return Side(side.low, side.length, side.at(1) >= ground.at(1))
 
     def holds(self, p: float, ground: Side) -> bool:
         """Half-open, but for the far edge of the terrain itself."""
-        last = self.low + self.length == ground.low + ground.length
-        return self.at(0) <= p and (p < self.at(1) or (last and p == self.at(1)))
+        return self.at(0) <= p and (p < self.at(1) or (self.last and p == ground.at(1)))
 
     def gap(self, p: float, t: float) -> Fraction:
         """How far p is from the coordinate at t, in lengths of the side."""
@@ -203,8 +210,19 @@ class Element:
         self.combine: str = primitive.get("combine", "product")
         self.radial = self.combine == "radial"
         self.turned = math.fmod(node.get("turnDeg", 0), 360) != 0
+        self.whole = "at" in node and self.turned  # not trimmed to its cell
 
-    def child_cell(self, child: dict[str, Any]) -> Cell:
+    def child_cell(self, child: dict[str, Any], ground: Cell) -> Cell:
+        if "at" in child:
+            extent = child["extent"]
+            sides = extent if isinstance(extent, list) else [extent, extent]
+            x, y = (
+                side.free(middle, length, whole)
+                for side, middle, length, whole in zip(
+                    self.cell, child["at"], sides, ground, strict=True
+                )
+            )
+            return x, y
         (x, y), (nx, ny), (w, h) = self.cell, self.grid, child.get("span", [1, 1])
         return x.part(child["cellX"], w, nx), y.part(child["cellY"], h, ny)
 
@@ -335,7 +353,7 @@ class Oracle:
         """Height, surface and deciding element; z is nan outside and where there is no ground."""
         if not self._in_cell(self.ground, x, y):
             return Answer(math.nan, None, None)
-        covering = [element for element in self._around(x, y) if element.covers(x, y)]
+        covering = self._covering(x, y)
         if not covering:
             return self._rough(Answer(0.0, None, None), x, y)
         winner = max(reversed(covering), key=lambda element: element.level)
@@ -385,6 +403,12 @@ class Oracle:
                 if cells and math.isfinite(p) and not side.holds(p, side):
                     note_edges(side, p)
             return max(found[1:], default=math.inf)
+        for cell in self._free_cells(x, y) if cells else ():
+            outside = max(
+                max(side.low - Fraction(p), Fraction(p) - side.low - side.length) / side.length
+                for side, p in zip(cell, (x, y), strict=True)
+            )
+            note(abs(outside), *cell)
         for element in self._around(x, y):
             soft = element.turned or element.radial
             if soft:
@@ -406,12 +430,11 @@ class Oracle:
     def slack(self, x: float, y: float) -> float:
         """How far the rounding of coordinates can move the height at a point, jumps apart."""
         total = 0.0
-        for element in self._around(x, y) if self._in_cell(self.ground, x, y) else ():
-            if element.covers(x, y):
-                g = self._grain(*element.cell)
-                nudges = [(a, b) for a in (-g, 0.0, g) for b in (-g, 0.0, g)]
-                heights = [self._height(element, element.shape(x, y, a, b)) for a, b in nudges]
-                total += max(heights) - min(heights)
+        for element in self._covering(x, y) if self._in_cell(self.ground, x, y) else ():
+            g = self._grain(*element.cell)
+            nudges = [(a, b) for a in (-g, 0.0, g) for b in (-g, 0.0, g)]
+            heights = [self._height(element, element.shape(x, y, a, b)) for a, b in nudges]
+            total += max(heights) - min(heights)
         return total
 
     def _grain(self, *sides: Side) -> float:
@@ -421,15 +444,40 @@ class Oracle:
     def _in_cell(self, cell: Cell, x: float, y: float) -> bool:
         return cell[0].holds(x, self.ground[0]) and cell[1].holds(y, self.ground[1])
 
+    def _covering(self, x: float, y: float) -> list[Element]:
+        """The elements whose footprints contain the point, in document order."""
+        return [
+            element
+            for element in self._around(x, y)
+            if (element.whole or self._in_cell(element.cell, x, y)) and element.covers(x, y)
+        ]
+
     def _around(self, x: float, y: float) -> Iterator[Element]:
-        """The elements whose cells contain the point, in document order."""
+        """The elements whose cells contain the point, in document order, and those that are whole.
+
+        Children are looked for in cells that contain the point, and nowhere else.
+        """
         stack = [self.root]
         while stack:
             element = stack.pop()
-            if self._in_cell(element.cell, x, y):
+            inside = self._in_cell(element.cell, x, y)
+            if inside or element.whole:
                 yield element
-                for k, node in reversed([*enumerate(element.node.get("children", []))]):
-                    stack.append(Element(self.types, node, element.child_cell(node), element, k))
+            for k, node in reversed(
+                [*enumerate(element.node.get("children", []) if inside else [])]
+            ):
+                cell = element.child_cell(node, self.ground)
+                stack.append(Element(self.types, node, cell, element, k))
+
+    def _free_cells(self, x: float, y: float) -> list[Cell]:
+        """The cells at free places in the cells that contain the point."""
+        return [
+            parent.child_cell(node, self.ground)
+            for parent in self._around(x, y)
+            if self._in_cell(parent.cell, x, y)
+            for node in parent.node.get("children", [])
+            if "at" in node
+        ]
 
     def _height(self, element: Element, shape: float) -> float:
         """What an element adds, given its shape at the point."""

@@ -150,25 +150,75 @@ def places(draw: Draw, grid: list[int], siblings: list[Json]) -> Json:
     return found
 
 
+Sides = tuple[float, float]
+
+
+@st.composite
+def free_places(draw: Draw, sides: Sides) -> tuple[Json, Sides]:
+    """A free place in a cell with these sides, and the sides of its own: often up to an edge."""
+    found: Json = {}
+    shares = st.sampled_from([0.5, 0.25, 0.3, 1 / 3, 0.01]) | thousandths(0.02, 0.7)
+    extent = [share * side for share, side in zip((draw(shares), draw(shares)), sides, strict=True)]
+    if draw(st.booleans()):
+        optionally(draw, found, "turnDeg", turns())
+    if draw(st.integers(0, 3)) == 3:
+        extent = [min(extent)] * 2
+        found["extent"] = draw(st.sampled_from([extent[0], extent]))
+    else:
+        found["extent"] = extent
+    turn = math.radians(found.get("turnDeg", 0))
+    c, s = abs(math.cos(turn)), abs(math.sin(turn))
+    w, h = extent
+    reach = max(c * w + s * h, w) / 2, max(s * w + c * h, h) / 2  # its cell, too, is inside
+    shrunk = min(1.0, *(side / (2 * r) for side, r in zip(sides, reach, strict=True)))
+    if shrunk < 1.0:
+        shrunk *= 0.999
+        whole = isinstance(found["extent"], list)
+        extent = [shrunk * side for side in extent]
+        found["extent"] = extent if whole else extent[0]
+        reach = reach[0] * shrunk, reach[1] * shrunk
+    parts = st.sampled_from([0.0, 1.0, 0.5]) | thousandths(0, 1)
+    found["at"] = [r + draw(parts) * (side - 2 * r) for side, r in zip(sides, reach, strict=True)]
+    return found, (extent[0], extent[1])
+
+
 @st.composite
 def elements(
-    draw: Draw, types: list[str], surfaces: list[str], levels: int, place: Json, *, huge: bool
+    draw: Draw,
+    types: list[str],
+    surfaces: list[str],
+    levels: int,
+    place: Json,
+    sides: Sides,
+    *,
+    huge: bool,
+    free: bool,
 ) -> Json:
-    """An element in its place, with up to `levels` levels below it."""
+    """An element in its place, a cell with these sides, with up to `levels` levels below it."""
     found: Json = {"type": draw(st.sampled_from(types)), **place}
     if surfaces:
         optionally(draw, found, "surface", st.sampled_from(surfaces))
     optionally(draw, found, "vScale", st.sampled_from([0, 1, -1]) | numbers(-5, 5))
     optionally(draw, found, "vOffset", numbers(-10, 10))
-    optionally(draw, found, "turnDeg", turns())
+    if "at" not in place:
+        optionally(draw, found, "turnDeg", turns())
     optionally(draw, found, "cells", grids(huge=huge))
+    if "at" in place and math.fmod(found.get("turnDeg", 0), 90) != 0:
+        return found  # turned as a whole it has no children
     cells = found.get("cells", 10)
     grid = cells if isinstance(cells, list) else [cells, cells]
     huge = huge and max(grid) < 65536  # once on the way down: cells stay wider than rounding
     children: list[Json] = []
     for _ in range(draw(st.integers(0, [0, 2, 3, 3][levels]))):
-        below = draw(places(grid, children))
-        children.append(draw(elements(types, surfaces, levels - 1, below, huge=huge)))
+        if free and min(sides) > 0.01 and draw(st.booleans()):  # wider than rounding
+            below, own = draw(free_places(sides))
+        else:
+            below = draw(places(grid, [child for child in children if "cellX" in child]))
+            span = below.get("span", [1, 1])
+            own = sides[0] * span[0] / grid[0], sides[1] * span[1] / grid[1]
+        children.append(
+            draw(elements(types, surfaces, levels - 1, below, own, huge=huge, free=free))
+        )
     spelled = draw(st.booleans())
     if children or spelled:
         found["children"] = children
@@ -205,8 +255,11 @@ def tracks(draw: Draw, definition: Json) -> Json:
 
 
 @st.composite
-def definitions(draw: Draw, *, rutted: bool = False) -> Json:
-    """Valid definitions, of at most four levels and 31 elements; with tracks if `rutted`."""
+def definitions(draw: Draw, *, rutted: bool = False, free: bool = False) -> Json:
+    """Valid definitions, of at most four levels and 31 elements.
+
+    With tracks if `rutted`, with elements at free places if `free`.
+    """
     types = {f"p{k}": draw(primitives()) for k in range(draw(st.integers(1, 4)))}
     surfaces = draw(st.lists(st.sampled_from(sorted(SURFACES)), max_size=4, unique=True))
     found: Json = {"size": draw(sizes())}
@@ -217,7 +270,9 @@ def definitions(draw: Draw, *, rutted: bool = False) -> Json:
     if surfaces or spelled:
         found["surfTypes"] = {name: copy.deepcopy(SURFACES[name]) for name in surfaces}
     found["elemTypes"] = types
-    found["elemTree"] = draw(elements(list(types), surfaces, 3, {}, huge=True))
+    (_, x), (_, y) = box(found)
+    sides = float(x), float(y)
+    found["elemTree"] = draw(elements(list(types), surfaces, 3, {}, sides, huge=True, free=free))
     if rutted:
         found["tracks"] = [draw(tracks(found)) for _ in range(draw(st.integers(0, 4)))]
     return deepcopy(found)  # tests change what they are given
@@ -277,6 +332,15 @@ def marks(definition: Json, limit: int = 40) -> list[Marks]:
             coordinates[axis].extend(float(low + Fraction(k, 2) * length / n) for k in (1, n))
         found.append(coordinates)
         for child in node.get("children", []):
+            if "at" in child:
+                extent = child["extent"]
+                lengths = extent if isinstance(extent, list) else [extent, extent]
+                x, y = [
+                    (low + Fraction(at) - Fraction(length) / 2, Fraction(length))
+                    for (low, _), at, length in zip(sides, child["at"], lengths, strict=True)
+                ]
+                waiting.append((child, (x, y)))
+                continue
             firsts, counts = (child["cellX"], child["cellY"]), child.get("span", [1, 1])
             x, y = [
                 (low + first * length / n, count * length / n)

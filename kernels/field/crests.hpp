@@ -48,10 +48,18 @@ public:
     // middle of a disc. On a slope these are not the highest, but what stands out most.
     CrestPlaces find() {
         std::vector<u64> waiting{0};
+        std::vector<u32> found;  // in a free grid
         while (!waiting.empty()) {
-            const Grid& grid = field_.grids[waiting.back()];
+            u64 g = waiting.back();
+            const Grid& grid = field_.grids[g];
             waiting.pop_back();
+            if (grid.more) waiting.push_back(g + 1);
             if (grid.local) continue;  // finer than doubles: smaller than any pixel
+            if (grid.standing != IN_CELLS) {
+                find_free_met(grid, found);
+                for (u32 index : found) visit_element(grid, index, waiting);
+                continue;
+            }
             Range across = cells_met(grid, X, west_, east_);
             Range along = cells_met(grid, Y, south_, north_);
             for (i64 j = along.first >> grid.shift[Y]; j <= along.last >> grid.shift[Y]; ++j) {
@@ -84,7 +92,7 @@ private:
         const Kind& kind;
         double x, y, u_x, u_y, v_x, v_y;
         double length[2];   // of the sides
-        double wide, tall;  // of the cell, which trims it
+        double wide, tall;  // of the cell, which trims it; infinite where none does
         bool trimmed;
         const double* weights;
     };
@@ -105,6 +113,17 @@ private:
         return {i64(clamp(cell(low) - 1.0, 0.0, most)), i64(clamp(cell(high) + 1.0, 0.0, most))};
     }
 
+    // The elements of a free grid whose bins meet the window.
+    void find_free_met(const Grid& grid, std::vector<u32>& found) const {
+        const FreeBins& bins = field_.free_bins[grid.free];
+        auto met = [&](int axis, double low, double high) {
+            return free_bins_met(
+                bins, axis, from_parent(grid, axis, low, 0.0), from_parent(grid, axis, high, 0.0)
+            );
+        };
+        find_free(field_, grid, met(X, west_, east_), met(Y, south_, north_), found);
+    }
+
     void visit_bin(
         const Grid& grid, i64 i, i64 j, Range across, Range along, std::vector<u64>& waiting
     ) {
@@ -116,23 +135,34 @@ private:
             bool first = max(i64(element.cell[X]), across.first) >> grid.shift[X] == i
                 && max(i64(element.cell[Y]), along.first) >> grid.shift[Y] == j;
             if (grid.listed && !first) continue;
-            if (visit_element(grid, index) && element.grid) waiting.push_back(element.grid);
+            visit_element(grid, index, waiting);
         }
     }
 
-    // Whether an element's cell meets the window; its crests are walked along.
-    bool visit_element(const Grid& grid, u64 index) {
+    // Walk along the crests of an element that meets the window; the grids that it has are left to
+    // wait.
+    void visit_element(const Grid& grid, u64 index, std::vector<u64>& waiting) {
         const Element& element = field_.elements[index];
-        const Pose& pose = field_.poses[element.pose];
-        double low[2], wide[2];
+        const Pose pose = pose_of(field_, element);
+        double low[2], wide[2], beyond[2] = {0.0, 0.0};  // how far it reaches beyond its cell
         for (int axis : {X, Y}) {
+            if (pose.free) {
+                const terratool::Place& place = field_.places[place_of(element)];
+                auto reach = free_reach(field_.poses[element.pose], place);
+                wide[axis] = place.extent[axis];
+                low[axis] = grid.corner[axis][0] + (place.at[axis] - 0.5 * wide[axis]);
+                beyond[axis] = max(reach[axis] - 0.5 * wide[axis], 0.0);
+                continue;
+            }
             GridAxis a = axis_of(grid, axis);
             low[axis] = edge_position(a, double(element.cell[axis])).high;
             wide[axis] = pose.size[axis] * (a.pitch + a.pitch_rest);
         }
-        if (low[X] > east_ || low[X] + wide[X] < west_ || low[Y] > north_
-            || low[Y] + wide[Y] < south_)
-            return false;
+        if (low[X] - beyond[X] > east_ || low[X] + wide[X] + beyond[X] < west_
+            || low[Y] - beyond[Y] > north_ || low[Y] + wide[Y] + beyond[Y] < south_)
+            return;
+        if (element.grid) waiting.push_back(element.grid);
+        bool whole = pose.turned && pose.free;
         Frame frame{
             element,
             field_.kinds[element.kind],
@@ -143,9 +173,9 @@ private:
             0.0,
             wide[Y],
             {wide[X], wide[Y]},
-            wide[X],
-            wide[Y],
-            pose.turned && pose.cos != 0.0,
+            whole ? INF : wide[X],
+            whole ? INF : wide[Y],
+            pose.turned && !pose.free && pose.cos != 0.0,
             &weights_(i64(index), 0)
         };
         if (pose.turned) {
@@ -163,7 +193,6 @@ private:
             if (roofed) walk_roof(frame, X), walk_roof(frame, Y);
         }
         if (frame.trimmed) walk_edges(frame);
-        return true;
     }
 
     // How far a kink and a peak stand above the chord of a pixel across them.

@@ -1,17 +1,33 @@
 // The grids of a field: their corners, and tables from cell to element.
 #pragma once
 
-#include "primitives.hpp"
+#include "frames.hpp"
 
 namespace terratool {
 
-// The elements of a field: cells and blocks that they are in, and the grids that they have.
+// The elements of a field: cells and blocks that they are in, and the grids that they have. Of a
+// free element the cell is the index of its place and a 0; `reach` are half the sides of the
+// rectangles around the cells and footprints of free elements.
 struct Placed {
     Matrix<const i64> cell, span, cells;
+    Span<const bool> free;
+    Span<const Place> places;
+    Matrix<const double> reach;
+
+    Block block(i64 e, int axis) const {
+        if (free[e]) return {0.0, 1.0};
+        return {double(cell(e, axis)), double(span(e, axis))};
+    }
+    double aspect(i64 e) const {
+        if (!free[e]) return double(span(e, 1)) / double(span(e, 0));
+        const Place& place = places[cell(e, 0)];
+        return place.extent[Y] / place.extent[X];
+    }
 };
 
 template <class Visit> void visit_arguments(Placed& p, Visit visit) {
     visit("cell[e,2]", p.cell), visit("span[e,2]", p.span), visit("cells[e,2]", p.cells);
+    visit("free[e]", p.free), visit("places[f]", p.places), visit("reach[f,2]", p.reach);
 }
 
 // Where the elements of each grid stand.
@@ -21,48 +37,6 @@ struct Ranges {
 
 template <class Visit> void visit_arguments(Ranges& r, Visit visit) {
     visit("first[g]", r.first), visit("last[g]", r.last);
-}
-
-// A double's leading 36 bits, so that a whole number of 17 bits times it is exact.
-inline double split(double value) {
-    int exponent;
-    double mantissa = std::frexp(value, &exponent);
-    return std::ldexp(floor(mantissa * 68719476736.0), exponent - 36);
-}
-
-// (high + low) · k / n as a 36-bit number and the rest; k and n are whole, up to 17 bits.
-inline DoubleSum divide(double high, double low, double k, double n) {
-    double quotient = split((high * k + low * k) / n);
-    return {quotient, ((high * k - quotient * n) + low * k) / n};
-}
-
-// Set an axis of a grid, all but `per` and `near` given; whether it is finer than doubles.
-inline bool set_axis(Grid& g, int which, const GridAxis& axis) {
-    constexpr double finest = 8.0;  // cells narrower than so many spacings of doubles are finer
-    constexpr double tiny = 1e-290;
-    double side = axis.pitch + axis.pitch_rest;
-    double spacing = std::numeric_limits<double>::epsilon()
-        * max(abs(axis.corner), abs(axis.corner + side * axis.count));
-    bool local = side < finest * spacing || side < tiny;
-    g.corner[which][0] = axis.corner, g.corner[which][1] = axis.rest;
-    g.pitch[which][0] = axis.pitch, g.pitch[which][1] = axis.pitch_rest;
-    g.count[which] = axis.count;
-    g.per[which] = local ? 0.0 : 1.0 / side;
-    g.near[which] = max(EDGE, spacing * g.per[which]);
-    g.clear[which] = 0.5 - g.near[which];
-    return local;
-}
-
-// One axis of the grid of `count` cells in a block of cells of an axis above.
-inline GridAxis axis_within(const GridAxis& above, double cell, double span, double count) {
-    auto [corner, rest] = edge_position(above, cell);
-    auto [pitch, pitch_rest] = divide(above.pitch, above.pitch_rest, span, count);
-    return {corner, rest, 0.0, count, 0.0, pitch, pitch_rest};
-}
-
-inline GridAxis whole_axis(double origin, double extent) {
-    double high = split(extent);
-    return {origin, 0.0, 0.0, 1.0, 0.0, high, extent - high};
 }
 
 // Corners and pitches of all grids, parents first.
@@ -79,28 +53,26 @@ inline void lay_grids(
             aspects[0] = extent[1] / extent[0];
             for (int axis : {X, Y})
                 grid.local |= set_axis(grid, axis, whole_axis(origin[axis], extent[axis]));
+            for (int axis : {X, Y})
+                if (grid.local) grid.clear[axis] = -1.0;
         } else {
             i64 owner = owners[g - 1];
+            bool in_cells = grid.standing == IN_CELLS;
+            std::array<double, 2> count{1.0, 1.0};
+            for (int axis : {X, Y})
+                if (in_cells) count[axis] = double(placed.cells(owner, axis));
             const Grid& parent = grids[home[owner]];
-            auto number = [owner](Matrix<const i64> column, int axis) {
-                return double(column(owner, axis));
-            };
-            double blocks = number(placed.span, 1) / number(placed.span, 0);
-            double cells = number(placed.cells, 0) / number(placed.cells, 1);
-            aspects[g] = aspects[home[owner]] * blocks * cells;
-            grid.local = parent.local;
-            for (int axis : {X, Y}) {
-                GridAxis within = axis_within(
-                    axis_of(parent, axis), number(placed.cell, axis), number(placed.span, axis),
-                    number(placed.cells, axis)
-                );
-                grid.local |= set_axis(grid, axis, within);
+            if (placed.free[owner]) {
+                const Place& place = placed.places[placed.cell(owner, 0)];
+                lay_within(grid, free_frame(parent, place), ONE_CELL, count);
+                aspects[g] = placed.aspect(owner) * (count[0] / count[1]);
+            } else {
+                std::array<Block, 2> block{placed.block(owner, X), placed.block(owner, Y)};
+                lay_within(grid, parent, block, count);
+                aspects[g] = aspects[home[owner]] * placed.aspect(owner) * (count[0] / count[1]);
             }
         }
-        for (int axis : {X, Y}) {
-            if (grid.local) grid.clear[axis] = -1.0;
-            sides(g, axis) = grid.pitch[axis][0] + grid.pitch[axis][1];
-        }
+        for (int axis : {X, Y}) sides(g, axis) = grid.pitch[axis][0] + grid.pitch[axis][1];
     }
 }
 
@@ -121,12 +93,78 @@ inline i64 count_listed(const Grid& grid, i64 first, i64 last, const Placed& pla
     return total;
 }
 
+// First and last of the bins of a free grid that an element takes along an axis.
+inline BinRange free_bins_along(const FreeBins& bins, const Placed& placed, i64 place, int axis) {
+    double at = placed.places[place].at[axis], reach = placed.reach(place, axis) + bins.slack;
+    return free_bins_met(bins, axis, at - reach, at + reach);
+}
+
+// Visit the bins of a free grid, each with the elements in it, in their order.
+template <class Put>
+void visit_free(const FreeBins& bins, i64 first, i64 last, const Placed& placed, Put put) {
+    for (i64 e = first; e < last; ++e) {
+        BinRange across = free_bins_along(bins, placed, e + bins.places, X);
+        BinRange along = free_bins_along(bins, placed, e + bins.places, Y);
+        for (i64 j = along.first; j <= along.last; ++j)
+            for (i64 i = across.first; i <= across.last; ++i)
+                put(j * i64(bins.shape[X]) + i, u32(e));
+    }
+}
+
+// Entries that the elements of a free grid take in its bins.
+inline i64 count_free(const FreeBins& bins, i64 first, i64 last, const Placed& placed) {
+    i64 total = 0;
+    for (i64 e = first; e < last; ++e) {
+        BinRange across = free_bins_along(bins, placed, e + bins.places, X);
+        BinRange along = free_bins_along(bins, placed, e + bins.places, Y);
+        total += (across.last - across.first + 1) * (along.last - along.first + 1);
+    }
+    return total;
+}
+
+// Choose the bins of a free grid, over the rectangle around its elements; returns their entries.
+// They are as fine as the memory allows that an element may take.
+inline i64 choose_free_bins(
+    FreeBins& bins, const Grid& grid, i64 first, i64 last, const Placed& placed
+) {
+    constexpr double most = 7.5;     // bins and entries for each element, of 4 bytes each
+    constexpr double finest = 2.0;   // bins for each element
+    constexpr double coarser = 0.8;  // so many bins are tried next
+    bins.places = placed.cell(first, 0) - first;
+    bins.slack = 0.0;
+    double low[2] = {INF, INF}, high[2] = {-INF, -INF}, wide[2];
+    for (int axis : {X, Y}) {
+        double side = grid.pitch[axis][0] + grid.pitch[axis][1];
+        double corner = grid.corner[axis][0];
+        bins.slack = max(bins.slack, FREE_NOISE * max3(side, abs(corner), abs(corner + side)));
+        for (i64 e = first; e < last; ++e) {
+            i64 place = e + bins.places;
+            low[axis] = min(low[axis], placed.places[place].at[axis] - placed.reach(place, axis));
+            high[axis] = max(high[axis], placed.places[place].at[axis] + placed.reach(place, axis));
+        }
+        bins.corner[axis] = low[axis], wide[axis] = max(high[axis] - low[axis], 1e-300);
+    }
+    double each = double(last - first);
+    for (double count = finest * each;; count *= coarser) {
+        double across = sqrt(count * (wide[X] / wide[Y]));
+        across = clamp(floor(across + 0.5), 1.0, max(1.0, floor(count)));
+        double along = max(1.0, floor(count / across));
+        for (int axis : {X, Y}) {
+            double n = axis == X ? across : along;
+            bins.shape[axis] = u32(n), bins.per[axis] = n / wide[axis];
+        }
+        i64 entries = count_free(bins, first, last, placed);
+        if (across * along + double(entries) <= most * each || across * along == 1.0)
+            return entries;
+    }
+}
+
 // Choose the bins of each grid: `sizes` of their tables and `lists` of their entries.
 // A dense grid has a bin per cell. The others begin with about a bin per element and grow coarser
 // until the elements that lie in several bins do not fill the memory.
 inline void size_bins(
-    Span<Grid> grids, Span<const bool> dense, const Ranges& ranges, const Placed& placed,
-    Span<i64> sizes, Span<i64> lists
+    Span<Grid> grids, Span<FreeBins> free_bins, Span<const bool> dense, const Ranges& ranges,
+    const Placed& placed, Span<i64> sizes, Span<i64> lists
 ) {
     constexpr i64 room_each = 16;  // a grid may list its elements this many times over
     for (i64 g = 0; g < count_of(grids); ++g) {
@@ -134,6 +172,13 @@ inline void size_bins(
         i64 children = ranges.last[g] - ranges.first[g];
         auto bins = [&](int axis) { return ((i64(grid.count[axis]) - 1) >> grid.shift[axis]) + 1; };
         lists[g] = 0;
+        if (grid.standing != IN_CELLS) {
+            FreeBins& own = free_bins[grid.free];
+            lists[g] = choose_free_bins(own, grid, ranges.first[g], ranges.last[g], placed);
+            grid.row = own.shape[X], grid.listed = 1;
+            sizes[g] = i64(own.shape[X]) * i64(own.shape[Y]) + 1;
+            continue;
+        }
         while (!dense[g]) {
             if (bins(X) * bins(Y) <= 2 * children + 64) {
                 lists[g] = count_listed(grid, ranges.first[g], ranges.last[g], placed);
@@ -149,8 +194,8 @@ inline void size_bins(
 
 // Fill the tables: element indices for dense grids, places in `entries` for the others.
 inline void fill_tables(
-    Span<const Grid> grids, const Ranges& ranges, const Placed& placed, Span<u32> offsets,
-    Span<u32> entries
+    Span<const Grid> grids, Span<const FreeBins> free_bins, const Ranges& ranges,
+    const Placed& placed, Span<u32> offsets, Span<u32> entries
 ) {
     u32 used = 0;
     for (i64 g = 0; g < count_of(grids); ++g) {
@@ -158,6 +203,10 @@ inline void fill_tables(
         i64 end = g + 1 < count_of(grids) ? grids[g + 1].table : count_of(offsets);
         auto table = offsets.subspan(grid.table, end - grid.table);
         auto visit = [&](auto put) {
+            if (grid.standing != IN_CELLS) {
+                visit_free(free_bins[grid.free], ranges.first[g], ranges.last[g], placed, put);
+                return;
+            }
             for (i64 e = ranges.first[g]; e < ranges.last[g]; ++e) {
                 auto [west, east] = bins_along(grid, placed, e, X);
                 auto [south, north] = bins_along(grid, placed, e, Y);
@@ -175,14 +224,18 @@ inline void fill_tables(
 }
 
 // The most grids that wait on the stack of a descent: an upper bound, at least 1.
-// At each grid wait the elements of one bin that have grids, while one of them is descended.
+// At the grids of an element wait the elements of one bin of each that have grids, while one of
+// them is descended.
 inline i64 count_pending(
     Span<const Grid> grids, Span<const u32> offsets, Span<const u32> entries,
     Span<const u32> grid_of
 ) {
     std::vector<i64> need(grids.size(), 1);
+    i64 more_waiting = 0, more_deepest = 0;  // of the grids of the same element that follow
     for (i64 g = count_of(grids) - 1; g >= 0; --g) {
-        i64 end = g + 1 < count_of(grids) ? grids[g + 1].table : count_of(offsets);
+        if (!grids[g].more) more_waiting = more_deepest = 0;
+        i64 most_waiting = 0,
+            end = g + 1 < count_of(grids) ? grids[g + 1].table : count_of(offsets);
         for (i64 slot = grids[g].table; slot < end - 1; ++slot) {
             i64 waiting = 0, deepest = 0;
             for (u32 k = offsets[slot]; k < offsets[slot + 1]; ++k) {
@@ -191,8 +244,11 @@ inline i64 count_pending(
                 ++waiting;
                 deepest = max(deepest, need[below]);
             }
-            need[g] = max(need[g], waiting + deepest);
+            most_waiting = max(most_waiting, waiting);
+            more_deepest = max(more_deepest, deepest);
         }
+        more_waiting += most_waiting;
+        need[g] = max(i64(1), more_waiting + more_deepest);
     }
     return need[0];
 }
@@ -202,11 +258,15 @@ inline void cell_rectangles(const Field& field, Span<const i32> parents, Matrix<
     for (i64 e = 0; e < count_of(field.elements); ++e) {
         const Element& element = field.elements[e];
         const Pose& pose = field.poses[element.pose];
-        const Grid& grid = field.grids[e ? field.elements[parents[e]].grid : 0];
+        u64 g = e ? field.elements[parents[e]].grid : 0;
+        // all grids of one element have the same corner, and those in cells the same cells
+        while (!pose.free && field.grids[g].standing != IN_CELLS) ++g;
+        Grid own = field.grids[g];
+        if (pose.free) own = free_frame(own, field.places[place_of(element)]);
         for (int axis : {X, Y}) {
             Block block = block_of(element, pose, axis);
-            out(axis, e) = edge_double(axis_of(grid, axis), block.cell);
-            out(axis + 2, e) = edge_double(axis_of(grid, axis), block.cell + block.width);
+            out(axis, e) = edge_double(axis_of(own, axis), block.cell);
+            out(axis + 2, e) = edge_double(axis_of(own, axis), block.cell + block.width);
         }
     }
 }

@@ -173,6 +173,128 @@ Rectangle paint_element(
     return part;
 }
 
+// Columns or rows of ascending coordinates that the cell of a free place holds.
+inline BinRange held_by_cell(In x, const GridAxis& cell, double terrain_end) {
+    double low = edge_double(cell, 0.0), high = edge_double(cell, 1.0);
+    auto begin = std::lower_bound(x.begin(), x.end(), low);
+    auto end = high >= terrain_end ? std::upper_bound(begin, x.end(), high)
+                                   : std::lower_bound(begin, x.end(), high);
+    return {begin - x.begin(), end - x.begin()};
+}
+
+// Paint one free element; returns the pixels that its cell holds.
+template <class Id>
+Rectangle paint_free_element(
+    const Field& field, Canvas<Id>& canvas, i64 index, const Grid& grid, In x, In y,
+    double resolution, const Rectangle& part
+) {
+    const Element& element = field.elements[index];
+    const Place& place = field.places[place_of(element)];
+    const Pose& square = field.poses[element.pose];
+    Grid frame = free_frame(grid, place);
+    Pose pose = free_pose(square, place);
+    Painted painted{index, element, field.kinds[element.kind], pose, frame};
+    In own_x = x.subspan(part.west, part.east - part.west);
+    In own_y = y.subspan(part.south, part.north - part.south);
+    auto columns = held_by_cell(own_x, axis_of(frame, X), field.bounds[2]);
+    auto rows = held_by_cell(own_y, axis_of(frame, Y), field.bounds[3]);
+    Rectangle held{
+        part.west + columns.first, part.west + columns.last, part.south + rows.first,
+        part.south + rows.last
+    };
+    Rectangle around = held;
+    if (pose.turned) {  // it may reach beyond its cell
+        auto [wide, tall] = free_reach(square, place);
+        auto near = [](In at, double middle, double reach) {
+            auto begin = std::lower_bound(at.begin(), at.end(), middle - reach);
+            return BinRange{
+                begin - at.begin(), std::upper_bound(begin, at.end(), middle + reach) - at.begin()
+            };
+        };
+        double slack = field.free_bins[grid.free].slack;
+        columns = near(own_x, grid.corner[X][0] + place.at[X], wide + slack);
+        rows = near(own_y, grid.corner[Y][0] + place.at[Y], tall + slack);
+        around = {
+            part.west + columns.first, part.west + columns.last, part.south + rows.first,
+            part.south + rows.last
+        };
+    }
+    if (around.is_empty()) return held;
+    auto position = [&](In at, int axis, Out out) {
+        for (std::size_t n = 0; n < at.size(); ++n) {
+            double u = free_position(place, axis, from_parent(grid, axis, at[n], 0.0));
+            out[n] = pose.turned ? u : clamp(u, 0.0, 1.0);
+        }
+    };
+    In xs = x.subspan(around.west, around.east - around.west);
+    In ys = y.subspan(around.south, around.north - around.south);
+    Out u = part_of(canvas.u, around.west, around.east);
+    Out v = part_of(canvas.v, around.south, around.north);
+    position(xs, X, u), position(ys, Y, v);
+    if (pose.turned || painted.kind.combine == RADIAL)
+        paint_runs(field, canvas, painted, u, v, resolution, around);
+    else paint_block(field, canvas, painted, {u, v, xs, ys, around});
+    return held;
+}
+
+// Paint the elements of a free grid, in their order; below(index, pixels) is called with the pixels
+// that the cell of each holds.
+template <class Id, class Below>
+void paint_free(
+    const Field& field, Canvas<Id>& canvas, const Grid& grid, In x, In y, double resolution,
+    const Rectangle& part, Below below
+) {
+    const FreeBins& bins = field.free_bins[grid.free];
+    auto met = [&](In at, int axis, i64 begin, i64 end) {
+        return free_bins_met(
+            bins, axis, from_parent(grid, axis, at[begin], 0.0),
+            from_parent(grid, axis, at[end - 1], 0.0)
+        );
+    };
+    BinRange across = met(x, X, part.west, part.east), along = met(y, Y, part.south, part.north);
+    find_free(field, grid, across, along, canvas.found);
+    for (u32 index : canvas.found)
+        below(index, paint_free_element(field, canvas, index, grid, x, y, resolution, part));
+}
+
+// Paint the elements of a grid in cells, bin by bin; likewise.
+template <class Id, class Below>
+void paint_cells(
+    const Field& field, Canvas<Id>& canvas, const Grid& grid, In x, In y, double resolution,
+    const Rectangle& part, Below below
+) {
+    auto [west, east, south, north] = part;
+    locate_cells(
+        x.subspan(west, east - west), axis_of(grid, X), part_of(canvas.cell_x, west, east),
+        part_of(canvas.in_x, west, east)
+    );
+    locate_cells(
+        y.subspan(south, north - south), axis_of(grid, Y), part_of(canvas.cell_y, south, north),
+        part_of(canvas.in_y, south, north)
+    );
+    i64 across = find_runs(canvas.cell_x, west, east, grid.shift[X], canvas.runs_x);
+    i64 along = find_runs(canvas.cell_y, south, north, grid.shift[Y], canvas.runs_y);
+    for (i64 j = 0; j < along; ++j) {
+        for (i64 i = 0; i < across; ++i) {
+            i64 slot = grid.table + canvas.runs_y[j].bin * i64(grid.row) + canvas.runs_x[i].bin;
+            Rectangle in_bin{
+                canvas.runs_x[i].begin, canvas.runs_x[i + 1].begin, canvas.runs_y[j].begin,
+                canvas.runs_y[j + 1].begin
+            };
+            for (u32 k = field.offsets[slot]; k < field.offsets[slot + 1]; ++k) {
+                i64 index = i64(listed_element(field, grid, k));
+                below(index, paint_element(field, canvas, index, grid, x, y, resolution, in_bin));
+            }
+        }
+    }
+}
+
+// Whether one of the grids of an element, of which this is the first, is finer than doubles.
+inline bool is_any_local(const Field& field, i64 g) {
+    while (!field.grids[g].local && field.grids[g].more) ++g;
+    return field.grids[g].local;
+}
+
 // Paint a part of a tile that is inside the bounds; whether pixels, NaN, are left to the descent.
 template <class Id>
 bool paint_tile(
@@ -193,39 +315,22 @@ bool paint_tile(
     if (canvas.labels.exists()) canvas.labels.fill(whole, 0);
     for (std::size_t head = 0; head < queue.size(); ++head) {
         auto [g, part] = queue[head];
-        const Grid& grid = field.grids[g];
-        auto [west, east, south, north] = part;
-        locate_cells(
-            x.subspan(west, east - west), axis_of(grid, X), part_of(canvas.cell_x, west, east),
-            part_of(canvas.in_x, west, east)
-        );
-        locate_cells(
-            y.subspan(south, north - south), axis_of(grid, Y), part_of(canvas.cell_y, south, north),
-            part_of(canvas.in_y, south, north)
-        );
-        i64 across = find_runs(canvas.cell_x, west, east, grid.shift[X], canvas.runs_x);
-        i64 along = find_runs(canvas.cell_y, south, north, grid.shift[Y], canvas.runs_y);
-        for (i64 j = 0; j < along; ++j) {
-            for (i64 i = 0; i < across; ++i) {
-                i64 slot = grid.table + canvas.runs_y[j].bin * i64(grid.row) + canvas.runs_x[i].bin;
-                Rectangle in_bin{
-                    canvas.runs_x[i].begin, canvas.runs_x[i + 1].begin, canvas.runs_y[j].begin,
-                    canvas.runs_y[j + 1].begin
-                };
-                for (u32 k = field.offsets[slot]; k < field.offsets[slot + 1]; ++k) {
-                    i64 index = i64(listed_element(field, grid, k));
-                    Rectangle held =
-                        paint_element(field, canvas, index, grid, x, y, resolution, in_bin);
-                    i64 below = field.elements[index].grid;
-                    if (!below || held.is_empty()) continue;
-                    if (field.grids[below].local) {
-                        left = true;
-                        canvas.heights.fill(held, NaN);  // stays NaN, whatever is added to it
-                    } else {
-                        queue.push_back({below, held});
-                    }
-                }
+        auto below = [&](i64 index, const Rectangle& held) {
+            i64 first = field.elements[index].grid;
+            if (!first || held.is_empty()) return;
+            if (is_any_local(field, first)) {
+                left = true;
+                canvas.heights.fill(held, NaN);  // stays NaN, whatever is added to it
+            } else {
+                queue.push_back({first, held});
             }
+        };
+        for (;; ++g) {  // all grids of an element
+            const Grid& grid = field.grids[g];
+            if (grid.standing == IN_CELLS)
+                paint_cells(field, canvas, grid, x, y, resolution, part, below);
+            else paint_free(field, canvas, grid, x, y, resolution, part, below);
+            if (!grid.more) break;
         }
     }
     return left;

@@ -69,6 +69,7 @@ template <class Id> struct Canvas {
     std::vector<u64> near_segments;  // a bit for each, all 0 but while they are looked for
     Span<const u8> nonzero_edges;    // by kinds: whether a footprint's edge may be a wall
     std::vector<GridPart> queue;
+    std::vector<u32> found;  // free elements, while a grid of them is painted
     Stack stack;
     // by column and by row: cells of a grid and positions in them, positions in a block of cells,
     // values of curves, and scratch
@@ -236,10 +237,10 @@ INLINE u32 hash32(u64 key) { return u32(hash64(key)) | 1; }
 // What an element adds to all of its pixels: 0 where none of its edges can be a wall.
 INLINE u32 mark_of(const Painted& p, Span<const u8> nonzero) {
     const auto& [index, element, kind, pose, grid] = p;
-    // trimmed by its cell a turned element ends anywhere; whole is what a half turn leaves, or a
-    // quarter or a disc in a square
+    // trimmed by its cell a turned element ends anywhere; whole is what has no cell to trim it,
+    // what a half turn leaves, or a quarter or a disc in a square
     bool squared = abs(pose.sin_u) == abs(pose.sin_v);
-    bool whole = !pose.turned || abs(pose.cos) == 1.0
+    bool whole = !pose.turned || pose.free || abs(pose.cos) == 1.0
         || (squared && (pose.cos == 0.0 || kind.combine == RADIAL));
     bool shaped = element.scale != 0.0 && (nonzero[element.kind] || !whole);
     return shaped || element.offset != 0.0 ? hash32(u64(index)) : 0;

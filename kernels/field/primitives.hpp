@@ -233,7 +233,9 @@ INLINE ShapePoint combine(u8 how, CurvePoint x, CurvePoint y) {
     return {y.value, 0.0, y.slope};
 }
 
+// The block of an element in its grid; a free element is the one cell of a grid of its own.
 INLINE Block block_of(const Element& element, const Pose& pose, int axis) {
+    if (pose.free) return {0.0, 1.0};
     return {double(element.cell[axis]), pose.size[axis]};
 }
 

@@ -1,6 +1,7 @@
 // The descent: which elements hold a point, and what they add up to.
 #pragma once
 
+#include "frames.hpp"
 #include "roughness.hpp"
 #include "tracks.hpp"
 
@@ -56,6 +57,156 @@ add_leaves(const Field& field, u64 begin, u64 end, double in_x, double in_y, Lea
         }
     }
     return sum;
+}
+
+// A point in the world, and its place in the cell that a grid divides.
+struct DescentPoint {
+    double x, y, from_x, from_y;
+};
+
+struct FreeSum {
+    LeafSum sum;
+    std::size_t pending;  // grids that wait
+};
+
+// Whether a cell of a free grid holds a point, by the doubles that its edges stand at.
+inline bool free_cell_holds(
+    const Field& field, const Grid& grid, const Place& place, const DescentPoint& p
+) {
+    if (grid.local) {  // finer than doubles
+        double u = free_position(place, X, from_parent(grid, X, p.x, p.from_x));
+        double v = free_position(place, Y, from_parent(grid, Y, p.y, p.from_y));
+        return 0.0 <= u && (u < 1.0 || p.from_x == 1.0) && 0.0 <= v && (v < 1.0 || p.from_y == 1.0);
+    }
+    Grid frame = free_frame(grid, place);
+    return holds_along(axis_of(frame, X), p.x, field.bounds[2])
+        && holds_along(axis_of(frame, Y), p.y, field.bounds[3]);
+}
+
+enum class Nearness { OUTSIDE, AT_EDGE, INSIDE };
+
+// How a point lies that is so far from the middle of a free place.
+INLINE Nearness free_nearness(const Place& place, double dx, double dy, double slack) {
+    double wide = place.extent[X], tall = place.extent[Y];
+    double inside_x = 0.5 * wide - abs(dx), inside_y = 0.5 * tall - abs(dy);
+    double doubt_x = EDGE * wide + slack, doubt_y = EDGE * tall + slack;
+    if ((inside_x < -doubt_x) | (inside_y < -doubt_y)) return Nearness::OUTSIDE;
+    if ((inside_x > doubt_x) & (inside_y > doubt_y)) return Nearness::INSIDE;
+    return Nearness::AT_EDGE;
+}
+
+// Whether the cell of an unturned free place holds a point.
+INLINE bool free_holds(
+    const Field& field, const Grid& grid, const Place& place, double slack, double from_x,
+    double from_y, const DescentPoint& p
+) {
+    double dx = from_x - place.at[X], dy = from_y - place.at[Y];
+    Nearness nearness = free_nearness(place, dx, dy, slack);
+    if (nearness == Nearness::OUTSIDE) return false;
+    return nearness == Nearness::INSIDE || free_cell_holds(field, grid, place, p);
+}
+
+// Half the diagonal of a free place and a little more, squared: no footprint goes farther.
+INLINE double free_radius_square(const Place& place) {
+    constexpr double more = 0.25 * (1.0 + 1e-6);
+    return more * (square(place.extent[X]) + square(place.extent[Y]));
+}
+
+// Add a product of evenly spaced pieces.
+template <bool sloped>
+INLINE void add_free_product(
+    const Field& field, const Element& element, const Kind& kind, UV at, const Place& place,
+    LeafSum& sum
+) {
+    CurvePoint fx = even_curve(field.curves.pieces, kind, X, at.u);
+    CurvePoint fy = even_curve(field.curves.pieces, kind, Y, at.v);
+    sum.z += element.scale * (fx.value * fy.value) + element.offset;
+    if constexpr (sloped) {
+        sum.slope_x += element.scale * (fx.slope * fy.value) * (1.0 / place.extent[X]);
+        sum.slope_y += element.scale * (fx.value * fy.slope) * (1.0 / place.extent[Y]);
+    }
+}
+
+// Add the elements of a free grid that hold a point; the grids that they have are left to wait.
+template <bool sloped>
+FreeSum add_free(
+    const Field& field, const Grid& grid, const DescentPoint p, LeafSum sum, Stack& stack,
+    std::size_t pending
+) {
+    const FreeBins& bins = field.free_bins[grid.free];
+    double from_x = from_parent(grid, X, p.x, p.from_x);
+    double from_y = from_parent(grid, Y, p.y, p.from_y);
+    u64 bin =
+        u64(grid.table + free_bin(bins, Y, from_y) * i64(grid.row) + free_bin(bins, X, from_x));
+    u64 begin = field.offsets[bin], end = field.offsets[bin + 1];
+    auto position = [&](const Place& place) {
+        return UV{
+            clamp(free_position(place, X, from_x), 0.0, 1.0),
+            clamp(free_position(place, Y, from_y), 0.0, 1.0)
+        };
+    };
+    if (grid.standing == FREE_PLAIN) {
+        for (u64 k = begin; k < end; ++k) {
+            u64 index = field.entries[k];
+            const Place& place = field.places[i64(index) + bins.places];
+            if (!free_holds(field, grid, place, bins.slack, from_x, from_y, p)) continue;
+            const Element& element = field.elements[index];
+            const Kind& kind = field.kinds[element.kind];
+            add_free_product<sloped>(field, element, kind, position(place), place, sum);
+            sum.top = max(sum.top, i64(index));
+        }
+        return {sum, pending};
+    }
+    for (u64 k = begin; k < end; ++k) {
+        u64 index = field.entries[k];
+        const Place& place = field.places[i64(index) + bins.places];
+        const Element& element = field.elements[index];
+        const Pose& square = field.poses[element.pose];
+        if (!square.turned || element.grid) {
+            bool held = free_holds(field, grid, place, bins.slack, from_x, from_y, p);
+            if (!held && !square.turned) continue;
+            if (held && element.grid) {
+                UV at = position(place);
+                stack[pending++] = {element.grid, at.u, at.v};
+            }
+        }
+        const Kind& kind = field.kinds[element.kind];
+        ShapePoint f;
+        if (square.turned) {
+            double dx = from_x - place.at[X], dy = from_y - place.at[Y];
+            if (dx * dx + dy * dy > free_radius_square(place)) continue;
+            Pose pose = free_pose(square, place);
+            UV at = turned(pose, free_position(place, X, from_x), free_position(place, Y, from_y));
+            // nothing of it is asked that the place in the world decides
+            auto [holds, shape] =
+                special_shape(field.curves, kind, element, pose, grid, at, p.x, p.y);
+            if (!holds) continue;
+            f = shape;
+            if constexpr (sloped) {
+                auto [du, dv] = turned_slopes(pose, f.du, f.dv);
+                f.du = du, f.dv = dv;
+            }
+        } else if (kind.special) {
+            bool stepped = kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED;
+            Grid frame = stepped ? free_frame(grid, place) : grid;
+            auto [holds, shape] = special_shape(
+                field.curves, kind, element, square, frame, position(place), p.x, p.y
+            );
+            if (!holds) continue;
+            f = shape;
+        } else {
+            add_free_product<sloped>(field, element, kind, position(place), place, sum);
+            sum.top = max(sum.top, i64(index));
+            continue;
+        }
+        sum.z += element.scale * f.value + element.offset;
+        sum.top = max(sum.top, i64(index));
+        if constexpr (sloped) {
+            sum.slope_x += element.scale * f.du * (1.0 / place.extent[X]);
+            sum.slope_y += element.scale * f.dv * (1.0 / place.extent[Y]);
+        }
+    }
+    return {sum, pending};
 }
 
 INLINE bool is_void(const Field& field, i64 top) {
@@ -122,9 +273,28 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
     double from_x = 0.0, from_y = 0.0;
     i64 top = begun ? 0 : NO_ELEMENT;
     std::size_t pending = 0;
-    u64 g = begun ? 1 : 0;
+    u64 g = begun ? 1 : 0, descended = 0;
+    double below_x = 0.0, below_y = 0.0;
     while (true) {
         const Grid& grid = field.grids[g];
+        if (grid.standing != IN_CELLS) [[unlikely]] {
+            placed = false;
+            if (descended) stack[pending++] = {std::exchange(descended, 0), below_x, below_y};
+            FreeSum found = add_free<sloped>(
+                field, grid, {x, y, from_x, from_y}, {z, slope_x, slope_y, top}, stack, pending
+            );
+            z = found.sum.z, top = found.sum.top, pending = found.pending;
+            slope_x = found.sum.slope_x, slope_y = found.sum.slope_y;
+            if (grid.more) {
+                ++g;
+            } else if (pending) {
+                auto waiting = stack[--pending];
+                g = waiting.grid, from_x = waiting.from_x, from_y = waiting.from_y;
+            } else {
+                return {z, top, slope_x, slope_y};
+            }
+            continue;
+        }
         if (placed) {
             placed = false;
         } else {
@@ -138,7 +308,7 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
             auto at_y = locate_cell(y, axis_of(grid, Y), grid.local, from_y);
             i = at_x.cell, in_x = at_x.in, j = at_y.cell, in_y = at_y.in;
         }
-        u64 descended = 0, bin = u64(bin_of(grid, i, j));
+        u64 bin = u64(bin_of(grid, i, j));
         u64 begin = field.offsets[bin], end = field.offsets[bin + 1];
         if (grid.leaves) {
             LeafSum sum =
@@ -165,9 +335,9 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
                 at.v = min((double(above) + in_y) / pose.size[Y], 1.0);
             }
             if (element.grid) {
-                if (descended) stack[pending++] = {descended, from_x, from_y};
+                if (descended) stack[pending++] = {descended, below_x, below_y};
                 descended = element.grid;
-                from_x = at.u, from_y = at.v;
+                below_x = at.u, below_y = at.v;
             }
             if (pose.turned) at = turned(pose, at.u, at.v);
             ShapePoint f;
@@ -190,8 +360,10 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
                 slope_y += element.scale * dv * (grid.per[Y] / pose.size[Y]);
             }
         }
-        if (descended) {
-            g = descended;
+        if (grid.more) {
+            ++g;
+        } else if (descended) {
+            g = std::exchange(descended, 0), from_x = below_x, from_y = below_y;
         } else if (pending) {
             auto waiting = stack[--pending];
             g = waiting.grid, from_x = waiting.from_x, from_y = waiting.from_y;
@@ -250,8 +422,11 @@ public:
     // Whether the root of a field can be evaluated so.
     static bool is_possible(const Field& field) {
         const Element& root = field.elements[0];
-        return root.grid && !root.pose && field.kinds[root.kind].combine != RADIAL
-            && !field.grids[1].local;  // where the place in the world says nothing
+        if (!root.grid || root.pose || field.kinds[root.kind].combine == RADIAL) return false;
+        for (u64 g = 1;; ++g) {
+            if (field.grids[g].local) return false;  // where the place in the world says nothing
+            if (!field.grids[g].more) return true;
+        }
     }
 
     PointBatch(const Field& field, In x, In y, Scratch& scratch)
@@ -343,7 +518,7 @@ inline void batch_heights(const Field& field, In x, In y, Scratch& scratch, Out 
         scratch.top[n] = COMPLETE;
     };
     const Grid& grid = field.grids[1];
-    if (!grid.leaves) {
+    if (!grid.leaves || grid.more) {
         for (std::size_t n = 0; n < x.size(); ++n) {
             if (!batch.is_clear(n)) {
                 complete(n);

@@ -7,6 +7,10 @@ namespace terratool {
 
 enum Combine : u8 { PRODUCT, SUM, MIN, MAX, RADIAL };
 
+// How the elements of a grid stand: in its cells, or each at a place of its own; plain ones have no
+// grid, no turn and nothing special.
+enum Standing : u8 { IN_CELLS, FREE, FREE_PLAIN };
+
 constexpr u8 STEPPED = 2;  // a knotted curve with vertical steps
 
 // Members of two are along x and y.
@@ -21,8 +25,18 @@ struct Element {
 
 struct Pose {
     double size[2], cos, sin_v, sin_u;
-    u8 turned;
+    u8 turned, free;
     u32 cells[2];
+};
+
+struct Place {
+    double at[2], extent[2];
+};
+
+struct FreeBins {
+    double corner[2], per[2], slack;
+    u32 shape[2];
+    i64 places;
 };
 
 struct Kind {
@@ -35,8 +49,8 @@ struct Kind {
 struct Grid {
     double corner[2][2], per[2], clear[2];
     i64 table;
-    u32 row;
-    u8 shift[2], listed, local, leaves;
+    u32 row, free;
+    u8 shift[2], listed, local, leaves, standing, more;
     double count[2], near[2], pitch[2][2];
 };
 
@@ -57,7 +71,17 @@ template <class Visit> void visit_members(Element& e, Visit visit) {
 
 template <class Visit> void visit_members(Pose& p, Visit visit) {
     visit("size", p.size), visit("cos", p.cos), visit("sin_v", p.sin_v);
-    visit("sin_u", p.sin_u), visit("turned", p.turned), visit("cells", p.cells);
+    visit("sin_u", p.sin_u), visit("turned", p.turned), visit("free", p.free);
+    visit("cells", p.cells);
+}
+
+template <class Visit> void visit_members(Place& p, Visit visit) {
+    visit("at", p.at), visit("extent", p.extent);
+}
+
+template <class Visit> void visit_members(FreeBins& b, Visit visit) {
+    visit("corner", b.corner), visit("per", b.per), visit("slack", b.slack);
+    visit("shape", b.shape), visit("places", b.places);
 }
 
 template <class Visit> void visit_members(Kind& k, Visit visit) {
@@ -68,8 +92,9 @@ template <class Visit> void visit_members(Kind& k, Visit visit) {
 
 template <class Visit> void visit_members(Grid& g, Visit visit) {
     visit("corner", g.corner), visit("per", g.per), visit("clear", g.clear);
-    visit("table", g.table), visit("row", g.row), visit("shift", g.shift);
+    visit("table", g.table), visit("row", g.row), visit("free", g.free), visit("shift", g.shift);
     visit("listed", g.listed), visit("local", g.local), visit("leaves", g.leaves);
+    visit("standing", g.standing), visit("more", g.more);
     visit("count", g.count), visit("near", g.near), visit("pitch", g.pitch);
 }
 
@@ -118,6 +143,8 @@ struct Field {
     Span<const Grid> grids;
     Span<const u32> offsets, entries;
     Span<const Pose> poses;
+    Span<const Place> places;
+    Span<const FreeBins> free_bins;
     Span<const Kind> kinds;
     Curves curves;
     In bounds;
@@ -130,7 +157,8 @@ struct Field {
 template <class Visit> void visit_arguments(Field& f, Visit visit) {
     visit("elements", f.elements), visit("grids", f.grids);
     visit("offsets", f.offsets), visit("entries", f.entries);
-    visit("poses", f.poses), visit("kinds", f.kinds);
+    visit("poses", f.poses), visit("places", f.places);
+    visit("free_bins", f.free_bins), visit("kinds", f.kinds);
     visit("curves", f.curves), visit("bounds[4]", f.bounds);
     visit("pending", f.pending), visit("voids", f.voids), visit("tracks", f.tracks);
     visit("reliefs", f.reliefs);
@@ -140,6 +168,9 @@ template <class Visit> void visit_arguments(Field& f, Visit visit) {
 INLINE i64 bin_of(const Grid& g, i64 i, i64 j) {
     return g.table + (j >> g.shift[Y]) * i64(g.row) + (i >> g.shift[X]);
 }
+
+// Index of the place of a free element, for which it has no cell.
+INLINE u32 place_of(const Element& e) { return e.cell[X] | u32(e.cell[Y]) << 16; }
 
 // The element that a place between the offsets of a grid stands for.
 INLINE u64 listed_element(const Field& f, const Grid& g, u64 k) {

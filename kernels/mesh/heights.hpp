@@ -85,8 +85,9 @@ INLINE UV place_in_cell(const Frame& frame, double x, double y) {
 // Position in an element's primitive of a point on the lattice.
 INLINE UV place_in_shape(const Plan& plan, i64 index, double x, double y) {
     UV at = place_in_cell(plan.frames[index], x, y);
-    const Pose& pose = plan.field->poses[plan.field->elements[index].pose];
-    return pose.turned ? turned(pose, at.u, at.v) : at;
+    const Pose& kept = plan.field->poses[plan.field->elements[index].pose];
+    if (!kept.turned) return at;
+    return turned(pose_of(*plan.field, plan.field->elements[index]), at.u, at.v);
 }
 
 // What an element adds to the height at a place, as it does in the region that it covers.

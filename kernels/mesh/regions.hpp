@@ -115,7 +115,7 @@ inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
     const ElementView e(plan, index);
     const Frame& f = e.frame;
     constexpr Coverage none{false, 0, {0, {0, 0}}, false};
-    if (!is_in_cell(f, x, y)) return none;
+    if (!(e.pose.turned && e.pose.free) && !is_in_cell(f, x, y)) return none;
     UV own = place_in_cell(f, x, y);
     if (e.pose.turned) own = turned(e.pose, own.u, own.v);
     UV at = own;
@@ -172,19 +172,7 @@ CombinedCoverage covering_elements(
     const Field& field = *plan.field;
     CombinedCoverage all;
     double world_x = plan.origin[0] + x * plan.pitch, world_y = plan.origin[1] + y * plan.pitch;
-    pending.assign(1, GROUND);
-    while (!pending.empty()) {
-        u32 owner = pending.back();
-        const Grid& grid = field.grids[owner == GROUND ? 0 : field.elements[owner].grid];
-        pending.pop_back();
-        double s = cells_from_corner(grid, X, world_x), t = cells_from_corner(grid, Y, world_y);
-        if (grid.local && owner != GROUND) {  // finer than doubles: from the cell of its element
-            UV own = place_in_cell(plan.frames[owner], x, y);
-            s = own.u * grid.count[X], t = own.v * grid.count[Y];
-        }
-        i64 i = min(i64(max(s, 0.0)), i64(grid.count[X]) - 1);
-        i64 j = min(i64(max(t, 0.0)), i64(grid.count[Y]) - 1);
-        i64 bin = bin_of(grid, i, j);
+    auto look_at = [&](i64 bin, const Grid& grid) {
         for (u32 k = field.offsets[bin]; k < field.offsets[bin + 1]; ++k) {
             u32 index = u32(listed_element(field, grid, k));
             const Frame& frame = plan.frames[index];
@@ -197,6 +185,35 @@ CombinedCoverage covering_elements(
             all.key += found.key;
             all.top = max(all.top, i64(index));
             all.affine = all.affine && found.affine;
+        }
+    };
+    pending.assign(1, GROUND);
+    while (!pending.empty()) {
+        u32 owner = pending.back();
+        pending.pop_back();
+        for (u64 g = owner == GROUND ? 0 : field.elements[owner].grid;; ++g) {
+            const Grid& grid = field.grids[g];
+            double s, t;  // in cells, or from the parent's corner
+            bool free = grid.standing != IN_CELLS, local = grid.local && owner != GROUND;
+            if (local) {  // finer than doubles: from the cell of its element
+                UV own = place_in_cell(plan.frames[owner], x, y);
+                s = own.u * grid.count[X], t = own.v * grid.count[Y];
+                if (free) s = from_parent(grid, X, 0.0, s), t = from_parent(grid, Y, 0.0, t);
+            } else if (free) {
+                s = from_parent(grid, X, world_x, 0.0), t = from_parent(grid, Y, world_y, 0.0);
+            } else {
+                s = cells_from_corner(grid, X, world_x), t = cells_from_corner(grid, Y, world_y);
+            }
+            if (free) {
+                const FreeBins& bins = field.free_bins[grid.free];
+                i64 row = free_bin(bins, Y, t);
+                look_at(grid.table + row * i64(grid.row) + free_bin(bins, X, s), grid);
+            } else {
+                i64 i = min(i64(max(s, 0.0)), i64(grid.count[X]) - 1);
+                i64 j = min(i64(max(t, 0.0)), i64(grid.count[Y]) - 1);
+                look_at(bin_of(grid, i, j), grid);
+            }
+            if (!grid.more) break;
         }
     }
     return all;

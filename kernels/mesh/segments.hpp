@@ -185,7 +185,7 @@ public:
     void draw(i64 index) {
         const ElementView e(plan_, index);
         double along = e.frame.weight[X], across = e.frame.weight[Y];
-        if (e.pose.turned) draw_trims(e);
+        if (e.is_trimmed()) draw_trims(e);
         if (e.kind.combine == RADIAL) {
             draw_ring(e, 1.0, 1);
             for (const Line& line : lines_of(plan_, e.x))
@@ -242,7 +242,7 @@ private:
             }
             return on_lattice(e.frame, at);
         };
-        draw_on_lattice(e, pose.turned != 0, place(a), place(b));
+        draw_on_lattice(e, e.is_trimmed(), place(a), place(b));
     }
 
     // The polygon that stands for a circle of so many radii of the disc.

@@ -1,7 +1,7 @@
 // The arrays of a plan, and what is made from them. terratool/mesh/types.py says what they mean.
 #pragma once
 
-#include "../field/types.hpp"
+#include "../field/frames.hpp"
 
 namespace terratool::mesh {
 
@@ -162,14 +162,17 @@ struct ElementView {
     i64 index;
     const Element& element;
     const Kind& kind;
-    const Pose& pose;
+    const Pose pose;
     const Frame& frame;
     const Axis &x, &y;
 
     INLINE ElementView(const Plan& plan, i64 at)
         : index(at), element(plan.field->elements[at]), kind(plan.field->kinds[element.kind]),
-          pose(plan.field->poses[element.pose]), frame(plan.frames[at]),
+          pose(pose_of(*plan.field, element)), frame(plan.frames[at]),
           x(plan.axes(element.kind, 0)), y(plan.axes(element.kind, 1)) {}
+
+    // Whether its cell trims its footprint.
+    INLINE bool is_trimmed() const { return pose.turned && !pose.free; }
 };
 
 }  // namespace terratool::mesh

@@ -48,24 +48,36 @@ void KeptField::check() {
                 );
         }
     }
-    for (const Element& e : f.elements)
+    for (const Element& e : f.elements) {
         check_index(
             e.pose < f.poses.size() && e.kind < f.kinds.size() && e.grid < f.grids.size(),
             "an element"
         );
+        check_index(!f.poses[e.pose].free || place_of(e) < f.places.size(), "a place");
+    }
     for (u32 entry : f.entries) check_index(entry < f.elements.size(), "an entry");
     for (const Grid& g : f.grids) {
-        i64 rows = ((i64(g.count[Y]) - 1) >> g.shift[Y]) + 1, bins = i64(g.row) * rows;
+        bool free = g.standing != IN_CELLS;
+        check_index(!free || (g.listed && g.free < f.free_bins.size()), "the bins of a grid");
+        i64 across = ((i64(g.count[X]) - 1) >> g.shift[X]) + 1;
+        i64 rows = ((i64(g.count[Y]) - 1) >> g.shift[Y]) + 1;
+        if (free) across = f.free_bins[g.free].shape[X], rows = f.free_bins[g.free].shape[Y];
+        i64 bins = i64(g.row) * rows;
         check_index(g.table >= 0 && g.table + bins < count_of(f.offsets), "a grid");
-        check_index(i64(g.row) > (i64(g.count[X]) - 1) >> g.shift[X], "a row of bins");
+        check_index(bins > 0 && i64(g.row) >= across, "a row of bins");
+        check_index(!g.more || &g != &f.grids.back(), "the next grid");
         std::size_t most = g.listed ? f.entries.size() : f.elements.size();
         for (u32 offset : f.offsets.subspan(g.table, bins + 1))
             check_index(offset <= most, "a bin");
         u32 begin = f.offsets[g.table], end = f.offsets[g.table + bins], own = &g - &f.grids[0];
         check_index(begin <= end, "a table");
         for (u32 k = begin; k < end; ++k) {  // grids come after those that they are in
-            u32 below = f.elements[listed_element(f, g, k)].grid;
+            i64 index = i64(listed_element(f, g, k));
+            u32 below = f.elements[index].grid;
             check_index(!below || below > own, "the grid of an element");
+            if (!free) continue;
+            i64 place = index + f.free_bins[g.free].places;
+            check_index(0 <= place && place < count_of(f.places), "the place of an element");
         }
     }
     const Tracks& t = f.tracks;
@@ -86,20 +98,23 @@ void bind_field(nb::module_ m) {
     m.attr("EDGE") = EDGE;
     m.def(
         "check_records",
-        [](nb::handle element, nb::handle grid, nb::handle pose, nb::handle kind,
-           nb::handle segment, nb::handle relief) {
+        [](nb::handle element, nb::handle grid, nb::handle pose, nb::handle place,
+           nb::handle free_bins, nb::handle kind, nb::handle segment, nb::handle relief) {
             check_record<Element>(element);
             check_record<Grid>(grid);
             check_record<Pose>(pose);
+            check_record<Place>(place);
+            check_record<FreeBins>(free_bins);
             check_record<Kind>(kind);
             check_record<Segment>(segment);
             check_record<Relief>(relief);
         },
-        "element"_a, "grid"_a, "pose"_a, "kind"_a, "segment"_a, "relief"_a,
+        "element"_a, "grid"_a, "pose"_a, "place"_a, "free_bins"_a, "kind"_a, "segment"_a,
+        "relief"_a,
         nb::sig(
             "def check_records(element: np.dtype[Any], grid: np.dtype[Any], "
-            "pose: np.dtype[Any], kind: np.dtype[Any], segment: np.dtype[Any], "
-            "relief: np.dtype[Any]) -> None"
+            "pose: np.dtype[Any], place: np.dtype[Any], free_bins: np.dtype[Any], "
+            "kind: np.dtype[Any], segment: np.dtype[Any], relief: np.dtype[Any]) -> None"
         ),
         "Refuse dtypes that are not the structs of the kernels."
     );
@@ -124,11 +139,11 @@ void bind_field(nb::module_ m) {
     );
     def<&size_bins>(
         m, "size_bins", "Choose the bins of each grid.",
-        {"grids[g]", "dense[g]", "ranges", "placed", "sizes[g]", "lists[g]"}
+        {"grids[g]", "free_bins[_]", "dense[g]", "ranges", "placed", "sizes[g]", "lists[g]"}
     );
     def<&fill_tables>(
         m, "fill_tables", "Fill the tables from cells to elements.",
-        {"grids[g]", "ranges", "placed", "offsets[_]", "entries[_]"}
+        {"grids[g]", "free_bins[_]", "ranges", "placed", "offsets[_]", "entries[_]"}
     );
     def<&count_pending>(
         m, "count_pending", "The most grids that wait in a descent.",

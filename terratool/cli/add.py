@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.terminal import say
 
 _ALL = 10**9
@@ -71,6 +72,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
 )  # fmt: skip
 @click.option("--output", metavar="OUT", help="Write to this file instead.")
 @click.option("--overwrite", is_flag=True, help="Replace an OUT that exists.")
+@library_root_option
 def command(file: str, parent: str, output: str | None, overwrite: bool, **values: Any) -> None:
     """Add an element to a terrain or a library, FILE.
 
@@ -83,7 +85,7 @@ def command(file: str, parent: str, output: str | None, overwrite: bool, **value
     from terratool.definition.reader import CheckOptions
 
     element = _element(values)
-    target = open_target(file, output, overwrite)
+    target = open_target(file, output, overwrite, library_roots())
     pointer = f"{parent}/children/{len(target.parent(parent).children or ())}"
     data = target.with_elements(target.source.data, parent, [element])
     checked = target.accepted(data, "the element", CheckOptions(limit=_ALL))

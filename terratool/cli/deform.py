@@ -113,7 +113,7 @@ def command(
             tolerance=tolerance,
         )
         status.say(f"writing {Path(output).name}")
-        written = write_deformed(file, output, deformed, overwrite)
+        written = write_deformed(file, output, deformed, overwrite, library_roots())
     if as_json:
         click.echo(json.dumps(as_dict(deformed, output, written), indent=2, ensure_ascii=False))
     else:

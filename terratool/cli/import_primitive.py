@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import options_of, source_options
+from terratool.cli.options import library_root_option, library_roots, options_of, source_options
 from terratool.cli.terminal import Status, called, say
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ _MOST_STEPS = 64
     "--overwrite", is_flag=True, help="Replace a primitive of that name, and an OUT that exists."
 )
 @click.option("--json", "as_json", is_flag=True, help="Say what was found as JSON.")
+@library_root_option
 def command(source: str, name: str, overwrite: bool, as_json: bool, **values: Any) -> None:
     """Make a primitive of a patch of heights from SOURCE, a DEM or a mesh.
 
@@ -91,7 +92,7 @@ def command(source: str, name: str, overwrite: bool, as_json: bool, **values: An
     cell = _cell(into, place, span)
     target = None
     if into is not None:
-        target = insert.target_of(into, names, cell, output, overwrite)
+        target = insert.target_of(into, names, cell, output, overwrite, library_roots())
     elif output is not None:
         refuse_existing(Path(output), overwrite)
         refuse_missing_folder(Path(output))

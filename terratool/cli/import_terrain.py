@@ -11,6 +11,7 @@ import click
 
 from terratool.cli.options import Names, options_of, source_options
 from terratool.cli.terminal import Status, called, say
+from terratool.definition.presets import PRESETS
 from terratool.text.display import counted
 
 if TYPE_CHECKING:
@@ -22,7 +23,8 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
 
 @click.command(
     "import-terrain",
-    epilog="Example: terratool import-terrain dem.tif site.json.gz --max-error 0.1",
+    epilog="Example: terratool import-terrain dem.tif site.json.gz --max-error 0.1 "
+    "--preset dry-sand",
 )
 @click.argument("source")
 @click.argument("output")
@@ -38,6 +40,15 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     "--surfaces",
     metavar="CLASSES.tif",
     help="Take surfaces from a raster of classes.",
+)
+@click.option(
+    "--surface",
+    metavar="S",
+    help="What the ground wears, where no class says otherwise: a surface of this name, to be "
+    "filled in, or that class.  [default: the name of the preset, if there is one]",
+)
+@click.option(
+    "--preset", type=Names(PRESETS), metavar="SOIL", help="The soil of that surface, as dry-sand."
 )
 @click.option("--fill", is_flag=True, help="Fill what is nodata, rather than leave it void.")
 @click.option(
@@ -83,7 +94,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
 
     from terratool.errors import RequestError
     from terratool.importing.sources import open_source
-    from terratool.importing.terrain.build import ImportOptions, import_terrain
+    from terratool.importing.terrain.build import Ground, ImportOptions, import_terrain
     from terratool.importing.terrain.methods import methods_named
     from terratool.output import is_same_file
 
@@ -98,7 +109,11 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
                 f"{output}: is the same file as {name}.", "Give the definition another name."
             )
     methods = tuple(method for name in values.pop("methods") for method in methods_named(name))
+    surface, preset = values.pop("surface"), values.pop("preset")
+    if surface is None:
+        surface = preset
     options = ImportOptions(
+        ground=None if surface is None else Ground(surface, preset),
         pixels=values.pop("cells") == "pixels",
         methods=methods,
         title=Path(source).name,

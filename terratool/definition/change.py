@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from msgspec import UNSET, Raw, Struct, UnsetType
+from msgspec import UNSET, Raw, Struct, UnsetType, structs
 
 from terratool.definition.keys import document_kind
 from terratool.definition.layout import TERRAIN
@@ -19,8 +21,9 @@ from terratool.definition.tree import ROOT
 from terratool.errors import DefinitionError, RequestError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
 from terratool.text.display import shown
-from terratool.text.edit import append_child, set_member
-from terratool.text.locate import value_at
+from terratool.text.edit import Edit, append_child, set_member
+from terratool.text.locate import Address, offsets, value_at
+from terratool.text.scan import value_end
 from terratool.text.source import Source, read_source, write_source
 
 _pointer = re.compile(rf"(?:{ROOT}|/parts/[^/]*)(?:/children/(?:0|[1-9][0-9]*))*").fullmatch
@@ -51,11 +54,13 @@ class Target:
         source: its text; `packed` says whether the result is gzipped.
         output: where the result goes; the file itself, or another one.
         checked: what the text says; it has no errors.
+        library_roots: further folders under which its libraries may lie.
     """
 
     source: Source
     output: Path
     checked: Checked
+    library_roots: tuple[str, ...] = ()
 
     def names(self, dictionary: str) -> list[str]:
         """The names of one of its own dictionaries, such as `elemTypes`."""
@@ -107,8 +112,10 @@ class Target:
         Raises:
             DefinitionError: it has an error.
         """
-        source = msgspec.structs.replace(self.source, name=str(self.output), data=data)
-        checked = check(source, options or CheckOptions(warnings=False), kind=None)
+        source = structs.replace(self.source, name=str(self.output), data=data)
+        options = options or CheckOptions(warnings=False)
+        roots = (*self.library_roots, str(Path(self.source.name).parent))
+        checked = check(source, structs.replace(options, library_roots=roots), kind=None)
         wrong = [f for f in checked.findings if f.severity == "error"]
         if wrong:
             raise DefinitionError(
@@ -125,18 +132,21 @@ class Target:
         Raises:
             WriteError: it cannot be written.
         """
-        result = msgspec.structs.replace(self.source, data=data)
+        result = structs.replace(self.source, data=data)
         own = is_same_file(self.output, self.source.name)
         write_source(result, self.output, overwrite or own)
 
 
-def open_target(path: str, output: str | None, overwrite: bool) -> Target:
+def open_target(
+    path: str, output: str | None, overwrite: bool, library_roots: tuple[str, ...] = ()
+) -> Target:
     """Read what is to be changed, and refuse what cannot be.
 
     Args:
         path: of a terrain or a library, plain or gzipped.
         output: another file for the result.
         overwrite: replace that one if it exists.
+        library_roots: further folders under which its libraries may lie.
 
     Raises:
         ReadError: the file cannot be read.
@@ -151,7 +161,8 @@ def open_target(path: str, output: str | None, overwrite: bool) -> Target:
         raise DefinitionError(
             f"{source.name}: is a vehicle, where a terrain is wanted.", "Name a terrain."
         )
-    checked = check(source, CheckOptions(warnings=False), kind=None)
+    options = CheckOptions(warnings=False, library_roots=library_roots)
+    checked = check(source, options, kind=None)
     if any(RULES[code].severity == "error" for code in checked.counts):
         raise refusal(checked)
     result = Path(path if output is None else output)
@@ -159,4 +170,21 @@ def open_target(path: str, output: str | None, overwrite: bool) -> Target:
         refuse_existing(result, overwrite)
         refuse_missing_folder(result)
     packed = source.packed if output is None else result.name.lower().endswith(".gz")
-    return Target(msgspec.structs.replace(source, packed=packed), result, checked)
+    data = moved(source, result)
+    source = structs.replace(source, data=data, packed=packed)
+    return Target(source, result, checked, library_roots)
+
+
+def moved(source: Source, output: str | Path) -> bytes:
+    """A text whose paths of libraries lead there from where it goes."""
+    folders = Path(source.name).parent, Path(output).parent
+    if is_same_file(*folders) or value_at(source.data, "/use") is None:
+        return source.data
+    data = source.data
+    paths = msgspec.json.decode(value_at(data, "/use") or b"", type=list[str])
+    for index, path in enumerate(paths):
+        led = os.path.relpath(folders[0] / path, folders[1]).replace(os.sep, "/")
+        begin = offsets(data, [Address(f"/use/{index}")])[0]
+        end = value_end(data, begin, len(data))
+        data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).applied(data)
+    return data

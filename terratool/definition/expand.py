@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct, UnsetType, structs
 
-from terratool.definition.libraries import Document, path_between
+from terratool.definition.libraries import Document, entries, path_between
 from terratool.definition.model import Definition, Element, Pair, pair_of
 from terratool.definition.sides import Side, side
 from terratool.definition.tree import ROOT, Tree
@@ -100,14 +100,35 @@ def expand(uses: Uses) -> Expansion:
         else definition.elem_types,
     )
     if not uses.composed and len(tree.roots) == 1:
-        return Expansion(definition, tree)
+        return _with_names_in_use(Expansion(definition, tree), uses)
     if uses.elements > MAX_ELEMENTS:
         raise RequestError(
             f"{uses.document.source.name}: parts and copies come to {uses.elements:,} elements, "
             f"and more than {MAX_ELEMENTS:,} are not written out.",
             "Lower the counts, or leave out the smallest parts.",
         )
-    return Expansion(structs.replace(definition, elem_tree=UNSET), _Writer(uses, definition).tree())
+    written = Expansion(
+        structs.replace(definition, elem_tree=UNSET), _Writer(uses, definition).tree()
+    )
+    return _with_names_in_use(written, uses)
+
+
+def _with_names_in_use(expansion: Expansion, uses: Uses) -> Expansion:
+    """Without what libraries have and nothing wears; a file's own names stay."""
+    if not uses.document.uses:
+        return expansion
+    definition, tree = expansion
+    own = uses.document.model
+    tracks = () if definition.tracks is UNSET else definition.tracks
+    surfaces = {*tree.distinct("surface"), *(track.surface for track in tracks)}
+    surfaces |= entries(own, "surfTypes").keys()
+    primitives = tree.distinct("type") | entries(own, "elemTypes").keys()
+    definition = structs.replace(
+        definition,
+        surf_types={n: value for n, value in definition.surfaces.items() if n in surfaces},
+        elem_types={n: value for n, value in definition.primitives.items() if n in primitives},
+    )
+    return Expansion(definition, tree)
 
 
 _NAMES = tuple(name for name in Element.__struct_fields__ if name != "children")

@@ -199,7 +199,10 @@ class Checked(Struct, frozen=True, dict=True):
         """
         if self.terrain is None or self.document is None:
             return None
-        return expand(Uses(self.document, known_names(self.document)[0]))
+        expansion = expand(Uses(self.document, known_names(self.document)[0]))
+        # tracks are those of `terrain`, which callers replace, rather than of the text
+        tracks = self.terrain.tracks
+        return expansion._replace(definition=structs.replace(expansion.definition, tracks=tracks))
 
     @cached_property
     def definition(self) -> Definition | None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 from msgspec import Struct
 
 from terratool.definition import expression
-from terratool.definition.curves import Curve, FormulaCurve, SampledCurve, shape_of
+from terratool.definition.curves import Curve, FormulaCurve, KnotCurve, SampledCurve, shape_of
 from terratool.definition.model import Pair, Primitive
 
 Range = tuple[float, float]
@@ -120,6 +120,26 @@ def _time(point: Pair) -> float:
     return point[0]
 
 
+def curve_values(curve: Curve) -> Callable[[float], float]:
+    """Tells the value of a curve at a t; of a formula between its values at 4,097 of them."""
+    if isinstance(curve, KnotCurve):
+        points: Sequence[Pair] = curve.points
+        return lambda t: _sides(points, t)[1]
+    heights = (
+        curve.values
+        if isinstance(curve, SampledCurve)
+        else expression.checked_values(curve.expression)
+    )
+    last = len(heights) - 1
+
+    def between(t: float) -> float:
+        first = min(int(t * last), max(last - 1, 0))
+        part = t * last - first
+        return heights[first] + (part * (heights[first + 1] - heights[first]) if part else 0.0)
+
+    return between
+
+
 class ShapeSummary(Struct, frozen=True):
     """Both curves of a shape in short; `y` is None where x is turned (radial)."""
 
@@ -157,9 +177,10 @@ def tallest_step(summary: ShapeSummary) -> float:
     x, y = summary.x, summary.y
     if y is None:
         return max((abs(b - a) for t, a, b in x.steps if t > 0.5), default=0.0)
+    how = summary.combine
     return max(
         (
-            abs(_combine(summary.combine, after, z) - _combine(summary.combine, before, z))
+            abs(combine_values(how, after, z) - combine_values(how, before, z))
             for own, other in ((x, y), (y, x))
             for _, before, after in own.steps
             for z in other.inner
@@ -170,10 +191,11 @@ def tallest_step(summary: ShapeSummary) -> float:
 
 def _combined(how: str, x: Range, y: Range) -> Range:
     """Least and largest value where the curves run through these ranges."""
-    return _range([_combine(how, a, b) for a in x for b in y])
+    return _range([combine_values(how, a, b) for a in x for b in y])
 
 
-def _combine(how: str, a: float, b: float) -> float:
+def combine_values(how: str, a: float, b: float) -> float:
+    """What two values of curves come to."""
     if how == "product":
         return a * b
     if how == "sum":

@@ -148,6 +148,14 @@ class Tree(Struct, frozen=True, dict=True):
         span = self.column("span")[index] if self.distinct("span") != {UNSET} else UNSET
         return (x, y, 1, 1) if span is UNSET else (x, y, *span)
 
+    def place(self, index: int) -> tuple[tuple[float, float], tuple[float, float]] | None:
+        """Middle and side along x, and along y, of the free place of an element; None without."""
+        at, extent = self.column("at")[index], self.column("extent")[index]
+        if at is UNSET or extent is UNSET:
+            return None
+        wide, tall = pair_of(extent, 0.0)
+        return None if not all(map(_finite, (*at, wide, tall))) else ((at[0], wide), (at[1], tall))
+
     def having(self, name: str, wanted: Container[Any]) -> Iterator[tuple[int, Any]]:
         """Index and value of the elements whose attribute is one of these."""
         if any(value in wanted for value in self.distinct(name)):
@@ -277,7 +285,10 @@ class Tree(Struct, frozen=True, dict=True):
         return self.roots[index] + "".join(reversed(steps))
 
     def rectangle(self, index: int, definition: Definition) -> Bounds | None:
-        """The world rectangle of an element's cell; None where that is not known."""
+        """The world rectangle of an element's cell; None where that is not known.
+
+        Of a turned element at a free place it is the rectangle before the turn.
+        """
         from fractions import Fraction
 
         path = []
@@ -290,7 +301,17 @@ class Tree(Struct, frozen=True, dict=True):
         # exact, so that neither depth nor large coordinates blur it; whole numbers over a common
         # denominator, as reducing fractions takes long where the tree is deep
         low, side, whole = [0, 0], [1, 1], [1, 1]
+        corners, extents = [*map(Fraction, corner)], [*map(Fraction, extent)]
+        free = self.distinct("at") != {UNSET}
         for parent, element in zip(reversed(path), reversed(path[:-1]), strict=False):
+            if free and (place := self.place(element)):
+                # begin anew: the place says where, from the corner of the parent's cell
+                for axis, (at, length) in enumerate(place):
+                    corners[axis] += extents[axis] * Fraction(low[axis], whole[axis])
+                    corners[axis] += Fraction(at) - Fraction(length) / 2
+                    extents[axis] = Fraction(length)
+                low, side, whole = [0, 0], [1, 1], [1, 1]
+                continue
             grid, block = self.grid(parent), self.block(element)
             if min(block) < 0:
                 return None
@@ -299,7 +320,7 @@ class Tree(Struct, frozen=True, dict=True):
                 side[axis] *= block[axis + 2]
                 whole[axis] *= grid[axis]
         west, south, east, north = (
-            float(Fraction(corner[axis]) + Fraction(extent[axis]) * Fraction(part, whole[axis]))
+            float(corners[axis] + extents[axis] * Fraction(part, whole[axis]))
             for parts in (low, map(add, low, side))
             for axis, part in enumerate(parts)
         )

@@ -63,6 +63,11 @@ class Uses(Struct, frozen=True, dict=True):
         return tree.distinct("part") | tree.distinct("repeat") != {UNSET}
 
     @property
+    def has_root(self) -> bool:
+        """Whether there is a terrain, and no library."""
+        return ROOT in self.document.decoded.tree.root_at
+
+    @property
     def root(self) -> Root:
         """Where the terrain begins."""
         return Root(self.document.decoded.tree, 0, self.document)
@@ -109,7 +114,7 @@ class Uses(Struct, frozen=True, dict=True):
     def reached(self) -> dict[str, None]:
         """Parts that stand in the terrain, directly or in others."""
         found: dict[str, None] = {}
-        pending = [self.root] if self.document.decoded.tree.roots[:1] == (ROOT,) else []
+        pending = [self.root] if self.has_root else []
         while pending:
             for use in self.within(pending.pop()):
                 if use.part not in found:
@@ -181,7 +186,7 @@ class Uses(Struct, frozen=True, dict=True):
             largest[pending.pop()] = max(
                 (factor(self.part(name), use) for use in uses), default=1.0
             )
-        if self.document.decoded.tree.roots[:1] == (ROOT,):
+        if self.has_root:
             for use in self.within(self.root):
                 yield use, factor(self.root, use)
 
@@ -213,7 +218,9 @@ class Uses(Struct, frozen=True, dict=True):
         definition = self.document.model
         assert isinstance(definition, Definition)
         trees = [self.root, *map(self.part, self.reached)]
-        if all(root.tree.distinct("at") == {UNSET} for root in trees) or self.circles:
+        if not self.has_root or self.circles:
+            return
+        if all(root.tree.distinct("at") == {UNSET} for root in trees):
             return
         start = sides(definition.extent)
         seen = {("", start)}

@@ -24,8 +24,13 @@ from terratool.field.pieces import CurveStore, Floats
 from terratool.field.records import (
     COMBINE,
     ELEMENT,
+    FREE,
+    FREE_BINS,
+    FREE_PLAIN,
     GRID,
+    IN_CELLS,
     KIND,
+    PLACE,
     POSE,
     RELIEF,
     SEGMENT,
@@ -42,6 +47,8 @@ _DENSE_CELLS = 1024
 """A grid of up to this many cells, or four times its children, has a bin per cell …"""
 _DENSE_ROOM = 65536
 """… unless nearly empty grids together have more than this many, and four for each element."""
+_WIDER = 1 + 1e-6
+"""The bins of a free element hold a little more than its footprint, whatever rounding does."""
 
 
 def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
@@ -199,25 +206,28 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
     parents = np.where(columns.parent >= 0, rank[columns.parent], -1)[order]
     columns = _Columns._make(column[order] for column in columns)._replace(parent=parents)
     dense = dense[order]
+    placed = _placed(columns, _places(tree), np.bincount(parents[1:], minlength=len(parents)) > 0)
 
-    owners = np.unique(parents[parents >= 0])
+    firsts = np.flatnonzero(_run_begins(parents, columns.free))
+    owners = parents[firsts[1:]]
+    grids = np.zeros(len(firsts), GRID)
+    grids["standing"] = np.where(columns.free[firsts], FREE, IN_CELLS)
+    grids["free"] = np.cumsum(columns.free[firsts]) - columns.free[firsts]
+    grids["more"][1:-1] = owners[1:] == owners[:-1]
     grid_of = np.zeros(len(parents), np.uint32)
-    grid_of[owners] = np.arange(1, len(owners) + 1)
-    grids = np.zeros(len(owners) + 1, GRID)
-    home = np.where(parents >= 0, grid_of[parents], 0).astype(np.uint32)
+    grid_of[owners[::-1]] = np.arange(len(owners), 0, -1)  # the first of each
+    home = np.repeat(np.arange(len(firsts)), np.diff(firsts, append=len(parents)))
+    home = home.astype(np.uint32)
     sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
-    columns = columns._replace(
-        cell=np.ascontiguousarray(columns.cell),
-        span=np.ascontiguousarray(columns.span),
-        cells=np.ascontiguousarray(columns.cells),
-    )
     corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
-    kernels.lay_grids(grids, sides, aspects, owners, home, columns, corner, extent)
-    offsets, entries, pending = _bins(grids, owners, home, grid_of, columns, dense)
+    kernels.lay_grids(grids, sides, aspects, owners, home, placed, corner, extent)
+    bins = _bins(grids, firsts, grid_of, placed, dense[firsts])
 
     elements = np.zeros(len(parents), ELEMENT)
     elements["cell"] = columns.cell
     own_sides = sides[home] * columns.span
+    elements["cell"][columns.free] = placed.cell[columns.free, :1] >> (0, 16) & 0xFFFF
+    own_sides[columns.free] = placed.places["extent"]
     shares = (own_sides / extent).min(axis=1)
     elements["scale"] = np.where(np.isnan(columns.scale), shares, columns.scale)
     elements["offset"] = columns.offset
@@ -229,19 +239,21 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
     surface = _inherit(columns.surface, parents)
     found = _kinds(definition, columns.type, surface)
     elements["kind"] = found.of
-    _mark_leaves(grids, home, elements, found.kinds)
+    _mark_plain(grids, firsts, elements, found.kinds, columns.turn)
     west, south = definition.corner
     bounds = np.array([west, south, west + extent[0], south + extent[1]])
     arrays = FieldArrays(
         elements=elements,
         grids=grids,
-        offsets=offsets,
-        entries=entries,
+        offsets=bins.offsets,
+        entries=bins.entries,
         poses=poses,
+        places=placed.places,
+        free_bins=bins.free_bins,
         kinds=found.kinds,
         curves=found.curves,
         bounds=bounds,
-        pending=pending,
+        pending=bins.pending,
         voids=bool(found.kinds["is_void"].any()),
         tracks=compile_tracks(definition, bounds),
         reliefs=compile_reliefs(definition) if roughness else np.zeros(0, RELIEF),
@@ -270,6 +282,28 @@ class _Columns(NamedTuple):
     turn: NDArray[np.float64]
     type: Ints
     surface: Ints  # -1 for the parent's
+    free: NDArray[np.bool_]  # stands at a place of its own, in no cell
+    place: Ints  # index among the places of all, as the tree has them
+
+
+class _Placed(NamedTuple):
+    """Where elements stand, in the order of the field.
+
+    Attributes:
+        cell: (n, 2) the first cell of each; of a free one the index of its place, and 0.
+        span: (n, 2) cells that it takes.
+        cells: (n, 2) cells of the grid that it has.
+        free: (n,) whether it has a place in place of a cell.
+        places: (f,) PLACE, in the order of the free elements.
+        reach: (f, 2) float64, half the sides of the rectangle around its cell and its footprint.
+    """
+
+    cell: Ints
+    span: Ints
+    cells: Ints
+    free: NDArray[np.bool_]
+    places: NDArray[Any]
+    reach: Floats
 
 
 class _Ranges(NamedTuple):
@@ -293,10 +327,15 @@ def _columns(tree: Tree, definition: Definition) -> _Columns:
 
     def places(name: str) -> Ints:
         values = tree.column(name)
-        return np.array([0, *values[1:]], np.int64)  # the root has none
+        if UNSET in tree.distinct(name):  # the root and free elements have none
+            values = [0 if value is UNSET else value for value in values]
+        return np.array(values, np.int64)
 
     grids = {cells: pair_of(cells, DEFAULT_CELLS) for cells in tree.distinct("cells")}
     spans = {span: pair_of(span, 1) for span in tree.distinct("span")}
+    free = np.zeros(len(tree), np.bool_)
+    if tree.distinct("at") != {UNSET}:
+        free[:] = [at is not UNSET for at in tree.column("at")]
     return _Columns(
         parent=np.array(tree.parents, np.int64),
         cell=np.column_stack([places("cell_x"), places("cell_y")]),
@@ -307,7 +346,50 @@ def _columns(tree: Tree, definition: Definition) -> _Columns:
         turn=np.fmod(floats("turn_deg", 0.0), 360.0),
         type=integers("type", types),
         surface=integers("surface", surfaces),
+        free=free,
+        place=np.cumsum(free) - 1,
     )
+
+
+def _places(tree: Tree) -> NDArray[Any]:
+    """The places of the free elements of a tree, PLACE."""
+    if tree.distinct("at") == {UNSET}:
+        return np.zeros(0, PLACE)
+    at = [value for value in tree.column("at") if value is not UNSET]
+    places = np.zeros(len(at), PLACE)
+    places["at"] = at
+    extents = [pair_of(value, 1.0) for value in tree.column("extent") if value is not UNSET]
+    places["extent"] = extents
+    return places
+
+
+def _placed(columns: _Columns, places: NDArray[Any], parental: NDArray[np.bool_]) -> _Placed:
+    """Where the elements of the field stand; `parental` says which have children."""
+    free = columns.free
+    cell = columns.cell.copy()
+    cell[free] = 0
+    cell[free, 0] = np.arange(np.count_nonzero(free))
+    own = places[columns.place[free]]
+    half = 0.5 * own["extent"]
+    cosine, sine = np.abs(_cos_sin(columns.turn[free]))
+    reach = cosine[:, None] * half + sine[:, None] * half[:, ::-1]
+    with_cell = parental[free]
+    reach[with_cell] = np.maximum(reach, half)[with_cell]
+    return _Placed(
+        cell=np.ascontiguousarray(cell),
+        span=np.ascontiguousarray(columns.span),
+        cells=np.ascontiguousarray(columns.cells),
+        free=np.ascontiguousarray(free),
+        places=own,
+        reach=np.ascontiguousarray(reach * _WIDER),
+    )
+
+
+def _run_begins(parent: Ints, free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether a run of siblings begins at each element: all in cells, or all at free places."""
+    begins = np.ones(len(parent), np.bool_)
+    begins[1:] = (parent[1:] != parent[:-1]) | (free[1:] != free[:-1])
+    return begins
 
 
 def _first_sibling(parent: Ints) -> Ints:
@@ -317,80 +399,94 @@ def _first_sibling(parent: Ints) -> Ints:
 
 
 def _order(columns: _Columns, tree: Tree) -> tuple[Ints, NDArray[np.bool_]]:
-    """The order of the field, and which elements have a dense grid.
+    """The order of the field, and which elements are in a dense grid.
 
     In a dense grid, one bin per cell and no spans, siblings are sorted by cell, so that the table
-    of a grid needs no list of elements. Siblings that share a cell keep their order.
+    of a grid needs no list of elements. Siblings that share a cell keep their order. Runs of
+    siblings in cells and at free places keep theirs.
     """
     parent = columns.parent
     count = len(parent)
-    children = np.bincount(parent[1:], minlength=count)
-    spanned = np.bincount(parent[1:][(columns.span[1:] > 1).any(axis=1)], minlength=count).astype(
-        bool
-    )
-    cells = columns.cells.prod(axis=1)
-    full = cells <= 4 * children
-    small = (cells <= _DENSE_CELLS) & ~full & (children > 0)
+    begins = np.flatnonzero(_run_begins(parent, columns.free))
+    siblings = np.diff(begins, append=count)
+    spanned = np.logical_or.reduceat((columns.span > 1).any(axis=1), begins)
+    cells = columns.cells.prod(axis=1)[parent[begins]]
+    full = cells <= 4 * siblings
+    small = (cells <= _DENSE_CELLS) & ~full
+    small[0], full[0] = False, True  # the root is the one cell of its grid
+    small &= ~columns.free[begins]
     if cells[small].sum() > 4 * count + _DENSE_ROOM:  # many grids that are nearly empty
-        small = small & (cells <= 64)
-    dense = ~spanned & (full | small)
-    key = np.zeros(count, np.int64)
-    inner = parent >= 0
+        small &= cells <= 64
+    dense = np.repeat(~spanned & ~columns.free[begins] & (full | small), siblings)
     row = columns.cell[:, 1] * columns.cells[parent, 0] + columns.cell[:, 0]
-    key[inner] = np.where(dense[parent], row, 0)[inner]
+    key = np.where(dense & (parent >= 0), row, 0)
+    run = np.repeat(np.arange(len(begins)), siblings)
     order = np.empty(count, np.int64)
     rank = np.empty(count, np.int64)
     for begin, end in zip(tree.levels, tree.levels[1:], strict=False):
         level = np.arange(begin, end)
         if begin:
-            level = level[np.lexsort((key[begin:end], rank[parent[begin:end]]))]
+            keys = key[begin:end], run[begin:end], rank[parent[begin:end]]
+            level = level[np.lexsort(keys)]
         order[begin:end] = level
         rank[level] = np.arange(begin, end)
     return order, dense
 
 
+class _Bins(NamedTuple):
+    """The tables from bins to elements, as `FieldArrays` has them."""
+
+    offsets: NDArray[np.uint32]
+    entries: NDArray[np.uint32]
+    free_bins: NDArray[Any]
+    pending: int
+
+
 def _bins(
     grids: NDArray[Any],
-    owners: Ints,
-    home: NDArray[Any],
+    firsts: Ints,
     grid_of: NDArray[np.uint32],
-    columns: _Columns,
+    placed: _Placed,
     dense: NDArray[np.bool_],
-) -> tuple[NDArray[np.uint32], NDArray[np.uint32], int]:
-    """Tables from cells to elements, and the depth of the descent's stack."""
-    ranges = _Ranges(
-        first=np.searchsorted(home, np.arange(len(grids))),
-        last=np.searchsorted(home, np.arange(len(grids)), side="right"),
-    )
-    grid_dense = np.concatenate([[True], dense[owners]])
+) -> _Bins:
+    """Choose the bins of all grids and fill them; `firsts` are their first elements."""
+    ranges = _Ranges(first=firsts, last=np.append(firsts[1:], len(grid_of)))
     sizes = np.empty(len(grids), np.int64)
     lists = np.empty(len(grids), np.int64)
-    kernels.size_bins(grids, grid_dense, ranges, columns, sizes, lists)
+    free_bins = np.zeros(np.count_nonzero(grids["standing"]), FREE_BINS)
+    kernels.size_bins(grids, free_bins, dense, ranges, placed, sizes, lists)
     grids["table"] = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     offsets = np.empty(int(sizes.sum()), np.uint32)
     entries = np.zeros(max(1, int(lists.sum())), np.uint32)
-    kernels.fill_tables(grids, ranges, columns, offsets, entries)
+    kernels.fill_tables(grids, free_bins, ranges, placed, offsets, entries)
     pending = kernels.count_pending(grids, offsets, entries, grid_of)
-    return offsets, entries, pending
+    return _Bins(offsets, entries, free_bins, pending)
 
 
-def _mark_leaves(
-    grids: NDArray[Any], home: NDArray[Any], elements: NDArray[Any], kinds: NDArray[Any]
+def _mark_plain(
+    grids: NDArray[Any],
+    firsts: Ints,
+    elements: NDArray[Any],
+    kinds: NDArray[Any],
+    turn: NDArray[np.float64],
 ) -> None:
+    """Mark the grids of leaves with nothing special, and the free ones without turns."""
     plain = (elements["grid"] == 0) & (kinds["special"][elements["kind"]] == 0)
-    begins = np.searchsorted(home, np.arange(len(grids)))
-    grids["leaves"] = np.logical_and.reduceat(plain, begins) & (grids["listed"] == 0)
+    leaves = np.logical_and.reduceat(plain, firsts)
+    grids["leaves"] = leaves & (grids["listed"] == 0)
+    unturned = np.logical_and.reduceat(turn == 0, firsts)
+    grids["standing"][leaves & unturned & (grids["standing"] == FREE)] = FREE_PLAIN
 
 
 def _poses(
     columns: _Columns, aspect: NDArray[np.float64]
 ) -> tuple[NDArray[np.uint32], NDArray[Any]]:
-    plain = (columns.turn == 0) & (columns.span == 1).all(axis=1)
-    aspect = np.where(columns.turn == 0, 1.0, aspect)
-    keys = np.column_stack([columns.span, columns.turn, aspect])
-    keys[plain] = (1, 1, 0, 1)
+    plain = (columns.turn == 0) & (columns.span == 1).all(axis=1) & ~columns.free
+    aspect = np.where((columns.turn == 0) | columns.free, 1.0, aspect)
+    keys = np.column_stack([columns.span, columns.turn, aspect, columns.free])
+    keys[plain] = (1, 1, 0, 1, 0)
     unique, index = np.unique(
-        np.vstack([[(1.0, 1.0, 0.0, 1.0)], keys]), axis=0, return_inverse=True
+        np.vstack([[(1.0, 1.0, 0.0, 1.0, 0.0)], keys]), axis=0, return_inverse=True
     )
     index = index.reshape(-1)
     # pose 0 is the plain one
@@ -404,6 +500,7 @@ def _poses(
     poses["sin_v"] = sine * unique[:, 3]
     poses["sin_u"] = sine / unique[:, 3]
     poses["turned"] = unique[:, 2] != 0
+    poses["free"] = unique[:, 4]
     return index[1:].astype(np.uint32), poses
 
 

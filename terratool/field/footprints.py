@@ -88,7 +88,10 @@ def _ring(corners: Points) -> list[list[float]]:
 
 
 def _outline(rectangle: Points, pose: Any, disc: bool) -> Points:
-    """The footprint of a turned element or a disc: its corners, anticlockwise; (n, 2)."""
+    """The footprint of a turned element or a disc: its corners, anticlockwise; (n, 2).
+
+    Its cell trims it unless it stands at a free place.
+    """
     middle = (rectangle[0] + rectangle[2]) / 2
     half = (rectangle[2] - rectangle[0]) / 2
     shape = rectangle - middle
@@ -97,11 +100,12 @@ def _outline(rectangle: Points, pose: Any, disc: bool) -> Points:
         shape = np.column_stack([np.cos(angles), np.sin(angles)]) * half
     if pose["turned"]:
         # clockwise, seen from above
-        cos, sin = float(pose["cos"]), float(pose["sin_v"]) * half[0] / half[1]
+        aspect = 1.0 if pose["free"] else half[0] / half[1]
+        cos, sin = float(pose["cos"]), float(pose["sin_v"]) * aspect
         shape = np.column_stack(
             [shape[:, 0] * cos + shape[:, 1] * sin, shape[:, 1] * cos - shape[:, 0] * sin]
         )
-        for axis in (0, 1):
+        for axis in () if pose["free"] else (0, 1):
             for side in (-1.0, 1.0):
                 shape = _cut(shape, axis, side, half[axis])
     return np.asarray(middle + shape)

@@ -15,17 +15,25 @@ from terratool.kernels import field as kernels
 
 COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
 
+IN_CELLS, FREE, FREE_PLAIN = 0, 1, 2
+"""How the elements of a grid stand: in its cells, or each at a place of its own.
+
+Plain ones have no grid, no turn and nothing special.
+"""
+
 STEPPED = 2
 """A curve whose pieces begin at knots, with vertical steps; 1 without, 0 evenly spaced pieces."""
 
 ELEMENT = np.dtype(
     [
-        ("cell", np.uint16, 2),  # first cell of its block in the parent's grid
+        # first cell of its block in the parent's grid; of a free one the index of its place, the
+        # lower half first
+        ("cell", np.uint16, 2),
         ("pose", np.uint32),  # index into poses; 0 is one cell, unturned
         ("scale", np.float64),
         ("offset", np.float64),
         ("kind", np.uint32),  # index into kinds
-        ("grid", np.uint32),  # index into grids; 0 for an element without children
+        ("grid", np.uint32),  # index of its first grid; 0 for an element without children
     ]
 )
 """32 bytes. Elements are in breadth-first order: the top one of two has the larger index."""
@@ -37,10 +45,26 @@ POSE = np.dtype(
         ("sin_v", np.float64),  # sin(turn) · height/width of the cell, the part of v in u
         ("sin_u", np.float64),  # sin(turn) · width/height of the cell, the part of u in v
         ("turned", np.uint8),
+        ("free", np.uint8),  # it has a place rather than a cell; the sines are those of a square
         ("cells", np.uint32, 2),  # the size again, as whole numbers
     ],
     align=True,
 )
+
+PLACE = np.dtype([("at", np.float64, 2), ("extent", np.float64, 2)])
+"""Middle and sides of the cell of a free element, from the corner of its parent's cell."""
+
+FREE_BINS = np.dtype(
+    [
+        ("corner", np.float64, 2),  # south-west, from the corner of the parent's cell
+        ("per", np.float64, 2),  # bins per unit of length
+        ("slack", np.float64),  # so far from an edge its double decides, and a billionth of a side
+        ("shape", np.uint32, 2),  # bins along x and y
+        ("places", np.int64),  # from the index of an element to that of its place
+    ],
+    align=True,
+)
+"""The bins of a grid of free elements."""
 
 KIND = np.dtype(
     [
@@ -64,10 +88,13 @@ GRID = np.dtype(
         ("clear", np.float64, 2),  # within this of a cell's middle, in cells, no edge is near
         ("table", np.int64),  # where its table of bins begins in offsets
         ("row", np.uint32),  # bins in a row
+        ("free", np.uint32),  # index of the bins of free elements
         ("shift", np.uint8, 2),  # a bin is 2^shift cells long
         ("listed", np.uint8),  # the offsets count in entries rather than in elements
         ("local", np.uint8),  # finer than doubles: positions go down from the parent's
         ("leaves", np.uint8),  # no element has a grid, a span or anything special
+        ("standing", np.uint8),  # IN_CELLS, FREE or FREE_PLAIN
+        ("more", np.uint8),  # the next grid belongs to the same element
         ("count", np.float64, 2),  # cells
         ("near", np.float64, 2),  # this near to an edge, in cells, the edge's double decides
         # side of a cell in few enough bits that k · pitch is exact, and the rest of it
@@ -75,7 +102,11 @@ GRID = np.dtype(
     ],
     align=True,
 )
-"""Corner and pitch are sums of two doubles."""
+"""Corner and pitch are sums of two doubles.
+
+Siblings that stand in cells and at free places in turn are in as many grids, one after the other; a
+grid of free elements has one cell, that of its parent.
+"""
 
 SEGMENT = np.dtype(
     [
@@ -106,7 +137,7 @@ RELIEF = np.dtype(
 
 _ALIGNMENT = 8
 
-kernels.check_records(ELEMENT, GRID, POSE, KIND, SEGMENT, RELIEF)
+kernels.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, RELIEF)
 
 
 def aligned(value: Any) -> Any:
@@ -128,9 +159,9 @@ def scalar_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
     """The numbers of a record array, a column for each, in the order of memory; or the array."""
     if values.dtype.names is None:
         return [values]
-    members = (values[name] for name in values.dtype.names)
-    columns = (m.reshape(len(m), math.prod(m.shape[1:])).T for m in members)
-    return [column for member in columns for column in member]
+    sizes = {name: math.prod(values.dtype[name].shape) for name in values.dtype.names}
+    members = (values[name].reshape(len(values), size).T for name, size in sizes.items())
+    return [column for member in members for column in member]
 
 
 class CurveArrays(NamedTuple):
@@ -192,8 +223,10 @@ class FieldArrays(NamedTuple):
         grids: GRID; grid 0 is the terrain itself, one cell that holds the root.
         offsets: (n,) uint32, for each bin of each grid where its elements begin; one more at the
             end of each grid.
-        entries: (n,) uint32, element indices of the grids that list them.
+        entries: (n,) uint32, element indices of the grids that list them, as those of free ones do.
         poses: POSE.
+        places: PLACE, of the free elements in their order.
+        free_bins: FREE_BINS, of the grids of free elements.
         kinds: KIND.
         curves: the pieces of the curves.
         bounds: (4,) float64 west, south, east, north.
@@ -208,6 +241,8 @@ class FieldArrays(NamedTuple):
     offsets: NDArray[np.uint32]
     entries: NDArray[np.uint32]
     poses: NDArray[Any]
+    places: NDArray[Any]
+    free_bins: NDArray[Any]
     kinds: NDArray[Any]
     curves: CurveArrays
     bounds: NDArray[np.float64]

@@ -282,6 +282,27 @@ class Terrain:
         kernels.cell_rectangles(self.field, self._compiled.parents, out)
         return out
 
+    def footprints(self) -> NDArray[np.float64]:
+        """World rectangles around the elements' footprints: (4, n) float64, as `cells` has them.
+
+        They are the cells but for turned elements at free places, which no cell trims.
+        """
+        arrays, out = self.arrays, self.cells()
+        poses = arrays.poses[arrays.elements["pose"]]
+        whole = np.flatnonzero((poses["free"] != 0) & (poses["turned"] != 0))
+        sides = self.arrays.places["extent"][self.place_of(whole)].T
+        cos, sin = np.abs(poses["cos"][whole]), np.abs(poses["sin_u"][whole])
+        beyond = 0.5 * (cos * sides + sin * sides[::-1] - sides)
+        out[:2, whole] -= beyond
+        out[2:, whole] += beyond
+        return out
+
+    def place_of(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Index of the place of each of some free elements."""
+        halves = self.arrays.elements["cell"][elements].astype(np.int64)
+        place: NDArray[np.int64] = halves[:, 0] + (halves[:, 1] << 16)
+        return place
+
     def pointer(self, element: int) -> str | None:
         """JSON pointer of an element or track by its index, None for a negative one.
 

@@ -11,6 +11,8 @@ def check_records(
     element: np.dtype[Any],
     grid: np.dtype[Any],
     pose: np.dtype[Any],
+    place: np.dtype[Any],
+    free_bins: np.dtype[Any],
     kind: np.dtype[Any],
     segment: np.dtype[Any],
     relief: np.dtype[Any],
@@ -79,6 +81,7 @@ def lay_grids(
 
 def size_bins(
     grids: NDArray[np.void],
+    free_bins: NDArray[np.void],
     dense: NDArray[np.bool_],
     ranges: Any,
     placed: Any,
@@ -88,11 +91,12 @@ def size_bins(
     """
     Choose the bins of each grid.
 
-    Shapes: grids[g], dense[g], sizes[g], lists[g].
+    Shapes: grids[g], free_bins[_], dense[g], sizes[g], lists[g].
     """
 
 def fill_tables(
     grids: NDArray[np.void],
+    free_bins: NDArray[np.void],
     ranges: Any,
     placed: Any,
     offsets: NDArray[np.uint32],
@@ -101,7 +105,7 @@ def fill_tables(
     """
     Fill the tables from cells to elements.
 
-    Shapes: grids[g], offsets[_], entries[_].
+    Shapes: grids[g], free_bins[_], offsets[_], entries[_].
     """
 
 def count_pending(

@@ -78,6 +78,7 @@ def plan_of(
         field=terrain.field,
         arrays=arrays,
         frames=_frames(terrain, origin, pitch),
+        footprints=np.ascontiguousarray(_on_lattice(terrain.footprints(), origin, pitch).T),
         polygon_errors=np.zeros(len(arrays.elements)),
         **_curve_tables(arrays)._asdict(),
         origin=origin,
@@ -95,8 +96,15 @@ def plan_of(
     return replace(plan, outlines=outlines), loss._replace(ruts=ruts)
 
 
+def _on_lattice(
+    rectangles: NDArray[np.float64], origin: NDArray[np.float64], pitch: float
+) -> NDArray[np.float64]:
+    """World rectangles on the lattice, both (4, n)."""
+    return np.asarray(np.rint((rectangles - np.tile(origin, 2)[:, None]) / pitch))
+
+
 def _frames(terrain: Terrain, origin: NDArray[np.float64], pitch: float) -> NDArray[Any]:
-    cells = np.rint((terrain.cells() - np.tile(origin, 2)[:, None]) / pitch)
+    cells = _on_lattice(terrain.cells(), origin, pitch)
     frames = np.zeros(cells.shape[1], FRAME)
     frames["low"], frames["high"] = cells[:2].T, cells[2:].T
     with np.errstate(divide="ignore"):
@@ -109,7 +117,8 @@ def _choose_elements(plan: MeshPlan, largest: NDArray[np.float64], least: float)
     """Mark the elements that are drawn; says what is left out."""
     frames, kinds = plan.frames, plan.arrays.elements["kind"]
     low, high = frames["low"], frames["high"]
-    near = ((low < plan.bounds[2:]) & (high > plan.bounds[:2])).all(axis=1)
+    footprints, bounds = plan.footprints, plan.bounds
+    near = ((footprints[:, :2] < bounds[2:]) & (footprints[:, 2:] > bounds[:2])).all(axis=1)
     small = near & ((high - low).min(axis=1) < SMALLEST)
     faint = near & ~small & (largest <= least) if least > 0.0 else np.zeros_like(near)
     # a hole is more than a change of heights, and the root is the ground

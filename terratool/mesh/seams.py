@@ -88,7 +88,7 @@ def _find(plan: MeshPlan, axis: int, number: int, count: int, others: Sequence[_
     side = (high - low) / count
     wanted = low + number * side
     reach = 0.5 * _SPREAD * side
-    begins, ends = plan.frames["low"][:, axis], plan.frames["high"][:, axis]
+    begins, ends = plan.footprints[:, axis], plan.footprints[:, axis + 2]
     near = (begins <= wanted + reach + CLEARANCE) & (ends >= wanted - reach - CLEARANCE)
     chosen = np.flatnonzero(near & (plan.frames["drawn"] != 0))
     begins, ends = begins[chosen], ends[chosen]

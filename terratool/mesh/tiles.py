@@ -172,7 +172,8 @@ def build_tile(terrain: Terrain, layout: TileLayout, row: int, column: int) -> B
     """
     limits, seams = layout.limits(row, column)
     whole, frames = layout.plan, layout.plan.frames
-    near = ((frames["low"] <= limits[2:]) & (frames["high"] >= limits[:2])).all(axis=1)
+    footprints = whole.footprints
+    near = ((footprints[:, :2] <= limits[2:]) & (footprints[:, 2:] >= limits[:2])).all(axis=1)
     segments = kernels.segments_of(whole.kept, np.flatnonzero(near & (frames["drawn"] != 0)))
     boundary = boundary_of(limits, seams)
     coarse = coarse_mesh(whole, cut_segments(segments, limits, seams), boundary, np.array(limits))

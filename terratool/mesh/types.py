@@ -198,6 +198,8 @@ class MeshPlan:
         field: the compiled field …
         arrays: … and its arrays.
         frames: (elements,) FRAME.
+        footprints: (elements, 4) float64, on the lattice the rectangles around their footprints:
+            west, south, east, north.
         polygon_errors: (elements,) float64, the most that the polygon that stands for a disc
             changes the height inside of it.
         axes: (kinds, 2) AXIS.
@@ -217,6 +219,7 @@ class MeshPlan:
     field: fields.Field
     arrays: FieldArrays
     frames: NDArray[Any]
+    footprints: NDArray[np.float64]
     polygon_errors: NDArray[np.float64]
     axes: NDArray[Any]
     lines: NDArray[Any]

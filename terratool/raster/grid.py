@@ -121,8 +121,9 @@ def default_resolution(terrain: Terrain, bounds: Bounds | None = None) -> tuple[
 
 def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
     """A pixel that shows the finest feature of a part of a terrain, and what that feature is."""
-    west, south, east, north = terrain.cells()
+    west, south, east, north = terrain.footprints()
     there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
+    west, south, east, north = terrain.cells()
     wide, tall = east - west, north - south
     cell = min(float(wide[there].min()), float(tall[there].min()))
     # but for the rounding of the cells' edges

@@ -174,9 +174,10 @@ def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, S
     An element is as wide as the shorter side of its cells. Details are those of
     `finest_details`.
     """
-    west, south, east, north = terrain.cells()
+    west, south, east, north = terrain.footprints()
     low_x, low_y, high_x, high_y = grid.bounds
     within = (west < high_x) & (east > low_x) & (south < high_y) & (north > low_y)
+    west, south, east, north = terrain.cells()
     wide, tall = east - west, north - south
     # as far as the edges of far cells can be told
     side = grid.resolution * (1 - 1e-9) - 4 * np.spacing(np.abs(terrain.bounds).max())

@@ -13,8 +13,10 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.change import moved
 from terratool.definition.layout import TERRAIN
-from terratool.definition.model import Definition, Track, middle_of
+from terratool.definition.libraries import known_names
+from terratool.definition.model import Surface, Track, middle_of
 from terratool.definition.presets import preset_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.errors import DefinitionError, MissedError, RequestError
@@ -193,12 +195,14 @@ def deform(
     wheels = vehicle.all_wheels
     if tolerance is None:
         tolerance = SHARE * min(wheel.width for wheel in wheels)
-    if surface is not None and surface not in definition.surfaces:
+    bare = msgspec.structs.replace(definition, tracks=UNSET)
+    ground = Terrain(msgspec.structs.replace(checked, terrain=bare))
+    surfaces = ground.surface_types  # those of libraries, too
+    known = () if checked.document is None else known_names(checked.document)[0].surfaces
+    if surface is not None and surface not in known:
         raise RequestError(
             f"There is no surface {shown(surface)} for the ruts.", "Name one of surfTypes."
         )
-    bare = msgspec.structs.replace(definition, tracks=UNSET)
-    ground = Terrain(msgspec.structs.replace(checked, terrain=bare))
     loads = wheel_loads(vehicle)
     lengths: dict[str, float] = {}
     deepest: dict[str, float] = {}
@@ -208,7 +212,7 @@ def deform(
         found = _surfaces_along(ground, line, 0.5 * wheel.width)
         presets: dict[str, float] = {}
         for name, length in found.items():
-            depth, is_preset = _depth(definition, name, wheel, load)
+            depth, is_preset = _depth(name, surfaces[name], wheel, load)
             if is_preset:
                 presets[name] = _rounded(depth)
             lengths[name] = lengths.get(name, 0.0) + length
@@ -224,8 +228,8 @@ def deform(
                 surface=UNSET if surface is None else surface,
             )
         )
-    known = () if definition.tracks is UNSET else definition.tracks
-    tracks, added, again = _merged(known, fresh)
+    before = () if definition.tracks is UNSET else definition.tracks
+    tracks, added, again = _merged(before, fresh)
     return Deformed(
         tracks,
         added,
@@ -233,7 +237,7 @@ def deform(
         length=sum(lengths.values()),
         points=sum(len(track.path) for track in fresh),  # type: ignore[arg-type, misc]
         ruts=tuple(Rut(name, lengths[name], deepest[name]) for name in sorted(lengths)),
-        ranged=tuple(n for n in sorted(lengths) if "sinkage" in definition.surfaces[n].ranges),
+        ranged=tuple(n for n in sorted(lengths) if "sinkage" in surfaces[n].ranges),
     )
 
 
@@ -286,14 +290,13 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
     return {ground.surfaces[i]: float(metres[i]) for i in seen.tolist()}
 
 
-def _depth(definition: Definition, name: str, wheel: Wheel, load: float) -> tuple[float, bool]:
+def _depth(name: str, surface: Surface, wheel: Wheel, load: float) -> tuple[float, bool]:
     """How deep a wheel sinks, m, and whether a preset says so.
 
     Raises:
         RequestError: nothing says how deep.
         MissedError: deeper than its radius.
     """
-    surface = definition.surfaces[name]
     preset = preset_of(surface)
     if surface.sinkage is not UNSET:
         depth = load * 1e-3 * middle_of(surface.sinkage)
@@ -356,7 +359,11 @@ def _passes(track: Track) -> int:
 
 
 def write_deformed(
-    path: str, output: str | Path, deformed: Deformed, overwrite: bool = False
+    path: str,
+    output: str | Path,
+    deformed: Deformed,
+    overwrite: bool = False,
+    library_roots: tuple[str, ...] = (),
 ) -> int:
     """Write the text of the definition at `path` with other tracks; all else stays byte for byte.
 
@@ -371,10 +378,12 @@ def write_deformed(
     """
     source = read_source(path)
     tracks = msgspec.to_builtins(deformed.tracks)
-    data = set_member(source.data, "", "tracks", tracks, TERRAIN).applied(source.data)
+    text = moved(source, output)
+    data = set_member(text, "", "tracks", tracks, TERRAIN).applied(text)
     packed = Path(output).name.lower().endswith(".gz")
-    result = Source(str(path), data, packed, source.marked)
-    checked = check(result, CheckOptions(warnings=False))
+    result = Source(str(output), data, packed, source.marked)
+    options = CheckOptions(warnings=False, library_roots=(*library_roots, str(Path(path).parent)))
+    checked = check(result, options)
     if checked.terrain is None:
         first = checked.findings[0]
         raise DefinitionError(

@@ -43,6 +43,7 @@ NAMES = {
     "TT210": "zero-scale",
     "TT211": "tall-step",
     "TT212": "default-scale",
+    "TT213": "trimmed-element",
     "TT301": "expression",
     "TT302": "expression-value",
     "TT303": "no-curve",

@@ -275,6 +275,128 @@ class TestRules:
         assert close.mean() > 0.99  # the rest straddles the edge of a footprint
 
 
+def free(x: float, y: float, extent: Any, type_: str = "box", **more: Any) -> dict[str, Any]:
+    return {"type": type_, "at": [x, y], "extent": extent, **more}
+
+
+class TestFreePlaces:
+    """Cells that stand anywhere in the parent's."""
+
+    @pytest.mark.parametrize("origin", [(0, 0), (0.1, -0.7), (500000.25, 4649776.5)], ids=str)
+    def test_edges_stand_at_the_nearest_doubles(self, origin: tuple[float, float]) -> None:
+        """Of the corner of the parent's cell, the middle and half of the side; half-open."""
+        rng = np.random.default_rng(1)
+        for _ in range(50):
+            x, y, w, h = (float(n) for n in np.round(rng.uniform((1, 1, 0.1, 0.1), 2, 4), 3))
+            tree = {"type": "flat", "children": [free(x, y, [w, h], vScale=1)]}
+            t = terrain(tree, size=[4, 3], origin=list(origin))
+            edges = [
+                float(Fraction(low) + Fraction(at) + sign * Fraction(side) / 2)
+                for low, at, side in zip(origin, (x, y), (w, h), strict=True)
+                for sign in (-1, 1)
+            ]
+            assert t.cells()[:, 1].tolist() == [edges[0], edges[2], edges[1], edges[3]]
+            before = [math.nextafter(edge, -math.inf) for edge in edges]
+            middle = float(edges[2] + edges[3]) / 2
+            xs = [edges[0], before[0], edges[1], before[1]]
+            assert t.height(xs, middle).tolist() == [1, 0, 0, 1]
+            assert t.height(edges[0], [edges[2], before[2], edges[3], before[3]]).tolist() == [
+                1, 0, 0, 1,
+            ]  # fmt: skip
+
+    def test_the_edge_of_the_terrain_belongs_to_what_ends_there(self) -> None:
+        """Also where the decimals make it only almost the same number, and for its children."""
+        inner = child(9, 9, vScale=1)
+        for x, w in ((9.95, 0.1), (9.85, 0.3), (5, 10)):
+            tree = {
+                "type": "flat",
+                "children": [free(x, 4.9, [w, 0.2], vScale=1, children=[inner])],
+            }
+            t = terrain(tree, size=[10, 5])
+            assert t.height([10, 10], [4.9, 5]).tolist() == [1, 2]
+        lone = {"type": "flat", "children": [free(5, 2, 2, vScale=1)]}
+        assert terrain(lone, size=[10, 5]).height([6, 5], [2, 3]).tolist() == [0, 0]
+
+    def test_turned_elements_are_not_trimmed(self) -> None:
+        """A box of 4 × 1 turned by a quarter stands on 1 × 4, and its edges are closed."""
+        for turn in (90, -90, 270):
+            tree = {"type": "flat", "children": [free(5, 5, [4, 1], turnDeg=turn, vScale=1)]}
+            t = terrain(tree, size=[10, 12])
+            assert t.height([5, 5, 4.5, 5.5], [3, 7, 5, 5]).tolist() == [1, 1, 1, 1]
+            assert t.height([5, 5, 4.4, 5.6], [2.9, 7.1, 5, 5]).tolist() == [0, 0, 0, 0]
+        tree = {"type": "flat", "children": [free(5, 5, [4, 2], turnDeg=30, vScale=1)]}
+        t = terrain(tree, size=[10, 12])
+        turn = math.radians(30)  # clockwise: its east end goes south
+        along, across = np.array([math.cos(turn), -math.sin(turn)]), np.array([0.5, 0.5 * 3**0.5])
+        for sign in (-1, 1):
+            for a, b, height in ((1.999, 0.999, 1), (2.001, 0, 0), (0, 1.001, 0)):
+                assert t.height(*(5 + sign * a * along + b * across)) == height
+
+    def test_the_cell_of_children_is_not_turned(self) -> None:
+        """A quarter turn turns the primitive; the grid of its children divides the extent."""
+        inner = child(0, 0, vScale=2)
+        tree = {"type": "flat", "children": [
+            free(5, 5, [4, 1], turnDeg=90, vScale=1, cells=[4, 1], children=[inner])
+        ]}  # fmt: skip
+        t = terrain(tree, size=[10, 12])
+        assert t.height([3.5, 5, 5, 6.5], [5, 3.5, 5, 5]).tolist() == [2, 1, 1, 0]
+
+    def test_cells_and_free_places_mix_in_document_order(self) -> None:
+        """The later one of two siblings decides the surface, however each stands."""
+        surfaces = {"surfTypes": {name: {} for name in "abc"}}
+        here, there = child(4, 4, surface="a"), free(45, 22, [8, 4], surface="b")
+        wide = child(3, 3, surface="c", span=[4, 4])
+        for order in ([here, there, wide], [wide, there, here], [there, here], [wide, here, there]):
+            t = terrain({"type": "flat", "children": order}, size=[100, 50], **surfaces)
+            assert t.surface(44, 23) == order[-1]["surface"]
+            assert t.locate(44, 23) == f"/elemTree/children/{len(order) - 1}"
+            # summed up, too: the share of each in the terrain
+            shares = {"a": 0.1, "b": 0.08, "c": 0.4}
+            wanted = sum(shares[element["surface"]] for element in order)
+            assert t.height(44, 23) == pytest.approx(wanted, abs=1e-15)
+
+    def test_children_of_both_kinds_are_deeper_than_any_sibling(self) -> None:
+        surfaces = {"surfTypes": {name: {} for name in "abcd"}}
+        first = free(50, 25, [40, 20], surface="a", children=[
+            child(5, 5, surface="b"), free(22, 11, 4, surface="c")
+        ])  # fmt: skip
+        later = child(5, 5, surface="d", span=[2, 2])
+        t = terrain({"type": "flat", "children": [first, later]}, size=[100, 50], **surfaces)
+        assert t.surface([51, 50.5, 55], [25.5, 27.5, 25.5]).tolist() == ["c", "c", "d"]
+        assert t.surface([50.5, 53.5], [25.5, 26.5]).tolist() == ["c", "b"]
+
+    def test_a_step_stands_where_its_decimal_says(self) -> None:
+        t = terrain({"type": "flat", "children": [free(2.5, 1, [3, 2], "kerb", vScale=2)]}, size=9)
+        edge = float(Fraction(1) + 3 * Fraction(0.3))
+        assert t.height([edge, math.nextafter(edge, 0)], 1).tolist() == [2, 0]
+
+    @pytest.mark.parametrize("largest", [0.01, 0.1, 1.0])
+    def test_memory_for_each_element(self, largest: float) -> None:
+        """At most 64 bytes more than on a lattice, however much they overlap."""
+        rng = np.random.default_rng(4)
+        count, size = 10000, 1000.0
+        sides = size * rng.uniform(largest / 100, largest, (count, 2))
+        at = sides / 2 + rng.random((count, 2)) * (size - sides)
+        placed = [free(*map(float, at[k]), sides[k].tolist()) for k in range(count)]
+        t = terrain({"type": "flat", "children": placed}, size=size)
+        lattice = [child(k % 100, k // 100) for k in range(count)]
+        other = terrain({"type": "flat", "cells": 100, "children": lattice}, size=size)
+        assert t.nbytes - other.nbytes <= 64 * count
+        x, y = rng.uniform(0, size, (2, 50))
+        for px, py, height in zip(x, y, t.height(x, y), strict=True):
+            over = ((at - sides / 2 <= (px, py)) & ((px, py) < at + sides / 2)).all(axis=1)
+            assert height == pytest.approx((sides[over].min(axis=1) / size).sum(), abs=1e-9)
+
+    def test_a_grid_finer_than_doubles_within_a_free_place(self) -> None:
+        """Where its cells are narrower than spacings of doubles the place in its parent's decides."""
+        block = child(15000, 6000, vScale=5, span=[20000, 30000])
+        inner = free(0.5, 0.5, 1e-5, "flat", cells=60000, children=[block])
+        t = terrain({"type": "flat", "children": [inner]}, 1, origin=[1e5, 2e5])
+        west, south, _, _ = t.cells()[:, 1]
+        for u, v, want in ((0.4, 0.4, 5), (0.2, 0.4, 0), (0.4, 0.05, 0), (0.9, 0.9, 0)):
+            assert t.height(west + u * 1e-5, south + v * 1e-5) == want
+
+
 class TestArrays:
     """NumPy in, NumPy out."""
 

@@ -117,6 +117,30 @@ def test_a_span_takes_several_cells(dem: Path, site: Path) -> None:
     assert off.max() == pytest.approx(report["error"]["largest"], rel=1e-6)
 
 
+@pytest.mark.parametrize("dictionary", ["", '"elemTypes":{"post":{"x":[1]}},'])
+def test_a_library_gets_primitives_and_elements(dem: Path, tmp_path: Path, dictionary: str) -> None:
+    """With a dictionary of its own or without; the rest stays as it is."""
+    kit = tmp_path / "kit.json"
+    text = "{" + dictionary + '"use":["more.json"],"parts":{"hill/top":{"type":"post"}}}'
+    kit.write_text(text, encoding="utf-8")
+    tmp_path.joinpath("more.json").write_text(
+        '{"elemTypes":{"peg":{"x":[1]}' + ("" if dictionary else ',"post":{"x":[1]}') + "}}",
+        encoding="utf-8",
+    )
+    asked = ("import-primitive", dem, "--name", "knoll", *WINDOW, "--samples", 3, "--into", kit)
+    ran = run(*asked, "--place", "2,3")
+    assert ran.code == 2 and "/parts/NAME" in ran.err
+    assert kit.read_text("utf-8") == text
+    ran = run(*asked, "--place", "2,3,/parts/hill~1top", "--span", "4,5")
+    assert ran.code == 0, ran.err
+    after = json.loads(kit.read_text("utf-8"))
+    assert len(after["elemTypes"].pop("knoll")["x"]) == 3
+    (child,) = after["parts"]["hill/top"].pop("children")
+    assert (child["type"], child["cellX"], child["cellY"], child["span"]) == ("knoll", 2, 3, [4, 5])
+    assert {**after, "elemTypes": None} == {**json.loads(text), "elemTypes": None}
+    assert run("validate", kit).code == 0
+
+
 def test_a_name_that_is_there_is_refused_unless_it_may_be_replaced(dem: Path, site: Path) -> None:
     before = site.read_bytes()
     ran = run("import-primitive", dem, "--name", "plate", *WINDOW, "--into", site)

@@ -128,6 +128,55 @@ def test_classes_in_another_reference_system_and_size(tmp_path):
     assert terrain.surface(500550, 4999700) is None
 
 
+@pytest.mark.parametrize(
+    ("options", "name", "surface", "warned"),
+    [
+        (["--preset", "dry-sand"], "dry-sand", {"preset": "dry-sand"}, False),
+        (["--preset", "dry-sand", "--surface", "beach"], "beach", {"preset": "dry-sand"}, False),
+        (["--surface", "beach"], "beach", {}, True),
+    ],
+)
+def test_the_ground_has_a_surface(dem, tmp_path, options, name, surface, warned):
+    """The root wears it, and so does all that is no void; a soil without figures is warned of."""
+    out = tmp_path / "site.json"
+    ran = run("import-terrain", dem, out, "--max-error", "0.25", *options)
+    assert ran.code == 0 and ran.err == ""
+    assert {"void: 1 pixel", f"{name}: 53 pixels"} <= set(ran.out.splitlines())
+    written = json.loads(out.read_text())
+    assert written["surfTypes"] == {"void": {"void": True}, name: surface}
+    assert written["elemTree"]["surface"] == name
+    terrain = load(out)
+    x, y = np.meshgrid(400001 + 2 * np.arange(9), 4999989 + 2 * np.arange(6))
+    worn = terrain.surface(x, y)
+    assert np.count_nonzero(worn == name) == 53 and worn[3, 3] == "void"
+    assert run("validate", out).code == 0
+    codes = {
+        f["code"] for f in json.loads(run("validate", "--format", "json", out).out)["findings"]
+    }
+    assert codes == ({"TT401"} if warned else set())
+    assert run("validate", "--strict", out).code == int(warned)
+
+
+def test_ground_between_classes(dem, tmp_path):
+    """What has no class wears the ground, which may be one of the classes."""
+    classes, out = tmp_path / "classes.tif", tmp_path / "site.json"
+    numbers = np.ones((6, 9), np.uint8)
+    numbers[:, 5:] = 0
+    geotiff(classes, numbers, 2, (400000, 5000000), crs="EPSG:32633", nodata=0)
+    asked = ["import-terrain", dem, out, "--max-error", 0.25, "--surfaces", classes, "--overwrite"]
+    ran = run(*asked, "--preset", "gravel")
+    assert ran.code == 0 and 'no class for 24 pixels: the surface "gravel"' in ran.err
+    terrain = load(out)
+    assert terrain.surface(400001, 4999999) == "class-1"
+    assert terrain.surface(400017, 4999999) == "gravel"
+    assert run(*asked, "--surface", "class-1").code == 0
+    assert load(out).surface(400017, 4999999) == "class-1"
+    before = out.read_bytes()
+    ran = run(*asked, "--surface", "class-1", "--preset", "gravel")
+    assert ran.code == 2 and "already" in ran.err
+    assert out.read_bytes() == before
+
+
 def refusals(tmp_path: Path, dem: Path):
     """Arguments, exit code and a word of the message."""
     dark, pixel = tmp_path / "dark.tif", tmp_path / "pixel.tif"
@@ -146,6 +195,9 @@ def refusals(tmp_path: Path, dem: Path):
         "classes": ([dem, out, *error, "--surfaces", dem], 3, "classes"),
         "no classes": ([dem, out, *error, "--surfaces", tmp_path / "x.tif"], 3, "x.tif"),
         "window": ([dem, out, *error, "--window", 0, 0, 99, 1], 2, "window"),
+        "preset": ([dem, out, *error, "--preset", "dry-sad"], 2, "dry-sand"),
+        "void": ([dem, out, *error, "--surface", "void"], 2, "as gaps are"),
+        "no name": ([dem, out, *error, "--surface", ""], 2, "has no name"),
     }
 
 
@@ -153,7 +205,7 @@ def refusals(tmp_path: Path, dem: Path):
     "case",
     [
         "nodata", "one pixel", "no error", "zero error", "missing", "no folder", "ending",
-        "classes", "no classes", "window",
+        "classes", "no classes", "window", "preset", "void", "no name",
     ],
 )  # fmt: skip
 def test_a_sentence_a_code_and_no_file(tmp_path, dem, case):

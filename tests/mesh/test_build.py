@@ -26,6 +26,7 @@ from tests.meshes import (
     covered,
     errors,
     flat_areas,
+    freed,
     random_definition,
 )
 
@@ -138,31 +139,37 @@ def test_straight_primitives_are_exact(name: str, turn: int) -> None:
     assert errors(mesh, terrain, 5000, 2e-7).max() < 2e-7
 
 
+@pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("seed", range(10))
-def test_random_straight_terrains(seed: int) -> None:
+def test_random_straight_terrains(seed: int, free: bool) -> None:
     """Everything straight, void included, stands exactly where it should."""
-    terrain = terrain_of(random_definition(seed, 60, STRAIGHT))
+    definition = random_definition(seed, 60, STRAIGHT)
+    terrain = terrain_of(freed(definition, seed) if free else definition)
     mesh = meshed(terrain, 1e-3)
     check_faces(mesh)
     check_closed(mesh, terrain)
     assert errors(mesh, terrain, 30000, 1e-3, aside=1e-7).max() < 1e-3
 
 
+@pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("seed", range(6))
-def test_random_curved_terrains(seed: int) -> None:
+def test_random_curved_terrains(seed: int, free: bool) -> None:
     """Formulas and products of bent curves are refined."""
-    terrain = terrain_of(random_definition(seed, 40, {**STRAIGHT, **CURVED}))
+    definition = random_definition(seed, 40, {**STRAIGHT, **CURVED})
+    terrain = terrain_of(freed(definition, seed) if free else definition)
     mesh = meshed(terrain, 2e-2)
     check_faces(mesh)
     check_closed(mesh, terrain)
     assert errors(mesh, terrain, 30000, 2e-2, aside=1e-7).max() < 2e-2
 
 
+@pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("seed", range(6))
-def test_random_round_terrains(seed: int) -> None:
+def test_random_round_terrains(seed: int, free: bool) -> None:
     """Discs are polygons: as far inside of an arc as is said heights may be others."""
     primitives = {**STRAIGHT, **CURVED, **ROUND}
     definition = random_definition(seed, 40, primitives, ("grass", "rock"))
+    definition = freed(definition, seed) if free else definition
     terrain = terrain_of(definition)
     built = build(terrain, 2e-2)
     check_faces(built.mesh)

@@ -39,6 +39,7 @@ from tests.meshes import (
     errors,
     exported_tiles,
     flat_areas,
+    freed,
     open_edges,
     random_definition,
     read,
@@ -93,7 +94,7 @@ def check_seams(layout: TileLayout, tiles: dict[tuple[int, int], Mesh]) -> int:
     return count
 
 
-def wild(seed: int) -> tuple[Terrain, float, float, TileLayout]:
+def wild(seed: int, free: bool = False) -> tuple[Terrain, float, float, TileLayout]:
     """A terrain, the error of its mesh, how far its walls stand aside, and how it is cut."""
     rng = np.random.default_rng(seed)
     primitives, error, aside = (
@@ -108,7 +109,7 @@ def wild(seed: int) -> tuple[Terrain, float, float, TileLayout]:
         definition["size"] = [float(rng.choice([3, 10, 47])), float(rng.choice([5, 10, 100]))]
     if seed % 5 == 0:
         definition["origin"] = [1e5, -3e4]
-    terrain = terrain_of(definition)
+    terrain = terrain_of(freed(definition, seed) if free else definition)
     rows, columns = (int(n) for n in rng.integers(1, 5, 2))
     return (
         terrain,
@@ -118,10 +119,13 @@ def wild(seed: int) -> tuple[Terrain, float, float, TileLayout]:
     )
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_tiles_fit(seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "free"),
+    [*((seed, False) for seed in range(30)), *((seed, True) for seed in range(12))],
+)
+def test_tiles_fit(seed: int, free: bool) -> None:
     """Turned, nested, round, void: no crack, no vertex on another's edge, all within the error."""
-    terrain, error, aside, layout = wild(seed)
+    terrain, error, aside, layout = wild(seed, free)
     tiles = tiles_of(terrain, layout)
     assert check_seams(layout, tiles) > 0
     mesh = union(list(tiles.values()))

@@ -134,7 +134,9 @@ def grids_of(draw: st.DrawFn, definition: dict[str, Any]) -> Grid:
 @given(st.data())
 def test_pixels_are_queries(data: st.DataObject) -> None:
     """Of any terrain, with pixels anywhere, on its edges and beyond them."""
-    definition = data.draw(definitions(rutted=data.draw(st.booleans())))
+    definition = data.draw(
+        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()))
+    )
     terrain = terrain_of(definition)
     grid = data.draw(grids_of(definition))
     dtype = data.draw(st.sampled_from([np.float32, np.float64]))
@@ -145,7 +147,9 @@ def test_pixels_are_queries(data: st.DataObject) -> None:
 @given(st.data())
 def test_windows_and_threads_change_nothing(data: st.DataObject) -> None:
     """Whole = windows = threads, bit for bit; also when tiles end within the window."""
-    definition = data.draw(definitions(rutted=data.draw(st.booleans())))
+    definition = data.draw(
+        definitions(rutted=data.draw(st.booleans()), free=data.draw(st.booleans()))
+    )
     terrain = terrain_of(definition)
     grid = data.draw(grids_of(definition))
     grid = Grid(grid.west, grid.south, grid.resolution / 7, grid.height * 7, grid.width * 7)
@@ -248,7 +252,7 @@ def test_walls_lie_between_different_labels(data: st.DataObject) -> None:
 
     Or they would, close to the wall: then something narrower than a pixel begins and ends there.
     """
-    definition = data.draw(definitions())
+    definition = data.draw(definitions(free=data.draw(st.booleans())))
     definition["origin"] = [0, 0]
     terrain = terrain_of(definition)
     count = data.draw(st.sampled_from([7, 10, 37, 64]))

@@ -58,22 +58,25 @@ def stands_out(angle: float) -> float:
     return radius + half * math.tan(angle) - radius / math.cos(angle)
 
 
-def crossing(curve: list[Any], heading: int, surface: dict[str, Any], scale: float) -> Terrain:
+def crossing(
+    curve: list[Any], heading: int, surface: dict[str, Any], scale: float, free: bool = False
+) -> Terrain:
     """20 m of a curve, its middle at the origin, that one crosses at a right angle when heading so.
 
-    What comes first is behind who heads there.
+    What comes first is behind who heads there. It is in a cell, or at a free place.
     """
+    place = {"at": [20, 15], "extent": [20, 12]} if free else {"cellX": 0, "cellY": 0}
     return terrain_of(
         {
-            "size": [20, 20],
-            "origin": [-10, -10],
+            "size": [40, 30] if free else [20, 20],
+            "origin": [-20, -15] if free else [-10, -10],
             "surfTypes": {"soil": surface},
             "elemTypes": {"flat": {"x": [0]}, "curve": {"x": curve, "y": [1]}},
             "elemTree": {
                 "type": "flat", "surface": "soil", "cells": 1,
                 "children": [
                     {
-                        "type": "curve", "cellX": 0, "cellY": 0, "vScale": scale,
+                        "type": "curve", **place, "vScale": scale,
                         "turnDeg": 360 * heading / HEADINGS - 90,
                     }
                 ],
@@ -101,12 +104,19 @@ class TestRidge:
     """A crest between two planes."""
 
     @settings(max_examples=25)
-    @given(heading=turns, share=shares, resolution=st.sampled_from([0.01, 0.02, 0.03, 0.05]))
-    def test_exact_limit(self, heading: int, share: tuple[float, float], resolution: float) -> None:
+    @given(
+        heading=turns,
+        share=shares,
+        resolution=st.sampled_from([0.01, 0.02, 0.03, 0.05]),
+        free=st.booleans(),
+    )
+    def test_exact_limit(
+        self, heading: int, share: tuple[float, float], resolution: float, free: bool
+    ) -> None:
         """Within 0.1° wherever the crest runs between pixel centres, for any of its directions."""
         for more, stopped in ((-0.1, False), (0.1, True)):
             angle = 0.5 * breakover(ROVER) + math.radians(more)
-            ridge = crossing([[0, 0], [0.5, 1], [1, 0]], heading, FIRM, 10 * math.tan(angle))
+            ridge = crossing([[0, 0], [0.5, 1], [1, 0]], heading, FIRM, 10 * math.tan(angle), free)
             found = measured(ridge, ROVER, share, resolution, 0.1)
             assert high_centred(found, heading) == stopped
             assert high_centred(found, (heading + HEADINGS // 2) % HEADINGS) == stopped

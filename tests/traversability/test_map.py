@@ -646,7 +646,7 @@ class TestWindows:
     """Whole, windows and threads."""
 
     @settings(max_examples=8)
-    @given(definition=definitions(), parts=st.sampled_from([1, 3]))
+    @given(definition=definitions() | definitions(free=True), parts=st.sampled_from([1, 3]))
     def test_windows_are_parts_of_the_whole(self, definition: Any, parts: int) -> None:
         """To the last bit, whatever the threads."""
         terrain = terrain_of(definition)

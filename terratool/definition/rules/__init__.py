@@ -26,6 +26,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     steps,
     surfaces,
     tracks,
+    trimming,
     usage,
     vehicle_geometry,
     vehicle_limits,

@@ -68,7 +68,12 @@ class PrimitiveTarget:
 
 
 def target_of(
-    path: str, names: tuple[str, ...], place: CellPath | None, output: str | None, overwrite: bool
+    path: str,
+    names: tuple[str, ...],
+    place: CellPath | None,
+    output: str | None,
+    overwrite: bool,
+    library_roots: tuple[str, ...] = (),
 ) -> PrimitiveTarget:
     """Read the terrain or the library, and refuse what cannot be added to it.
 
@@ -78,6 +83,7 @@ def target_of(
         place: where elements of them go.
         output: another file for the result.
         overwrite: replace primitives of these names, and the output.
+        library_roots: further folders under which its libraries may lie.
 
     Raises:
         ReadError: the file cannot be read.
@@ -85,7 +91,7 @@ def target_of(
         RequestError: it has such a primitive already, or no such place.
         WriteError: the output exists.
     """
-    target = open_target(path, output, overwrite)
+    target = open_target(path, output, overwrite, library_roots)
     own = target.names("elemTypes")
     taken = [name for name in names if name in own]
     if taken and not overwrite:

@@ -55,6 +55,7 @@ from terratool.importing.terrain.writing import (
 )
 from terratool.kernels import importing as kernels
 from terratool.output import refuse_existing, whole_file
+from terratool.text.display import shown
 
 _NARROWEST = 2.0**-40
 """Pixels below this part of the largest coordinate drown in the rounding of doubles."""
@@ -75,9 +76,29 @@ REACH = 512
 _ROWS = 256
 _VOID = int(np.iinfo(np.int64).max)
 """A class of its own, for pixels without a height."""
+_NO_GROUND = "void"
+"""The surface of these."""
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What the terrain wears where no class says otherwise.
+
+    Attributes:
+        name: of the surface.
+        preset: the soil that it is; None leaves its figures to the user.
+    """
+
+    name: str
+    preset: str | None = None
+
+    @property
+    def surface(self) -> dict[str, Any]:
+        """The surface as a definition has it."""
+        return {} if self.preset is None else {"preset": self.preset}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +115,7 @@ class ImportOptions:
         title: the source, for the description.
         allow_remote: whether the raster of classes may lie on the net, or lead out of its folder.
         pixels: whether the root's cells are the pixels, so that own elements are easily added.
+        ground: the surface of the root, or None.
     """
 
     max_error: float
@@ -105,6 +127,7 @@ class ImportOptions:
     title: str = ""
     allow_remote: bool = False
     pixels: bool = False
+    ground: Ground | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +228,7 @@ def import_terrain(
     """
     work = progress or (lambda _: None)
     _refuse_size(source.grid)
+    _refuse_ground(options.ground)
     step_for(options.max_error, 0.0)  # refuses what is no error before anything is read
     output = Path(output)
     refuse_existing(output, overwrite)
@@ -234,6 +258,20 @@ def _refuse_size(grid: PixelGrid) -> None:
             f"Pixels of {min(grid.dx, grid.dy):g} cannot be told apart at {farthest:g}.",
             "Give the source another origin, as with gdal_edit.py -a_ullr.",
         )
+
+
+def _refuse_ground(ground: Ground | None) -> None:
+    if ground is None:
+        return
+    if not ground.name or ground.name == _NO_GROUND:
+        what = "has no name" if not ground.name else f"is called {shown(ground.name)}, as gaps are"
+        raise RequestError(f"The surface of the ground {what}.", "Give another --surface.")
+    try:
+        ground.name.encode()
+    except UnicodeEncodeError as error:
+        raise RequestError(
+            f"{ground.name!r} is no name in UTF-8.", "Choose another --surface."
+        ) from error
 
 
 # --- the first reading ----------------------------------------------------------------------------
@@ -311,13 +349,16 @@ def summarise_source(
         for number in sorted(counts):
             name, members = _surface(raster, number)
             summary.surface_types[name], summary.surfaces[name] = members, counts[number]
+    if options.ground is not None:
+        _add_ground(summary, options.ground, grid)
     if summary.unknown == grid.rows * grid.columns:
         raise ReadError(
             "Every pixel is nodata: there is no height.", "Take another part, band or file."
         )
     summary.notes = source.notes  # now, as what is read once more would be counted twice
     if raster is not None and raster.lacking:
-        summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: no surface.",)
+        bare = f"the surface {shown(options.ground.name)}" if options.ground else "no surface"
+        summary.notes += (f"{raster.name} has no class for {raster.lacking:,} pixels: {bare}.",)
     if options.fill and summary.heights is not None:
         summary.heights = filled(summary.heights)
     elif options.fill and summary.unknown:
@@ -328,10 +369,27 @@ def summarise_source(
     return summary
 
 
+def _add_ground(summary: SourceSummary, ground: Ground, grid: PixelGrid) -> None:
+    """Add the surface of the root, which all pixels wear that have none of their own.
+
+    Raises:
+        RequestError: a class has that name, and another soil is wanted.
+    """
+    if ground.name in summary.surface_types and ground.preset is not None:
+        raise RequestError(
+            f"The classes have a surface {shown(ground.name)} already, with a soil of its own.",
+            "Leave out --preset, or choose another --surface.",
+        )
+    summary.surface_types.setdefault(ground.name, ground.surface)
+    bare = grid.rows * grid.columns - sum(summary.surfaces.values())
+    if bare:
+        summary.surfaces[ground.name] = summary.surfaces.get(ground.name, 0) + bare
+
+
 def _surface(raster: ClassRaster | None, number: int) -> tuple[str, dict[str, Any]]:
     """Name and members of the surface of a class, or of the void."""
     if number == _VOID or raster is None:
-        return "void", {"void": True}
+        return _NO_GROUND, {"void": True}
     return raster.surface(number)
 
 
@@ -511,6 +569,8 @@ def _written(
             _write_heights(writer, source, summary, plan, checker, work)
             rows = writer.count - len(found.texts)
             root = root_of(grid.rows, grid.columns, plan.rounding.base, options.pixels)
+            if options.ground is not None:
+                root["surface"] = options.ground.name
             writer.finish(summary.surface_types, root, summary.cover, options.pixels)
         bound = error.largest + found.deviation
         if not bound <= options.max_error:

@@ -1,0 +1,49 @@
+"""`terratool bundle`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from terratool.cli.options import library_root_option, library_roots
+from terratool.cli.terminal import Status, called, say
+from terratool.text.display import counted
+
+
+@click.command("bundle", epilog="Example: terratool bundle samples/warehouse.json out.json")
+@click.argument("file")
+@click.argument("output", metavar="OUT")
+@click.option(
+    "--expand",
+    "expanded",
+    is_flag=True,
+    help="Write parts and copies out, too; places stay as they are.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace OUT if it exists.")
+@library_root_option
+def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
+    """Write FILE and what it needs of its libraries into one file, OUT.
+
+    What is not needed is left out: surfaces, primitives and parts that nothing names. The terrain
+    is the same to the last bit. OUT is gzipped if its name ends with .gz.
+    """
+    from terratool.definition.bundle import bundle
+    from terratool.definition.reader import load_checked
+    from terratool.errors import WriteError
+    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+    from terratool.text.source import Source, write_source
+
+    refuse_existing(Path(output), overwrite)
+    refuse_missing_folder(Path(output))
+    with Status(f"reading {called(file)}") as status:
+        checked = load_checked(file, library_roots())
+        for library in checked.libraries:
+            if is_same_file(output, library.name):
+                raise WriteError(f"{output}: is a library of {file}.", "Choose another name.")
+        status.say("writing out" if expanded else "bundling")
+        text = bundle(checked, expanded=expanded)
+        packed = output.lower().endswith(".gz")
+        write_source(Source(file, text.encode(), packed), output, overwrite)
+    used = counted(len(checked.libraries), "library")
+    say(f"{output}: {len(text.encode()):,} bytes, {used} taken in")

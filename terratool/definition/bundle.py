@@ -1,0 +1,112 @@
+"""One file in place of a terrain and its libraries."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import msgspec
+from msgspec import UNSET, Raw
+
+from terratool.definition.expand import expand
+from terratool.definition.keys import KEYS, SLOTS
+from terratool.definition.layout import canonical
+from terratool.definition.libraries import DICTIONARIES, Dictionary, known_names
+from terratool.definition.model import Element
+from terratool.definition.reader import Checked, refusal
+from terratool.definition.tree import Tree
+from terratool.definition.uses import Uses
+
+_EXACT = 1e15
+
+
+def bundle(checked: Checked, *, expanded: bool = False) -> str:
+    """The text of a terrain with all it needs of its libraries, and nothing that it does not need.
+
+    Values stand as they are spelled, in the canonical layout.
+
+    Args:
+        checked: a terrain without errors.
+        expanded: write parts and copies out, too; keys of your own in elements are left out then.
+
+    Raises:
+        DefinitionError: it has errors.
+        RequestError: parts and copies come to too many elements.
+    """
+    document = checked.document
+    if checked.terrain is None or document is None:
+        raise refusal(checked)
+    uses = Uses(document, known_names(document)[0])
+    members = msgspec.json.decode(document.source.data, type=dict[str, Raw])
+    members.pop("use", None)
+    for dictionary in DICTIONARIES:
+        entries = _needed(uses, dictionary)
+        if entries and not (expanded and dictionary == "parts"):
+            members[dictionary] = Raw(_object(entries.items()))
+        elif dictionary == "elemTypes":
+            members[dictionary] = Raw(b"{}")
+        else:
+            members.pop(dictionary, None)
+    if expanded:
+        members["elemTree"] = Raw("".join(_element(expand(uses).tree)).encode())
+    return canonical(_object(members.items()).decode())
+
+
+def _object(members: Iterable[tuple[str, Raw]]) -> bytes:
+    texts = (b"%b:%b" % (json.dumps(key, ensure_ascii=False).encode(), raw) for key, raw in members)
+    return b"{" + b",".join(texts) + b"}"
+
+
+def _needed(uses: Uses, dictionary: Dictionary) -> dict[str, Raw]:
+    """The texts of what is needed of a dictionary, in the order of the files."""
+    needed = uses.needed[dictionary]
+    texts: dict[int, dict[str, Raw]] = {}
+    found = {}
+    for name, named in uses.names.of(dictionary).items():
+        if name in needed:
+            home = named.home
+            if id(home) not in texts:
+                whole = msgspec.json.decode(home.source.data, type=dict[str, Raw])
+                texts[id(home)] = msgspec.json.decode(whole[dictionary], type=dict[str, Raw])
+            found[name] = texts[id(home)][name]
+    return found
+
+
+def _whole(value: Any) -> Any:
+    """A value, as a whole number where that is the same."""
+    if isinstance(value, tuple):
+        return [_whole(part) for part in value]
+    if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
+        return value if value == 0 and math.copysign(1, value) < 0 else int(value)
+    return value
+
+
+def _element(tree: Tree) -> Iterator[str]:
+    """The pieces of the text of the root."""
+    keys = {key: SLOTS[Element][key].name for key in KEYS[Element] if key != "children"}
+    used = {key: tree.column(name) for key, name in keys.items() if tree.distinct(name) != {UNSET}}
+
+    def own(index: int) -> str:
+        members: dict[str, Any] = {
+            key: _whole(column[index]) for key, column in used.items() if column[index] is not UNSET
+        }
+        return json.dumps(members, ensure_ascii=False)[:-1]
+
+    pending: list[str | int] = [0]
+    while pending:
+        item = pending.pop()
+        if isinstance(item, str):
+            yield item
+            continue
+        text = own(item)
+        begin, end = tree.brood(item)
+        yield text
+        if begin == end:
+            yield "}"
+            continue
+        yield '"children":[' if text == "{" else ',"children":['
+        pending.append("]}")
+        for child in range(end - 1, begin - 1, -1):
+            pending += [child] if child == begin else [child, ","]

@@ -1,0 +1,306 @@
+"""Turned elements that their cells trim."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from functools import lru_cache
+from typing import NamedTuple
+
+from msgspec import UNSET
+
+from terratool.definition.curves import problems, shape_of
+from terratool.definition.findings import Remark
+from terratool.definition.model import Pair, Primitive, pair_of
+from terratool.definition.rules.base import Subject, rule
+from terratool.definition.sides import Sides, sides
+from terratool.definition.summaries import combine_values, curve_values
+from terratool.definition.tree import ROOT
+
+_CLOSE = 1e-9
+_CORNERS = 720
+"""Of the polygon that the area of an ellipse is taken of."""
+_STEPS = 128
+"""Along each side, between points at which a shape is asked for."""
+
+Point = tuple[float, float]
+
+
+@rule("TT213", "trimmed-element", "warning")
+def trimmed_element(subject: Subject) -> Iterator[Remark]:
+    """An element is turned, and its cell cuts off what reaches beyond it.
+
+    The footprint of an element in a cell of the grid ends where that cell ends. So a quarter turn
+    in an oblong block leaves a part of the length, and any other turn takes the corners off.
+    Nothing is lost by half turns, by quarter turns in square blocks, of discs in these, and where
+    the shape is 0 and has neither surface nor vOffset. The root is left out: beyond the terrain
+    there is nothing. So is what stands in a part, where the sides of its cell depend on those of
+    the part's.
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"flat": {"x": [1]}, "ramp": {"x": [0, 1]}},
+          "elemTree": {"type": "flat", "children": [
+            {"cellX": 2, "cellY": 1, "span": [3, 6], "type": "ramp", "turnDeg": 270, "vScale": 1}
+          ]}
+        }
+
+    Passes:
+
+        {
+          "size": 10, "elemTypes": {"flat": {"x": [1]}, "ramp": {"x": [0, 1]}},
+          "elemTree": {"type": "flat", "children": [
+            {"at": [3.5, 4], "extent": [3, 6], "type": "ramp", "turnDeg": 270, "vScale": 1}
+          ]}
+        }
+
+    To mend: place the element by at and extent, which turn it whole. Where the cut is meant,
+    silence TT213 by x-ignore.
+    """
+    tree = subject.tree
+    if all(turn is UNSET or turn % 180 == 0 for turn in tree.distinct("turn_deg")):
+        return
+    cells = _Cells(subject)
+    parts, places = tree.column("part"), tree.column("at")
+    for index, turn in enumerate(tree.column("turn_deg")):
+        if turn is UNSET or turn % 180 == 0:
+            continue
+        if parts[index] is not UNSET or places[index] is not UNSET or tree.parents[index] < 0:
+            continue
+        cell = cells.of(index)
+        if cell is None:
+            continue
+        primitive = subject.primitives.get(tree.value("type", index))
+        shape = _Turned(cell.lengths, turn, primitive is not None and primitive.combine == "radial")
+        if shape.is_trimmed and not _is_bare(subject, index, shape):
+            around = cells.of(tree.parents[index])
+            assert around is not None
+            yield Remark(
+                "/turnDeg", shape.sentence(), _hint(subject, index, shape, around), element=index
+            )
+
+
+class _Cells:
+    """The sides of cells, as far as they are known: in parts they may not be."""
+
+    def __init__(self, subject: Subject) -> None:
+        self._subject = subject
+        self._known: dict[int, Sides | None] = {}
+
+    def of(self, index: int) -> Sides | None:
+        """The sides of an element's cell."""
+        tree, path = self._subject.tree, []
+        while index not in self._known:
+            path.append(index)
+            if tree.parents[index] < 0 or tree.value("extent", index) is not UNSET:
+                self._known[index] = self._begin(index)
+                break
+            index = tree.parents[index]
+        for inner in reversed(path):
+            if inner not in self._known:
+                self._known[inner] = self._within(inner, self._known[tree.parents[inner]])
+        return self._known[path[0] if path else index]
+
+    def _begin(self, index: int) -> Sides | None:
+        """Of an element whose cell has sides of its own."""
+        subject, tree = self._subject, self._subject.tree
+        extent = tree.value("extent", index)
+        if tree.parents[index] >= 0:
+            return sides(pair_of(extent, math.nan))
+        is_root = tree.roots[tree.root_of[index]] == ROOT
+        if not is_root or subject.left_out("", "size"):
+            return None
+        whole = subject.definition.extent
+        return sides(whole) if all(map(math.isfinite, whole)) else None
+
+    def _within(self, index: int, around: Sides | None) -> Sides | None:
+        """Of an element in a cell of the grid of one with these sides."""
+        subject, tree = self._subject, self._subject.tree
+        block, parent = tree.block(index), tree.parents[index]
+        unknown = subject.left_out(parent, "cells") or subject.left_out(index, "span", "extent")
+        if around is None or unknown or min(block) < 0:
+            return None
+        return around.block(block[2:], tree.grid(parent))
+
+
+class _Turned(NamedTuple):
+    """A rectangle or an ellipse, turned in a cell of its own sides.
+
+    Attributes:
+        lengths: its sides.
+        turn: in degrees.
+        is_round: whether it is an ellipse.
+    """
+
+    lengths: Pair
+    turn: float
+    is_round: bool
+
+    @property
+    def axes(self) -> Pair:
+        """Cosine and sine of the turn, those of quarter turns exact."""
+        turn = math.fmod(self.turn, 360.0)
+        if turn % 90 == 0:
+            return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(turn // 90) % 4]
+        return math.cos(math.radians(turn)), math.sin(math.radians(turn))
+
+    @property
+    def reach(self) -> Pair:
+        """Half the sides of the box around it."""
+        w, h = self.lengths[0] / 2, self.lengths[1] / 2
+        cosine, sine = map(abs, self.axes)
+        add = math.hypot if self.is_round else float.__add__
+        return add(w * cosine, h * sine), add(w * sine, h * cosine)
+
+    @property
+    def beyond(self) -> Pair:
+        """How far it reaches out of its cell along x and along y."""
+        return tuple(  # type: ignore[return-value]
+            max(0.0, reach - length / 2)
+            for reach, length in zip(self.reach, self.lengths, strict=True)
+        )
+
+    @property
+    def is_trimmed(self) -> bool:
+        """Whether anything of it lies outside its cell."""
+        return any(
+            out > _CLOSE * length for out, length in zip(self.beyond, self.lengths, strict=True)
+        )
+
+    def placed(self, x: float, y: float) -> Point:
+        """Where one of its points comes to lie; both around the middle, the cell with sides 1."""
+        (w, h), (cosine, sine) = self.lengths, self.axes
+        return x * cosine + y * sine * (h / w), y * cosine - x * sine * (w / h)
+
+    def is_beyond(self, x: float, y: float) -> bool:
+        """Whether one of its points comes to lie outside its cell."""
+        return max(map(abs, self.placed(x, y))) > 0.5 + _CLOSE
+
+    def outline(self) -> list[Point]:
+        """Its corners around its middle, in units in which the cell has sides of 1."""
+        if self.is_round:
+            steps = (2 * math.pi * k / _CORNERS for k in range(_CORNERS))
+            corners = [(math.cos(t) / 2, math.sin(t) / 2) for t in steps]
+        else:
+            corners = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+        return [self.placed(*corner) for corner in corners]
+
+    @property
+    def lost(self) -> float:
+        """The share of its area that lies outside its cell."""
+        outline = self.outline()
+        kept = outline
+        for axis in (0, 1):
+            for side in (-1.0, 1.0):
+                kept = _cut(kept, axis, side)
+        return 1 - _area(kept) / _area(outline)
+
+    def sentence(self) -> str:
+        """What the cell takes off it."""
+        w, h = self.lengths
+        area = w * h * (math.pi / 4 if self.is_round else 1)
+        names = ("to the west and east", "to the south and north")
+        out = " and ".join(
+            f"up to {out:.4g} {name}"
+            for out, name, length in zip(self.beyond, names, self.lengths, strict=True)
+            if out > _CLOSE * length
+        )
+        what = "ellipse" if self.is_round else "footprint"
+        lost = self.lost
+        return (
+            f"the {what} of {w:.6g} × {h:.6g}, turned by {self.turn:.6g} degrees, loses "
+            f"{100 * lost:.3g} % to its cell: {area * lost:.4g} of {area:.4g} square units, {out}."
+        )
+
+
+def _is_bare(subject: Subject, index: int, shape: _Turned) -> bool:
+    """Whether an element adds nothing where it is cut off: no height, and no surface."""
+    tree = subject.tree
+    offset, scale = tree.value("v_offset", index), tree.value("v_scale", index)
+    if tree.value("surface", index) is not UNSET or (offset is not UNSET and offset != 0):
+        return False
+    if scale is not UNSET and scale == 0:
+        return True
+    primitive = subject.primitives.get(tree.value("type", index))
+    if primitive is None or problems(primitive):
+        return False
+    return _is_zero_beyond(primitive, shape)
+
+
+@lru_cache(maxsize=256)
+def _is_zero_beyond(primitive: Primitive, shape: _Turned) -> bool:
+    """Whether a primitive is 0 where its cell cuts it off, at evenly spaced points of it."""
+    heights = shape_of(primitive)
+    x_at = curve_values(heights.x)
+    times = [k / _STEPS for k in range(_STEPS + 1)]
+    if heights.y is None:
+        discs = ((u, v, math.hypot(2 * u - 1, 2 * v - 1)) for u in times for v in times)
+        return not any(
+            rho <= 1 and shape.is_beyond(u - 0.5, v - 0.5) and x_at(0.5 + rho / 2) != 0
+            for u, v, rho in discs
+        )
+    xs, ys = list(map(x_at, times)), list(map(curve_values(heights.y), times))
+    return not any(
+        combine_values(heights.combine, x, y) != 0 and shape.is_beyond(u - 0.5, v - 0.5)
+        for u, x in zip(times, xs, strict=True)
+        for v, y in zip(times, ys, strict=True)
+    )
+
+
+def _hint(subject: Subject, index: int, shape: _Turned, around: Sides) -> str:
+    """How to keep all of an element."""
+    tree, parent = subject.tree, around.lengths
+    block, grid = tree.block(index), tree.grid(tree.parents[index])
+    middle = [
+        Fraction(parent[axis]) * Fraction(2 * block[axis] + block[axis + 2], 2 * grid[axis])
+        for axis in (0, 1)
+    ]
+    place = f'"at": {_pair(*map(float, middle))}, "extent": {_pair(*shape.lengths)}'
+    repeat = tree.value("repeat", index)
+    ends = [(0.0, 0.0)]
+    if repeat is not UNSET:
+        step = [
+            float(Fraction(parent[axis]) * Fraction(repeat.step[axis]) / grid[axis])
+            for axis in (0, 1)
+        ]
+        place += f' and "step": {_pair(*step)}'
+        ends.append(((repeat.count[0] - 1) * step[0], (repeat.count[1] - 1) * step[1]))
+    for axis, (reach, side) in enumerate(zip(shape.reach, parent, strict=True)):
+        at = [float(middle[axis]) + end[axis] for end in ends]
+        if min(at) - reach < -_CLOSE * side or max(at) + reach > side * (1 + _CLOSE):
+            w, h = (2 * half for half in shape.reach)
+            return (
+                f"Turned whole it needs {w:.6g} × {h:.6g}, which its parent's cell does not have "
+                'there: move it or make it smaller, by "at" and "extent".'
+            )
+    if shape.turn % 90 != 0 and tree.value("children", index):
+        return f"Give its children to one that is not turned, and write {place} to keep all of it."
+    return f"Write {place} in place of its cell to keep all of it."
+
+
+def _pair(x: float, y: float) -> str:
+    return f"[{_number(x)}, {_number(y)}]"
+
+
+def _number(value: float) -> str:
+    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+
+
+def _cut(outline: list[Point], axis: int, side: float) -> list[Point]:
+    """The part of a convex polygon within 0.5, after Sutherland and Hodgman (1974)."""
+    kept: list[Point] = []
+    for here, there in zip(outline, [*outline[1:], *outline[:1]], strict=True):
+        a, b = here[axis] * side - 0.5, there[axis] * side - 0.5
+        if a <= 0:
+            kept.append(here)
+        if a * b < 0:
+            t = a / (a - b)
+            kept.append((here[0] + (there[0] - here[0]) * t, here[1] + (there[1] - here[1]) * t))
+    return kept
+
+
+def _area(outline: list[Point]) -> float:
+    pairs = zip(outline, [*outline[1:], *outline[:1]], strict=True)
+    return abs(sum(x * v - u * y for (x, y), (u, v) in pairs)) / 2

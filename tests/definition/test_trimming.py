@@ -1,0 +1,194 @@
+"""TT213: what a cell trims of a turned element, by the field itself."""
+
+from __future__ import annotations
+
+import json
+import re
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from terratool.definition.findings import Finding
+from terratool.definition.reader import check
+from terratool.definition.rules.trimming import _Turned
+from terratool.field.terrain import Terrain
+from terratool.text.source import Source
+
+TYPES: dict[str, Any] = {
+    "flat": {"x": [1]},
+    "disc": {"combine": "radial", "x": [1]},
+    "cone": {"combine": "radial", "x": [0, 1, 0]},
+    "bank": {"x": [[0, 0], [0.4, 0], [0.4, 1], [0.6, 1], [0.6, 0], [1, 0]],
+             "y": [[0, 0], [0.2, 0], [0.2, 1], [0.8, 1], [0.8, 0], [1, 0]]},
+    "tall": {"x": [[0, 0], [0.2, 0], [0.2, 1], [0.8, 1], [0.8, 0], [1, 0]]},
+    "corner": {"x": [[0, 0], [0.75, 0], [0.75, 1], [0.85, 1], [0.85, 0], [1, 0]],
+               "y": [[0, 0], [0.9, 0], [0.9, 1], [1, 1]]},
+}  # fmt: skip
+
+
+def definition(element: dict[str, Any], size: Any = (20, 12), cells: Any = (10, 8)) -> Any:
+    """An oblong terrain with one child."""
+    return {
+        "size": list(size),
+        "surfTypes": {"soil": {"cohesion": 1, "fricAngle": 30, "sinkage": 0}},
+        "elemTypes": TYPES,
+        "elemTree": {"type": "flat", "cells": list(cells), "children": [element]},
+    }
+
+
+def found(value: Any) -> list[Finding]:
+    checked = check(Source("t.json", json.dumps(value).encode()))
+    assert checked.terrain is not None
+    return [finding for finding in checked.findings if finding.code == "TT213"]
+
+
+def numbers(text: str, key: str) -> list[float]:
+    """A pair that a hint names."""
+    match = re.search(rf'"{key}": \[([^,\]]+), ([^\]]+)\]', text)
+    assert match, text
+    return [float(match[1]), float(match[2])]
+
+
+blocks = st.tuples(st.integers(1, 6), st.integers(1, 5))
+turns = st.integers(-720, 720) | st.floats(-400, 400)
+
+
+@given(blocks, turns, st.sampled_from(["flat", "disc"]))
+def test_what_is_lost_is_what_the_field_lacks(
+    span: tuple[int, int], turn: float, kind: str
+) -> None:
+    """A finding is there where ground is cut off, and says how much of it."""
+    element = {"cellX": 2, "cellY": 1, "span": list(span), "type": kind, "turnDeg": turn,
+               "vScale": 1}  # fmt: skip
+    value = definition(element)
+    w, h = 2 * span[0], 1.5 * span[1]
+    n = 240
+    x, y = 4 + (np.arange(n) + 0.5) / n * w, 1.5 + (np.arange(n) + 0.5) / n * h
+    there = Terrain(check(Source("t", json.dumps(value).encode()))).height(x[None], y[:, None]) > 1
+    whole = np.pi / 4 if kind == "disc" else 1
+    lost = 1 - there.mean() / whole
+    findings = found(value)
+    if not findings:
+        assert abs(lost) < 0.01
+        return
+    said = re.search(r"loses ([\d.e-]+) % to its cell", findings[0].message)
+    assert said and float(said[1]) / 100 == pytest.approx(lost, abs=0.02)
+    assert findings[0].pointer == "/elemTree/children/0/turnDeg"
+
+
+@given(blocks, turns, st.sampled_from(["flat", "disc", "cone", "corner"]))
+def test_the_place_that_is_offered_keeps_what_is_there(
+    span: tuple[int, int], turn: float, kind: str
+) -> None:
+    """Within the cell the heights stay, but for rims, and beyond it there is more."""
+    element = {"type": kind, "turnDeg": turn, "surface": "soil"}
+    place = {"cellX": 17, "cellY": 16, "span": list(span)}
+    value = definition({**place, **element}, (80, 60), (40, 40))
+    findings = found(value)
+    if not findings:
+        return
+    middle = {key: numbers(findings[0].hint, key) for key in ("at", "extent")}
+    free = definition({**middle, **element}, (80, 60), (40, 40))
+    assert found(free) == []
+    old, new = (Terrain(check(Source("t", json.dumps(v).encode()))) for v in (value, free))
+    steps = (np.arange(90) + 0.4321) / 90
+    x, y = 34 + steps[None] * 2 * span[0], 24 + steps[:, None] * 1.5 * span[1]
+    close = np.isclose(old.height(x, y), new.height(x, y), rtol=0, atol=1e-9)
+    assert close.mean() > 0.999
+    grid = np.linspace(20, 60, 200)[None] + 0.0123, np.linspace(10, 50, 200)[:, None] + 0.0123
+    worn = [np.count_nonzero(t.surface(*grid) == "soil") for t in (old, new)]
+    assert worn[1] >= worn[0]
+
+
+@given(blocks, st.integers(-8, 8), st.sampled_from(["flat", "disc"]))
+def test_quarters(span: tuple[int, int], quarters: int, kind: str) -> None:
+    """Half turns lose nothing, quarter turns nothing in square blocks, and else a known part."""
+    element = {"cellX": 0, "cellY": 0, "span": list(span), "type": kind, "turnDeg": 90 * quarters,
+               "vScale": 1}  # fmt: skip
+    value = definition(element, size=(30, 24))
+    findings = found(value)
+    assert bool(findings) == (quarters % 2 == 1 and span[0] != span[1])
+    if findings and kind == "flat":
+        kept = min(span) / max(span)
+        assert f"loses {100 * (1 - kept):.3g} %" in findings[0].message
+
+
+@given(
+    st.tuples(st.floats(0.1, 1e3), st.floats(0.1, 1e3)), st.tuples(*[st.integers(5, 60)] * 2),
+    st.integers(1, 89), st.tuples(*[st.integers(1, 3)] * 2), st.data(),
+)  # fmt: skip
+def test_the_place_is_the_middle_of_its_cell(
+    size: tuple[float, float], cells: tuple[int, int], turn: int, span: tuple[int, int],
+    data: st.DataObject,
+) -> None:  # fmt: skip
+    """The `at` and `extent` that are offered are those of the cell, to the double."""
+    place = [data.draw(st.integers(0, n - s)) for n, s in zip(cells, span, strict=True)]
+    element = {"cellX": place[0], "cellY": place[1], "span": list(span), "type": "flat",
+               "turnDeg": turn, "vScale": 1}  # fmt: skip
+    (finding,) = found(definition(element, size, cells))
+    hint = finding.hint
+    middle = [Fraction(size[k]) * (2 * place[k] + span[k]) / (2 * cells[k]) for k in (0, 1)]
+    sides = [Fraction(size[k]) * span[k] / cells[k] for k in (0, 1)]
+    reach = _Turned((float(sides[0]), float(sides[1])), turn, False).reach
+    inside = [reach[k] <= min(middle[k], Fraction(size[k]) - middle[k]) for k in (0, 1)]
+    if not all(inside):
+        assert "does not have there" in hint
+        return
+    assert numbers(hint, "at") == [float(m) for m in middle]
+    assert numbers(hint, "extent") == pytest.approx([float(s) for s in sides], rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("more", "trimmed"),
+    [
+        ({"type": "bank"}, False),
+        ({"type": "bank", "surface": "soil"}, True),
+        ({"type": "bank", "vOffset": 0.1}, True),
+        ({"type": "bank", "vOffset": 0}, False),
+        ({"type": "tall"}, True),
+        ({"type": "corner", "span": [4, 2], "turnDeg": 30}, False),
+        ({"type": "corner", "span": [4, 2], "turnDeg": -30}, True),
+        ({"type": "flat", "vScale": 0}, False),
+        ({"type": "flat", "vScale": 0, "surface": "soil"}, True),
+        ({"type": "cone", "turnDeg": 45}, False),
+        ({"type": "cone", "span": [3, 3]}, True),
+        ({"type": "flat", "turnDeg": 1e-9}, False),
+        ({"type": "flat", "turnDeg": 360.001}, True),
+    ],
+)
+def test_silence_where_nothing_is_lost(more: dict[str, Any], trimmed: bool) -> None:
+    """What is 0 and wears nothing may be cut off; cells are 2 × 1.5, the block is square at first.
+
+    The corner of the long block comes within it by a turn clockwise alone.
+    """
+    element = {"cellX": 2, "cellY": 1, "span": [3, 4], "turnDeg": 30, "vScale": 1, **more}
+    assert bool(found(definition(element))) == trimmed
+
+
+def test_the_root_and_free_places_are_not_trimmed() -> None:
+    value = definition({"at": [10, 6], "extent": [3, 6], "type": "flat", "turnDeg": 90})
+    value["elemTree"]["turnDeg"] = 45
+    assert found(value) == []
+
+
+def test_copies_keep_their_steps() -> None:
+    """The step in cells becomes one in units of the terrain."""
+    element = {"cellX": 1, "cellY": 2, "span": [1, 2], "type": "flat", "turnDeg": 90,
+               "repeat": {"count": [3, 2], "step": [3, 2]}, "vScale": 1}  # fmt: skip
+    (finding,) = found(definition(element))
+    assert numbers(finding.hint, "at") == [3, 4.5]
+    assert numbers(finding.hint, "extent") == [2, 3]
+    assert numbers(finding.hint, "step") == [6, 3]
+
+
+def test_children_stay_with_what_is_not_turned() -> None:
+    child = {"cellX": 0, "cellY": 0, "type": "flat", "vScale": 1}
+    element = {"cellX": 3, "cellY": 3, "type": "flat", "turnDeg": 30, "vScale": 1}
+    (finding,) = found(definition({**element, "children": [child]}))
+    assert finding.hint.startswith("Give its children to one that is not turned")
+    (finding,) = found(definition({**element, "turnDeg": 90, "children": [child]}))
+    assert finding.hint.startswith("Write ")
