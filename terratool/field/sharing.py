@@ -38,9 +38,11 @@ from terratool.field.records import (
     IN_CELLS,
     MEMBER,
     PLACE,
+    RELIEF,
     FieldArrays,
     SharingArrays,
 )
+from terratool.field.relief import compile_reliefs
 from terratool.text.display import shown
 
 LARGEST_NUMBER = 1 << 126
@@ -121,8 +123,8 @@ class _Draft(NamedTuple):
     quarters: list[int]  # of the template that each is in
 
 
-def compile_shared(plan: Blueprint) -> tuple[Compiled, Tally]:
-    """Compile the templates of a terrain.
+def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled, Tally]:
+    """Compile the templates of a terrain; with reliefs or without.
 
     Raises:
         RequestError: it comes to more elements than can be numbered.
@@ -209,6 +211,7 @@ def compile_shared(plan: Blueprint) -> tuple[Compiled, Tally]:
         pending=bins.pending,
         voids=bool(found.kinds["is_void"].any()),
         tracks=compile_tracks(definition, bounds),
+        reliefs=compile_reliefs(definition) if roughness else np.zeros(0, RELIEF),
         shared=SharingArrays(members, copies, mirrors[firsts], extent),
     )
     by_kind = [0] * len(found.kinds)

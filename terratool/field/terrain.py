@@ -137,12 +137,17 @@ class Terrain:
     """
 
     def __init__(
-        self, definition: Definition | Checked, share_above: float = SHARE_ABOVE
+        self,
+        definition: Definition | Checked,
+        *,
+        roughness: bool = True,
+        share_above: float = SHARE_ABOVE,
     ) -> None:
         """Compile a valid definition, or one that was checked.
 
         Args:
             definition: the one or the other.
+            roughness: whether rough surfaces have their relief.
             share_above: parts and copies that come to more elements are shared, not written out;
                 that changes no answer.
 
@@ -157,6 +162,7 @@ class Terrain:
         self._compiled: Compiled
         self._tally: Tally | None = None
         self._source: Definition | Checked | None = None
+        self._roughness = roughness
         self._far: dict[int, int] = {}
         if is_shareable(uses) and uses.elements > share_above:
             self._source = definition
@@ -164,10 +170,10 @@ class Terrain:
             if isinstance(definition, Checked):
                 plan = plan._replace(definition=definition.with_tracks(plan.definition))
             definition = plan.definition
-            self._compiled, self._tally = compile_shared(plan)
+            self._compiled, self._tally = compile_shared(plan, roughness=roughness)
         else:
             definition, tree = _written_out(definition, uses)
-            self._compiled = compile_definition(definition, tree)
+            self._compiled = compile_definition(definition, tree, roughness=roughness)
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs
@@ -219,6 +225,11 @@ class Terrain:
         return len(self.arrays.tracks.passes)
 
     @property
+    def is_rough(self) -> bool:
+        """Whether the relief of any surface counts."""
+        return len(self.arrays.reliefs) > 0
+
+    @property
     def levels(self) -> int:
         """Levels of nesting, 1 for a root alone."""
         return self._compiled.levels
@@ -240,7 +251,9 @@ class Terrain:
         Raises:
             RequestError: they come to too many elements.
         """
-        return self if self._source is None else Terrain(self._source, math.inf)
+        if self._source is None:
+            return self
+        return Terrain(self._source, roughness=self._roughness, share_above=math.inf)
 
     @property
     def nbytes(self) -> int:
@@ -428,18 +441,21 @@ class Terrain:
         return np.array([*self.surfaces, None], object)
 
 
-def load(path: str | Path, library_roots: tuple[str, ...] = ()) -> Terrain:
+def load(
+    path: str | Path, library_roots: tuple[str, ...] = (), *, roughness: bool = True
+) -> Terrain:
     """Read, check and compile a definition.
 
     Args:
         path: of the file.
         library_roots: further folders under which the libraries that it uses may lie.
+        roughness: whether rough surfaces have their relief.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it is no valid terrain; the findings say why.
     """
-    return Terrain(load_checked(path, library_roots))
+    return Terrain(load_checked(path, library_roots), roughness=roughness)
 
 
 def _written_out(definition: Definition | Checked, uses: Uses) -> Expansion:

@@ -32,7 +32,7 @@ def checked(definition: Json) -> Checked:
 
 def both(definition: Json) -> tuple[Terrain, Terrain]:
     """A terrain whose parts are shared, and the same written out."""
-    shared, plain = Terrain(checked(definition), ALWAYS), Terrain(checked(definition), math.inf)
+    shared, plain = Terrain(checked(definition), share_above=ALWAYS), Terrain(checked(definition), share_above=math.inf)
     assert shared.is_shared and not plain.is_shared
     return shared, plain
 
@@ -78,6 +78,6 @@ def test_shared_parts_answer_as_those_written_out(
     """Heights, normals, surfaces and names are the same to the bit."""
     path = save(files, tmp_path_factory.mktemp("set"))
     found = load_checked(path, (str(path.parent.parent),))
-    plain = Terrain(found, math.inf)
-    shared = Terrain(found, ALWAYS)
+    plain = Terrain(found, share_above=math.inf)
+    shared = Terrain(found, share_above=ALWAYS)
     compare(shared, plain, seed)
