@@ -325,7 +325,8 @@ def smallest_cell(plan: Blueprint) -> float:
                 node = template.nodes[index]
                 key = node.extent or node.span
                 if key not in known:
-                    known[key] = sides(node.extent) if node.extent else around.block(node.span, grid)
+                    own = sides(node.extent) if node.extent else around.block(node.span, grid)
+                    known[key] = own
                     smallest = min(smallest, *_lengths(around, node, grid))
                 cells[index] = known[key]
                 below = node.inner, known[key]

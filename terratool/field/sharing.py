@@ -192,7 +192,7 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     _mark_plain(grids, firsts, elements, found.kinds, columns.turn)
     grids["leaves"] = _leaves(firsts, columns, nodes, many, elements, found.kinds)
 
-    members, tally = _number(nodes, below, parents, plan, many)
+    members, tally = _number(nodes, below, parents, plan)
     members["copies"] = copies_of
     west, south = definition.corner
     bounds = np.array([west, south, west + extent[0], south + extent[1]])
@@ -235,9 +235,8 @@ def _draft(plan: Blueprint) -> _Draft:
         plan.root._replace(cells=template.cells, inner=-1, copies=None)
         for template in plan.templates
     ]
-    draft = _Draft(
-        nodes, [-1] * count, [0, count], list(range(count)), [one.quarters for one in plan.templates]
-    )
+    quarters = [template.quarters for template in plan.templates]
+    draft = _Draft(nodes, [-1] * count, [0, count], list(range(count)), quarters)
     for number, template in enumerate(plan.templates):
         start = len(nodes)
         nodes += template.nodes
@@ -352,7 +351,7 @@ def _leaves(
 
 
 def _number(
-    nodes: list[Node], below: Ints, parents: Ints, plan: Blueprint, many: list[int]
+    nodes: list[Node], below: Ints, parents: Ints, plan: Blueprint
 ) -> tuple[NDArray[Any], Tally]:
     """Number all elements, each before what is in it, siblings in the order of the text."""
     count = len(nodes)
