@@ -293,7 +293,7 @@ def test_a_terrain_travels_with_what_it_shares() -> None:
 
 def test_tracks_come_behind_all_elements() -> None:
     definition = tower(2) | {
-        "tracks": [{"points": [[0, 500], [1000, 501]], "width": 3, "depth": 0.1, "surface": "rock"}]
+        "tracks": [{"path": [[0, 500], [1000, 501]], "width": 3, "depth": 0.1, "surface": "rock"}]
     }
     terrain = Terrain(checked(definition))
     at = terrain.sample(500.0, 500.5)
