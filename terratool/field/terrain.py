@@ -256,6 +256,14 @@ class Terrain:
         return Terrain(self._source, roughness=self._roughness, share_above=math.inf)
 
     @property
+    def by_elements(self) -> Terrain | None:
+        """`written_out`; None where it comes to too many elements."""
+        try:
+            return self.written_out
+        except RequestError:
+            return None
+
+    @property
     def nbytes(self) -> int:
         """Memory of the compiled field in bytes."""
         c = self._compiled
