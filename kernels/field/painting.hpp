@@ -461,8 +461,8 @@ private:
         i64 along = find_runs(canvas_.cell_y, south, north, grid.shift[Y], canvas_.runs_y);
         for (i64 j = 0; j < along; ++j) {
             for (i64 i = 0; i < across; ++i) {
-                i64 slot = grid.table + canvas_.runs_y[j].bin * i64(grid.row)
-                    + canvas_.runs_x[i].bin;
+                i64 slot =
+                    grid.table + canvas_.runs_y[j].bin * i64(grid.row) + canvas_.runs_x[i].bin;
                 Rectangle in_bin{
                     canvas_.runs_x[i].begin, canvas_.runs_x[i + 1].begin, canvas_.runs_y[j].begin,
                     canvas_.runs_y[j + 1].begin
@@ -474,7 +474,9 @@ private:
     }
 
     // Paint an element in cells, and its copies, where they meet pixels.
-    void paint_copies(const Frame& frame, const LaidGrid& laid, u64 index, const Rectangle& in_bin) {
+    void paint_copies(
+        const Frame& frame, const LaidGrid& laid, u64 index, const Rectangle& in_bin
+    ) {
         const Element& element = field_.elements[index];
         u32 copied = field_.shared.elements[index].copies;
         if (!copied) {
@@ -506,8 +508,7 @@ private:
         auto& inner = rows_along_x ? canvas_.copies_x : canvas_.copies_y;
         auto& outer = rows_along_x ? canvas_.copies_y : canvas_.copies_x;
         for (i64 j : outer)
-            for (i64 i : inner)
-                visit(rows_along_x ? i : j, rows_along_x ? j : i);
+            for (i64 i : inner) visit(rows_along_x ? i : j, rows_along_x ? j : i);
     }
 
     // Paint a copy of an element that is so many cells from the first one.
@@ -592,7 +593,8 @@ private:
 };
 
 // What a descent finds at a point of any field.
-template <class Id> Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
+template <class Id>
+Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
     if (!is_shared(field)) return descend<true>(field, x, y, canvas.stack);
     SharedDescent<true> found(field, x, y, canvas.shared_stack);
     return {found.z, found.top.element, found.slope_x, found.slope_y};

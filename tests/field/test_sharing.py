@@ -309,6 +309,42 @@ def test_what_is_not_composed_is_never_shared() -> None:
     assert not terrain.is_shared and terrain.written_out is terrain
 
 
+def test_piles_of_copies_are_refused() -> None:
+    """Before anything is asked; what stands side by side is no pile."""
+    definition = tower(2)
+    pile = definition["parts"]["p0"]["children"][0]
+    pile["repeat"] = {"count": [65536, 65536], "step": [0, 0]}
+    with pytest.raises(RequestError, match="4.29e[+]13 elements lie over one point"):
+        Terrain(checked(definition))
+    pile["repeat"] = {"count": [65536, 2], "step": [0, 1]}
+    with pytest.raises(
+        RequestError, match="6.55e[+]0[0-9] elements lie|elements lie over one point"
+    ):
+        Terrain(
+            checked(
+                tower(2)
+                | {
+                    "elemTree": {
+                        "type": "hill",
+                        "children": [
+                            {
+                                "part": "p0",
+                                "at": [500, 500],
+                                "extent": 2,
+                                "repeat": {"count": [3000, 3000], "step": [1e-4, 1e-4]},
+                            }
+                        ],
+                    }
+                }
+            )
+        )
+
+
+def test_more_than_can_be_numbered_is_refused() -> None:
+    with pytest.raises(RequestError, match="elements, and so many are not numbered"):
+        Terrain(checked(tower(12)))
+
+
 def test_writing_out_is_refused_where_it_is_too_much() -> None:
     terrain = Terrain(checked(tower(2)))
     with pytest.raises(RequestError, match="more than 2,000,000 are not written out"):
