@@ -629,7 +629,7 @@ private:
     Out out_;
     // of each point: its place, the corner of the cell that it is in, cell and place in the grid,
     // and the first cell of the element
-    Column world_[2], corner_[2], rest_[2], cell_[2], part_[2], first_[2], z_;
+    Column world_[2], corner_[2], rest_[2], cell_[2], part_[2], first_[2], z_, value_[2], work_;
     std::array<i64, most> top_;
     std::array<u32, most> point_, element_, order_;
 
@@ -700,9 +700,26 @@ private:
         bool same;  // all in one element
     };
 
+    // The only element of a grid of which each cell has one copy; -1 if it is none such.
+    i64 fills(const Grid& grid) const {
+        bool one_bin = grid.row == 1 && ((i64(grid.count[Y]) - 1) >> grid.shift[Y]) == 0;
+        u32 first = field_.offsets[grid.table];
+        if (!one_bin || field_.offsets[grid.table + 1] - first != 1) return -1;
+        u64 index = listed_element(field_, grid, first);
+        const Element& element = field_.elements[index];
+        const Pose& pose = field_.poses[element.pose];
+        const Copies& copies = field_.shared.copies[field_.shared.elements[index].copies];
+        for (int axis : {X, Y}) {
+            bool every = double(copies.count[axis]) == grid.count[axis] && element.cell[axis] == 0;
+            if (!every || pose.cells[axis] != 1) return -1;
+            if (copies.count[axis] > 1 && copies.step[axis] != 1.0) return -1;
+        }
+        return i64(index);
+    }
+
     // Keep the points that are in one element; the others are complete then.
     Kept find(const Grid& grid, const double (&clear)[2], i64 begin, i64 end) {
-        i64 kept = begin;
+        i64 kept = begin, whole = fills(grid);
         bool same = true;
         for (i64 n = begin; n < end; ++n) {
             bool good = (abs(part_[X][n] - 0.5) <= clear[X]) & (abs(part_[Y][n] - 0.5) <= clear[Y])
@@ -710,6 +727,11 @@ private:
                 & (cell_[Y][n] < grid.count[Y]);
             if (!good) {
                 complete(n);
+                continue;
+            }
+            if (whole >= 0) {
+                first_[X][n] = cell_[X][n], first_[Y][n] = cell_[Y][n], element_[n] = u32(whole);
+                move(n, kept++);
                 continue;
             }
             i64 i = i64(cell_[X][n]), j = i64(cell_[Y][n]);
@@ -808,15 +830,30 @@ private:
         }
         In pieces = field_.curves.pieces;
         double scale = element.scale, offset = element.offset;
-        bool turns = pose.turned || grid.leaves;  // leaves are turned by nothing, which rounds
-        for (i64 n = begin; n < end; ++n) {
-            UV at{part_[X][n], part_[Y][n]};
-            if (turns) at = turned(pose, at.u, at.v);
-            if (is_beyond(at)) continue;
-            double value =
-                even_curve(pieces, kind, X, at.u).value * even_curve(pieces, kind, Y, at.v).value;
-            z_[n] += scale * value + offset;
-            top_[n] = i64(one.index);
+        if (pose.turned) {
+            for (i64 n = begin; n < end; ++n) {
+                UV at = turned(pose, part_[X][n], part_[Y][n]);
+                if (is_beyond(at)) continue;
+                double fx = even_curve(pieces, kind, X, at.u).value;
+                double fy = even_curve(pieces, kind, Y, at.v).value;
+                z_[n] += scale * (fx * fy) + offset;
+                top_[n] = i64(one.index);
+            }
+        } else {
+            std::size_t count = std::size_t(end - begin);
+            Out values[2];
+            for (int axis : {X, Y}) {
+                Out t(part_[axis].data() + begin, count);
+                if (grid.leaves)  // they are turned by nothing, which rounds
+                    for (double& u : t) u = 0.5 + (u - 0.5);
+                Out work(work_.data() + begin, count);
+                values[axis] = Out(value_[axis].data() + begin, count);
+                even_values(pieces, kind, axis, t, work, values[axis]);
+            }
+            for (i64 n = begin; n < end; ++n) {
+                z_[n] += scale * (value_[X][n] * value_[Y][n]) + offset;
+                top_[n] = i64(one.index);
+            }
         }
         if (!element.grid) {
             for (i64 n = begin; n < end; ++n) settle(n);

@@ -386,8 +386,8 @@ def _number(
     total = 1 + inside[0]
     if total > LARGEST_NUMBER:
         raise RequestError(
-            f"Parts and copies come to more than {LARGEST_NUMBER:.3g} elements, and so many are not "
-            "numbered.",
+            f"Parts and copies come to more than {LARGEST_NUMBER:.3g} elements, "
+            "and so many are not numbered.",
             "Lower the counts, or leave out the smallest parts.",
         )
     members = np.zeros(count, MEMBER)
