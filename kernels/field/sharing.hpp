@@ -702,17 +702,26 @@ private:
 
     // The only element of a grid of which each cell has one copy; -1 if it is none such.
     i64 fills(const Grid& grid) const {
-        bool one_bin = grid.row == 1 && ((i64(grid.count[Y]) - 1) >> grid.shift[Y]) == 0;
-        u32 first = field_.offsets[grid.table];
-        if (!one_bin || field_.offsets[grid.table + 1] - first != 1) return -1;
-        u64 index = listed_element(field_, grid, first);
+        constexpr i64 few_bins = 128;
+        i64 bins = i64(grid.row) * (((i64(grid.count[Y]) - 1) >> grid.shift[Y]) + 1);
+        if (bins > few_bins) return -1;
+        u64 index = 0;
+        for (i64 bin = grid.table; bin < grid.table + bins; ++bin) {
+            u32 first = field_.offsets[bin], last = field_.offsets[bin + 1];
+            if (last - first != 1) return -1;
+            u64 here = listed_element(field_, grid, first);
+            if (bin > grid.table && here != index) return -1;
+            index = here;
+        }
         const Element& element = field_.elements[index];
         const Pose& pose = field_.poses[element.pose];
         const Copies& copies = field_.shared.copies[field_.shared.elements[index].copies];
         for (int axis : {X, Y}) {
-            bool every = double(copies.count[axis]) == grid.count[axis] && element.cell[axis] == 0;
-            if (!every || pose.cells[axis] != 1) return -1;
-            if (copies.count[axis] > 1 && copies.step[axis] != 1.0) return -1;
+            double count = grid.count[axis], step = copies.step[axis];
+            bool every = double(copies.count[axis]) == count && pose.cells[axis] == 1;
+            bool from_west = element.cell[axis] == 0 && (step == 1.0 || count == 1.0);
+            bool from_east = double(element.cell[axis]) == count - 1.0 && step == -1.0;
+            if (!every || !(from_west || from_east)) return -1;
         }
         return i64(index);
     }
