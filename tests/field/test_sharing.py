@@ -17,12 +17,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from terratool.definition.reader import Checked, check, load_checked
+from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.errors import RequestError
 from terratool.field.terrain import OUTSIDE, Terrain
 from terratool.raster.grid import Grid
 from terratool.raster.painter import Painter
-from terratool.text.source import Source
+from terratool.text.source import Source, read_source
 from tests.filesets import FileSet, file_sets, save
 
 ALWAYS = -1
@@ -115,7 +115,9 @@ def compare_pixels(shared: Terrain, plain: Terrain, seed: int = 0) -> None:
 def test_shared_parts_answer_as_those_written_out(files: FileSet, seed: int) -> None:
     """Heights, normals, surfaces, names and pixels are the same to the bit."""
     with tempfile.TemporaryDirectory() as folder:
-        found = load_checked(save(files, Path(folder)), (folder,))
+        options = CheckOptions(warnings=False, library_roots=(folder,))
+        found = check(read_source(save(files, Path(folder))), options)
+    assume(found.terrain is not None)
     plain = Terrain(found, share_above=math.inf)
     shared = Terrain(found, share_above=ALWAYS)
     assume(shared.is_shared)
