@@ -13,7 +13,7 @@ from terratool.definition.model import Pair, Scatter, pair_of
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.scattering import strewn, wanted
 from terratool.definition.tree import Tree
-from terratool.definition.uses import MAX_SIZES, SizedElement, copies
+from terratool.definition.uses import PartSize, SizedElement, copies
 from terratool.text.display import shown
 
 _CLOSE = 1e-9
@@ -142,30 +142,25 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
     if subject.is_library or subject.definition.size is UNSET:
         return
     told: set[int] = set()
+    seen: set[PartSize] = set()
     for sized in subject.uses.free_places():
-        if sized is None:
-            yield Remark(
-                "",
-                f"parts with free places stand in more than {MAX_SIZES:,} sizes.",
-                "Give the part the same size in more places.",
-            )
-            return
-        at = sized.tree.value("at", sized.element)
-        beyond = _beyond(subject, sized, at)
+        beyond = _beyond(subject, sized)
         if not beyond:
             continue
         w, h = sized.parent
         message = f"reaches {beyond:.6g} beyond the parent's cell of {w:.9g} × {h:.9g}."
         if sized.tree is not subject.tree:
-            place = f"{sized.tree.pointer(sized.element)} of the part {shown(sized.part)}"
-            for use in subject.uses.leading_to(sized.part):
-                if use.element not in told:
-                    told.add(use.element)
+            part = shown(sized.size.part)
+            place = f"{sized.tree.pointer(sized.element)} of the part {part}"
+            for element in subject.uses.leading_to(sized.size, seen):
+                if element not in told:
+                    told.add(element)
                     hint = "Give the part more room, or use a smaller one."
-                    yield Remark("/part", f"{place} {message}", hint, element=use.element)
+                    yield Remark("/part", f"{place} {message}", hint, element=element)
         elif sized.element not in told:
             told.add(sized.element)
-            inside = f", where the part {shown(sized.part)} stands" if sized.part else ""
+            part = sized.size.part
+            inside = f", where the part {shown(part)} stands" if part else ""
             yield Remark(
                 "/at",
                 f"the element {message[:-1]}{inside}.",
@@ -174,10 +169,10 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
             )
 
 
-def _beyond(subject: Subject, sized: SizedElement, at: Pair) -> float:
+def _beyond(subject: Subject, sized: SizedElement) -> float:
     """How far the footprints of an element and of its copies reach out of the parent's cell."""
     tree, index = sized.tree, sized.element
-    extent, repeat = tree.value("extent", index), tree.value("repeat", index)
+    at, extent, repeat = (tree.value(key, index) for key in ("at", "extent", "repeat"))
     if extent is UNSET or (tree is subject.tree and subject.left_out(index, "repeat", "turnDeg")):
         return 0.0
     primitive = subject.primitives.get(tree.value("type", index))
