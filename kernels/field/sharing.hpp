@@ -194,8 +194,7 @@ struct CopyOrder {
     int inner, outer;
     i64 in_row;
     explicit CopyOrder(const Copies& copies)
-        : inner(copies.across ? Y : X), outer(copies.across ? X : Y),
-          in_row(copies.count[inner]) {}
+        : inner(copies.across ? Y : X), outer(copies.across ? X : Y), in_row(copies.count[inner]) {}
 };
 
 // Call visit(k along x, k along y, which of all) for the copies in two ranges, in their order.
@@ -350,8 +349,11 @@ private:
                     add(index, element.cell[X] + a * i64(copies.step[X]),
                         element.cell[Y] + b * i64(copies.step[Y]), which);
                 });
-            } else if (!grid.listed || (0 <= right && right < i64(pose.cells[X]) && 0 <= above
-                                        && above < i64(pose.cells[Y]))) {
+            } else if (
+                !grid.listed
+                || (0 <= right && right < i64(pose.cells[X]) && 0 <= above
+                    && above < i64(pose.cells[Y]))
+            ) {
                 add(index, element.cell[X], element.cell[Y], 0);
             }
         }
@@ -404,55 +406,46 @@ private:
         DescentPoint p{x_, y_, frame.from[X], frame.from[Y]};
         bool held = false;
         if (!square.turned || own_grid) {
-            held = free_holds(field_, grid, place, slack, from.u, from.v, p);
+            double depth = free_depth<false>(place, square, from);
+            held = abs(depth) > slack ? depth > 0.0 : free_cell_holds(field_, grid, place, p);
             if (!held && !square.turned) return;
         }
         Instance one = copy_of(field_, frame, index, which);
         scale_element(field_, frame, place.extent[X], place.extent[Y], one);
         const Element& element = one.element;
-        UV at{
-            clamp(free_position(place, X, from.u), 0.0, 1.0),
-            clamp(free_position(place, Y, from.v), 0.0, 1.0)
-        };
         if (held && own_grid) {
             stack_.push_back(frame_at(frame, grid, place, one));
-            stack_.back().from[X] = at.u, stack_.back().from[Y] = at.v;
+            stack_.back().from[X] = clamp(free_position(place, X, from.u), 0.0, 1.0);
+            stack_.back().from[Y] = clamp(free_position(place, Y, from.v), 0.0, 1.0);
         }
+        if (square.turned && free_depth<true>(place, square, from) < -slack) return;
         const Kind& kind = field_.kinds[element.kind];
+        UV at = free_place_in_shape(place, square, from);
+        Pose pose = square.turned ? free_pose(square, place) : square;
         ShapePoint f;
-        if (square.turned) {
-            double dx = from.u - place.at[X], dy = from.v - place.at[Y];
-            if (dx * dx + dy * dy > free_radius_square(place)) return;
-            Pose pose = free_pose(square, place);
-            UV within =
-                turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
-            auto [holds, shape] =
-                special_shape(field_.curves, kind, element, pose, grid, within, p.x, p.y);
-            if (!holds) return;
-            f = shape;
-            if constexpr (sloped) {
-                auto [du, dv] = turned_slopes(pose, f.du, f.dv);
-                f.du = du, f.dv = dv;
-            }
-        } else if (kind.special) {
-            bool stepped = kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED;
-            Grid own = stepped ? free_frame(grid, place) : grid;
-            auto [holds, shape] =
-                special_shape(field_.curves, kind, element, square, own, at, p.x, p.y);
-            if (!holds) return;
-            f = shape;
+        if (!kind.special) {
+            if (square.turned && !free_leaf_holds(field_, grid, place, square, from, p)) return;
+            CurvePoint fx = even_curve(field_.curves.pieces, kind, X, at.u);
+            CurvePoint fy = even_curve(field_.curves.pieces, kind, Y, at.v);
+            f = {fx.value * fy.value, fx.slope * fy.value, fx.value * fy.slope};
         } else {
-            LeafSum sum{z, slope_x, slope_y, 0};
-            add_free_product<sloped>(field_, element, kind, at, place, sum);
-            z = sum.z, slope_x = sum.slope_x, slope_y = sum.slope_y;
-            see(frame, one);
-            return;
+            Grid own{};
+            if (square.turned)
+                at = turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
+            else if (kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED)
+                own = free_frame(grid, place);
+            auto [holds, shape] =
+                special_shape(field_.curves, kind, element, pose, own, at, p.x, p.y);
+            if (!holds) return;
+            f = shape;
         }
         z += element.scale * f.value + element.offset;
         see(frame, one);
         if constexpr (sloped) {
-            slope_x += element.scale * f.du * (1.0 / place.extent[X]);
-            slope_y += element.scale * f.dv * (1.0 / place.extent[Y]);
+            UV slopes{f.du, f.dv};
+            if (square.turned) slopes = turned_slopes(pose, f.du, f.dv);
+            slope_x += element.scale * slopes.u * (1.0 / place.extent[X]);
+            slope_y += element.scale * slopes.v * (1.0 / place.extent[Y]);
         }
     }
 };
