@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from msgspec import UNSET, Struct
 
 from terratool.definition.libraries import Dictionary, Document, Names
-from terratool.definition.model import Definition, Pair, pair_of
+from terratool.definition.model import Definition, Library, Pair, pair_of
 from terratool.definition.scattering import wanted
 from terratool.definition.sides import Sides, sides
 from terratool.definition.tree import ROOT, Tree, part_pointer
@@ -59,6 +59,13 @@ class PartUse(NamedTuple):
 
     element: int
     part: str
+
+
+class End(NamedTuple):
+    """The element of a primitive that an element stands for, and its turn in all, in degrees."""
+
+    root: Root
+    turn: float
 
 
 class Uses(Struct, frozen=True, dict=True):
@@ -172,6 +179,26 @@ class Uses(Struct, frozen=True, dict=True):
         return depths
 
     @cached_property
+    def _ends(self) -> dict[str, End]:
+        ends: dict[str, End] = {}
+        for name in self._inner_first:
+            ends[name] = self._end(self.part(name), ends)
+        return ends
+
+    def end(self, root: Root) -> End | None:
+        """What an element stands for, through all parts; None if these are not all known."""
+        name = root.tree.value("part", root.element)
+        return self._end(root, self._ends) if name is UNSET or name in self._ends else None
+
+    def _end(self, root: Root, ends: dict[str, End]) -> End:
+        own = root.tree.value("turn_deg", root.element)
+        turn = 0.0 if own is UNSET else math.fmod(own, 360.0)
+        name = root.tree.value("part", root.element)
+        if name not in ends:
+            return End(root, turn)
+        return End(ends[name].root, ends[name].turn + turn)
+
+    @cached_property
     def reached(self) -> dict[str, None]:
         """Parts that stand in the terrain, directly or in others."""
         found: dict[str, None] = {}
@@ -200,9 +227,7 @@ class Uses(Struct, frozen=True, dict=True):
             for index in _elements(root):
                 surfaces[tree.value("surface", index)] = None
                 primitives[tree.value("type", index)] = None
-        for track in terrain.ruts if isinstance(terrain, Definition) else ():
-            surfaces[track.surface] = None  # type: ignore[index]
-            surfaces |= dict.fromkeys(track.depth if isinstance(track.depth, dict) else ())
+        surfaces |= dict.fromkeys(sorted(track_surfaces(terrain)))
         for names in (surfaces, primitives):
             names.pop(UNSET, None)  # type: ignore[call-overload]
         return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.reached)}
@@ -318,6 +343,13 @@ class Uses(Struct, frozen=True, dict=True):
                 elif user not in seen:
                     seen.add(user)
                     pending.append(user)
+
+
+def track_surfaces(terrain: Library) -> set[str]:
+    """The surfaces that tracks wear, or have depths on."""
+    tracks = terrain.ruts if isinstance(terrain, Definition) else ()
+    worn = {track.surface for track in tracks if track.surface is not UNSET}
+    return worn.union(*(track.depth for track in tracks if isinstance(track.depth, dict)))
 
 
 def quarter_turns(turn: Any) -> int:

@@ -360,7 +360,7 @@ def test_what_is_too_much_is_counted_and_not_written_out() -> None:
         for k in range(30)
     }
     text = {
-        "size": 10, "elemTypes": BOX, "parts": {**part, "p30": {"type": "box"}},
+        "size": 10, "elemTypes": {"box": BOX["box"]}, "parts": {**part, "p30": {"type": "box"}},
         "elemTree": {"part": "p0"},
     }  # fmt: skip
     checked = check(Source("many.json", json.dumps(text).encode()))

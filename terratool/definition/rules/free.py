@@ -13,7 +13,7 @@ from terratool.definition.model import Pair, Scatter, pair_of
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.scattering import strewn, wanted
 from terratool.definition.tree import Tree
-from terratool.definition.uses import PartSize, SizedElement, copies
+from terratool.definition.uses import PartSize, Root, SizedElement, copies
 from terratool.text.display import shown
 
 _CLOSE = 1e-9
@@ -73,7 +73,8 @@ def mixed_place(subject: Subject) -> Iterator[Remark]:
 def turned_parent(subject: Subject) -> Iterator[Remark]:
     """An element at a free place has children, but is turned by no multiple of 90 degrees.
 
-    It is turned whole, and grids stay aligned with the axes.
+    It is turned whole, and grids stay aligned with the axes. The same holds for the root of a part
+    that stands at a free place.
 
     Fails:
 
@@ -112,6 +113,19 @@ def turned_parent(subject: Subject) -> Iterator[Remark]:
                 "which is no multiple of 90.",
                 "Turn it by 0, 90, 180 or 270, or place the children beside it.",
                 element=parent,
+            )
+    for index, name in tree.having("part", subject.uses.known):
+        end = subject.uses.end(Root(tree, index, subject.document))
+        if places[index] is UNSET or end is None or end.turn % 90 == 0:
+            continue
+        begin, after = end.root.tree.brood(end.root.element)
+        if begin < after:
+            yield Remark(
+                "/part",
+                f"the root of the part {shown(name)} has children, and is turned by "
+                f"{shown(end.turn)} degrees, which is no multiple of 90.",
+                "Put the part into a cell, or place the children beside its root.",
+                element=index,
             )
 
 
@@ -175,10 +189,13 @@ def _beyond(subject: Subject, sized: SizedElement) -> float:
     at, extent, repeat = (tree.value(key, index) for key in ("at", "extent", "repeat"))
     if extent is UNSET or (tree is subject.tree and subject.left_out(index, "repeat", "turnDeg")):
         return 0.0
-    primitive = subject.primitives.get(tree.value("type", index))
+    end = subject.uses.end(Root(tree, index, subject.document))
+    if end is None:
+        return 0.0
+    primitive = subject.primitives.get(end.root.tree.value("type", end.root.element))
     scattered = tree.value("scatter", index) is not UNSET  # its copies stay in its cell
     round_ = primitive is not None and primitive.combine == "radial"
-    turn = UNSET if scattered else tree.value("turn_deg", index)
+    turn = UNSET if scattered else end.turn
     reach = _reach(pair_of(extent, math.nan), turn, round_)
     count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
     beyond = 0.0
