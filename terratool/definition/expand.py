@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from msgspec import UNSET, Struct, structs
 
 from terratool.definition.chains import Chain, Chains
-from terratool.definition.libraries import entries
 from terratool.definition.model import Definition, Element, Pair, pair_of
 from terratool.definition.scattering import strewn
 from terratool.definition.sides import Side, side
@@ -102,11 +101,11 @@ def _with_names_in_use(expansion: Expansion, uses: Uses) -> Expansion:
     if not uses.document.uses:
         return expansion
     definition, tree = expansion
-    own = uses.document.model
+    own = uses.document.entries
     tracks = () if definition.tracks is UNSET else definition.tracks
     surfaces = {*tree.distinct("surface"), *(track.surface for track in tracks)}
-    surfaces |= entries(own, "surfTypes").keys()
-    primitives = tree.distinct("type") | entries(own, "elemTypes").keys()
+    surfaces |= own["surfTypes"].keys()
+    primitives = tree.distinct("type") | own["elemTypes"].keys()
     definition = structs.replace(
         definition,
         surf_types={n: value for n, value in definition.surfaces.items() if n in surfaces},
