@@ -66,8 +66,26 @@ def compare(name: str, points: int, pixels: int, scipy_points: int) -> None:
         line(f"{label}bytes an element over 50", each / 50, "<= 1")
 
 
+def compare_free(size: float, points: int) -> None:
+    """Measure elements at free places against as many over a point in cells of a lattice."""
+    count = 100_000
+    over = count * 5.05**2 / size**2
+    free, lattice = (
+        Terrain(check(Source("free", terrains.text(made))).definition)
+        for made in (terrains.scattered(size), terrains.stacked(size, over))
+    )
+    x, y = np.random.default_rng(0).uniform(0, size, (2, points))
+    seconds = medians({"free": lambda: free.height(x, y), "cells": lambda: lattice.height(x, y)})
+    label = f"{count} free elements on {size / 1000:g} km"
+    line(f"{label}: time over that of cells", seconds["free"] / seconds["cells"], "<= 2")
+    more = (free.nbytes - lattice.nbytes) / count
+    line(f"{label}: bytes more an element over 64", more / 64, "<= 1")
+
+
 if __name__ == "__main__":
     quick = math.inf if "--quick" not in sys.argv else 200_000
     compare("s1", int(min(5_000_000, quick)), 4096, int(min(1_000_000, quick)))
     compare("s2", int(min(5_000_000, quick)), 4096, int(min(1_000_000, quick)))
     compare("s3", int(min(5_000_000, quick)), 20000, 0)
+    compare_free(3000, int(min(2_000_000, quick)))
+    compare_free(1000, int(min(2_000_000, quick)))

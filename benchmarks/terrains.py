@@ -86,6 +86,31 @@ def s3(sides: tuple[int, ...] = (6, 6, 6, 6), children: int = 32) -> dict[str, A
     return _terrain(root)
 
 
+def scattered(size: float, turned: float = 1 / 3, count: int = 100_000) -> dict[str, Any]:
+    """Elements at random free places on a slope, 0.1 to 10 m wide and deep."""
+    rng = np.random.default_rng(5)
+    children = []
+    for _ in range(count):
+        child = _child(rng, 0, 0, turned)
+        del child["cellX"], child["cellY"]
+        sides = rng.uniform(0.1, 10, 2)
+        reach = np.full(2, np.hypot(*sides) / 2) if "turnDeg" in child else sides / 2
+        middle = reach + rng.random(2) * (size - 2 * reach)
+        child["at"], child["extent"] = middle.round(3).tolist(), sides.round(3).tolist()
+        children.append(child)
+    tree = {"type": "slope", "surface": "sand", "children": children}
+    return {**_terrain(tree), "size": size}
+
+
+def stacked(size: float, over: float, turned: float = 1 / 3, count: int = 100_000) -> Any:
+    """As many such elements in random cells of a lattice; over a point are so many on average."""
+    rng = np.random.default_rng(5)
+    side = round((count / over) ** 0.5)
+    children = [_child(rng, *rng.integers(side, size=2).tolist(), turned) for _ in range(count)]
+    tree = {"type": "slope", "surface": "sand", "cells": side, "children": children}
+    return {**_terrain(tree), "size": size}
+
+
 def text(definition: dict[str, Any]) -> bytes:
     """A definition as JSON."""
     return json.dumps(definition).encode()

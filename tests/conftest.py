@@ -10,11 +10,9 @@ from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
 import pytest
 from hypothesis import HealthCheck, settings
 
-from terratool.definition.model import Definition
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
@@ -71,13 +69,6 @@ def text_of(value: Any) -> str:
 
 def terrain_of(definition: dict[str, Any]) -> Terrain:
     """The terrain of a definition that must be valid."""
-    if '"at":' in text_of(definition):  # the rules do not know of free places yet
-        plain = {key: value for key, value in definition.items() if not key.startswith("x-")}
-        plain["surfTypes"] = {
-            name: {key: value for key, value in surface.items() if not key.startswith("x-")}
-            for name, surface in plain.get("surfTypes", {}).items()
-        }
-        return Terrain(msgspec.json.decode(text_of(plain).encode(), type=Definition))
     checked = check(Source("test.json", text_of(definition).encode()))
     assert checked.definition is not None, checked.findings
     return Terrain(checked)

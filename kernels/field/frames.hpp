@@ -107,15 +107,15 @@ INLINE double from_parent(const Grid& g, int axis, double x, double from_above) 
 
 // Position in the cell of a free place of a point so far from the corner of its parent's cell.
 INLINE double free_position(const Place& place, int axis, double from_corner) {
-    return 0.5 + (from_corner - place.at[axis]) / place.extent[axis];
+    return 0.5 + (from_corner - place.at[axis]) * (1.0 / place.extent[axis]);
 }
 
 // The pose of a free element: kept is that of a square one.
 INLINE Pose free_pose(const Pose& pose, const Place& place) {
     Pose own = pose;
     if (pose.turned) {
-        double aspect = place.extent[Y] / place.extent[X];
-        own.sin_v = pose.sin_v * aspect, own.sin_u = pose.sin_u / aspect;
+        own.sin_v = pose.sin_v * (place.extent[Y] * (1.0 / place.extent[X]));
+        own.sin_u = pose.sin_u * (place.extent[X] * (1.0 / place.extent[Y]));
     }
     return own;
 }

@@ -127,11 +127,12 @@ inline i64 count_free(const FreeBins& bins, i64 first, i64 last, const Placed& p
 inline i64 choose_free_bins(
     FreeBins& bins, const Grid& grid, i64 first, i64 last, const Placed& placed
 ) {
-    constexpr double most = 7.5;     // bins and entries for each element, of 4 bytes each
+    constexpr double most = 8.5;     // bins and entries for each element, of 4 bytes each
     constexpr double finest = 2.0;   // bins for each element
     constexpr double coarser = 0.8;  // so many bins are tried next
     bins.places = placed.cell(first, 0) - first;
     bins.slack = 0.0;
+    double widest = 0.0;
     double low[2] = {INF, INF}, high[2] = {-INF, -INF}, wide[2];
     for (int axis : {X, Y}) {
         double side = grid.pitch[axis][0] + grid.pitch[axis][1];
@@ -139,11 +140,13 @@ inline i64 choose_free_bins(
         bins.slack = max(bins.slack, FREE_NOISE * max3(side, abs(corner), abs(corner + side)));
         for (i64 e = first; e < last; ++e) {
             i64 place = e + bins.places;
+            widest = max(widest, placed.places[place].extent[axis]);
             low[axis] = min(low[axis], placed.places[place].at[axis] - placed.reach(place, axis));
             high[axis] = max(high[axis], placed.places[place].at[axis] + placed.reach(place, axis));
         }
         bins.corner[axis] = low[axis], wide[axis] = max(high[axis] - low[axis], 1e-300);
     }
+    bins.slack += 2.0 * EDGE * widest;
     double each = double(last - first);
     for (double count = finest * each;; count *= coarser) {
         double across = sqrt(count * (wide[X] / wide[Y]));

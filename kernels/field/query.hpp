@@ -18,12 +18,18 @@ struct Waiting {  // a grid that waits in a descent, and the place in the elemen
 
 using Stack = std::vector<Waiting>;
 
+// A point of a batch, and a free leaf that holds it.
+struct HeldPoint {
+    u32 element, point;
+};
+
 // Space to work in; each thread needs its own.
 struct Scratch {
     Stack stack;
     std::array<std::array<double, BATCH>, 9> work;
     std::array<u32, BATCH> begins, ends;
     std::array<i64, BATCH> top;
+    std::array<HeldPoint, 4 * BATCH> held;
 
     explicit Scratch(const Field& field) : stack(field.pending) {}
 };
@@ -82,48 +88,162 @@ inline bool free_cell_holds(
         && holds_along(axis_of(frame, Y), p.y, field.bounds[3]);
 }
 
-enum class Nearness { OUTSIDE, AT_EDGE, INSIDE };
-
-// How a point lies that is so far from the middle of a free place.
-INLINE Nearness free_nearness(const Place& place, double dx, double dy, double slack) {
-    double wide = place.extent[X], tall = place.extent[Y];
-    double inside_x = 0.5 * wide - abs(dx), inside_y = 0.5 * tall - abs(dy);
-    double doubt_x = EDGE * wide + slack, doubt_y = EDGE * tall + slack;
-    if ((inside_x < -doubt_x) | (inside_y < -doubt_y)) return Nearness::OUTSIDE;
-    if ((inside_x > doubt_x) & (inside_y > doubt_y)) return Nearness::INSIDE;
-    return Nearness::AT_EDGE;
-}
-
-// Whether the cell of an unturned free place holds a point.
-INLINE bool free_holds(
-    const Field& field, const Grid& grid, const Place& place, double slack, double from_x,
-    double from_y, const DescentPoint& p
+// Whether the footprint of a free leaf with nothing special holds a point, as exactly as can be.
+inline bool free_leaf_holds(
+    const Field& field, const Grid& grid, const Place& place, const Pose& square, UV from,
+    const DescentPoint& p
 ) {
-    double dx = from_x - place.at[X], dy = from_y - place.at[Y];
-    Nearness nearness = free_nearness(place, dx, dy, slack);
-    if (nearness == Nearness::OUTSIDE) return false;
-    return nearness == Nearness::INSIDE || free_cell_holds(field, grid, place, p);
+    if (!square.turned) return free_cell_holds(field, grid, place, p);
+    UV at{free_position(place, X, from.u), free_position(place, Y, from.v)};
+    return !is_beyond(turned(free_pose(square, place), at.u, at.v));
 }
 
-// Half the diagonal of a free place and a little more, squared: no footprint goes farther.
-INLINE double free_radius_square(const Place& place) {
-    constexpr double more = 0.25 * (1.0 + 1e-6);
-    return more * (square(place.extent[X]) + square(place.extent[Y]));
+// How far inside the footprint of a free element a point is, from its parent's corner; below 0
+// outside. It is off by less than the slack of the bins.
+template <bool turned> INLINE double free_depth(const Place& place, const Pose& square, UV from) {
+    double dx = from.u - place.at[X], dy = from.v - place.at[Y];
+    if constexpr (turned) {
+        double across = dx * square.cos - dy * square.sin_u;
+        dy = dx * square.sin_u + dy * square.cos, dx = across;
+    }
+    return min(0.5 * place.extent[X] - abs(dx), 0.5 * place.extent[Y] - abs(dy));
 }
 
-// Add a product of evenly spaced pieces.
-template <bool sloped>
-INLINE void add_free_product(
-    const Field& field, const Element& element, const Kind& kind, UV at, const Place& place,
-    LeafSum& sum
+// Position in the primitive of a free element of a point that its footprint holds.
+template <bool turns = true>
+INLINE UV free_place_in_shape(const Place& place, const Pose& square, UV from) {
+    UV at{free_position(place, X, from.u), free_position(place, Y, from.v)};
+    if (turns && square.turned) at = turned(free_pose(square, place), at.u, at.v);
+    return {clamp(at.u, 0.0, 1.0), clamp(at.v, 0.0, 1.0)};
+}
+
+// Keep those of some elements of a free grid of leaves whose footprints hold a point, in their
+// order, with the index of the point; returns how many. What is near an edge is looked at again;
+// there is no branch but for it.
+template <bool turned>
+INLINE i64 keep_free_leaves(
+    const Field& field, const Grid& grid, const FreeBins& bins, Span<const u32> entries, UV from,
+    const DescentPoint& p, u32 point, HeldPoint* kept
 ) {
+    i64 count = 0;
+    double slack = bins.slack;
+    for (u32 index : entries) {
+        const Place& place = field.places[i64(index) + bins.places];
+        const Pose& pose = field.poses[turned ? field.elements[index].pose : 0];
+        double depth = free_depth<turned>(place, pose, from);
+        bool holds = depth > 0.0;
+        if (abs(depth) <= slack) [[unlikely]] {
+            const Pose& own = field.poses[field.elements[index].pose];
+            holds = free_leaf_holds(field, grid, place, own, from, p);
+        }
+        kept[count] = {index, point};
+        count += holds;
+    }
+    return count;
+}
+
+// So many entries of a bin are looked at together.
+constexpr i64 FREE_CHUNK = 256;
+
+// Add a product of evenly spaced pieces of an element that holds a point; `turns` if it may be
+// turned.
+template <bool sloped, bool turns = true>
+INLINE void add_free_leaf(
+    const Field& field, i64 index, const Place& place, UV from, LeafSum& sum
+) {
+    const Element& element = field.elements[index];
+    const Kind& kind = field.kinds[element.kind];
+    const Pose& square = field.poses[turns ? element.pose : 0];
+    UV at = free_place_in_shape<turns>(place, square, from);
     CurvePoint fx = even_curve(field.curves.pieces, kind, X, at.u);
     CurvePoint fy = even_curve(field.curves.pieces, kind, Y, at.v);
     sum.z += element.scale * (fx.value * fy.value) + element.offset;
+    sum.top = max(sum.top, index);
     if constexpr (sloped) {
-        sum.slope_x += element.scale * (fx.slope * fy.value) * (1.0 / place.extent[X]);
-        sum.slope_y += element.scale * (fx.value * fy.slope) * (1.0 / place.extent[Y]);
+        UV slopes{fx.slope * fy.value, fx.value * fy.slope};
+        if (turns && square.turned)
+            slopes = turned_slopes(free_pose(square, place), slopes.u, slopes.v);
+        sum.slope_x += element.scale * slopes.u * (1.0 / place.extent[X]);
+        sum.slope_y += element.scale * slopes.v * (1.0 / place.extent[Y]);
     }
+}
+
+// Add those leaves among the entries of a bin that hold a point.
+template <bool sloped>
+LeafSum add_free_leaves(
+    const Field& field, const Grid& grid, Span<const u32> entries, UV from, const DescentPoint& p,
+    LeafSum sum
+) {
+    const FreeBins& bins = field.free_bins[grid.free];
+    std::array<HeldPoint, FREE_CHUNK> kept;
+    for (std::size_t begin = 0; begin < entries.size(); begin += FREE_CHUNK) {
+        auto some = entries.subspan(begin, min(std::size_t(FREE_CHUNK), entries.size() - begin));
+        i64 count = grid.standing == FREE_PLAIN
+            ? keep_free_leaves<false>(field, grid, bins, some, from, p, 0, kept.data())
+            : keep_free_leaves<true>(field, grid, bins, some, from, p, 0, kept.data());
+        for (i64 n = 0; n < count; ++n) {
+            u32 index = kept[n].element;
+            const Place& place = field.places[i64(index) + bins.places];
+            add_free_leaf<sloped>(field, index, place, from, sum);
+        }
+    }
+    return sum;
+}
+
+// Add an element of a free grid of any kind, if it holds a point; its grids are left to wait.
+template <bool sloped>
+INLINE void add_free_element(
+    const Field& field, const Grid& grid, i64 index, UV from, const DescentPoint& p, LeafSum& sum,
+    Stack& stack, std::size_t& pending
+) {
+    const Element& element = field.elements[index];
+    const Place& place = field.places[place_of(element)];
+    const Pose& square = field.poses[element.pose];
+    const Kind& kind = field.kinds[element.kind];
+    double slack = field.free_bins[grid.free].slack;
+    if (!square.turned || element.grid) {
+        double depth = free_depth<false>(place, square, from);
+        bool held = abs(depth) > slack ? depth > 0.0 : free_cell_holds(field, grid, place, p);
+        if (!held && !square.turned) return;
+        if (held && element.grid) {
+            UV at{free_position(place, X, from.u), free_position(place, Y, from.v)};
+            stack[pending++] = {element.grid, clamp(at.u, 0.0, 1.0), clamp(at.v, 0.0, 1.0)};
+        }
+    }
+    if (square.turned && free_depth<true>(place, square, from) < -slack) return;
+    if (!kind.special) {
+        if (square.turned && !free_leaf_holds(field, grid, place, square, from, p)) return;
+        add_free_leaf<sloped>(field, index, place, from, sum);
+        return;
+    }
+    UV at = free_place_in_shape(place, square, from);
+    Pose pose = square;
+    Grid frame{};
+    if (square.turned) {
+        pose = free_pose(square, place);
+        at = turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
+    } else if (kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED) {
+        frame = free_frame(grid, place);
+    }
+    auto [holds, f] = special_shape(field.curves, kind, element, pose, frame, at, p.x, p.y);
+    if (!holds) return;
+    sum.z += element.scale * f.value + element.offset;
+    sum.top = max(sum.top, index);
+    if constexpr (sloped) {
+        UV slopes{f.du, f.dv};
+        if (square.turned) slopes = turned_slopes(pose, f.du, f.dv);
+        sum.slope_x += element.scale * slopes.u * (1.0 / place.extent[X]);
+        sum.slope_y += element.scale * slopes.v * (1.0 / place.extent[Y]);
+    }
+}
+
+// The entries of the bin of a free grid that holds a point.
+INLINE Span<const u32> free_entries(const Field& field, const Grid& grid, UV from) {
+    const FreeBins& bins = field.free_bins[grid.free];
+    i64 row = free_bin(bins, Y, from.v) * i64(grid.row);
+    u64 bin = u64(grid.table + row + free_bin(bins, X, from.u));
+    u32 begin = field.offsets[bin];
+    return field.entries.subspan(begin, field.offsets[bin + 1] - begin);
 }
 
 // Add the elements of a free grid that hold a point; the grids that they have are left to wait.
@@ -132,78 +252,13 @@ FreeSum add_free(
     const Field& field, const Grid& grid, const DescentPoint p, LeafSum sum, Stack& stack,
     std::size_t pending
 ) {
-    const FreeBins& bins = field.free_bins[grid.free];
-    double from_x = from_parent(grid, X, p.x, p.from_x);
-    double from_y = from_parent(grid, Y, p.y, p.from_y);
-    u64 bin =
-        u64(grid.table + free_bin(bins, Y, from_y) * i64(grid.row) + free_bin(bins, X, from_x));
-    u64 begin = field.offsets[bin], end = field.offsets[bin + 1];
-    auto position = [&](const Place& place) {
-        return UV{
-            clamp(free_position(place, X, from_x), 0.0, 1.0),
-            clamp(free_position(place, Y, from_y), 0.0, 1.0)
-        };
-    };
-    if (grid.standing == FREE_PLAIN) {
-        for (u64 k = begin; k < end; ++k) {
-            u64 index = field.entries[k];
-            const Place& place = field.places[i64(index) + bins.places];
-            if (!free_holds(field, grid, place, bins.slack, from_x, from_y, p)) continue;
-            const Element& element = field.elements[index];
-            const Kind& kind = field.kinds[element.kind];
-            add_free_product<sloped>(field, element, kind, position(place), place, sum);
-            sum.top = max(sum.top, i64(index));
-        }
-        return {sum, pending};
-    }
-    for (u64 k = begin; k < end; ++k) {
-        u64 index = field.entries[k];
-        const Place& place = field.places[i64(index) + bins.places];
-        const Element& element = field.elements[index];
-        const Pose& square = field.poses[element.pose];
-        if (!square.turned || element.grid) {
-            bool held = free_holds(field, grid, place, bins.slack, from_x, from_y, p);
-            if (!held && !square.turned) continue;
-            if (held && element.grid) {
-                UV at = position(place);
-                stack[pending++] = {element.grid, at.u, at.v};
-            }
-        }
-        const Kind& kind = field.kinds[element.kind];
-        ShapePoint f;
-        if (square.turned) {
-            double dx = from_x - place.at[X], dy = from_y - place.at[Y];
-            if (dx * dx + dy * dy > free_radius_square(place)) continue;
-            Pose pose = free_pose(square, place);
-            UV at = turned(pose, free_position(place, X, from_x), free_position(place, Y, from_y));
-            // nothing of it is asked that the place in the world decides
-            auto [holds, shape] =
-                special_shape(field.curves, kind, element, pose, grid, at, p.x, p.y);
-            if (!holds) continue;
-            f = shape;
-            if constexpr (sloped) {
-                auto [du, dv] = turned_slopes(pose, f.du, f.dv);
-                f.du = du, f.dv = dv;
-            }
-        } else if (kind.special) {
-            bool stepped = kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED;
-            Grid frame = stepped ? free_frame(grid, place) : grid;
-            auto [holds, shape] = special_shape(
-                field.curves, kind, element, square, frame, position(place), p.x, p.y
-            );
-            if (!holds) continue;
-            f = shape;
-        } else {
-            add_free_product<sloped>(field, element, kind, position(place), place, sum);
-            sum.top = max(sum.top, i64(index));
-            continue;
-        }
-        sum.z += element.scale * f.value + element.offset;
-        sum.top = max(sum.top, i64(index));
-        if constexpr (sloped) {
-            sum.slope_x += element.scale * f.du * (1.0 / place.extent[X]);
-            sum.slope_y += element.scale * f.dv * (1.0 / place.extent[Y]);
-        }
+    UV from{from_parent(grid, X, p.x, p.from_x), from_parent(grid, Y, p.y, p.from_y)};
+    auto entries = free_entries(field, grid, from);
+    if (grid.leaves) {
+        sum = add_free_leaves<sloped>(field, grid, entries, from, p, sum);
+    } else {
+        for (u32 index : entries)
+            add_free_element<sloped>(field, grid, index, from, p, sum, stack, pending);
     }
     return {sum, pending};
 }
@@ -443,12 +498,21 @@ public:
                 z[n] = root.scale * (z[n] * in_x_[n]) + root.offset;
         }
         const Grid& grid = field.grids[1];
-        positions(x, axis_of(grid, X), cell_x_, in_x_);
-        positions(y, axis_of(grid, Y), cell_y_, in_y_);
+        if (grid.standing == IN_CELLS) {
+            positions(x, axis_of(grid, X), cell_x_, in_x_);
+            positions(y, axis_of(grid, Y), cell_y_, in_y_);
+        } else {
+            for (std::size_t n = 0; n < x.size(); ++n) {
+                in_x_[n] = from_parent(grid, X, x[n], 0.0);
+                in_y_[n] = from_parent(grid, Y, y[n], 0.0);
+            }
+        }
     }
 
     // Whether a point is inside, and so far from the edges of the terrain that it can go on.
     INLINE bool is_clear(std::size_t n) const { return is_clear_of_edges(ground_, u_[n], v_[n]); }
+    // How far it is from the corner of the root, where the grid is free.
+    INLINE UV from_corner(std::size_t n) const { return {in_x_[n], in_y_[n]}; }
     // From where its descent goes on.
     INLINE Begun begun(std::size_t n) const {
         double by_x = sloped ? slope_x[n] : 0.0, by_y = sloped ? slope_y[n] : 0.0;
@@ -480,6 +544,57 @@ inline void lower_batch(const Field& field, In x, In y, Scratch& scratch, Out ou
     }
 }
 
+// Heights at a batch of points over a free grid of leaves below the root; complete(n) is called for
+// those that are left out here.
+// First what holds each point is found, then what it adds up to: neither waits for the other.
+template <bool turned, class Complete>
+void batch_free_leaves(
+    const Field& field, const PointBatch<false>& batch, In x, In y, Scratch& scratch, Out out,
+    Complete complete
+) {
+    const Grid& grid = field.grids[1];
+    const FreeBins& bins = field.free_bins[grid.free];
+    auto& held = scratch.held;
+    i64 count = 0;
+    auto add = [&] {
+        for (i64 k = 0; k < count; ++k) {
+            auto [index, n] = held[k];
+            const Place& place = field.places[i64(index) + bins.places];
+            LeafSum sum{batch.z[n], 0.0, 0.0, scratch.top[n]};
+            add_free_leaf<false, turned>(field, index, place, batch.from_corner(n), sum);
+            batch.z[n] = sum.z, scratch.top[n] = sum.top;
+        }
+        count = 0;
+    };
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        scratch.begins[n] = scratch.ends[n] = 0, scratch.top[n] = 0;
+        if (!batch.is_clear(n)) {
+            scratch.top[n] = COMPLETE;
+            continue;
+        }
+        UV from = batch.from_corner(n);
+        i64 row = free_bin(bins, Y, from.v) * i64(grid.row);
+        u64 bin = u64(grid.table + row + free_bin(bins, X, from.u));
+        scratch.begins[n] = field.offsets[bin], scratch.ends[n] = field.offsets[bin + 1];
+    }
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        UV from = batch.from_corner(n);
+        for (u32 begin = scratch.begins[n], end; begin < scratch.ends[n]; begin = end) {
+            end = min(scratch.ends[n], begin + u32(FREE_CHUNK));
+            if (count + FREE_CHUNK > count_of(held)) add();
+            count += keep_free_leaves<turned>(
+                field, grid, bins, field.entries.subspan(begin, end - begin), from,
+                {x[n], y[n], 0.0, 0.0}, u32(n), held.data() + count
+            );
+        }
+    }
+    add();
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        if (scratch.top[n] == COMPLETE) complete(n);
+        else out[n] = height_or_void(field, batch.z[n], scratch.top[n]);
+    }
+}
+
 // Heights at a batch of points; those of the elements alone where `scratch.top` gets an element.
 inline void batch_heights(const Field& field, In x, In y, Scratch& scratch, Out out) {
     PointBatch<false> batch(field, x, y, scratch);
@@ -488,7 +603,14 @@ inline void batch_heights(const Field& field, In x, In y, Scratch& scratch, Out 
         scratch.top[n] = COMPLETE;
     };
     const Grid& grid = field.grids[1];
-    if (!grid.leaves || grid.more) {
+    bool free = grid.standing != IN_CELLS;
+    if (free && grid.leaves && !grid.more) {
+        if (grid.standing == FREE_PLAIN)
+            batch_free_leaves<false>(field, batch, x, y, scratch, out, complete);
+        else batch_free_leaves<true>(field, batch, x, y, scratch, out, complete);
+        return;
+    }
+    if (free || !grid.leaves || grid.more) {
         for (std::size_t n = 0; n < x.size(); ++n) {
             if (!batch.is_clear(n)) {
                 complete(n);

@@ -7,8 +7,8 @@ namespace terratool {
 
 enum Combine : u8 { PRODUCT, SUM, MIN, MAX, RADIAL };
 
-// How the elements of a grid stand: in its cells, or each at a place of its own; plain ones have no
-// grid, no turn and nothing special.
+// How the elements of a grid stand: in its cells, or each at a place of its own; plain ones are
+// leaves without a turn.
 enum Standing : u8 { IN_CELLS, FREE, FREE_PLAIN };
 
 constexpr u8 STEPPED = 2;  // a knotted curve with vertical steps
@@ -59,6 +59,19 @@ struct Segment {
     u32 track;
 };
 
+// What an element of a template has besides.
+struct Member {
+    double factor;
+    u64 first[2], each[2];
+    u32 copies;
+};
+
+struct Copies {
+    double step[2];
+    u32 count[2];
+    u8 across;
+};
+
 template <class Visit> void visit_members(Element& e, Visit visit) {
     visit("cell", e.cell), visit("pose", e.pose), visit("scale", e.scale);
     visit("offset", e.offset), visit("kind", e.kind), visit("grid", e.grid);
@@ -91,6 +104,15 @@ template <class Visit> void visit_members(Grid& g, Visit visit) {
     visit("listed", g.listed), visit("local", g.local), visit("leaves", g.leaves);
     visit("standing", g.standing), visit("more", g.more);
     visit("count", g.count), visit("near", g.near), visit("pitch", g.pitch);
+}
+
+template <class Visit> void visit_members(Member& m, Visit visit) {
+    visit("factor", m.factor), visit("first", m.first), visit("each", m.each);
+    visit("copies", m.copies);
+}
+
+template <class Visit> void visit_members(Copies& c, Visit visit) {
+    visit("step", c.step), visit("count", c.count), visit("across", c.across);
 }
 
 template <class Visit> void visit_members(Segment& s, Visit visit) {
@@ -128,6 +150,19 @@ template <class Visit> void visit_arguments(Tracks& t, Visit visit) {
     visit("masks[m]", t.masks), visit("offsets[m+1]", t.offsets), visit("entries", t.entries);
 }
 
+// What a field has whose parts are shared; empty in others.
+struct Sharing {
+    Span<const Member> elements;
+    Span<const Copies> copies;
+    Span<const u8> mirrors;
+    In extent;
+};
+
+template <class Visit> void visit_arguments(Sharing& s, Visit visit) {
+    visit("elements", s.elements), visit("copies", s.copies), visit("mirrors", s.mirrors);
+    visit("extent[2]", s.extent);
+}
+
 // A compiled field.
 struct Field {
     Span<const Element> elements;
@@ -142,6 +177,7 @@ struct Field {
     i64 pending;
     bool voids;
     Tracks tracks;
+    Sharing shared;
 };
 
 template <class Visit> void visit_arguments(Field& f, Visit visit) {
@@ -151,6 +187,7 @@ template <class Visit> void visit_arguments(Field& f, Visit visit) {
     visit("free_bins", f.free_bins), visit("kinds", f.kinds);
     visit("curves", f.curves), visit("bounds[4]", f.bounds);
     visit("pending", f.pending), visit("voids", f.voids), visit("tracks", f.tracks);
+    visit("shared", f.shared);
 }
 
 // Where in `offsets` the bin of a cell of a grid is.

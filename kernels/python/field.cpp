@@ -2,7 +2,7 @@
 #include "field.hpp"
 
 #include "../field/layout.hpp"
-#include "../field/query.hpp"
+#include "../field/sharing.hpp"
 #include "../field/tracks.hpp"
 #include "modules.hpp"
 
@@ -72,6 +72,17 @@ void KeptField::check() {
             check_index(0 <= place && place < count_of(f.places), "the place of an element");
         }
     }
+    const Sharing& shared = f.shared;
+    check_index(
+        !is_shared(f)
+            || (shared.elements.size() == f.elements.size()
+                && shared.mirrors.size() == f.grids.size()),
+        "what is shared"
+    );
+    for (const Member& member : shared.elements)
+        check_index(member.copies < shared.copies.size(), "copies");
+    for (const Copies& copies : shared.copies)
+        check_index(copies.count[X] > 0 && copies.count[Y] > 0, "a count of copies");
     const Tracks& t = f.tracks;
     i64 cells = t.shape[0] * t.shape[1];
     check_index(t.passes.empty() || cells == count_of(t.masks), "the index of tracks");
@@ -88,7 +99,8 @@ void bind_field(nb::module_ m) {
     m.def(
         "check_records",
         [](nb::handle element, nb::handle grid, nb::handle pose, nb::handle place,
-           nb::handle free_bins, nb::handle kind, nb::handle segment) {
+           nb::handle free_bins, nb::handle kind, nb::handle segment, nb::handle member,
+           nb::handle copies) {
             check_record<Element>(element);
             check_record<Grid>(grid);
             check_record<Pose>(pose);
@@ -96,12 +108,16 @@ void bind_field(nb::module_ m) {
             check_record<FreeBins>(free_bins);
             check_record<Kind>(kind);
             check_record<Segment>(segment);
+            check_record<Member>(member);
+            check_record<Copies>(copies);
         },
         "element"_a, "grid"_a, "pose"_a, "place"_a, "free_bins"_a, "kind"_a, "segment"_a,
+        "member"_a, "copies"_a,
         nb::sig(
             "def check_records(element: np.dtype[Any], grid: np.dtype[Any], "
             "pose: np.dtype[Any], place: np.dtype[Any], free_bins: np.dtype[Any], "
-            "kind: np.dtype[Any], segment: np.dtype[Any]) -> None"
+            "kind: np.dtype[Any], segment: np.dtype[Any], member: np.dtype[Any], "
+            "copies: np.dtype[Any]) -> None"
         ),
         "Refuse dtypes that are not the structs of the kernels."
     );
@@ -109,10 +125,14 @@ void bind_field(nb::module_ m) {
     nb::class_<KeptField>(m, "Field", "A compiled field: its arrays, checked once.")
         .def(nb::init<nb::handle>(), "arrays"_a);
 
-    def<&heights>(m, "heights", "Heights at points.", {"field", "x[n]", "y[n]", "out[n]"});
+    def<&any_heights>(m, "heights", "Heights at points.", {"field", "x[n]", "y[n]", "out[n]"});
     def<&samples>(
         m, "samples", "Height, top element and gradient at points.",
         {"field", "x[n]", "y[n]", "height[n]", "top[n]", "gradient[n,2]"}
+    );
+    def<&shared_samples>(
+        m, "shared_samples", "The same where parts are shared, and the number of the top element.",
+        {"field", "x[n]", "y[n]", "height[n]", "top[n]", "number[n,2]", "gradient[n,2]"}
     );
     def<&sort_by_place>(
         m, "sort_by_place", "Sort points by place.",

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any, NamedTuple
 
-from msgspec import UNSET, Struct, UnsetType, structs
+from msgspec import UNSET, Struct, structs
 
-from terratool.definition.libraries import Document, entries, path_between
+from terratool.definition.chains import Chain, Chains
+from terratool.definition.libraries import entries
 from terratool.definition.model import Definition, Element, Pair, pair_of
 from terratool.definition.scattering import strewn
 from terratool.definition.sides import Side, side
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.uses import Root, Uses, quarter_turns
+from terratool.definition.uses import Root, Uses
 from terratool.errors import RequestError
-from terratool.text.display import escape
 
 MAX_ELEMENTS = 2_000_000
 """So many elements are written out at most."""
@@ -30,32 +31,6 @@ class Expansion(NamedTuple):
 _ONCE = (1, 1), (0.0, 0.0)
 
 
-class _Chain(NamedTuple):
-    """An element of a primitive, and what the elements that stand for it add, inner ones first.
-
-    Attributes:
-        root: where the element of the primitive stands.
-        scale: its factor on the curves, as it is given.
-        turn: its turn, likewise.
-        factor: on every height of the part.
-        offset: of the element, with those of the others and under their factors.
-        quarters: turns of the whole part.
-        surface: what it wears.
-        descr: what it is.
-        name: the end of its name.
-    """
-
-    root: Root
-    scale: float | UnsetType
-    turn: float | UnsetType
-    factor: float
-    offset: float | UnsetType
-    quarters: int
-    surface: Any
-    descr: Any
-    name: str
-
-
 class _Node(NamedTuple):
     """An element to be written out, in its frame.
 
@@ -69,7 +44,7 @@ class _Node(NamedTuple):
         step: the end of its name.
     """
 
-    chain: _Chain
+    chain: Chain
     factor: float
     quarters: int
     place: dict[str, Any]
@@ -83,17 +58,12 @@ class _Node(NamedTuple):
         return self.cell[0].length * self.span[0], self.cell[1].length * self.span[1]
 
 
-def expand(uses: Uses) -> Expansion:
-    """Write out the parts and copies of a valid definition.
-
-    Raises:
-        RequestError: there are more than `MAX_ELEMENTS`.
-    """
+def with_names(uses: Uses) -> Definition:
+    """A definition with the names of its libraries, and without its parts."""
     definition = uses.document.model
     assert isinstance(definition, Definition)
-    tree = uses.document.decoded.tree
     names = uses.names
-    definition = structs.replace(
+    return structs.replace(
         definition,
         use=UNSET,
         parts=UNSET,
@@ -104,6 +74,15 @@ def expand(uses: Uses) -> Expansion:
         if names.primitives
         else definition.elem_types,
     )
+
+
+def expand(uses: Uses) -> Expansion:
+    """Write out the parts and copies of a valid definition.
+
+    Raises:
+        RequestError: there are more than `MAX_ELEMENTS`.
+    """
+    definition, tree = with_names(uses), uses.document.decoded.tree
     if not uses.composed and len(tree.roots) == 1:
         return _with_names_in_use(Expansion(definition, tree), uses)
     if uses.elements > MAX_ELEMENTS:
@@ -145,10 +124,15 @@ class _Writer(Struct, frozen=True, dict=True):
     uses: Uses
     definition: Definition
 
+    @cached_property
+    def chains(self) -> Chains:
+        """What elements stand for."""
+        return Chains(self.uses)
+
     def tree(self) -> Tree:
         """All elements."""
         size = self.definition.extent
-        first = self._chain(self.uses.root)
+        first = self.chains.of(self.uses.root)
         level = [
             _Node(first, 1.0, 0, {}, (side(size[0]), side(size[1])), (1, 1), ROOT + first.name)
         ]
@@ -220,7 +204,7 @@ class _Writer(Struct, frozen=True, dict=True):
             if tree.value("scatter", index) is not UNSET:
                 found += self._strewn(node, Root(tree, index, root.home), step)
                 continue
-            inner = self._chain(Root(tree, index, root.home))
+            inner = self.chains.of(Root(tree, index, root.home))
             repeat, at = tree.value("repeat", index), tree.value("at", index)
             count, (dx, dy) = _ONCE if repeat is UNSET else (repeat.count, repeat.step)
             for j in range(count[1]):
@@ -229,7 +213,7 @@ class _Writer(Struct, frozen=True, dict=True):
                     if at is UNSET:
                         x, y, w, h = tree.block(index)
                         x, y = x + i * int(dx), y + j * int(dy)
-                        span, place = _turned_block((x, y, w, h), grid, quarters)
+                        span, place = turned_block((x, y, w, h), grid, quarters)
                         found.append(_Node(inner, factor, quarters, place, cell, span, copy))
                     else:
                         extent = pair_of(tree.value("extent", index), math.nan)
@@ -243,10 +227,11 @@ class _Writer(Struct, frozen=True, dict=True):
         return found
 
     def _strewn(self, node: _Node, root: Root, step: str) -> list[_Node]:
-        """The copies of a scattered element in the cell of a parent."""
+        """The copies of a scattered element in the cell of its parent."""
         tree, index, parent = root.tree, root.element, node.chain.root
         quarters = (node.quarters + node.chain.quarters) % 4
-        scatter, at = tree.value("scatter", index), tree.value("at", index)
+        factor = node.factor * node.chain.factor
+        at, angle = tree.value("at", index), tree.value("turn_deg", index)
         around = node.lengths[::-1] if quarters % 2 else node.lengths
         if at is UNSET:
             grid, block = tree.grid(parent.element), tree.block(index)
@@ -256,82 +241,23 @@ class _Writer(Struct, frozen=True, dict=True):
         else:
             area = pair_of(tree.value("extent", index), math.nan)
             corner = at[0] - area[0] / 2, at[1] - area[1] / 2
+        copies = strewn(
+            tree.value("scatter", index),
+            area,
+            by_quarters=tree.value("part", index) is not UNSET,
+            tilted=angle is not UNSET and angle % 90 != 0,
+        )
         found = []
-        is_part = tree.value("part", index) is not UNSET
-        angle = tree.value("turn_deg", index)
-        tilted = angle is not UNSET and angle % 90 != 0
-        copies = strewn(scatter, area, by_quarters=is_part, tilted=tilted)
-        for n, copy in enumerate(copies):
-            inner = self._chain(root, copy.side, copy.turn)
+        for number, copy in enumerate(copies):
+            inner = self.chains.strewn(root, copy)
             middle = corner[0] + copy.middle[0], corner[1] + copy.middle[1]
             place = {"at": _turned_place(middle, node.lengths, quarters), "extent": copy.side}
-            own = side(copy.side), side(copy.side)
-            factor = node.factor * node.chain.factor
-            name = f"{step}[{n}]{inner.name}"
-            found.append(_Node(inner, factor, quarters, place, own, (1, 1), name))
+            own, name = side(copy.side), f"{step}[{number}]{inner.name}"
+            found.append(_Node(inner, factor, quarters, place, (own, own), (1, 1), name))
         return found
 
-    def _chain(self, root: Root, by: float | None = None, turn: float = 0.0) -> _Chain:
-        """What an element stands for.
 
-        Args:
-            root: the element.
-            by: of a scattered one the size of the copy, a factor on its heights.
-            turn: of a scattered one the turn of the copy.
-        """
-        known: dict[tuple[int, int], _Chain] = self.__dict__.setdefault("_chains", {})
-        key = id(root.tree), root.element
-        if by is None and key in known:
-            return known[key]
-        places = []
-        names = []
-        inner = root
-        while (name := inner.tree.value("part", inner.element)) is not UNSET:
-            places.append(inner)
-            outer, inner = inner, self.uses.part(name)
-            names.append(self._name(name, outer.home, inner.home))
-        tree = inner.tree
-        offset, surface, descr = (
-            tree.value(key, inner.element) for key in ("v_offset", "surface", "descr")
-        )
-        scales = [place.tree.value("v_scale", place.element) for place in (*places, inner)]
-        own_turn = tree.value("turn_deg", inner.element)
-        quarters = 0
-        if by is not None:
-            scales[0] = by if scales[0] is UNSET else by * scales[0]
-            if places:
-                quarters = quarter_turns(turn)
-            elif turn:
-                own_turn = turn if own_turn is UNSET else math.fmod(own_turn, 360.0) + turn
-        factor = 1.0
-        for scale in scales[:-1]:
-            factor *= 1.0 if scale is UNSET else scale
-        for place, scale in zip(reversed(places), reversed(scales[:-1]), strict=True):
-            own = {
-                key: place.tree.value(key, place.element)
-                for key in ("v_offset", "surface", "descr", "turn_deg")
-            }
-            if offset is not UNSET and scale is not UNSET:
-                offset = scale * offset
-            if own["v_offset"] is not UNSET:
-                offset = own["v_offset"] if offset is UNSET else offset + own["v_offset"]
-            surface = own["surface"] if surface is UNSET else surface
-            descr = descr if own["descr"] is UNSET else own["descr"]
-            quarters += quarter_turns(own["turn_deg"])
-        chain = _Chain(
-            inner, scales[-1], own_turn, factor, offset, quarters % 4, surface, descr,
-            "".join(names),
-        )  # fmt: skip
-        if by is None:
-            known[key] = chain
-        return chain
-
-    def _name(self, part: str, outer: Document, home: Document) -> str:
-        where = "" if home is outer else f"{path_between(self.uses.document, home)}#"
-        return f">{where}/parts/{escape(part)}"
-
-
-def _turned_block(
+def turned_block(
     block: tuple[int, int, int, int], grid: tuple[int, int], quarters: int
 ) -> tuple[tuple[int, int], dict[str, Any]]:
     """The span, and the place, of a block of cells of a grid after quarter turns."""

@@ -214,8 +214,8 @@ def compile_definition(definition: Definition, tree: Tree) -> Compiled:
     grids["more"][1:-1] = owners[1:] == owners[:-1]
     grid_of = np.zeros(len(parents), np.uint32)
     grid_of[owners[::-1]] = np.arange(len(owners), 0, -1)  # the first of each
-    grid_numbers = np.arange(len(firsts), dtype=np.uint32)
-    home = np.repeat(grid_numbers, np.diff(firsts, append=len(parents)))
+    numbers = np.arange(len(firsts), dtype=np.uint32)
+    home = np.repeat(numbers, np.diff(firsts, append=len(parents)))
     sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
     corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
     kernels.lay_grids(grids, sides, aspects, owners, home, placed, corner, extent)
@@ -470,9 +470,10 @@ def _mark_plain(
     """Mark the grids of leaves with nothing special, and the free ones without turns."""
     plain = (elements["grid"] == 0) & (kinds["special"][elements["kind"]] == 0)
     leaves = np.logical_and.reduceat(plain, firsts)
-    grids["leaves"] = leaves & (grids["listed"] == 0)
+    free = grids["standing"] == FREE
+    grids["leaves"] = leaves & (free | (grids["listed"] == 0))
     unturned = np.logical_and.reduceat(turn == 0, firsts)
-    grids["standing"][leaves & unturned & (grids["standing"] == FREE)] = FREE_PLAIN
+    grids["standing"][leaves & unturned & free] = FREE_PLAIN
 
 
 def _poses(

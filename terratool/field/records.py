@@ -18,7 +18,7 @@ COMBINE = {"product": 0, "sum": 1, "min": 2, "max": 3, "radial": 4}
 IN_CELLS, FREE, FREE_PLAIN = 0, 1, 2
 """How the elements of a grid stand: in its cells, or each at a place of its own.
 
-Plain ones have no grid, no turn and nothing special.
+Plain ones are leaves without a turn.
 """
 
 STEPPED = 2
@@ -58,7 +58,7 @@ FREE_BINS = np.dtype(
     [
         ("corner", np.float64, 2),  # south-west, from the corner of the parent's cell
         ("per", np.float64, 2),  # bins per unit of length
-        ("slack", np.float64),  # so far from an edge its double decides, and a billionth of a side
+        ("slack", np.float64),  # a point farther from all edges is inside or outside for certain
         ("shape", np.uint32, 2),  # bins along x and y
         ("places", np.int64),  # from the index of an element to that of its place
     ],
@@ -108,6 +108,29 @@ Siblings that stand in cells and at free places in turn are in as many grids, on
 grid of free elements has one cell, that of its parent.
 """
 
+MEMBER = np.dtype(
+    [
+        ("factor", np.float64),  # of its part: on all heights in it
+        # the numbers of 128 bits, the lower half first: among the elements of its parent and what
+        # is in these, the first is number 0; copies of it are so far apart
+        ("first", np.uint64, 2),
+        ("each", np.uint64, 2),
+        ("copies", np.uint32),  # index into copies; 0 for one
+    ],
+    align=True,
+)
+"""What an element has besides in a field whose parts are shared."""
+
+COPIES = np.dtype(
+    [
+        ("step", np.float64, 2),  # whole cells, or units of the terrain for a free element
+        ("count", np.uint32, 2),
+        ("across", np.uint8),  # the rows stand along y
+    ],
+    align=True,
+)
+"""Copies of an element, along x and y."""
+
 SEGMENT = np.dtype(
     [
         ("x", np.float64),  # where it begins …
@@ -127,7 +150,7 @@ SEGMENT = np.dtype(
 
 _ALIGNMENT = 8
 
-kernels.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT)
+kernels.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES)
 
 
 def aligned(value: Any) -> Any:
@@ -205,6 +228,32 @@ class TrackArrays(NamedTuple):
     entries: NDArray[np.uint32]
 
 
+class SharingArrays(NamedTuple):
+    """What a field has besides whose parts are shared; of others the arrays are empty.
+
+    Its elements are those of its templates, one after the other: of the terrain and of each part,
+    once for each of its quarter turns and for each surface that it takes from around. First stand
+    the roots of all of them, of which only that of the terrain is an element. Where a grid lies is
+    computed on the way down. Scales are NaN for the default, and poses those in square cells.
+
+    Attributes:
+        elements: MEMBER, of all elements.
+        copies: COPIES; the first is one copy.
+        mirrors: (grids,) uint8, 1 and 2 where free places are mirrored along x and y.
+        extent: (2,) float64, sides of the terrain.
+    """
+
+    elements: NDArray[Any]
+    copies: NDArray[Any]
+    mirrors: NDArray[np.uint8]
+    extent: NDArray[np.float64]
+
+
+NOT_SHARED = SharingArrays(
+    np.zeros(0, MEMBER), np.zeros(0, COPIES), np.zeros(0, np.uint8), np.zeros(2)
+)
+
+
 class FieldArrays(NamedTuple):
     """A compiled field: nothing but arrays.
 
@@ -223,6 +272,7 @@ class FieldArrays(NamedTuple):
         pending: the most grids that a descent has to remember at a time.
         voids: whether any surface is void.
         tracks: the ruts in it.
+        shared: what is shared by the places that parts stand in.
     """
 
     elements: NDArray[Any]
@@ -238,12 +288,13 @@ class FieldArrays(NamedTuple):
     pending: int
     voids: bool
     tracks: TrackArrays
+    shared: SharingArrays = NOT_SHARED
 
     @property
     def nbytes(self) -> int:
         """Memory of all arrays, in bytes."""
         own = (array for array in self if isinstance(array, np.ndarray))
-        return sum(array.nbytes for array in (*own, *self.curves, *self.tracks))
+        return sum(array.nbytes for array in (*own, *self.curves, *self.tracks, *self.shared))
 
     @property
     def busy_nbytes(self) -> int:

@@ -15,6 +15,8 @@ def check_records(
     free_bins: np.dtype[Any],
     kind: np.dtype[Any],
     segment: np.dtype[Any],
+    member: np.dtype[Any],
+    copies: np.dtype[Any],
 ) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
 
@@ -46,6 +48,21 @@ def samples(
     Height, top element and gradient at points.
 
     Shapes: x[n], y[n], height[n], top[n], gradient[n,2].
+    """
+
+def shared_samples(
+    field: Field,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    height: NDArray[np.float64],
+    top: NDArray[np.int64],
+    number: NDArray[np.uint64],
+    gradient: NDArray[np.float64],
+) -> None:
+    """
+    The same where parts are shared, and the number of the top element.
+
+    Shapes: x[n], y[n], height[n], top[n], number[n,2], gradient[n,2].
     """
 
 def sort_by_place(

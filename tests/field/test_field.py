@@ -358,12 +358,11 @@ class TestFreePlaces:
     def test_children_of_both_kinds_are_deeper_than_any_sibling(self) -> None:
         surfaces = {"surfTypes": {name: {} for name in "abcd"}}
         first = free(50, 25, [40, 20], surface="a", children=[
-            child(5, 5, surface="b"), free(22, 11, 4, surface="c")
+            child(5, 5, surface="b"), free(22, 11, 2, surface="c")
         ])  # fmt: skip
         later = child(5, 5, surface="d", span=[2, 2])
         t = terrain({"type": "flat", "children": [first, later]}, size=[100, 50], **surfaces)
-        assert t.surface([51, 50.5, 55], [25.5, 27.5, 25.5]).tolist() == ["c", "c", "d"]
-        assert t.surface([50.5, 53.5], [25.5, 26.5]).tolist() == ["c", "b"]
+        assert t.surface([52, 50.5, 55, 68], [26, 26, 26, 34]).tolist() == ["c", "b", "d", "d"]
 
     def test_a_step_stands_where_its_decimal_says(self) -> None:
         t = terrain({"type": "flat", "children": [free(2.5, 1, [3, 2], "kerb", vScale=2)]}, size=9)
@@ -388,7 +387,7 @@ class TestFreePlaces:
             assert height == pytest.approx((sides[over].min(axis=1) / size).sum(), abs=1e-9)
 
     def test_a_grid_finer_than_doubles_within_a_free_place(self) -> None:
-        """Where its cells are narrower than spacings of doubles the place in its parent's decides."""
+        """The place in its parent's cell decides there, as within a cell."""
         block = child(15000, 6000, vScale=5, span=[20000, 30000])
         inner = free(0.5, 0.5, 1e-5, "flat", cells=60000, children=[block])
         t = terrain({"type": "flat", "children": [inner]}, 1, origin=[1e5, 2e5])
