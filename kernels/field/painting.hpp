@@ -11,6 +11,7 @@
 
 #include <variant>
 
+#include "relief_painting.hpp"
 #include "track_painting.hpp"
 
 namespace terratool {
@@ -414,6 +415,7 @@ void paint_window(
                         window.column + column, part
                     );
                 if (has_tracks(field)) paint_tracks(field, canvas, xs, ys, part);
+                if (has_reliefs(field)) paint_reliefs(field, canvas, xs, ys, part);
             }
             for (i64 r = 0; r < count_of(ys); ++r) {
                 bool painted = !part.is_empty() && part.south <= r && r < part.north;

@@ -461,7 +461,7 @@ inline void any_heights(const Field& field, In x, In y, Out out) {
         out[n] = NaN;
         if (!is_inside(field.bounds, x[n], y[n])) continue;
         SharedDescent<false> found(field, x[n], y[n], stack);
-        out[n] = lowered(field, found.z, found.top.element, x[n], y[n]);
+        out[n] = settled(field, found.z, found.top.element, x[n], y[n]);
     }
 }
 
@@ -482,14 +482,11 @@ inline void shared_samples(
         top[n] = element;
         number(n, 0) = found.top.number.low, number(n, 1) = found.top.number.high;
         if (is_void(field, element)) continue;
-        height[n] = found.z;
-        if (has_tracks(field)) {
-            Rut rut = rut_at(field.tracks, x[n], y[n], surface_of(field, element));
-            height[n] = found.z - rut.depth;
-            if (rut.surface_track >= 0) top[n] = count_of(field.elements) + rut.surface_track;
-        }
-        gradient(n, 0) = found.slope_x;
-        gradient(n, 1) = found.slope_y;
+        Ground<true> ground(field, found.z, element, x[n], y[n]);
+        height[n] = ground.z;
+        if (ground.surface_track >= 0) top[n] = count_of(field.elements) + ground.surface_track;
+        gradient(n, 0) = found.slope_x + ground.slope_x;
+        gradient(n, 1) = found.slope_y + ground.slope_y;
     }
 }
 

@@ -70,8 +70,16 @@ def ends_of(figure: SoilFigure) -> Pair:
     return figure if isinstance(figure, tuple) else (figure, figure)
 
 
+class Roughness(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """The relief of a surface, finer than any element: see `terratool.field.relief`."""
+
+    rms: float | UnsetType = UNSET
+    correlation: float | UnsetType = UNSET
+    seed: int | UnsetType = UNSET
+
+
 class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """The micro-terrain: soil, friction, colour and sonar of a surface."""
+    """The micro-terrain: soil, friction, colour, sonar and relief of a surface."""
 
     descr: str | UnsetType = UNSET
     preset: str | UnsetType = UNSET
@@ -82,6 +90,7 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
     sonar_refl: float | UnsetType = UNSET
     shear_modulus: SoilFigure | UnsetType = UNSET
     void: bool | UnsetType = UNSET
+    roughness: Roughness | UnsetType = UNSET
 
     @property
     def ranges(self) -> dict[str, Pair]:

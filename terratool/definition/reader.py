@@ -25,6 +25,7 @@ from terratool.definition.model import (
     Element,
     Library,
     Primitive,
+    Roughness,
     Surface,
     Track,
     names_of,
@@ -406,17 +407,21 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
         for name, key in names_of(kind)
         if KEYS[kind][key].kind in ("number", "whole")
     ]
-    for kind in (Definition, Library, Surface, Track)
+    for kind in (Definition, Library, Surface, Roughness, Track)
 }
 
 
 def _in_range(definition: Library, tree: Tree) -> bool:
     """Whether every number whose range is not part of its type lies in that of its key."""
+    surfaces = definition.surfaces.values()
+    reliefs = [s.roughness for s in surfaces if s.roughness is not msgspec.UNSET]
+    if any(r.rms is msgspec.UNSET or r.correlation is msgspec.UNSET for r in reliefs):
+        return False
     ranged = [(tree.distinct(key), KEYS[Element][key]) for key in ("cells", "extent")]
     tracks = definition.ruts if isinstance(definition, Definition) else ()
     ranged += [
         ({getattr(owner, name)}, key)
-        for owner in (definition, *definition.surfaces.values(), *tracks)
+        for owner in (definition, *surfaces, *reliefs, *tracks)
         for name, key in _RANGED[type(owner)]
     ]
     for primitive in definition.primitives.values():

@@ -32,11 +32,13 @@ from terratool.field.records import (
     KIND,
     PLACE,
     POSE,
+    RELIEF,
     SEGMENT,
     CurveArrays,
     FieldArrays,
     TrackArrays,
 )
+from terratool.field.relief import compile_reliefs
 from terratool.kernels import field as kernels
 
 Ints = NDArray[np.int64]
@@ -194,8 +196,8 @@ class Compiled(NamedTuple):
         return f"/children/{self.document[element]}" if element else ROOT
 
 
-def compile_definition(definition: Definition, tree: Tree) -> Compiled:
-    """Compile a valid definition and its elements, laid flat."""
+def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = True) -> Compiled:
+    """Compile a valid definition and its elements, laid flat; with reliefs or without."""
     columns = _columns(tree, definition)
     order, dense = _order(columns, tree)
     rank = np.empty_like(order)
@@ -254,6 +256,7 @@ def compile_definition(definition: Definition, tree: Tree) -> Compiled:
         pending=bins.pending,
         voids=bool(found.kinds["is_void"].any()),
         tracks=compile_tracks(definition, bounds),
+        reliefs=compile_reliefs(definition) if roughness else np.zeros(0, RELIEF),
     )
     return Compiled(
         arrays,

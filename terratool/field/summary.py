@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET, to_builtins
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
-from terratool.definition.model import ranges_of
+from terratool.definition.model import Roughness, ranges_of
 from terratool.field.compile import track_lengths
 from terratool.field.terrain import Terrain, clip_bounds
 
@@ -47,9 +48,21 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
         "height": {"low": low, "high": high, "points": points},
         "bytes": terrain.nbytes,
     }
+    if terrain.is_rough:
+        summary["roughness"] = [
+            {"surface": name, **_roughness(surface.roughness)}
+            for name, surface in terrain.surface_types.items()
+            if surface.roughness is not UNSET and surface.void is not True
+        ]
     if ranges := ranges_of(terrain.surface_types):
         summary["ranges"] = [one._asdict() for one in ranges]
     return summary
+
+
+def _roughness(roughness: Roughness) -> dict[str, float]:
+    """What a roughness says, the default of its seed included."""
+    values: dict[str, float] = to_builtins(roughness)
+    return {"seed": 0} | values
 
 
 def height_range(

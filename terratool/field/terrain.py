@@ -128,8 +128,12 @@ class Terrain:
     in the broadcast shape. Outside there is no height (NaN) and nothing else (None).
     """
 
-    def __init__(self, definition: Definition | Checked) -> None:
+    def __init__(self, definition: Definition | Checked, *, roughness: bool = True) -> None:
         """Compile a valid definition, or one that was checked.
+
+        Args:
+            definition: the definition.
+            roughness: whether rough surfaces have their relief.
 
         Raises:
             DefinitionError: what was checked has errors.
@@ -143,7 +147,7 @@ class Terrain:
         else:
             expansion = expand_definition(definition)
         definition, tree = expansion
-        self._compiled: Compiled = compile_definition(definition, tree)
+        self._compiled: Compiled = compile_definition(definition, tree, roughness=roughness)
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs
@@ -192,6 +196,11 @@ class Terrain:
     def tracks(self) -> int:
         """Number of tracks."""
         return len(self.arrays.tracks.passes)
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether the relief of any surface counts."""
+        return len(self.arrays.reliefs) > 0
 
     @property
     def levels(self) -> int:
@@ -314,18 +323,21 @@ class Terrain:
         return np.array([*self.surfaces, None], object)
 
 
-def load(path: str | Path, library_roots: tuple[str, ...] = ()) -> Terrain:
+def load(
+    path: str | Path, library_roots: tuple[str, ...] = (), *, roughness: bool = True
+) -> Terrain:
     """Read, check and compile a definition.
 
     Args:
         path: of the file.
         library_roots: further folders under which the libraries that it uses may lie.
+        roughness: whether rough surfaces have their relief.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it is no valid terrain; the findings say why.
     """
-    return Terrain(load_checked(path, library_roots))
+    return Terrain(load_checked(path, library_roots), roughness=roughness)
 
 
 def _points(

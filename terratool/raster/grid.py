@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import finest_details
+from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 
 DEFAULT_PIXELS = 4096
@@ -19,6 +20,7 @@ DEFAULT_PIXELS = 4096
 
 PIXELS_PER_CELL = 10
 PIXELS_PER_TRACK = 3
+PIXELS_PER_CORRELATION = 4
 MAX_SIDE = 2**31 - 1
 _WHOLE = 1e-6
 """A quotient this near to a whole number of pixels is one."""
@@ -97,8 +99,9 @@ class Grid:
 def default_resolution(terrain: Terrain, bounds: Bounds | None = None) -> tuple[float, str]:
     """A resolution for a terrain, or a part of it, and in words why: what shows its features.
 
-    That is the least of a tenth of the smallest cell, the shortest straight stretch of a curve, and
-    a third of the narrowest track, which then has three pixels across. Where the longer side would
+    That is the least of a tenth of the smallest cell, the shortest straight stretch of a curve, a
+    third of the narrowest track, which then has three pixels across, and a quarter of the shortest
+    correlation length of a rough surface. Where the longer side would
     have too many pixels, it is that of `resolution_within`.
 
     Raises:
@@ -139,6 +142,10 @@ def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
         (cell / PIXELS_PER_CELL, "a tenth of the smallest cell"),
         (float(details.min()), "the finest detail of a curve"),
         (narrowest / PIXELS_PER_TRACK, "a third of the narrowest track"),
+        (
+            relief_bounds(terrain.arrays).finest / PIXELS_PER_CORRELATION,
+            "a quarter of the shortest correlation length",
+        ),
     )
     finest, why = features[0]
     for side, what in features[1:]:
