@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain
 
 
@@ -14,6 +15,7 @@ def largest_sum(terrain: Terrain) -> float:
     elements = terrain.arrays.elements
     tracks = terrain.arrays.tracks
     ruts = float(np.nanmax(tracks.depths, initial=0.0) * (1.0 + tracks.passes.sum()))
+    ruts += relief_bounds(terrain.arrays).height
     return float((25 * np.abs(elements["scale"]) + np.abs(elements["offset"])).sum()) + ruts
 
 

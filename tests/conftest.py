@@ -67,11 +67,11 @@ def text_of(value: Any) -> str:
     return before + json.dumps(pending) + "".join(part for _, part in reversed(opened))
 
 
-def terrain_of(definition: dict[str, Any]) -> Terrain:
-    """The terrain of a definition that must be valid."""
+def terrain_of(definition: dict[str, Any], *, roughness: bool = True) -> Terrain:
+    """The terrain of a definition that must be valid; with reliefs or without."""
     checked = check(Source("test.json", text_of(definition).encode()))
     assert checked.definition is not None, checked.findings
-    return Terrain(checked)
+    return Terrain(checked, roughness=roughness)
 
 
 @pytest.fixture

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+WORD = 1 << 64
 FOOTPRINT_TOLERANCE = 1e-9  # turned rectangles and discs are closed sets, a little generous
 STEP_TOLERANCE = 1e-12  # a step of a turned element or a disc holds from this far before it
 
@@ -305,6 +306,35 @@ class Track:
         return float(self.node.get("load", 0) * rate)
 
 
+def mixed(key: int) -> int:
+    """SplitMix64 of a whole number."""
+    key = key * 0x9E3779B97F4A7C15 % WORD
+    key = (key ^ key >> 30) * 0xBF58476D1CE4E5B9 % WORD
+    key = (key ^ key >> 27) * 0x94D049BB133111EB % WORD
+    return key ^ key >> 31
+
+
+def relief(roughness: dict[str, Any], x: float, y: float) -> float:
+    """The relief of a rough surface, to the last bit."""
+    per = 1.01600039152519 / float(roughness["correlation"])
+    scale = 0.15131984843753557 * float(roughness["rms"])
+    s, t = x * per, y * per
+    if not max(abs(s), abs(t)) < 2**50:
+        return 0.0
+    key, total = mixed(roughness.get("seed", 0) + 1), 0.0
+    west, south = math.floor(s - 1.5), math.floor(t - 1.5)
+    for j in range(south, south + 4):
+        row = mixed(key ^ j % WORD)
+        for i in range(west, west + 4):
+            bits = mixed(row ^ i % WORD)
+            dx = (s - i) - (bits >> 43) / 2**21
+            dy = (t - j) - (bits >> 22) % 2**21 / 2**21
+            height = (2 * (bits % 2**22) + 1) / 2**22 - 1
+            rest = max(2.25 - (dx * dx + dy * dy), 0.0)
+            total += height * (rest * rest) * rest
+    return scale * total
+
+
 class Oracle:
     """Answers for one definition."""
 
@@ -325,12 +355,20 @@ class Oracle:
             return Answer(math.nan, None, None)
         covering = self._covering(x, y)
         if not covering:
-            return self._rutted(Answer(0.0, None, None), x, y)
+            return self._rough(Answer(0.0, None, None), x, y)
         winner = max(reversed(covering), key=lambda element: element.level)
         if winner.surface is not None and self.surfaces[winner.surface].get("void", False):
             return Answer(math.nan, winner.surface, winner.pointer)
         z = math.fsum(self._height(element, element.shape(x, y)) for element in covering)
-        return self._rutted(Answer(z, winner.surface, winner.pointer), x, y)
+        return self._rough(Answer(z, winner.surface, winner.pointer), x, y)
+
+    def _rough(self, elements: Answer, x: float, y: float) -> Answer:
+        """What tracks, and then the relief of the surface, make of what the elements are."""
+        ground = self._rutted(elements, x, y)
+        surface = self.surfaces[ground.surface] if ground.surface is not None else {}
+        if "roughness" not in surface:
+            return ground
+        return replace(ground, z=ground.z + relief(surface["roughness"], x, y))
 
     def _rutted(self, ground: Answer, x: float, y: float) -> Answer:
         """What the tracks make of the ground that the elements are."""

@@ -49,6 +49,8 @@ SURFACES: Json = {
         "shearModulus": [0.01, 0.025],
     },
     "hole": {"void": True},
+    "gravel": {"roughness": {"rms": 0.04, "correlation": 0.7}},
+    "stony": {"sinkage": 0, "roughness": {"rms": 0.5, "correlation": 1.5, "seed": 7}},
     "filled": {"void": False, "x-note": "surveyed"},
 }
 

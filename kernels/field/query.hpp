@@ -2,6 +2,7 @@
 #pragma once
 
 #include "frames.hpp"
+#include "roughness.hpp"
 #include "tracks.hpp"
 
 namespace terratool {
@@ -279,10 +280,31 @@ INLINE double height_or_void(const Field& field, double z, i64 top) {
     return is_void(field, top) ? NaN : z;
 }
 
-// What of the height of the elements is left by tracks and the void.
-INLINE double lowered(const Field& field, double z, i64 top, double x, double y) {
+// The ground at a point where the elements have a height and a top element, and no void is: first
+// the rut is taken from it, then the relief of the surface that is there then is added.
+template <bool sloped> struct Ground {
+    double z;
+    i64 surface_track = -1;               // the track that decides the surface, -1 for none
+    double slope_x = 0.0, slope_y = 0.0;  // of the relief
+
+    INLINE Ground(const Field& field, double height, i64 top, double x, double y) : z(height) {
+        i64 surface = surface_of(field, top);
+        if (has_tracks(field)) {
+            Rut rut = rut_at(field.tracks, x, y, surface);
+            z -= rut.depth, surface_track = rut.surface_track;
+            if (surface_track >= 0) surface = field.tracks.surface[surface_track];
+        }
+        if (has_reliefs(field)) {
+            ReliefPoint relief = relief_at<sloped>(relief_of(field, surface), x, y);
+            z += relief.z, slope_x = relief.slope_x, slope_y = relief.slope_y;
+        }
+    }
+};
+
+// What of the height of the elements is left by tracks, reliefs and the void.
+INLINE double settled(const Field& field, double z, i64 top, double x, double y) {
     if (is_void(field, top)) return NaN;
-    return has_tracks(field) ? z - rut_at(field.tracks, x, y, surface_of(field, top)).depth : z;
+    return has_tracks(field) || has_reliefs(field) ? Ground<false>(field, z, top, x, y).z : z;
 }
 
 struct Begun {  // the root's height and slopes, and the place in the root's grid
@@ -415,7 +437,7 @@ INLINE bool is_inside(In bounds, double x, double y) {
 inline double height_at(const Field& field, double x, double y, Stack& stack) {
     if (!is_inside(field.bounds, x, y)) return NaN;
     Found found = descend<false>(field, x, y, stack);
-    return lowered(field, found.z, found.top, x, y);
+    return settled(field, found.z, found.top, x, y);
 }
 
 // Positions along one axis of a grid, in whole cells and parts of them; vectorised.
@@ -531,7 +553,15 @@ private:
 // In the place of a top element: the height of this point is complete.
 constexpr i64 COMPLETE = -2;
 
-// Take the ruts from the heights of a batch of points.
+// Take the ruts from the heights of a batch of points, and add the reliefs.
+inline void settle_batch(const Field& field, In x, In y, const Scratch& scratch, Out out) {
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        if (scratch.top[n] != COMPLETE && !isnan(out[n]))
+            out[n] = Ground<false>(field, out[n], scratch.top[n], x[n], y[n]).z;
+    }
+}
+
+// The same where no surface is rough.
 inline void lower_batch(const Field& field, In x, In y, Scratch& scratch, Out out) {
     std::size_t count = x.size();
     Out u(scratch.work[0].data(), count), v(scratch.work[1].data(), count);
@@ -660,7 +690,8 @@ inline void heights(const Field& field, In x, In y, Out out) {
             In xs = x.subspan(begin, count), ys = y.subspan(begin, count);
             Out zs = out.subspan(begin, count);
             batch_heights(field, xs, ys, scratch, zs);
-            if (has_tracks(field)) lower_batch(field, xs, ys, scratch, zs);
+            if (has_reliefs(field)) settle_batch(field, xs, ys, scratch, zs);
+            else if (has_tracks(field)) lower_batch(field, xs, ys, scratch, zs);
         });
     } else {
         for (std::size_t n = 0; n < x.size(); ++n)
@@ -679,13 +710,14 @@ inline void samples(
         top[n] = found.top;
         if (is_void(field, found.top)) return;
         height[n] = found.z;
-        if (has_tracks(field)) {
-            Rut rut = rut_at(field.tracks, x[n], y[n], surface_of(field, found.top));
-            height[n] = found.z - rut.depth;
-            if (rut.surface_track >= 0) top[n] = count_of(field.elements) + rut.surface_track;
-        }
         gradient(n, 0) = found.slope_x;
         gradient(n, 1) = found.slope_y;
+        if (!has_tracks(field) && !has_reliefs(field)) return;
+        Ground<true> ground(field, found.z, found.top, x[n], y[n]);
+        height[n] = ground.z;
+        if (ground.surface_track >= 0) top[n] = count_of(field.elements) + ground.surface_track;
+        gradient(n, 0) += ground.slope_x;
+        gradient(n, 1) += ground.slope_y;
     };
     auto descend_from_root = [&](std::size_t n) {
         if (is_inside(field.bounds, x[n], y[n]))

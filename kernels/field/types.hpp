@@ -72,6 +72,11 @@ struct Copies {
     u8 across;
 };
 
+struct Relief {
+    double per, scale;
+    u64 key;
+};
+
 template <class Visit> void visit_members(Element& e, Visit visit) {
     visit("cell", e.cell), visit("pose", e.pose), visit("scale", e.scale);
     visit("offset", e.offset), visit("kind", e.kind), visit("grid", e.grid);
@@ -119,6 +124,10 @@ template <class Visit> void visit_members(Segment& s, Visit visit) {
     visit("x", s.x), visit("y", s.y), visit("end_x", s.end_x), visit("end_y", s.end_y);
     visit("dx", s.dx), visit("dy", s.dy), visit("square", s.square);
     visit("reach", s.reach), visit("reach_square", s.reach_square), visit("track", s.track);
+}
+
+template <class Visit> void visit_members(Relief& r, Visit visit) {
+    visit("per", r.per), visit("scale", r.scale), visit("key", r.key);
 }
 
 struct Curves {
@@ -178,6 +187,7 @@ struct Field {
     bool voids;
     Tracks tracks;
     Sharing shared;
+    Span<const Relief> reliefs;
 };
 
 template <class Visit> void visit_arguments(Field& f, Visit visit) {
@@ -188,6 +198,7 @@ template <class Visit> void visit_arguments(Field& f, Visit visit) {
     visit("curves", f.curves), visit("bounds[4]", f.bounds);
     visit("pending", f.pending), visit("voids", f.voids), visit("tracks", f.tracks);
     visit("shared", f.shared);
+    visit("reliefs", f.reliefs);
 }
 
 // Where in `offsets` the bin of a cell of a grid is.

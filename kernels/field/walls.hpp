@@ -219,7 +219,10 @@ private:
         if (!is_inside(field_.bounds, x, y)) return {NaN, NaN};
         Found found = descend<true>(field_, x, y, canvas_.stack);
         if (is_void(field_, found.top)) return {NaN, NaN};
-        return {lowered(field_, found.z, found.top, x, y), along_x ? found.slope_x : found.slope_y};
+        double slope = along_x ? found.slope_x : found.slope_y;
+        if (!has_tracks(field_) && !has_reliefs(field_)) return {found.z, slope};
+        Ground<true> ground(field_, found.z, found.top, x, y);
+        return {ground.z, slope + (along_x ? ground.slope_x : ground.slope_y)};
     }
 
     // Height of what two places so near to each other have between them, 0 if it is no wall.

@@ -179,6 +179,45 @@ inline double element_error(const Plan& plan, const CoveringElement& covering, c
     return size * (along + across + min(above, below));
 }
 
+// How far at most a relief is from a triangle with its corners on it, given in the world.
+//
+// What is small is held to the second derivatives in its middle, and to how much they may change
+// from there: bumps have none beyond 24 d max(3 (R² - d²), 2 d²) of the third order.
+inline double relief_error(const Relief& relief, const Corners& world) {
+    constexpr double small = 1.0;  // in cells
+    double low_s = relief.per * min3(world[0].u, world[1].u, world[2].u);
+    double high_s = relief.per * max3(world[0].u, world[1].u, world[2].u);
+    double low_t = relief.per * min3(world[0].v, world[1].v, world[2].v);
+    double high_t = relief.per * max3(world[0].v, world[1].v, world[2].v);
+    double wide = high_s - low_s, tall = high_t - low_t, squared = square(wide) + square(tall);
+    double s = 0.5 * (low_s + high_s), t = 0.5 * (low_t + high_t);
+    double error = min(2.0 * HIGHEST_RELIEF, 0.125 * MOST_BENT_RELIEF * squared);
+    if (squared > small || !is_rough(relief, s, t)) return relief.scale * error;
+    double radius = 0.5 * sqrt(squared), reach = BUMP_REACH + radius;
+    double xx = 0.0, xy = 0.0, yy = 0.0, change = 0.0;
+    double west = floor(s - reach), east = floor(s + reach);
+    double south = floor(t - reach), north = floor(t + reach);
+    for (double row = south; row <= north; row += 1.0) {
+        u64 key = row_key(relief, row);
+        for (double column = west; column <= east; column += 1.0) {
+            Bump bump = bump_in(key, column);
+            double dx = (s - column) - bump.x, dy = (t - row) - bump.y;
+            double square_d = dx * dx + dy * dy;
+            if (square_d >= reach * reach) continue;
+            double d = sqrt(square_d), rest = max(BUMP_SQUARE - square_d, 0.0);
+            double straight = -6.0 * (rest * rest), bent = 24.0 * rest;
+            xx += bump.height * (straight + bent * (dx * dx));
+            xy += bump.height * (bent * (dx * dy));
+            yy += bump.height * (straight + bent * (dy * dy));
+            double near = max(d - radius, 0.0), far = min(d + radius, BUMP_REACH);
+            double third = max(3.0 * (BUMP_SQUARE - near * near), 2.0 * (far * far));
+            change += abs(bump.height) * (24.0 * far * third);
+        }
+    }
+    double bend = abs(xx) * square(wide) + 2.0 * abs(xy) * wide * tall + abs(yy) * square(tall);
+    return relief.scale * min(error, 0.125 * (bend + change * radius * squared));
+}
+
 // A place in a triangle by barycentric coordinates: those of its corners b and c.
 struct Barycentric {
     double s, r;
@@ -202,8 +241,10 @@ struct RegionTriangle {
     const Plan& plan;
     Span<const CoveringElement> covering;
     double rut_depth;
+    const Relief* relief;  // null for none
     std::array<double, 3> heights;
     Span<const Corners> corners;
+    Corners world;  // the corners there
 
     // How far the region is from the triangle at a place.
     double error_at(Barycentric at) const {
@@ -212,6 +253,10 @@ struct RegionTriangle {
             z += element_height(plan, covering[k], at.in(corners[k]));
         auto [za, zb, zc] = heights;
         z = z - rut_depth;
+        if (relief) {
+            UV place = at.in(world);
+            z += relief_at<false>(*relief, place.u, place.v).z;
+        }
         return z - (za + at.s * (zb - za) + at.r * (zc - za));
     }
 
@@ -225,7 +270,10 @@ struct RegionTriangle {
             );
             if (total > enough) return INF;
         }
-        return total;
+        if (relief)
+            total +=
+                relief_error(*relief, {part[0].in(world), part[1].in(world), part[2].in(world)});
+        return total > enough ? INF : total;
     }
 };
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "../field/primitives.hpp"
+#include "../field/roughness.hpp"
 #include "types.hpp"
 
 namespace terratool::mesh {
@@ -116,12 +117,28 @@ INLINE double element_height(const Plan& plan, const CoveringElement& covering, 
     return element.scale * value + element.offset;
 }
 
+// A point of the lattice in the world.
+INLINE UV world_place(const Plan& plan, double x, double y) {
+    return {plan.origin[0] + x * plan.pitch, plan.origin[1] + y * plan.pitch};
+}
+
+// The relief of a region, null for none.
+INLINE const Relief* relief_in(const Plan& plan, const Regions& regions, i64 region) {
+    if (!has_reliefs(*plan.field)) return nullptr;
+    const Relief& relief = relief_of(*plan.field, regions.surfaces[region]);
+    return relief.scale == 0.0 ? nullptr : &relief;
+}
+
 // Height of a region at a point of it, or of its edge, on the lattice.
 inline double height_in(const Plan& plan, const Regions& regions, i64 region, double x, double y) {
     double z = 0.0;
     for (const CoveringElement& covering : regions.covering_of(region))
         z += element_height(plan, covering, place_in_shape(plan, covering.element, x, y));
-    return z - regions.rut_depths[region];
+    z -= regions.rut_depths[region];
+    const Relief* relief = relief_in(plan, regions, region);
+    if (!relief) return z;
+    UV world = world_place(plan, x, y);
+    return z + relief_at<false>(*relief, world.u, world.v).z;
 }
 
 // Heights of triangles at their corners, each from its own side; `region_of` are their regions.

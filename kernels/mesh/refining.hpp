@@ -311,17 +311,21 @@ private:
         i64 region = of_[t];
         auto covering = regions_.covering_of(region);
         corners_.resize(max(corners_.size(), covering.size()));
+        Corners world;
         for (int c = 0; c < 3; ++c) {
             auto [x, y] = point(triangles_[t][c]);
             for (std::size_t k = 0; k < covering.size(); ++k)
                 corners_[k][c] = place_in_shape(plan_, covering[k].element, double(x), double(y));
+            world[c] = world_place(plan_, double(x), double(y));
         }
         return mesh::largest_error(
             {plan_,
              covering,
              regions_.rut_depths[region],
+             relief_in(plan_, regions_, region),
              heights_[t],
-             {corners_.data(), covering.size()}},
+             {corners_.data(), covering.size()},
+             world},
             enough
         );
     }

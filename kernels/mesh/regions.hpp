@@ -281,11 +281,13 @@ inline FoundRegions describe_regions(
         i64 ground = surface_of(field, all.top);
         found.voids[r] = is_void(field, all.top), found.affine[r] = all.affine;
         found.polygon_errors[r] = polygon_error - before;
+        if (!tracks.find(x, y).empty() && !found.voids[r]) {
+            Rut rut = tracks.rut(ground);
+            found.rut_depths[r] = rut.depth;
+            if (rut.surface_track >= 0) ground = field.tracks.surface[rut.surface_track];
+        }
         found.surfaces[r] = i32(ground);
-        if (tracks.find(x, y).empty() || found.voids[r]) continue;
-        Rut rut = tracks.rut(ground);
-        found.rut_depths[r] = rut.depth;
-        if (rut.surface_track >= 0) found.surfaces[r] = field.tracks.surface[rut.surface_track];
+        if (has_reliefs(field) && relief_of(field, ground).scale != 0.0) found.affine[r] = false;
     }
     return found;
 }

@@ -15,6 +15,14 @@ void segment_holds(Span<const Segment> segment, In x, In y, Span<bool> out) {
     for (std::size_t n = 0; n < x.size(); ++n) out[n] = holds(segment[0], x[n], y[n]);
 }
 
+// Heights of a relief at points, and its gradient.
+void reliefs(Span<const Relief> relief, In x, In y, Out height, Matrix<double> gradient) {
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        ReliefPoint at = relief_at<true>(relief[0], x[n], y[n]);
+        height[n] = at.z, gradient(n, 0) = at.slope_x, gradient(n, 1) = at.slope_y;
+    }
+}
+
 }  // namespace
 
 void KeptField::check() {
@@ -92,6 +100,9 @@ void KeptField::check() {
     for (u32 law : t.law) check_index(law < t.depths.rows(), "a law");
     for (const Kind& k : f.kinds)
         check_index(t.passes.empty() || k.surface + 1 < t.depths.columns(), "a surface");
+    i64 most = count_of(f.reliefs) - 1;
+    for (const Kind& k : f.kinds) check_index(most < 0 || k.surface < most, "a relief");
+    for (i32 surface : t.surface) check_index(most < 0 || surface < most, "the relief of a track");
 }
 
 void bind_field(nb::module_ m) {
@@ -100,7 +111,7 @@ void bind_field(nb::module_ m) {
         "check_records",
         [](nb::handle element, nb::handle grid, nb::handle pose, nb::handle place,
            nb::handle free_bins, nb::handle kind, nb::handle segment, nb::handle member,
-           nb::handle copies) {
+           nb::handle copies, nb::handle relief) {
             check_record<Element>(element);
             check_record<Grid>(grid);
             check_record<Pose>(pose);
@@ -110,14 +121,15 @@ void bind_field(nb::module_ m) {
             check_record<Segment>(segment);
             check_record<Member>(member);
             check_record<Copies>(copies);
+            check_record<Relief>(relief);
         },
         "element"_a, "grid"_a, "pose"_a, "place"_a, "free_bins"_a, "kind"_a, "segment"_a,
-        "member"_a, "copies"_a,
+        "member"_a, "copies"_a, "relief"_a,
         nb::sig(
             "def check_records(element: np.dtype[Any], grid: np.dtype[Any], "
             "pose: np.dtype[Any], place: np.dtype[Any], free_bins: np.dtype[Any], "
             "kind: np.dtype[Any], segment: np.dtype[Any], member: np.dtype[Any], "
-            "copies: np.dtype[Any]) -> None"
+            "copies: np.dtype[Any], relief: np.dtype[Any]) -> None"
         ),
         "Refuse dtypes that are not the structs of the kernels."
     );
@@ -170,6 +182,10 @@ void bind_field(nb::module_ m) {
         {"segments[_]", "frame[4]", "shape[2]", "masks[m]", "offsets[m+1]", "entries[_]"}
     );
 
+    def<&reliefs>(
+        m, "reliefs", "Heights and gradients of a relief at points.",
+        {"relief[1]", "x[n]", "y[n]", "height[n]", "gradient[n,2]"}
+    );
     def<&segment_holds>(
         m, "segment_holds", "Whether a segment of a track holds points.",
         {"segment[1]", "x[n]", "y[n]", "out[n]"}

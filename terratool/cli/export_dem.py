@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import Names, library_root_option
+from terratool.cli.options import Names, library_root_option, roughness_option
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -85,6 +85,7 @@ COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+@roughness_option
 @library_root_option
 def command(
     file: str,
@@ -113,9 +114,10 @@ def command(
     Layers of numbers are bands of one file; surface and color get a file of their own.
 
     Without --resolution a pixel is the least of a tenth of the smallest cell, the finest detail of
-    a curve and a third of the narrowest track, but the longer side has at most 4096. Pixels count
-    from the south-west. Where they do not divide a side, their number is rounded to the nearest:
-    the last ones end up to half a pixel before or beyond the east and north sides.
+    a curve, a third of the narrowest track and a quarter of the shortest correlation length of a
+    rough surface, but the longer side has at most 4096. Pixels count from the south-west. Where
+    they do not divide a side, their number is rounded to the nearest: the last ones end up to half
+    a pixel before or beyond the east and north sides.
 
     With --tiles, OUTPUT is the .vrt that opens the tiles as one raster, DIR/mosaic.vrt if not said.
     Tiles that an interrupted run had finished are kept if they are unchanged.

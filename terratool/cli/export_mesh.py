@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from terratool.cli.options import library_root_option
+from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -28,7 +28,8 @@ _OPTIONS = (
         type=float,
         metavar="E",
         help="How far the ground may be from the terrain, along z, anywhere.  [default: 0.005, "
-        "half of what a small wheel notices; but 1/100,000 of a side beyond 500, 1/1000 below 5]",
+        "half of what a small wheel notices; but 1/100,000 of a side beyond 500, 1/1000 below 5, "
+        "and more where rough surfaces would take over 2,000,000 faces]",
     ),
     click.option(
         "--max-faces",
@@ -62,6 +63,7 @@ _OPTIONS = (
         help="Write files of about N faces each, for terrains too large for one, into a folder: "
         "OUTPUT without its suffix. They fit each other; its tiles.json lists them.",
     ),
+    roughness_option,
     library_root_option,
     click.option("--overwrite", is_flag=True, help="Replace files that exist."),
     click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON."),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import library_root_option
+from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load
 from terratool.text.display import printable
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Write the footprints of elements and the lines of tracks as GeoJSON, in its crs.",
 )
+@roughness_option
 @library_root_option
 def command(file: str, as_json: bool, geojson: bool) -> None:
     """Say what a terrain consists of: size, elements, heights, memory."""
@@ -76,6 +77,11 @@ def _text(s: dict[str, Any]) -> str:
         lines.append(
             f"height         {height['low']:.6g} to {height['high']:.6g}, "
             f"at {height['points']:,} points"
+        )
+    for number, one in enumerate(s.get("roughness", ())):
+        lines.append(
+            f"{'' if number else 'roughness':15}{printable(one['surface'])}: rms {one['rms']:.6g}, "
+            f"correlation {one['correlation']:.6g}, seed {one['seed']}"
         )
     for number, one in enumerate(s.get("ranges", ())):
         lines.append(

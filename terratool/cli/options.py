@@ -56,6 +56,28 @@ def library_roots() -> tuple[str, ...]:
     return () if context is None else context.meta.get(_ROOTS, ())
 
 
+_ROUGHNESS = "terratool.roughness"
+
+
+def _keep_roughness(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    ctx.meta[_ROUGHNESS] = not value
+
+
+roughness_option = click.option(
+    "--no-roughness",
+    is_flag=True,
+    expose_value=False,
+    callback=_keep_roughness,
+    help="Leave out the relief of rough surfaces.",
+)
+
+
+def has_roughness() -> bool:
+    """Whether rough surfaces have their relief; not with --no-roughness."""
+    context = click.get_current_context(silent=True)
+    return True if context is None else context.meta.get(_ROUGHNESS, True)
+
+
 def source_options(command: _Command) -> _Command:
     """Add the options to a command; it gets them by name, and `options_of` collects them."""
     for option in reversed(

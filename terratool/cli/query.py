@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from terratool.cli.options import library_root_option
+from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load
 from terratool.errors import ReadError
 from terratool.text.display import printable, shown
@@ -49,6 +49,7 @@ Point = tuple[float, float]
     default="csv",
     help="How the answers are written.",
 )
+@roughness_option
 @library_root_option
 def command(file: str, coordinates: tuple[str, ...], points: str | None, form: str) -> None:
     """Answer height, surface, element and normal at points.

@@ -135,14 +135,14 @@ def say(line: str, err: bool = False) -> None:
 
 
 def load(file: str) -> Terrain:
-    """Read, check and compile a definition.
+    """Read, check and compile a definition, as the options that commands share say.
 
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it is no valid terrain.
     """
-    from terratool.cli.options import library_roots
+    from terratool.cli.options import has_roughness, library_roots
     from terratool.field import terrain
 
     with Status(f"reading {called(file)}"):
-        return terrain.load(file, library_roots())
+        return terrain.load(file, library_roots(), roughness=has_roughness())

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from terratool.cli.options import Names, library_root_option, vehicles_from, vehicles_options
+from terratool.cli.options import (
+    Names,
+    library_root_option,
+    roughness_option,
+    vehicles_from,
+    vehicles_options,
+)
 from terratool.cli.terminal import Status, load, say
 
 if TYPE_CHECKING:
@@ -132,6 +138,7 @@ SAMPLES = (256, 16, 1024)  # the default, least and most
 @click.option("--threads", type=click.IntRange(1), metavar="N", help="Default: all processors.")
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option("--json", "as_json", is_flag=True, help="Write the report as JSON, no table.")
+@roughness_option
 @library_root_option
 def command(
     file: str,

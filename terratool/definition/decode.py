@@ -34,6 +34,7 @@ from terratool.definition.model import (
     Library,
     Primitive,
     Repeat,
+    Roughness,
     Scatter,
     Surface,
     Track,
@@ -58,7 +59,8 @@ _MEMBERS: dict[str, type[Struct]] = {"repeat": Repeat, "scatter": Scatter}
 _LONG = 60  # characters of a key that may be a typo
 _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Library: "a library", Repeat: "a repeat", Scatter: "a scatter",
-    Surface: "a surface", Primitive: "a primitive", Element: "an element", Track: "a track",
+    Surface: "a surface", Roughness: "a roughness", Primitive: "a primitive",
+    Element: "an element", Track: "a track",
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
     CogText: "the centre of gravity", OverhangText: "the overhang",
     MarginsText: "the margins", ClassesText: "the classes",

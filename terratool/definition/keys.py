@@ -13,12 +13,15 @@ from msgspec import Struct
 from terratool.definition.model import (
     LARGEST,
     MAX_CELLS,
+    MAX_SCATTERED,
+    MAX_SEED,
     SMALLEST,
     Definition,
     Element,
     Library,
     Primitive,
     Repeat,
+    Roughness,
     Scatter,
     Surface,
     Track,
@@ -39,8 +42,6 @@ from terratool.definition.vehicle import (
 
 MAX_PASSES = 10**9
 """Sums of passes stay whole in doubles."""
-MAX_SCATTERED = 1_000_000
-MAX_SEED = 2**53
 COMBINES = ("product", "sum", "min", "max", "radial")
 
 
@@ -151,6 +152,20 @@ KEYS: dict[type, dict[str, Key]] = {
         "sonarRefl": Key("a reflection from 0 to 1", "number", 0, 1),
         "shearModulus": _figure("a shear modulus in metres, above 0", 0, open_low=True),
         "void": Key("true or false", "flag"),
+        "roughness": Key(
+            'a relief, an object { "rms": …, "correlation": … }', "object"
+        ),
+    },
+    Roughness: {
+        "rms": Key(
+            "the standard deviation of the relief in units of the terrain, from 0 to 1e30",
+            "number", 0, LARGEST,
+        ),
+        "correlation": Key(
+            "a correlation length above 0 in units of the terrain, from 1e-30 to 1e30", "number",
+            SMALLEST, LARGEST,
+        ),
+        "seed": Key(f"a whole number from 0 to {MAX_SEED}", "whole", 0, MAX_SEED),
     },
     Primitive: {
         "descr": _TEXT,
@@ -346,8 +361,9 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     WheelsText: ("radius", "width"),
     AxleText: ("x",),
     CogText: ("height",),
+    Roughness: ("rms", "correlation"),
 }
-"""Keys of vehicles that must be there."""
+"""Keys of vehicles and of roughnesses that must be there."""
 ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
     VehicleText: {
         ("axles", "wheelbase"): 'Add "axles", or "wheelbase" for two driven axles.',
@@ -391,6 +407,7 @@ NESTED: dict[type, dict[str, Nested]] = {
         "elemTypes": Nested(Primitive, "dictionary", "the primitive {}"),
         "parts": Nested(Element, "tree", "the part {}"),
     },
+    Surface: {"roughness": Nested(Roughness)},
     Element: {"children": Nested(Element, "list", "an element")},
     VehicleText: {
         "wheels": Nested(WheelsText),

@@ -14,6 +14,9 @@ import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 MAX_CELLS = 65536
+MAX_SCATTERED = 1_000_000
+MAX_SEED = 2**53
+"""Whole numbers up to here are the same in every reader of JSON."""
 
 LARGEST = 1e30
 """No length, height or factor may be larger in size; sums and squares then stay finite."""
@@ -38,6 +41,7 @@ SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus")
 _Place = Annotated[int, Meta(ge=0, le=MAX_CELLS - 1)]
 _Count = Annotated[int, Meta(ge=1, le=MAX_CELLS)]
 _Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
+_Length = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
 
 
 Number = TypeVar("Number", int, float)
@@ -70,8 +74,16 @@ def ends_of(figure: SoilFigure) -> Pair:
     return figure if isinstance(figure, tuple) else (figure, figure)
 
 
+class Roughness(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """The relief of a surface, finer than any element: see `terratool.field.relief`."""
+
+    rms: float | UnsetType = UNSET
+    correlation: float | UnsetType = UNSET
+    seed: int | UnsetType = UNSET
+
+
 class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
-    """The micro-terrain: soil, friction, colour and sonar of a surface."""
+    """The micro-terrain: soil, friction, colour, sonar and relief of a surface."""
 
     descr: str | UnsetType = UNSET
     preset: str | UnsetType = UNSET
@@ -82,6 +94,7 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
     sonar_refl: float | UnsetType = UNSET
     shear_modulus: SoilFigure | UnsetType = UNSET
     void: bool | UnsetType = UNSET
+    roughness: Roughness | UnsetType = UNSET
 
     @property
     def ranges(self) -> dict[str, Pair]:
@@ -137,11 +150,11 @@ class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc
 class Scatter(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
     """Copies of an element strewn over its cell, each with a place and a size of its own."""
 
-    sizes: tuple[_Number, _Number]
-    count: int | UnsetType = UNSET
-    density: float | UnsetType = UNSET
-    seed: int | UnsetType = UNSET
-    distance: float | UnsetType = UNSET
+    sizes: tuple[_Length, _Length]
+    count: Annotated[int, Meta(ge=1, le=MAX_SCATTERED)] | UnsetType = UNSET
+    density: _Length | UnsetType = UNSET
+    seed: Annotated[int, Meta(ge=0, le=MAX_SEED)] | UnsetType = UNSET
+    distance: Annotated[float, Meta(ge=0, le=LARGEST)] | UnsetType = UNSET
     turned: bool | UnsetType = UNSET
 
 

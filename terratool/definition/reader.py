@@ -25,6 +25,7 @@ from terratool.definition.model import (
     Element,
     Library,
     Primitive,
+    Roughness,
     Surface,
     Track,
     names_of,
@@ -196,12 +197,21 @@ class Checked(Struct, frozen=True, dict=True):
         Raises:
             RequestError: they come to too many elements.
         """
+        if self.uses is None:
+            return None
+        expansion = expand(self.uses)
+        return expansion._replace(definition=self.with_tracks(expansion.definition))
+
+    @cached_property
+    def uses(self) -> Uses | None:
+        """The parts of the terrain and their uses; None if there is no terrain."""
         if self.terrain is None or self.document is None:
             return None
-        expansion = expand(Uses(self.document, known_names(self.document)[0]))
-        # tracks are those of `terrain`, which callers replace, rather than of the text
-        tracks = self.terrain.tracks
-        return expansion._replace(definition=structs.replace(expansion.definition, tracks=tracks))
+        return Uses(self.document, known_names(self.document)[0])
+
+    def with_tracks(self, definition: Definition) -> Definition:
+        """A definition with the tracks of `terrain`, which callers replace."""
+        return structs.replace(definition, tracks=self.terrain.tracks if self.terrain else ())
 
     @cached_property
     def definition(self) -> Definition | None:
@@ -244,15 +254,11 @@ def load_definition(path: str | Path) -> Definition:
     return definition
 
 
-def expand_definition(definition: Definition) -> Expansion:
-    """A valid definition without libraries, its parts and copies written out.
-
-    Raises:
-        RequestError: they come to too many elements.
-    """
+def uses_of(definition: Definition) -> Uses:
+    """The parts of a valid definition without libraries, and their uses."""
     source = Source("the definition", b"")
     document = Document(source, Decoded(definition, tree=flatten(definition)), RemarkLog(0))
-    return expand(Uses(document, known_names(document)[0]))
+    return Uses(document, known_names(document)[0])
 
 
 def refusal(checked: Checked) -> DefinitionError:
@@ -406,17 +412,21 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
         for name, key in names_of(kind)
         if KEYS[kind][key].kind in ("number", "whole")
     ]
-    for kind in (Definition, Library, Surface, Track)
+    for kind in (Definition, Library, Surface, Roughness, Track)
 }
 
 
 def _in_range(definition: Library, tree: Tree) -> bool:
     """Whether every number whose range is not part of its type lies in that of its key."""
+    surfaces = definition.surfaces.values()
+    reliefs = [s.roughness for s in surfaces if s.roughness is not msgspec.UNSET]
+    if any(r.rms is msgspec.UNSET or r.correlation is msgspec.UNSET for r in reliefs):
+        return False
     ranged = [(tree.distinct(key), KEYS[Element][key]) for key in ("cells", "extent")]
     tracks = definition.ruts if isinstance(definition, Definition) else ()
     ranged += [
         ({getattr(owner, name)}, key)
-        for owner in (definition, *definition.surfaces.values(), *tracks)
+        for owner in (definition, *surfaces, *reliefs, *tracks)
         for name, key in _RANGED[type(owner)]
     ]
     for primitive in definition.primitives.values():

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.field.records import COMBINE, FieldArrays, TrackArrays
+from terratool.field.relief import worn_reliefs
 
 _LEVEL = 1e-12
 """A value at the end of a curve that counts as 0, in parts of its largest value."""
@@ -88,8 +89,13 @@ def largest_depths(tracks: TrackArrays) -> Floats:
 
 
 def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
-    """For each kind, whether it is other than 0 somewhere on the edge of its whole footprint."""
+    """For each kind, whether there may be a wall on the edge of its whole footprint.
+
+    It is other than 0 somewhere there, or a relief ends.
+    """
     out = np.ones(len(arrays.kinds), np.uint8)
+    if len(worn_reliefs(arrays)) > 1:  # where one ends, the other begins
+        return out
     for k, kind in enumerate(arrays.kinds):
         x, y = (_ends(arrays, kind, axis) for axis in "xy")
         level = x.start == x.end == y.start == y.end == 0.0

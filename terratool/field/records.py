@@ -148,9 +148,19 @@ SEGMENT = np.dtype(
 )
 """A straight piece of a track, in the order of the document."""
 
+RELIEF = np.dtype(
+    [
+        ("per", np.float64),  # cells of its lattice per unit of length
+        ("scale", np.float64),  # factor on its bumps; 0 for no relief
+        ("key", np.uint64),  # what is hashed with the cells
+    ],
+    align=True,
+)
+"""The relief of a rough surface."""
+
 _ALIGNMENT = 8
 
-kernels.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES)
+kernels.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF)
 
 
 def aligned(value: Any) -> Any:
@@ -273,6 +283,7 @@ class FieldArrays(NamedTuple):
         voids: whether any surface is void.
         tracks: the ruts in it.
         shared: what is shared by the places that parts stand in.
+        reliefs: RELIEF by the index of the surface and one; none where nothing is rough.
     """
 
     elements: NDArray[Any]
@@ -288,6 +299,7 @@ class FieldArrays(NamedTuple):
     pending: int
     voids: bool
     tracks: TrackArrays
+    reliefs: NDArray[Any]
     shared: SharingArrays = NOT_SHARED
 
     @property

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET, to_builtins
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
-from terratool.definition.model import ranges_of
+from terratool.definition.model import Roughness, ranges_of
 from terratool.field.compile import track_lengths
 from terratool.field.terrain import Terrain, clip_bounds
 
@@ -24,6 +25,7 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
 
     The range of heights is that of the points looked at: an even grid, nine points in the cell of
     each element, corners and edges included, and the ends and the middle of each segment of tracks.
+    Where there are too many elements for that, they are left out.
     """
     low, high, points = height_range(terrain)
     bounds = terrain.bounds
@@ -35,7 +37,7 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
         "bounds": list(bounds),
         "crs": terrain.crs,
         "levels": terrain.levels,
-        "elements": len(terrain.arrays.elements),
+        "elements": terrain.elements,
         "elements_by_primitive": terrain.count_by_primitive(),
         "elements_by_surface": terrain.count_by_surface(),
         "smallest_cell": terrain.smallest_cell,
@@ -47,9 +49,21 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
         "height": {"low": low, "high": high, "points": points},
         "bytes": terrain.nbytes,
     }
+    if terrain.is_rough:
+        summary["roughness"] = [
+            {"surface": name, **_roughness(surface.roughness)}
+            for name, surface in terrain.surface_types.items()
+            if surface.roughness is not UNSET and surface.void is not True
+        ]
     if ranges := ranges_of(terrain.surface_types):
         summary["ranges"] = [one._asdict() for one in ranges]
     return summary
+
+
+def _roughness(roughness: Roughness) -> dict[str, float]:
+    """What a roughness says, the default of its seed included."""
+    values: dict[str, float] = to_builtins(roughness)
+    return {"seed": 0} | values
 
 
 def height_range(
@@ -92,7 +106,10 @@ def _element_points(
 
     They are just inside of its east and north edges.
     """
-    cells = terrain.cells()
+    by_elements = terrain.by_elements
+    if by_elements is None:
+        return np.empty(0), np.empty(0)
+    cells = by_elements.cells()
     west, south = (np.maximum(cells[n], part[n]) for n in (0, 1))
     east, north = (np.minimum(cells[n], part[n]) for n in (2, 3))
     there = (west < east) & (south < north)

@@ -17,6 +17,7 @@ def check_records(
     segment: np.dtype[Any],
     member: np.dtype[Any],
     copies: np.dtype[Any],
+    relief: np.dtype[Any],
 ) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
 
@@ -167,6 +168,19 @@ def fill_track_index(
     Fill the index of tracks.
 
     Shapes: segments[_], frame[4], shape[2], masks[m], offsets[m+1], entries[_].
+    """
+
+def reliefs(
+    relief: NDArray[np.void],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    height: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+) -> None:
+    """
+    Heights and gradients of a relief at points.
+
+    Shapes: relief[1], x[n], y[n], height[n], gradient[n,2].
     """
 
 def segment_holds(

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import largest_depths, largest_heights
-from terratool.field.summary import height_range
+from terratool.field.relief import SCALE_PER_RMS
+from terratool.field.summary import height_range, spread_points
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
 from terratool.mesh.formats.common import points_of
@@ -33,11 +34,19 @@ wheel notices, and that range sensors tell from noise …"""
 LEAST_SHARE, MOST_SHARE = 1e-5, 1e-3
 """… but at least and at most these parts of the longer side, or faces would be too many or few."""
 
+RELIEF_FACES = 2_000_000
+"""By default the relief of rough surfaces takes about so many faces at most: the error grows …"""
+_FACES_PER_BEND = 2.0
+"""… as a unit of area takes this many faces, times rms times squared cells per length, over the
+error: measured, where the error is no more than the rms."""
+
 BUILDS = 8
 """So many meshes are built between an error that is too large and one that is too small."""
 ENOUGH = 0.95
 """A mesh with this part of the faces that it may have is good enough."""
 _AIM = 0.975
+_SPREAD = 1 << 14
+"""At so many points it is looked which surface lies there."""
 _STRIDES = 0.125, 0.5
 """By these factors, at the least and the most, an error becomes smaller that is too large."""
 _CLOSE = 1.2
@@ -62,7 +71,8 @@ class MeshOptions:
 
     Attributes:
         max_error: the largest distance, along z, of the ground from the terrain; if not said,
-            0.005, but from 1/100,000 to 1/1000 of the longer side.
+            0.005, but from 1/100,000 to 1/1000 of the longer side, and more where rough surfaces
+            would take more than `RELIEF_FACES`.
         max_faces: the mesh has no more faces: its error grows, and elements are left out if that
             is not enough.
         bounds: world rectangle west, south, east, north; the whole terrain if None.
@@ -106,6 +116,14 @@ class MeshOptions:
         """The largest error, and in words who chose it."""
         if self.max_error is not None:
             return self.max_error, "as asked"
+        error, chosen = self._default_error(terrain)
+        least = _error_of_relief(terrain, self.bounds)
+        if least > error:
+            return least, f"so that the relief takes about {RELIEF_FACES:,} faces"
+        return error, chosen
+
+    def _default_error(self, terrain: Terrain) -> tuple[float, str]:
+        """The largest error by the extent, and in words why."""
         west, south, east, north = clip_bounds(terrain, self.bounds)
         longer = max(east - west, north - south)
         if longer * LEAST_SHARE > DEFAULT_ERROR:
@@ -113,6 +131,18 @@ class MeshOptions:
         if longer * MOST_SHARE < DEFAULT_ERROR:
             return longer * MOST_SHARE, f"1/1000 of the longer side, {length(longer)}"
         return DEFAULT_ERROR, "the default"
+
+
+def _error_of_relief(terrain: Terrain, bounds: Bounds | None) -> float:
+    """The error with which the relief of rough surfaces takes RELIEF_FACES faces; 0 without any."""
+    if not terrain.is_rough:
+        return 0.0
+    west, south, east, north = part = clip_bounds(terrain, bounds)
+    surfaces = terrain.sample(*spread_points(part, _SPREAD)).surface
+    reliefs = terrain.arrays.reliefs[surfaces + 1]
+    bends = reliefs["scale"] / SCALE_PER_RMS * reliefs["per"] ** 2
+    area = (east - west) * (north - south)
+    return float(_FACES_PER_BEND * area * bends.mean() / RELIEF_FACES)
 
 
 class ExportReport(Struct, frozen=True, kw_only=True):
@@ -181,6 +211,7 @@ def export_mesh(
             hold it.
     """
     path = Path(path)
+    terrain = terrain.written_out
     check_request(path, overwrite, options.world)
     options.check()
     bounds = options.bounds

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.field.bounds import curve_hulls, curve_pieces, curve_weights, largest_heights
 from terratool.field.records import COMBINE, FieldArrays
+from terratool.field.relief import relief_bounds, worn_reliefs
 from terratool.field.terrain import Terrain
 from terratool.mesh.constraints import NO_OUTLINES, outlines_of
 from terratool.mesh.types import AXIS, FRAME, GROUP, LINE, PIECE_BOUNDS, MeshPlan, PlanLoss
@@ -61,6 +62,7 @@ def plan_of(
     Raises:
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
     """
+    terrain = terrain.written_out
     arrays = terrain.arrays
     whole = np.array(terrain.bounds)
     part = whole if bounds is None else np.array(bounds, np.float64)
@@ -84,9 +86,11 @@ def plan_of(
         pitch=pitch,
         bounds=np.rint((part - np.tile(origin, 2)) / pitch),
         error=max_error,
-        rounding=_SAME * float(largest.max()),
+        rounding=_SAME * (float(largest.max()) + relief_bounds(arrays).rms),
         outlines=NO_OUTLINES,
     )
+    if len(worn_reliefs(arrays)) > 1:  # where an element is left out, another relief lies
+        largest = largest + 2.0 * relief_bounds(arrays).height
     loss = _choose_elements(plan, largest, least)
     loss = loss._replace(wall_offset=_choose_corners(plan, finer))
     outlines, ruts = outlines_of(plan, least, SMALLEST)

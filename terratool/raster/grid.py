@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.bounds import finest_details
+from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 
 DEFAULT_PIXELS = 4096
@@ -19,6 +20,7 @@ DEFAULT_PIXELS = 4096
 
 PIXELS_PER_CELL = 10
 PIXELS_PER_TRACK = 3
+PIXELS_PER_CORRELATION = 4
 MAX_SIDE = 2**31 - 1
 _WHOLE = 1e-6
 """A quotient this near to a whole number of pixels is one."""
@@ -97,8 +99,9 @@ class Grid:
 def default_resolution(terrain: Terrain, bounds: Bounds | None = None) -> tuple[float, str]:
     """A resolution for a terrain, or a part of it, and in words why: what shows its features.
 
-    That is the least of a tenth of the smallest cell, the shortest straight stretch of a curve, and
-    a third of the narrowest track, which then has three pixels across. Where the longer side would
+    That is the least of a tenth of the smallest cell, the shortest straight stretch of a curve, a
+    third of the narrowest track, which then has three pixels across, and a quarter of the shortest
+    correlation length of a rough surface. Where the longer side would
     have too many pixels, it is that of `resolution_within`.
 
     Raises:
@@ -118,15 +121,7 @@ def default_resolution(terrain: Terrain, bounds: Bounds | None = None) -> tuple[
 
 def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
     """A pixel that shows the finest feature of a part of a terrain, and what that feature is."""
-    west, south, east, north = terrain.footprints()
-    there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
-    west, south, east, north = terrain.cells()
-    wide, tall = east - west, north - south
-    cell = min(float(wide[there].min()), float(tall[there].min()))
-    # but for the rounding of the cells' edges
-    least = terrain.smallest_cell
-    cell = least if cell <= least * (1 + _WHOLE) else cell
-    details = finest_details(terrain.arrays, wide, tall)[there]
+    cell, detail = _finest_element(terrain, part)
     segments = terrain.arrays.tracks.segments
     reach = segments["reach"][
         (np.minimum(segments["x"], segments["end_x"]) - segments["reach"] < part[2])
@@ -137,14 +132,36 @@ def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
     narrowest = 2 * float(reach.min(initial=math.inf))
     features = (
         (cell / PIXELS_PER_CELL, "a tenth of the smallest cell"),
-        (float(details.min()), "the finest detail of a curve"),
+        (detail, "the finest detail of a curve"),
         (narrowest / PIXELS_PER_TRACK, "a third of the narrowest track"),
+        (
+            relief_bounds(terrain.arrays).finest / PIXELS_PER_CORRELATION,
+            "a quarter of the shortest correlation length",
+        ),
     )
     finest, why = features[0]
     for side, what in features[1:]:
         if side < finest * (1 - _WHOLE):
             finest, why = side, what
     return finest, why
+
+
+def _finest_element(terrain: Terrain, part: Bounds) -> tuple[float, float]:
+    """The smallest cell, and the finest detail of a curve, in a part of a terrain.
+
+    Where there are too many elements, it is the smallest cell of all, and no curve is looked at.
+    """
+    least, by_elements = terrain.smallest_cell, terrain.by_elements
+    if by_elements is None:
+        return least, math.inf
+    west, south, east, north = by_elements.footprints()
+    there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
+    west, south, east, north = by_elements.cells()
+    wide, tall = east - west, north - south
+    cell = min(float(wide[there].min()), float(tall[there].min()))
+    # but for the rounding of the cells' edges
+    cell = least if cell <= least * (1 + _WHOLE) else cell
+    return cell, float(finest_details(by_elements.arrays, wide, tall)[there].min())
 
 
 def resolution_within(width: float, depth: float, most: int) -> tuple[float, str]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.footprints import geojson_head
+from terratool.field.relief import relief_bounds
 from terratool.field.terrain import Terrain, clip_bounds
 from terratool.raster.export import checked_threads
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
@@ -47,13 +48,15 @@ from terratool.traversability.route.routes import (
     with_way_back,
 )
 from terratool.traversability.soil import ASSUMPTIONS, BY_MODEL, surface_figures, turnings
-from terratool.traversability.survey import Surveyor
+from terratool.traversability.survey import Surveyor, parts_of
 from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 from terratool.traversability.vehicle import Vehicle
 
 MOST_PIXELS = 1024
 """The longer side of a map that goes into no file has at most so many pixels by default."""
 
+_PIXELS_PER_CORRELATION = 2.0
+"""With fewer the relief of a rough surface is not seen as wheels meet it."""
 _AROUND = 32
 """Pixels on each side of a place where the vehicle cannot stand, among which another is found."""
 _NEARLY_ALL = 0.9
@@ -179,6 +182,7 @@ def prepare_assessment(
         WriteError: the map exists already, or does not fit on the disk.
         DefinitionError: the map has a CRS, which is unknown.
     """
+    terrain = terrain.written_out
     check_preference(request.prefer)
     checked_threads(request.threads)
     part = clip_bounds(terrain, request.bounds)
@@ -221,7 +225,7 @@ def chosen_resolution(terrain: Terrain, vehicle: Vehicle, request: Request, writ
     Raises:
         RequestError: what is asked for lies outside the terrain, or is too large.
     """
-    return _grids(terrain, vehicle, request, written).grid.resolution
+    return _grids(terrain.written_out, vehicle, request, written).grid.resolution
 
 
 def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> _Grids:
@@ -253,6 +257,13 @@ def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) 
         notes.append(
             f"Pixels of the map are longer than the vehicle, {front + rear:.3g} m: the ground "
             "between where it stands is not looked at."
+        )
+    ground = grid.resolution / parts_of(vehicle, grid.resolution)
+    finest = relief_bounds(terrain.arrays).finest
+    if finest < _PIXELS_PER_CORRELATION * ground:
+        notes.append(
+            f"Rough surfaces have a correlation length of {finest:.4g} m, and the ground is looked "
+            f"at every {ground:.4g} m: of their relief that is less than wheels meet."
         )
     return _Grids(grid, routes, headings, [*notes, *([note] if note else [])])
 

@@ -60,6 +60,7 @@ NAMES = {
     "TT405": "unknown-preset",
     "TT406": "reversed-range",
     "TT407": "single-value-range",
+    "TT408": "steep-roughness",
     "TT501": "axles-overlap",
     "TT502": "narrow-track",
     "TT503": "wheelbase-differs",

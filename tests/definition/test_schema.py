@@ -21,6 +21,7 @@ from terratool.definition.model import (
     Library,
     Primitive,
     Repeat,
+    Roughness,
     Scatter,
     Surface,
     Track,
@@ -44,6 +45,7 @@ GOOD: Json = {
     "origin": [1, 2],
     "surfTypes": {
         "s": {"preset": "dry-sand", "color": [0, 0, 0], "cohesion": 1, "void": False},
+        "g": {"roughness": {"rms": 0.01, "correlation": 0.2, "seed": 7}},
         "r": {
             "cohesion": [1, 2],
             "fricAngle": [25, 31.5],
@@ -104,6 +106,7 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
         (Scatter, SCHEMA["$defs"]["element"]["properties"]["scatter"]["properties"]),
         (Repeat, SCHEMA["$defs"]["element"]["properties"]["repeat"]["properties"]),
         (Surface, SCHEMA["$defs"]["surface"]["properties"]),
+        (Roughness, SCHEMA["$defs"]["surface"]["properties"]["roughness"]["properties"]),
         (Primitive, SCHEMA["$defs"]["primitive"]["properties"]),
         (Element, SCHEMA["$defs"]["element"]["properties"]),
         (Element, SCHEMA["$defs"]["root"]["properties"]),

@@ -23,8 +23,9 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
 
     A terrain needs size, elemTree, and elemTypes unless it uses libraries; an element needs type or
     part, and cellX and cellY, or at and extent, unless it is the root or a part; a track needs path
-    and width. A vehicle needs mass, wheels with radius and width, axles (each with x) or wheelbase,
-    track, cog with height, and clearance. Everything else has a default.
+    and width; a roughness needs rms and correlation. A vehicle needs mass, wheels with radius and
+    width, axles (each with x) or wheelbase, track, cog with height, and clearance. Everything else
+    has a default.
 
     Fails:
 

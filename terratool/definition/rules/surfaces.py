@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from msgspec import UNSET
@@ -247,6 +248,58 @@ def unknown_preset(subject: Subject) -> Iterator[Remark]:
                 f"/surfTypes/{escape(name)}/preset",
                 f"no soil is called {shown(surface.preset)}.",
                 _meant(surface.preset),
+            )
+
+
+_STEEP_RMS = 35.0
+"""Degrees: the slope at which loose ground slides, about."""
+_SLOPE_PER_ROUGHNESS = 1.3882
+"""The standard deviation of a relief's slope along an axis, times correlation over rms."""
+
+
+@rule("TT408", "steep-roughness", "warning")
+def steep_roughness(subject: Subject) -> Iterator[Remark]:
+    """A relief is so steep that it is hardly meant: half of its slopes and more are scree.
+
+    The slope of a relief along any direction has the standard deviation 1.39 rms / correlation.
+    What is remarked on is one of more than 35 degrees: an rms of more than half of the correlation
+    length. Mostly one of both is in another unit, or the slope from one point to the next was
+    taken for the rms.
+
+    Fails:
+
+        {
+          "size": 10,
+          "surfTypes": {
+            "gravel": {"preset": "gravel", "roughness": {"rms": 0.2, "correlation": 0.05}}
+          },
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "gravel"}
+        }
+
+    Passes:
+
+        {
+          "size": 10,
+          "surfTypes": {
+            "gravel": {"preset": "gravel", "roughness": {"rms": 0.005, "correlation": 0.05}}
+          },
+          "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "gravel"}
+        }
+
+    To mend: write both in units of the terrain, rms well below correlation.
+    """
+    most = math.tan(math.radians(_STEEP_RMS))
+    for name, surface in subject.definition.surfaces.items():
+        relief = surface.roughness
+        if relief is UNSET or relief.rms is UNSET or relief.correlation is UNSET:
+            continue
+        slope = _SLOPE_PER_ROUGHNESS * relief.rms / relief.correlation
+        if slope > most:
+            degrees = math.degrees(math.atan(slope))
+            yield Remark(
+                f"/surfTypes/{escape(name)}/roughness",
+                f"the relief of {shown(name)} is steep: its slope is {degrees:.0f}° rms.",
+                "Check the units; the rms is mostly below a quarter of the correlation.",
             )
 
 

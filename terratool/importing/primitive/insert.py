@@ -140,7 +140,8 @@ def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
     from terratool.field.terrain import Terrain
 
     t = (np.arange(_ASKED) + 0.5) / _ASKED
-    z = Terrain(into.target.checked).height(west + t[None] * width, south + t[:, None] * height)
+    x, y = west + t[None] * width, south + t[:, None] * height
+    z = Terrain(into.target.checked, roughness=False).height(x, y)
     z = z[~np.isnan(z)]
     if z.size and (z != 0.0).any():
         found.append(
