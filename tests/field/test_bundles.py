@@ -70,7 +70,7 @@ def answers(terrain: Terrain, x: Any, y: Any) -> dict[str, Any]:
 
 
 def painted(terrain: Terrain) -> list[bytes]:
-    grid = grid_over(terrain, max(terrain.size) / 24)
+    grid = grid_over(terrain, min(max(terrain.size) / 24, min(terrain.size) / 2))
     planes = Painter(terrain, grid, np.float64, slopes=True, labels=True).paint(grid.whole)
     assert planes.surfaces is not None
     surface = np.array([None, *terrain.surfaces], object)[planes.surfaces]

@@ -17,10 +17,10 @@ reader_rule(
     "TT701",
     "unreadable-library",
     """
-    A library cannot be read: it is missing, a folder, no regular file, or larger than 1 GiB.
+    A library cannot be read: it is missing, a folder, no regular file, or too large.
 
     Paths begin at the folder of the file that names the library. A definition may use 1,000
-    libraries, directly or through others.
+    libraries, directly or through others, name them 10,000 times, and have 1 GiB of text in them.
 
     Fails:
 
