@@ -462,8 +462,8 @@ private:
         i64 along = find_runs(canvas_.cell_y, south, north, grid.shift[Y], canvas_.runs_y);
         for (i64 j = 0; j < along; ++j) {
             for (i64 i = 0; i < across; ++i) {
-                i64 slot = grid.table + canvas_.runs_y[j].bin * i64(grid.row)
-                    + canvas_.runs_x[i].bin;
+                i64 slot =
+                    grid.table + canvas_.runs_y[j].bin * i64(grid.row) + canvas_.runs_x[i].bin;
                 Rectangle in_bin{
                     canvas_.runs_x[i].begin, canvas_.runs_x[i + 1].begin, canvas_.runs_y[j].begin,
                     canvas_.runs_y[j + 1].begin
@@ -596,7 +596,8 @@ private:
 };
 
 // What a descent finds at a point of any field.
-template <class Id> Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
+template <class Id>
+Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
     if (!is_shared(field)) return descend<true>(field, x, y, canvas.stack);
     SharedDescent<true> found(field, x, y, canvas.shared_stack);
     return {found.z, found.top.element, found.slope_x, found.slope_y};
