@@ -292,16 +292,19 @@ def test_pairs_of_pixels_that_are_not_there_are_refused() -> None:
 def test_dtypes_that_are_not_the_structs_are_refused() -> None:
     """Member by member: a name, a type or a place that differs."""
     from terratool.field.records import (
+        COPIES,
         ELEMENT,
         FREE_BINS,
         GRID,
         KIND,
+        MEMBER,
         PLACE,
         POSE,
         RELIEF,
         SEGMENT,
     )
 
+    others = GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF
     *most, kind, grid = ELEMENT.descr
     swapped = np.dtype([*most, grid, kind])
     wider = np.dtype([*ELEMENT.descr, ("more", np.float64)])
@@ -309,8 +312,8 @@ def test_dtypes_that_are_not_the_structs_are_refused() -> None:
     apart = np.dtype([("cell", np.uint16), ("cell_y", np.uint16), *ELEMENT.descr[1:]])
     for wrong in (swapped, wider, other, apart):
         with pytest.raises(TypeError, match="is not the struct of the kernels"):
-            kernels.field.check_records(wrong, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, RELIEF)
-    kernels.field.check_records(ELEMENT, GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, RELIEF)
+            kernels.field.check_records(wrong, *others)
+    kernels.field.check_records(ELEMENT, *others)
 
 
 # The variants

@@ -133,34 +133,25 @@ void paint_runs(
     }
 }
 
-// Paint one element where its block of cells meets the given pixels; returns these.
+// Paint one element in cells over pixels that its block holds.
 template <class Id>
-Rectangle paint_element(
-    const Field& field, Canvas<Id>& canvas, i64 index, const Grid& grid, In x, In y,
-    double resolution, Rectangle part
+void paint_held(
+    const Field& field, Canvas<Id>& canvas, const Painted& painted, In x, In y, double resolution,
+    const Rectangle& part
 ) {
-    const Element& element = field.elements[index];
-    Painted painted{index, element, field.kinds[element.kind], field.poses[element.pose], grid};
     const Pose& pose = painted.pose;
-    bool spans = false;
-    if (grid.listed) {
-        Block across = block_of(element, pose, X), along = block_of(element, pose, Y);
-        narrow_to(canvas.cell_x, part.west, part.east, across);
-        narrow_to(canvas.cell_y, part.south, part.north, along);
-        if (part.is_empty()) return {part.west, part.west, part.south, part.south};
-        spans = pose.cells[X] > 1 || pose.cells[Y] > 1;
-        if (spans) {
-            place_in_block(
-                part_of(canvas.cell_x, part.west, part.east),
-                part_of(canvas.in_x, part.west, part.east), across,
-                part_of(canvas.u, part.west, part.east)
-            );
-            place_in_block(
-                part_of(canvas.cell_y, part.south, part.north),
-                part_of(canvas.in_y, part.south, part.north), along,
-                part_of(canvas.v, part.south, part.north)
-            );
-        }
+    bool spans = painted.grid.listed && (pose.cells[X] > 1 || pose.cells[Y] > 1);
+    if (spans) {
+        place_in_block(
+            part_of(canvas.cell_x, part.west, part.east),
+            part_of(canvas.in_x, part.west, part.east), block_of(painted.element, pose, X),
+            part_of(canvas.u, part.west, part.east)
+        );
+        place_in_block(
+            part_of(canvas.cell_y, part.south, part.north),
+            part_of(canvas.in_y, part.south, part.north), block_of(painted.element, pose, Y),
+            part_of(canvas.v, part.south, part.north)
+        );
     }
     In u = part_of(spans ? canvas.u : canvas.in_x, part.west, part.east);
     In v = part_of(spans ? canvas.v : canvas.in_y, part.south, part.north);
@@ -170,6 +161,22 @@ Rectangle paint_element(
         In xs = x.subspan(part.west, u.size()), ys = y.subspan(part.south, v.size());
         paint_block(field, canvas, painted, {u, v, xs, ys, part});
     }
+}
+
+// Paint one element where its block of cells meets the given pixels; returns these.
+template <class Id>
+Rectangle paint_element(
+    const Field& field, Canvas<Id>& canvas, i64 index, const Grid& grid, In x, In y,
+    double resolution, Rectangle part
+) {
+    const Element& element = field.elements[index];
+    Painted painted{index, element, field.kinds[element.kind], field.poses[element.pose], grid};
+    if (grid.listed) {
+        narrow_to(canvas.cell_x, part.west, part.east, block_of(element, painted.pose, X));
+        narrow_to(canvas.cell_y, part.south, part.north, block_of(element, painted.pose, Y));
+        if (part.is_empty()) return {part.west, part.west, part.south, part.south};
+    }
+    paint_held(field, canvas, painted, x, y, resolution, part);
     return part;
 }
 
@@ -182,14 +189,21 @@ inline BinRange held_by_cell(In x, const GridAxis& cell, double terrain_end) {
     return {begin - x.begin(), end - x.begin()};
 }
 
+// A free element where it stands, and the grid that it is in.
+struct FreePainted {
+    i64 index;
+    const Element& element;
+    const Place& place;
+    const Grid& grid;
+};
+
 // Paint one free element; returns the pixels that its cell holds.
 template <class Id>
 Rectangle paint_free_element(
-    const Field& field, Canvas<Id>& canvas, i64 index, const Grid& grid, In x, In y,
-    double resolution, const Rectangle& part
+    const Field& field, Canvas<Id>& canvas, const FreePainted& one, In x, In y, double resolution,
+    const Rectangle& part
 ) {
-    const Element& element = field.elements[index];
-    const Place& place = field.places[place_of(element)];
+    const auto& [index, element, place, grid] = one;
     const Pose& square = field.poses[element.pose];
     Grid frame = free_frame(grid, place);
     Pose pose = free_pose(square, place);
@@ -253,8 +267,11 @@ void paint_free(
     };
     BinRange across = met(x, X, part.west, part.east), along = met(y, Y, part.south, part.north);
     find_free(field, grid, across, along, canvas.found);
-    for (u32 index : canvas.found)
-        below(index, paint_free_element(field, canvas, index, grid, x, y, resolution, part));
+    for (u32 index : canvas.found) {
+        const Element& element = field.elements[index];
+        FreePainted one{index, element, field.places[place_of(element)], grid};
+        below(index, paint_free_element(field, canvas, one, x, y, resolution, part));
+    }
 }
 
 // Paint the elements of a grid in cells, bin by bin; likewise.
@@ -336,6 +353,255 @@ bool paint_tile(
     return left;
 }
 
+// Which copies of an element lie over pixels along an axis, ascending.
+// near(pixel) are those that may lie over a pixel; where `down` is set, later pixels have lesser
+// ones.
+template <class Near>
+void list_copies(std::vector<i64>& found, i64 begin, i64 end, bool down, Near near) {
+    found.clear();
+    i64 after = 0;  // the first that is not listed yet
+    for (i64 n = 0; n < end - begin; ++n) {
+        auto [first, last] = near(down ? end - 1 - n : begin + n);
+        for (i64 k = max(first, after); k <= last; ++k) found.push_back(k);
+        after = max(after, last + 1);
+    }
+}
+
+// Paints tiles of a shared field: as paint_tile does it, but that grids are laid on the way.
+template <class Id> class SharedPainting {
+public:
+    SharedPainting(const Field& field, Canvas<Id>& canvas, In x, In y, double resolution)
+        : field_(field), canvas_(canvas), x_(x), y_(y), resolution_(resolution) {}
+
+    // Paint a part of a tile that is inside the bounds; whether pixels are left to the descent.
+    // Where too many grids wait at a time, smaller parts of it are painted one after the other.
+    bool paint(const Rectangle& whole) {
+        constexpr i64 side = 64;
+        if (try_paint(whole)) return left_;
+        std::vector<Rectangle> pending;
+        for (i64 south = whole.south; south < whole.north; south += side)
+            for (i64 west = whole.west; west < whole.east; west += side)
+                pending.push_back(
+                    {west, min(west + side, whole.east), south, min(south + side, whole.north)}
+                );
+        while (!pending.empty()) {
+            Rectangle part = pending.back();
+            pending.pop_back();
+            if (try_paint(part)) continue;
+            Rectangle rest = part;
+            if (part.east - part.west > 1) rest.west = part.east = (part.west + part.east) / 2;
+            else rest.south = part.north = (part.south + part.north) / 2;
+            pending.push_back(rest), pending.push_back(part);
+        }
+        return left_;
+    }
+
+private:
+    static constexpr std::size_t most_waiting = 16384;  // grids, but where one pixel has more
+    const Field& field_;
+    Canvas<Id>& canvas_;
+    In x_, y_;
+    double resolution_;
+    bool left_ = false;
+
+    bool try_paint(const Rectangle& whole) {
+        const Element& root = field_.elements[0];
+        if (field_.poses[root.pose].turned || field_.kinds[root.kind].combine != PRODUCT) {
+            canvas_.heights.fill(whole, 0.0);
+            canvas_.surfaces.fill(whole, 0);
+            if (canvas_.slope_x.exists()) {
+                canvas_.slope_x.fill(whole, 0.0);
+                canvas_.slope_y.fill(whole, 0.0);
+            }
+        }
+        bool single = whole.east - whole.west == 1 && whole.north - whole.south == 1;
+        auto &now = canvas_.frames, &below = canvas_.frames_below;
+        now.assign(1, {terrain_frame(field_), whole});
+        while (!now.empty()) {
+            below.clear();
+            for (const FramePart& waiting : now) {
+                paint_frame(waiting.frame, waiting.part);
+                if (below.size() > most_waiting && !single) return false;
+            }
+            std::swap(now, below);
+        }
+        return true;
+    }
+
+    void paint_frame(const Frame& frame, const Rectangle& part) {
+        auto& laid = canvas_.laid;
+        laid.clear();
+        bool local = false;
+        for (u64 g = frame.grid;; ++g) {
+            laid.push_back(laid_grid(frame, field_.grids[g]));
+            local |= laid.back().local;
+            if (!laid.back().more) break;
+        }
+        if (local) {
+            left_ = true;
+            canvas_.heights.fill(part, NaN);  // stays NaN, whatever is added to it
+            return;
+        }
+        for (std::size_t n = 0; n < laid.size(); ++n) {
+            if (laid[n].standing == IN_CELLS) paint_cells(frame, laid[n], part);
+            else paint_free(frame, laid[n], field_.shared.mirrors[frame.grid + n], part);
+        }
+    }
+
+    void paint_cells(const Frame& frame, const Grid& grid, const Rectangle& part) {
+        auto [west, east, south, north] = part;
+        locate_cells(
+            x_.subspan(west, east - west), axis_of(grid, X), part_of(canvas_.cell_x, west, east),
+            part_of(canvas_.in_x, west, east)
+        );
+        locate_cells(
+            y_.subspan(south, north - south), axis_of(grid, Y),
+            part_of(canvas_.cell_y, south, north), part_of(canvas_.in_y, south, north)
+        );
+        i64 across = find_runs(canvas_.cell_x, west, east, grid.shift[X], canvas_.runs_x);
+        i64 along = find_runs(canvas_.cell_y, south, north, grid.shift[Y], canvas_.runs_y);
+        for (i64 j = 0; j < along; ++j) {
+            for (i64 i = 0; i < across; ++i) {
+                i64 slot = grid.table + canvas_.runs_y[j].bin * i64(grid.row)
+                    + canvas_.runs_x[i].bin;
+                Rectangle in_bin{
+                    canvas_.runs_x[i].begin, canvas_.runs_x[i + 1].begin, canvas_.runs_y[j].begin,
+                    canvas_.runs_y[j + 1].begin
+                };
+                for (u32 k = field_.offsets[slot]; k < field_.offsets[slot + 1]; ++k)
+                    paint_copies(frame, grid, listed_element(field_, grid, k), in_bin);
+            }
+        }
+    }
+
+    // Paint an element in cells, and its copies, where they meet pixels.
+    void paint_copies(const Frame& frame, const Grid& grid, u64 index, const Rectangle& in_bin) {
+        const Element& element = field_.elements[index];
+        u32 copied = field_.shared.elements[index].copies;
+        if (!copied) {
+            paint_one(frame, grid, index, 0, 0, 0, in_bin);
+            return;
+        }
+        const Copies& copies = field_.shared.copies[copied];
+        const Pose& pose = field_.poses[element.pose];
+        auto list = [&](std::vector<i64>& found, int axis, i64 begin, i64 end, const auto& cells) {
+            list_copies(found, begin, end, copies.step[axis] < 0.0, [&](i64 n) {
+                return copies_over(
+                    i64(cells[n]) - element.cell[axis], pose.cells[axis], copies.step[axis],
+                    copies.count[axis]
+                );
+            });
+        };
+        list(canvas_.copies_x, X, in_bin.west, in_bin.east, canvas_.cell_x);
+        list(canvas_.copies_y, Y, in_bin.south, in_bin.north, canvas_.cell_y);
+        visit_listed(copies, [&](i64 a, i64 b, i64 which) {
+            paint_one(
+                frame, grid, index, a * i64(copies.step[X]), b * i64(copies.step[Y]), which, in_bin
+            );
+        });
+    }
+
+    // Call visit(k along x, k along y, which of all) for the copies that are listed, in order.
+    template <class Visit> void visit_listed(const Copies& copies, Visit visit) {
+        CopyOrder order(copies);
+        bool rows_along_x = order.inner == X;
+        auto& inner = rows_along_x ? canvas_.copies_x : canvas_.copies_y;
+        auto& outer = rows_along_x ? canvas_.copies_y : canvas_.copies_x;
+        for (i64 j : outer)
+            for (i64 i : inner)
+                visit(rows_along_x ? i : j, rows_along_x ? j : i, j * order.in_row + i);
+    }
+
+    // Paint a copy of an element that is so many cells from the first one.
+    void paint_one(
+        const Frame& frame, const Grid& grid, u64 index, i64 right, i64 above, i64 which,
+        Rectangle part
+    ) {
+        Instance one = copy_of(field_, frame, index, which);
+        one.element.cell[X] = u16(one.element.cell[X] + right);
+        one.element.cell[Y] = u16(one.element.cell[Y] + above);
+        const Pose& square = field_.poses[one.element.pose];
+        if (grid.listed) {
+            search(canvas_.cell_x, part.west, part.east, block_of(one.element, square, X));
+            search(canvas_.cell_y, part.south, part.north, block_of(one.element, square, Y));
+            if (part.is_empty()) return;
+        }
+        scale_element(
+            field_, frame, side_of(grid, X) * square.size[X], side_of(grid, Y) * square.size[Y], one
+        );
+        double aspect = aspect_of(frame, grid);
+        Pose pose = cell_pose(square, aspect);
+        Painted painted{i64(index), one.element, field_.kinds[one.element.kind], pose, grid};
+        paint_held(field_, canvas_, painted, x_, y_, resolution_, part);
+        if (one.element.grid)
+            canvas_.frames_below.push_back({frame_within(frame, grid, aspect, pose, one), part});
+    }
+
+    // Narrow `begin` and `end` of ascending cells to those in a block.
+    template <std::size_t n>
+    static void search(const std::array<double, n>& cells, i64& begin, i64& end, Block block) {
+        auto first = cells.begin() + begin, last = cells.begin() + end;
+        first = std::lower_bound(first, last, block.cell);
+        last = std::lower_bound(first, last, block.cell + block.width);
+        begin = first - cells.begin(), end = last - cells.begin();
+    }
+
+    void paint_free(const Frame& frame, const Grid& grid, u8 mirror, const Rectangle& part) {
+        const FreeBins& bins = field_.free_bins[grid.free];
+        // bins and copies are laid before mirroring
+        auto from = [&](In at, int axis, i64 n) {
+            double from_corner = from_parent(grid, axis, at[n], 0.0);
+            return mirror >> axis & 1 ? frame.length[axis] - from_corner : from_corner;
+        };
+        auto met = [&](In at, int axis, i64 begin, i64 end) {
+            double one = from(at, axis, begin), other = from(at, axis, end - 1);
+            return free_bins_met(bins, axis, min(one, other), max(one, other));
+        };
+        BinRange across = met(x_, X, part.west, part.east);
+        BinRange along = met(y_, Y, part.south, part.north);
+        find_free(field_, grid, across, along, canvas_.found);
+        for (u32 index : canvas_.found) {
+            const Element& element = field_.elements[index];
+            const Place& first = field_.places[place_of(element)];
+            const Copies& copies = field_.shared.copies[field_.shared.elements[index].copies];
+            auto reach = free_span(field_.poses[element.pose], first);
+            auto list = [&](std::vector<i64>& found, In at, int axis, i64 begin, i64 end) {
+                double step = copies.step[axis];
+                if (copies.count[axis] == 1) {
+                    found.assign(1, 0);
+                    return;
+                }
+                bool down = (step < 0.0) != bool(mirror >> axis & 1);
+                list_copies(found, begin, end, down, [&](i64 n) {
+                    return copies_near(
+                        from(at, axis, n), first.at[axis], reach[axis] + bins.slack, step,
+                        copies.count[axis]
+                    );
+                });
+            };
+            list(canvas_.copies_x, x_, X, part.west, part.east);
+            list(canvas_.copies_y, y_, Y, part.south, part.north);
+            visit_listed(copies, [&](i64 a, i64 b, i64 which) {
+                Place place = place_of_copy(frame, mirror, first, copies, a, b);
+                Instance one = copy_of(field_, frame, index, which);
+                scale_element(field_, frame, place.extent[X], place.extent[Y], one);
+                FreePainted painted{index, one.element, place, grid};
+                Rectangle held =
+                    paint_free_element(field_, canvas_, painted, x_, y_, resolution_, part);
+                if (one.element.grid && !held.is_empty())
+                    canvas_.frames_below.push_back({frame_at(frame, grid, place, one), held});
+            });
+        }
+    }
+};
+
+// What a descent finds at a point of any field.
+template <class Id> Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
+    if (!is_shared(field)) return descend<true>(field, x, y, canvas.stack);
+    SharedDescent<true> found(field, x, y, canvas.shared_stack);
+    return {found.z, found.top.element, found.slope_x, found.slope_y};
+}
+
 // Ask the descent about the pixels that were left to it.
 // `row`, counted from the north, and `column` are those of the tile's south-west pixel.
 template <class Id>
@@ -346,7 +612,7 @@ void descend_left(
     for (i64 r = part.south; r < part.north; ++r) {
         for (i64 c = part.west; c < part.east; ++c) {
             if (!isnan(canvas.heights(r, c))) continue;
-            Found found = descend<true>(field, x[c], y[r], canvas.stack);
+            Found found = find_elements(field, x[c], y[r], canvas);
             canvas.heights(r, c) = found.z;
             canvas.surfaces(r, c) = Id(surface_of(field, found.top) + 1);
             if (sloped) {
@@ -409,7 +675,10 @@ void paint_window(
             auto [south, north, __] = inside_bounds(ys, field.bounds[1], field.bounds[3]);
             Rectangle part{west, east, south, north};
             if (!part.is_empty()) {
-                if (paint_tile(field, canvas, xs, ys, window.resolution, part))
+                bool left = is_shared(field)
+                    ? SharedPainting<Id>(field, canvas, xs, ys, window.resolution).paint(part)
+                    : paint_tile(field, canvas, xs, ys, window.resolution, part);
+                if (left)
                     descend_left(
                         field, canvas, xs, ys, window.row + height - 1 - line,
                         window.column + column, part

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "rows.hpp"
+#include "sharing.hpp"
 
 namespace terratool {
 
@@ -22,6 +23,11 @@ struct BlockPixels {
 
 struct GridPart {  // a grid that waits with the pixels over it
     i64 grid;
+    Rectangle part;
+};
+
+struct FramePart {  // the same of a shared field
+    Frame frame;
     Rectangle part;
 };
 
@@ -71,6 +77,12 @@ template <class Id> struct Canvas {
     std::vector<GridPart> queue;
     std::vector<u32> found;  // free elements, while a grid of them is painted
     Stack stack;
+    // of shared fields: the frames of a level and of the next, the grids of one, copies of one
+    // element along x and y, and what waits in a descent
+    std::vector<FramePart> frames, frames_below;
+    std::vector<Grid> laid;
+    std::vector<i64> copies_x, copies_y;
+    SharedStack shared_stack;
     // by column and by row: cells of a grid and positions in them, positions in a block of cells,
     // values of curves, and scratch
     std::array<double, TILE_WIDTH> cell_x, in_x, u, fx, work_0, work_1, work_2;
@@ -87,7 +99,8 @@ template <class Id> struct Canvas {
     i64 nbytes() const {
         return i64(sizeof(*this)) + heights.nbytes() + surfaces.nbytes() + slope_x.nbytes()
             + slope_y.nbytes() + labels.nbytes() + stamps.nbytes() + tracked.nbytes()
-            + i64(sizeof(GridPart)) * i64(queue.capacity());
+            + i64(sizeof(GridPart)) * i64(queue.capacity())
+            + i64(sizeof(FramePart)) * i64(frames.capacity() + frames_below.capacity());
     }
 };
 

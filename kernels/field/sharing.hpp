@@ -189,6 +189,12 @@ INLINE CopyRange copies_near(double from, double at, double reach, double step, 
     return {i64(clamp(first, 0.0, most + 1.0)), i64(clamp(last, -1.0, most))};
 }
 
+// Half the sides of the rectangle around the cell and the footprint of a free element.
+INLINE std::array<double, 2> free_span(const Pose& pose, const Place& place) {
+    auto reach = free_reach(pose, place);
+    return {max(reach[X], 0.5 * place.extent[X]), max(reach[Y], 0.5 * place.extent[Y])};
+}
+
 // How the copies of an element are counted: `outer` is the axis of the rows.
 struct CopyOrder {
     int inner, outer;
@@ -378,7 +384,7 @@ private:
             u64 index = field_.entries[k];
             const Place& first = field_.places[i64(index) + bins.places];
             const Copies& copies = field_.shared.copies[field_.shared.elements[index].copies];
-            auto [wide, tall] = free_span(index, first);
+            auto [wide, tall] = free_span(field_.poses[field_.elements[index].pose], first);
             CopyRange across =
                 copies_near(bin_x, first.at[X], wide + bins.slack, copies.step[X], copies.count[X]);
             CopyRange along =
@@ -388,12 +394,6 @@ private:
                 add_free_copy(frame, grid, bins.slack, place, {from_x, from_y}, index, which);
             });
         }
-    }
-
-    // Half the sides of the rectangle around the cell and the footprint of a free element.
-    INLINE std::array<double, 2> free_span(u64 index, const Place& place) const {
-        auto reach = free_reach(field_.poses[field_.elements[index].pose], place);
-        return {max(reach[X], 0.5 * place.extent[X]), max(reach[Y], 0.5 * place.extent[Y])};
     }
 
     // As add_free of a field that is written out, of one element.

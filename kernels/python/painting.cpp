@@ -21,6 +21,7 @@ public:
           nonzero_(nonzero_edges, where("?nonzero_edges")) {
         check_index(voids_.get().size() > most_surface(), "a surface in voids");
         check_index(!labels_ || nonzero_.get().size() == field_.kinds.size(), "nonzero_edges");
+        check_index(!labels_ || !is_shared(field_), "a label of what is shared");
         // few surfaces take less of the cache
         if (voids_.get().size() <= 256)
             small_ = std::make_unique<Canvas<u8>>(field_, slopes, labels_, nonzero_.get());

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ from msgspec import UNSET, Struct, structs
 from terratool.definition.chains import Chain, Chains
 from terratool.definition.libraries import entries
 from terratool.definition.model import Definition, Element, Pair, pair_of
-from terratool.definition.scattering import strewn
+from terratool.definition.scattering import Strewn, strewn
 from terratool.definition.sides import Side, side
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses
@@ -98,21 +99,27 @@ def expand(uses: Uses) -> Expansion:
 
 
 def _with_names_in_use(expansion: Expansion, uses: Uses) -> Expansion:
-    """Without what libraries have and nothing wears; a file's own names stay."""
-    if not uses.document.uses:
-        return expansion
     definition, tree = expansion
+    worn, wearing = tree.distinct("surface"), tree.distinct("type")
+    return Expansion(with_names_in_use(definition, worn, wearing, uses), tree)
+
+
+def with_names_in_use(
+    definition: Definition, surfaces: set[Any], primitives: set[Any], uses: Uses
+) -> Definition:
+    """A definition without what libraries have and no element names; a file's own names stay."""
+    if not uses.document.uses:
+        return definition
     own = uses.document.model
     tracks = () if definition.tracks is UNSET else definition.tracks
-    surfaces = {*tree.distinct("surface"), *(track.surface for track in tracks)}
+    surfaces = {*surfaces, *(track.surface for track in tracks)}
     surfaces |= entries(own, "surfTypes").keys()
-    primitives = tree.distinct("type") | entries(own, "elemTypes").keys()
-    definition = structs.replace(
+    primitives = primitives | entries(own, "elemTypes").keys()
+    return structs.replace(
         definition,
         surf_types={n: value for n, value in definition.surfaces.items() if n in surfaces},
         elem_types={n: value for n, value in definition.primitives.items() if n in primitives},
     )
-    return Expansion(definition, tree)
 
 
 _NAMES = tuple(name for name in Element.__struct_fields__ if name != "children")
@@ -231,30 +238,41 @@ class _Writer(Struct, frozen=True, dict=True):
         tree, index, parent = root.tree, root.element, node.chain.root
         quarters = (node.quarters + node.chain.quarters) % 4
         factor = node.factor * node.chain.factor
-        at, angle = tree.value("at", index), tree.value("turn_deg", index)
         around = node.lengths[::-1] if quarters % 2 else node.lengths
-        if at is UNSET:
+        if tree.value("at", index) is UNSET:
             grid, block = tree.grid(parent.element), tree.block(index)
             pitches = (around[0] / grid[0], around[1] / grid[1])
             area = pitches[0] * block[2], pitches[1] * block[3]
-            corner = pitches[0] * block[0], pitches[1] * block[1]
+            copies = _strewn_over(root, (pitches[0] * block[0], pitches[1] * block[1]), area)
         else:
-            area = pair_of(tree.value("extent", index), math.nan)
-            corner = at[0] - area[0] / 2, at[1] - area[1] / 2
-        copies = strewn(
-            tree.value("scatter", index),
-            area,
-            by_quarters=tree.value("part", index) is not UNSET,
-            tilted=angle is not UNSET and angle % 90 != 0,
-        )
+            copies = strewn_at_place(root)
         found = []
-        for number, copy in enumerate(copies):
+        for number, (middle, copy) in enumerate(copies):
             inner = self.chains.strewn(root, copy)
-            middle = corner[0] + copy.middle[0], corner[1] + copy.middle[1]
             place = {"at": _turned_place(middle, node.lengths, quarters), "extent": copy.side}
             own, name = side(copy.side), f"{step}[{number}]{inner.name}"
             found.append(_Node(inner, factor, quarters, place, (own, own), (1, 1), name))
         return found
+
+
+def strewn_at_place(root: Root) -> Iterator[tuple[Pair, Strewn]]:
+    """The copies of an element that is scattered over a free cell, and their middles."""
+    tree, index = root.tree, root.element
+    at, area = tree.value("at", index), pair_of(tree.value("extent", index), math.nan)
+    return _strewn_over(root, (at[0] - area[0] / 2, at[1] - area[1] / 2), area)
+
+
+def _strewn_over(root: Root, corner: Pair, area: Pair) -> Iterator[tuple[Pair, Strewn]]:
+    tree, index = root.tree, root.element
+    angle = tree.value("turn_deg", index)
+    copies = strewn(
+        tree.value("scatter", index),
+        area,
+        by_quarters=tree.value("part", index) is not UNSET,
+        tilted=angle is not UNSET and angle % 90 != 0,
+    )
+    for copy in copies:
+        yield (corner[0] + copy.middle[0], corner[1] + copy.middle[1]), copy
 
 
 def turned_block(

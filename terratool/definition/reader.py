@@ -197,12 +197,21 @@ class Checked(Struct, frozen=True, dict=True):
         Raises:
             RequestError: they come to too many elements.
         """
+        if self.uses is None:
+            return None
+        expansion = expand(self.uses)
+        return expansion._replace(definition=self.with_tracks(expansion.definition))
+
+    @cached_property
+    def uses(self) -> Uses | None:
+        """The parts of the terrain and their uses; None if there is no terrain."""
         if self.terrain is None or self.document is None:
             return None
-        expansion = expand(Uses(self.document, known_names(self.document)[0]))
-        # tracks are those of `terrain`, which callers replace, rather than of the text
-        tracks = self.terrain.tracks
-        return expansion._replace(definition=structs.replace(expansion.definition, tracks=tracks))
+        return Uses(self.document, known_names(self.document)[0])
+
+    def with_tracks(self, definition: Definition) -> Definition:
+        """A definition with the tracks of `terrain`, which callers replace."""
+        return structs.replace(definition, tracks=self.terrain.tracks if self.terrain else ())
 
     @cached_property
     def definition(self) -> Definition | None:
@@ -245,15 +254,11 @@ def load_definition(path: str | Path) -> Definition:
     return definition
 
 
-def expand_definition(definition: Definition) -> Expansion:
-    """A valid definition without libraries, its parts and copies written out.
-
-    Raises:
-        RequestError: they come to too many elements.
-    """
+def uses_of(definition: Definition) -> Uses:
+    """The parts of a valid definition without libraries, and their uses."""
     source = Source("the definition", b"")
     document = Document(source, Decoded(definition, tree=flatten(definition)), RemarkLog(0))
-    return expand(Uses(document, known_names(document)[0]))
+    return Uses(document, known_names(document)[0])
 
 
 def refusal(checked: Checked) -> DefinitionError:

@@ -221,7 +221,8 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
     sides, aspects = np.empty((len(grids), 2)), np.empty(len(grids))
     corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
     kernels.lay_grids(grids, sides, aspects, owners, home, placed, corner, extent)
-    bins = _bins(grids, firsts, grid_of, placed, dense[firsts])
+    ranges = _Ranges(first=firsts, last=np.append(firsts[1:], len(grid_of)))
+    bins = _bins(grids, ranges, grid_of, placed, dense[firsts])
 
     elements = np.zeros(len(parents), ELEMENT)
     elements["cell"] = columns.cell
@@ -444,13 +445,12 @@ class _Bins(NamedTuple):
 
 def _bins(
     grids: NDArray[Any],
-    firsts: Ints,
+    ranges: _Ranges,
     grid_of: NDArray[np.uint32],
     placed: _Placed,
     dense: NDArray[np.bool_],
 ) -> _Bins:
-    """Choose the bins of all grids and fill them; `firsts` are their first elements."""
-    ranges = _Ranges(first=firsts, last=np.append(firsts[1:], len(grid_of)))
+    """Choose the bins of all grids and fill them."""
     sizes = np.empty(len(grids), np.int64)
     lists = np.empty(len(grids), np.int64)
     free_bins = np.zeros(np.count_nonzero(grids["standing"]), FREE_BINS)

@@ -43,6 +43,7 @@ def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
     An element is the polygon of its footprint, with its pointer, primitive and surface;
     a track the line of its wheel's middle, with its pointer, surface, width and passes.
     """
+    terrain = terrain.written_out
     elements = terrain.arrays.elements
     surfaces = [*terrain.surfaces, None]
     kinds = terrain.arrays.kinds[elements["kind"]]

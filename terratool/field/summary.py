@@ -25,6 +25,7 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
 
     The range of heights is that of the points looked at: an even grid, nine points in the cell of
     each element, corners and edges included, and the ends and the middle of each segment of tracks.
+    Where there are too many elements for that, they are left out.
     """
     low, high, points = height_range(terrain)
     bounds = terrain.bounds
@@ -36,7 +37,7 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
         "bounds": list(bounds),
         "crs": terrain.crs,
         "levels": terrain.levels,
-        "elements": len(terrain.arrays.elements),
+        "elements": terrain.elements,
         "elements_by_primitive": terrain.count_by_primitive(),
         "elements_by_surface": terrain.count_by_surface(),
         "smallest_cell": terrain.smallest_cell,
@@ -105,7 +106,10 @@ def _element_points(
 
     They are just inside of its east and north edges.
     """
-    cells = terrain.cells()
+    by_elements = terrain.by_elements
+    if by_elements is None:
+        return np.empty(0), np.empty(0)
+    cells = by_elements.cells()
     west, south = (np.maximum(cells[n], part[n]) for n in (0, 1))
     east, north = (np.minimum(cells[n], part[n]) for n in (2, 3))
     there = (west < east) & (south < north)

@@ -12,12 +12,16 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
+from terratool.definition.expand import Expansion, expand
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
-from terratool.definition.reader import Checked, expand_definition, load_checked, refusal
+from terratool.definition.reader import Checked, load_checked, refusal, uses_of
+from terratool.definition.sharing import blueprint, is_shareable
+from terratool.definition.uses import Uses
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays, aligned
+from terratool.field.sharing import Tally, compile_shared
 from terratool.kernels import field as kernels
 
 OUTSIDE = -2
@@ -25,6 +29,10 @@ OUTSIDE = -2
 
 CHUNK = 1 << 21
 """So many points of a batch are sorted at a time."""
+SHARE_ABOVE = 65_536
+"""Parts and copies that come to more elements are shared, not written out."""
+FARTHEST = 1 << 62
+"""Numbers of elements from here on are kept beside, as they fit in no index."""
 SMALL_FIELD = 1 << 20
 """A field of fewer bytes stays in the cache; its points are not sorted …"""
 _SMALL_BATCH = 1 << 13
@@ -128,26 +136,44 @@ class Terrain:
     in the broadcast shape. Outside there is no height (NaN) and nothing else (None).
     """
 
-    def __init__(self, definition: Definition | Checked, *, roughness: bool = True) -> None:
+    def __init__(
+        self,
+        definition: Definition | Checked,
+        *,
+        roughness: bool = True,
+        share_above: float = SHARE_ABOVE,
+    ) -> None:
         """Compile a valid definition, or one that was checked.
 
         Args:
-            definition: the definition.
+            definition: the one or the other.
             roughness: whether rough surfaces have their relief.
+            share_above: parts and copies that come to more elements are shared, not written out;
+                that changes no answer.
 
         Raises:
             DefinitionError: what was checked has errors.
-            RequestError: its parts and copies come to too many elements.
+            RequestError: it has too many elements.
         """
-        if isinstance(definition, Checked):
-            checked = definition
-            expansion = checked.expansion
-            if expansion is None:
-                raise refusal(checked)
+        uses = definition.uses if isinstance(definition, Checked) else uses_of(definition)
+        if uses is None:
+            assert isinstance(definition, Checked)
+            raise refusal(definition)
+        self._compiled: Compiled
+        self._tally: Tally | None = None
+        self._source: Definition | Checked | None = None
+        self._roughness = roughness
+        self._far: dict[int, int] = {}
+        if is_shareable(uses) and uses.elements > share_above:
+            self._source = definition
+            plan = blueprint(uses)
+            if isinstance(definition, Checked):
+                plan = plan._replace(definition=definition.with_tracks(plan.definition))
+            definition = plan.definition
+            self._compiled, self._tally = compile_shared(plan, roughness=roughness)
         else:
-            expansion = expand_definition(definition)
-        definition, tree = expansion
-        self._compiled: Compiled = compile_definition(definition, tree, roughness=roughness)
+            definition, tree = _written_out(definition, uses)
+            self._compiled = compile_definition(definition, tree, roughness=roughness)
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs
@@ -171,7 +197,8 @@ class Terrain:
         return kernels.Field(self.arrays)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "field"}
+        dropped = "field", "written_out"
+        return {name: value for name, value in vars(self).items() if name not in dropped}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _compiled=aligned(state["_compiled"]))
@@ -208,6 +235,35 @@ class Terrain:
         return self._compiled.levels
 
     @property
+    def elements(self) -> int:
+        """Number of elements, written out."""
+        return len(self.arrays.elements) if self._tally is None else self._tally.elements
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether parts are shared by the places that they stand in, rather than written out."""
+        return self._tally is not None
+
+    @cached_property
+    def written_out(self) -> Terrain:
+        """The same with all parts and copies written out, for what looks at each element.
+
+        Raises:
+            RequestError: they come to too many elements.
+        """
+        if self._source is None:
+            return self
+        return Terrain(self._source, roughness=self._roughness, share_above=math.inf)
+
+    @property
+    def by_elements(self) -> Terrain | None:
+        """`written_out`; None where it comes to too many elements."""
+        try:
+            return self.written_out
+        except RequestError:
+            return None
+
+    @property
     def nbytes(self) -> int:
         """Memory of the compiled field in bytes."""
         c = self._compiled
@@ -239,8 +295,14 @@ class Terrain:
         height = np.empty(len(x))
         element = np.empty(len(x), np.int64)
         gradient = np.empty((len(x), 2))
-        kernels.samples(self.field, x, y, height, element, gradient)
-        surface = self.surface_of(element)
+        if self._tally is None:
+            kernels.samples(self.field, x, y, height, element, gradient)
+            surface = self.surface_of(element)
+        else:
+            number = np.empty((len(x), 2), np.uint64)
+            kernels.shared_samples(self.field, x, y, height, element, number, gradient)
+            surface = self._field_surface(element)
+            element = self._numbered(element, number)
         normal = np.column_stack([0.0 - gradient, np.where(np.isnan(height), np.nan, 1.0)])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         return PointSamples(
@@ -252,6 +314,14 @@ class Terrain:
 
     def surface_of(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
         """Surface indices of elements and tracks, -1 for none; int32 in their shape."""
+        if self._tally is None:
+            return self._field_surface(element)
+        unique, index = np.unique(element.ravel(), return_inverse=True)
+        within = [self._field_index(number) for number in unique.tolist()]
+        return self._field_surface(np.array(within, np.int64)[index].reshape(element.shape))
+
+    def _field_surface(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
+        """The same by indices of the field."""
         arrays = self.arrays
         count = len(arrays.elements)
         kinds = arrays.elements["kind"][np.clip(element, 0, count - 1)]
@@ -260,21 +330,75 @@ class Terrain:
         surface[tracked] = arrays.tracks.surface[element[tracked] - count]
         return surface
 
+    @property
+    def _first_track(self) -> int:
+        """The number of the first track, behind those of the elements."""
+        return min(self.elements, FARTHEST)
+
+    def _numbered(
+        self, element: NDArray[np.int64], number: NDArray[np.uint64]
+    ) -> NDArray[np.int64]:
+        """Numbers of elements and tracks of a shared field.
+
+        Where there are more elements than an index holds, those behind are numbered as they come.
+        """
+        count = len(self.arrays.elements)
+        found = np.where(element < 0, element, number[:, 0].astype(np.int64))
+        found = np.where(element >= count, element - count + self._first_track, found)
+        far = (element >= 0) & (element < count)
+        far &= (number[:, 1] > 0) | (number[:, 0] >= FARTHEST)
+        for point in np.flatnonzero(far).tolist():
+            low, high = number[point].tolist()
+            known = self._far.setdefault(low | high << 64, len(self._far))
+            found[point] = FARTHEST + self.tracks + known
+        return found
+
+    def _number(self, element: int) -> int:
+        """The number of an element of a shared field among all."""
+        if element < self._first_track:
+            return element
+        return list(self._far)[element - FARTHEST - self.tracks]
+
+    def _is_track(self, element: int) -> bool:
+        return self._first_track <= element < self._first_track + self.tracks
+
+    def _field_index(self, element: int) -> int:
+        """The index in a shared field of an element or track."""
+        if element < 0:
+            return element
+        if self._is_track(element):
+            return element - self._first_track + len(self.arrays.elements)
+        assert self._tally is not None
+        return self._tally.way(self._number(element))[-1][0].element
+
     def primitive_of(self) -> NDArray[np.int64]:
         """Index into `primitives` of each element, (n,) int64."""
         primitives: NDArray[np.int64] = self._compiled.primitives[self.arrays.elements["kind"]]
         return primitives
 
+    @property
+    def _by_kind(self) -> list[int]:
+        if self._tally is not None:
+            return list(self._tally.by_kind)
+        arrays = self.arrays
+        counts = np.bincount(arrays.elements["kind"], minlength=len(arrays.kinds))
+        return list(map(int, counts))
+
     def count_by_primitive(self) -> dict[str, int]:
         """Elements of each primitive, the unused ones included."""
-        counts = np.bincount(self.primitive_of(), minlength=len(self.primitives))
-        return dict(zip(self.primitives, counts.tolist(), strict=True))
+        counts = dict.fromkeys(self.primitives, 0)
+        for primitive, count in zip(self._compiled.primitives.tolist(), self._by_kind, strict=True):
+            counts[self.primitives[primitive]] += count
+        return counts
 
     def count_by_surface(self) -> dict[str, int]:
         """Elements that wear each surface, their own or an inherited one."""
-        ids = self.surface_of(np.arange(len(self.arrays.elements)))
-        counts = np.bincount(ids[ids >= 0], minlength=len(self.surfaces))
-        return dict(zip(self.surfaces, counts.tolist(), strict=True))
+        counts = dict.fromkeys(self.surfaces, 0)
+        surfaces = self.arrays.kinds["surface"].tolist()
+        for surface, count in zip(surfaces, self._by_kind, strict=True):
+            if surface >= 0:
+                counts[self.surfaces[surface]] += count
+        return counts
 
     def cells(self) -> NDArray[np.float64]:
         """World rectangles of the elements' cells: (4, n) float64 west, south, east, north."""
@@ -310,8 +434,10 @@ class Terrain:
         """
         if element < 0:
             return None
-        if element >= len(self.arrays.elements):
-            return f"/tracks/{element - len(self.arrays.elements)}"
+        if self._is_track(element):
+            return f"/tracks/{element - self._first_track}"
+        if self._tally is not None:
+            return self._tally.name(self._number(element))
         steps = []
         while element >= 0:
             steps.append(self._compiled.step(element))
@@ -338,6 +464,12 @@ def load(
         DefinitionError: it is no valid terrain; the findings say why.
     """
     return Terrain(load_checked(path, library_roots), roughness=roughness)
+
+
+def _written_out(definition: Definition | Checked, uses: Uses) -> Expansion:
+    expansion = definition.expansion if isinstance(definition, Checked) else expand(uses)
+    assert expansion is not None
+    return expansion
 
 
 def _points(

@@ -85,6 +85,7 @@ def export_elevation_grid(
         RequestError: it is no .wrl, there is void in it, or the resolution or bounds make no sense.
     """
     path = Path(path)
+    terrain = terrain.written_out
     if path.suffix.lower() != SUFFIX:
         raise RequestError(
             f"{path.name}: only VRML has an elevation grid.",

@@ -211,6 +211,7 @@ def export_mesh(
             hold it.
     """
     path = Path(path)
+    terrain = terrain.written_out
     check_request(path, overwrite, options.world)
     options.check()
     bounds = options.bounds

@@ -62,6 +62,7 @@ def plan_of(
     Raises:
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
     """
+    terrain = terrain.written_out
     arrays = terrain.arrays
     whole = np.array(terrain.bounds)
     part = whole if bounds is None else np.array(bounds, np.float64)

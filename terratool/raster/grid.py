@@ -121,15 +121,7 @@ def default_resolution(terrain: Terrain, bounds: Bounds | None = None) -> tuple[
 
 def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
     """A pixel that shows the finest feature of a part of a terrain, and what that feature is."""
-    west, south, east, north = terrain.footprints()
-    there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
-    west, south, east, north = terrain.cells()
-    wide, tall = east - west, north - south
-    cell = min(float(wide[there].min()), float(tall[there].min()))
-    # but for the rounding of the cells' edges
-    least = terrain.smallest_cell
-    cell = least if cell <= least * (1 + _WHOLE) else cell
-    details = finest_details(terrain.arrays, wide, tall)[there]
+    cell, detail = _finest_element(terrain, part)
     segments = terrain.arrays.tracks.segments
     reach = segments["reach"][
         (np.minimum(segments["x"], segments["end_x"]) - segments["reach"] < part[2])
@@ -140,7 +132,7 @@ def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
     narrowest = 2 * float(reach.min(initial=math.inf))
     features = (
         (cell / PIXELS_PER_CELL, "a tenth of the smallest cell"),
-        (float(details.min()), "the finest detail of a curve"),
+        (detail, "the finest detail of a curve"),
         (narrowest / PIXELS_PER_TRACK, "a third of the narrowest track"),
         (
             relief_bounds(terrain.arrays).finest / PIXELS_PER_CORRELATION,
@@ -152,6 +144,24 @@ def _finest_feature(terrain: Terrain, part: Bounds) -> tuple[float, str]:
         if side < finest * (1 - _WHOLE):
             finest, why = side, what
     return finest, why
+
+
+def _finest_element(terrain: Terrain, part: Bounds) -> tuple[float, float]:
+    """The smallest cell, and the finest detail of a curve, in a part of a terrain.
+
+    Where there are too many elements, it is the smallest cell of all, and no curve is looked at.
+    """
+    least, by_elements = terrain.smallest_cell, terrain.by_elements
+    if by_elements is None:
+        return least, math.inf
+    west, south, east, north = by_elements.footprints()
+    there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
+    west, south, east, north = by_elements.cells()
+    wide, tall = east - west, north - south
+    cell = min(float(wide[there].min()), float(tall[there].min()))
+    # but for the rounding of the cells' edges
+    cell = least if cell <= least * (1 + _WHOLE) else cell
+    return cell, float(finest_details(by_elements.arrays, wide, tall)[there].min())
 
 
 def resolution_within(width: float, depth: float, most: int) -> tuple[float, str]:

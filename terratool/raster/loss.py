@@ -133,6 +133,8 @@ class RasterLoss:
         narrow_details: other elements with a straight stretch of a curve narrower than a pixel.
         nodata: pixels without a height.
         interpolation: what lies between the pixels; None where no four of them have heights.
+        left_out: elements, where they are too many to be looked at one by one: of walls and of what
+            is narrow nothing is said then; 0 otherwise.
     """
 
     walls: WallLoss
@@ -140,6 +142,7 @@ class RasterLoss:
     narrow_details: SubpixelFeatures
     nodata: int
     interpolation: InterpolationError | None
+    left_out: int = 0
 
     def sentence(self, resolution: float) -> str:
         """All of it in a line of text; `resolution` is the side of a pixel."""
@@ -162,6 +165,11 @@ class RasterLoss:
         if self.interpolation and self.interpolation.largest > _NOISE * resolution:
             parts.append(
                 f"pixels differ from the model by up to {length(self.interpolation.largest)}"
+            )
+        if self.left_out:
+            parts.append(
+                "walls and what is narrower than a pixel were not looked for, among "
+                f"{counted(self.left_out, 'element')}"
             )
         if not parts:
             return "Lost: nothing; no walls, nothing narrower than a pixel."
@@ -264,7 +272,8 @@ def _points(terrain: Terrain, columns: Floats, rows: Floats) -> tuple[Floats, Fl
     low_y, high_y = max(south, rows[0]), min(north, rows[-1])
     half = min(POINTS, 4 * len(columns) * len(rows)) // 2
     x, y = spread_points((low_x, low_y, high_x, high_y), half)
-    left, bottom, right, top = terrain.cells()
+    by_elements = terrain.by_elements
+    left, bottom, right, top = np.empty((4, 0)) if by_elements is None else by_elements.cells()
     middle_x, middle_y = left + (right - left) / 2, bottom + (top - bottom) / 2
     inside = np.flatnonzero(
         (low_x <= middle_x) & (middle_x <= high_x) & (low_y <= middle_y) & (middle_y <= high_y)
@@ -322,11 +331,14 @@ class LossFinder:
     the rest estimated; which ones depends on the window and on nothing else. The steepest ramp is
     exact even so: whatever is steeper than the steepest so far is tested too, up to as many pairs
     again. A ramp is a wall's if the wall is at least half of it. `dtype` is that of the heights in
-    the file.
+    the file. Where there are too many elements, no walls are looked for.
     """
 
     def __init__(self, terrain: Terrain, grid: Grid, dtype: DTypeLike = np.float32) -> None:
-        self._terrain = terrain
+        by_elements = terrain.by_elements
+        self.for_walls = by_elements is not None
+        """Whether walls are looked for, which takes labels."""
+        self._terrain = terrain = by_elements or terrain
         self._grid = grid
         self._dtype = np.dtype(dtype)
         self._edges = nonzero_edges(terrain.arrays)
@@ -348,6 +360,8 @@ class LossFinder:
 
         `planes` are heights and labels of the window with its neighbours.
         """
+        if not self.for_walls:
+            return LossCounts()
         whole, resolution = self.with_neighbours(window), self._grid.resolution
         heights, labels = planes.heights, planes.labels
         if labels is None or not labels.shape == heights.shape == (whole.height, whole.width):
@@ -408,9 +422,12 @@ class LossFinder:
             steepest_ramp=SteepestRamp(degrees, rise, *self._middle(ramp)) if ramp else None,
             largest_jump=LargestJump(height, *self._middle(jump)) if jump else None,
         )
-        narrow, details = subpixel_features(self._terrain, self._grid)
+        narrow = details = SubpixelFeatures(0, ())
+        if self.for_walls:
+            narrow, details = subpixel_features(self._terrain, self._grid)
         interpolation = interpolation_error(self._terrain, self._grid, self._dtype)
-        return RasterLoss(walls, narrow, details, nodata, interpolation)
+        left_out = 0 if self.for_walls else self._terrain.elements
+        return RasterLoss(walls, narrow, details, nodata, interpolation, left_out)
 
     def _name(self, window: Window, pair: int) -> int:
         """The number of a pair of a window in the grid, counted from 1."""

@@ -187,6 +187,7 @@ def fingerprint(terrain: Terrain) -> str:
     digest.update(msgspec.json.encode([terrain.descr, terrain.crs, surfaces], order="sorted"))
     arrays = terrain.arrays
     values: list[Any] = [*arrays, *arrays.curves, *(arrays.tracks if terrain.tracks else ())]
+    values += arrays.shared if terrain.is_shared else ()
     for value in values:
         if isinstance(value, np.ndarray):
             # number by number: what lies between the members of a record means nothing

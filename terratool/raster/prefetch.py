@@ -73,14 +73,15 @@ class WindowMaker:
         self.terrain, self.grid, self.files = terrain, grid, files
         dtype = heights_type(files)
         self.losses = LossFinder(terrain, grid, dtype) if losses else None
+        labels = self.losses is not None and self.losses.for_walls
         layers = [layer for bands in files for layer in bands.layers]
         self._painter = Painter(
-            terrain,
+            terrain.written_out if labels else terrain,
             grid,
             dtype=dtype,
             surfaces=any(layer.surfaces for layer in layers),
             slopes=any(layer.slopes for layer in layers),
-            labels=losses,
+            labels=labels,
         )
         self._layer_painters = [layer_painter(bands, terrain) for bands in files]
         self._buffers: deque[WindowBuffer] = deque()

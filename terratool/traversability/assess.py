@@ -182,6 +182,7 @@ def prepare_assessment(
         WriteError: the map exists already, or does not fit on the disk.
         DefinitionError: the map has a CRS, which is unknown.
     """
+    terrain = terrain.written_out
     check_preference(request.prefer)
     checked_threads(request.threads)
     part = clip_bounds(terrain, request.bounds)
@@ -224,7 +225,7 @@ def chosen_resolution(terrain: Terrain, vehicle: Vehicle, request: Request, writ
     Raises:
         RequestError: what is asked for lies outside the terrain, or is too large.
     """
-    return _grids(terrain, vehicle, request, written).grid.resolution
+    return _grids(terrain.written_out, vehicle, request, written).grid.resolution
 
 
 def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> _Grids:

@@ -78,6 +78,7 @@ def prepare(
         RequestError, WriteError, DefinitionError: as of `prepare_assessment`; nor may all maps
             together be too large for the disk.
     """
+    terrain = terrain.written_out
     if len(vehicles) == 1:
         (vehicle,) = vehicles
         one = prepare_assessment(terrain, vehicle, request, map_path=map_path, overwrite=overwrite)

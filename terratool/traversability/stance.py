@@ -377,6 +377,7 @@ class GroundPainter:
     def __init__(
         self, terrain: Terrain, grid: Grid, least: float, slopes: bool, radii: Sequence[float]
     ) -> None:
+        terrain = terrain.written_out
         self._terrain, self._grid, self._least, self._radii = terrain, grid, least, radii
         self._painter = Painter(terrain, grid, slopes=slopes, labels=True)
         self._edges = nonzero_edges(terrain.arrays)

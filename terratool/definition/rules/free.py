@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.findings import Remark
-from terratool.definition.keys import MAX_SCATTERED
-from terratool.definition.model import Pair, Scatter, pair_of
+from terratool.definition.model import MAX_SCATTERED, Pair, Scatter, pair_of
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.scattering import strewn, wanted
 from terratool.definition.tree import Tree

@@ -230,7 +230,7 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
                 "Write some of them out where they stand.",
                 element=index,
             )
-    if subject.is_library:
+    if subject.is_library or subject.definition.size is UNSET:
         return
     if not uses.has_all_sizes:
         yield Remark(
