@@ -279,7 +279,9 @@ class Uses(Struct, frozen=True, dict=True):
         """
         definition = self.document.model
         assert isinstance(definition, Definition)
-        if not self.has_root or self.circles or not (self._with_places or _places(self.root)):
+        if not self.has_root or self.circles or definition.size is UNSET:
+            return {}
+        if not self._with_places and not _places(self.root):
             return {}
         start = PartSize("", sides(definition.extent), False)
         found: dict[PartSize, list[tuple[PartSize, int]]] = {start: []}
