@@ -474,7 +474,9 @@ private:
     }
 
     // Paint an element in cells, and its copies, where they meet pixels.
-    void paint_copies(const Frame& frame, const LaidGrid& laid, u64 index, const Rectangle& in_bin) {
+    void paint_copies(
+        const Frame& frame, const LaidGrid& laid, u64 index, const Rectangle& in_bin
+    ) {
         const Element& element = field_.elements[index];
         u32 copied = field_.shared.elements[index].copies;
         if (!copied) {
@@ -506,8 +508,7 @@ private:
         auto& inner = rows_along_x ? canvas_.copies_x : canvas_.copies_y;
         auto& outer = rows_along_x ? canvas_.copies_y : canvas_.copies_x;
         for (i64 j : outer)
-            for (i64 i : inner)
-                visit(rows_along_x ? i : j, rows_along_x ? j : i);
+            for (i64 i : inner) visit(rows_along_x ? i : j, rows_along_x ? j : i);
     }
 
     // Paint a copy of an element that is so many cells from the first one.

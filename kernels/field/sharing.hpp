@@ -86,7 +86,8 @@ public:
             grid.local |= put_axis(
                 grid, axis, frame.corner[axis], frame.rest[axis], laid.side[axis], laid.per[axis]
             );
-        if (grid.local) [[unlikely]] grid.clear[X] = grid.clear[Y] = -1.0;
+        if (grid.local) [[unlikely]]
+            grid.clear[X] = grid.clear[Y] = -1.0;
         return laid;
     }
 
@@ -94,8 +95,9 @@ private:
     static constexpr u64 most = 64;
     std::array<LaidGrid, most> kept_;
 
-    NEVER_INLINE static void
-    size(const Field& field, const Frame& frame, u64 index, LaidGrid& laid) {
+    NEVER_INLINE static void size(
+        const Field& field, const Frame& frame, u64 index, LaidGrid& laid
+    ) {
         laid.index = index;
         Grid& grid = laid.grid = field.grids[index];
         double shares[2];
@@ -146,8 +148,9 @@ INLINE void scale_in_cells(
 }
 
 // The same of a free one.
-INLINE void
-scale_at_place(const Field& field, const Frame& frame, const Place& place, Instance& one) {
+INLINE void scale_at_place(
+    const Field& field, const Frame& frame, const Place& place, Instance& one
+) {
     const double* extent = &field.shared.extent[0];
     scale_element(field, frame, one, [&] {
         return min(place.extent[X] / extent[X], place.extent[Y] / extent[Y]);
