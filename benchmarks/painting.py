@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import terrains
 from compiled import busy
@@ -14,7 +15,7 @@ from measure import line, medians
 
 from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
-from terratool.raster.grid import Window, grid_over
+from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.loss import LossCounts, LossFinder
 from terratool.raster.painter import Painter, Planes
 from terratool.text.source import Source
@@ -113,6 +114,24 @@ def compare_losses(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
     )
 
 
+def compare_shared(pixels: int, runs: int) -> None:
+    """10^12 elements in parts against S3, over all of the terrain and close up."""
+    terrains_by_name = {
+        name: Terrain(check(Source(name, terrains.text(getattr(terrains, name)()))))
+        for name in ("shared", "s3")
+    }
+    for zoom in (1, 100, 10_000):
+        tasks = {}
+        for name, terrain in terrains_by_name.items():
+            grid = Grid(37.0, 21.0, 60.0 / zoom / pixels, pixels, pixels)
+            painter = Painter(terrain, grid)
+            planes = painter.blank(grid.whole)
+            tasks[name] = partial(painter.paint, grid.whole, planes)
+        seconds = medians(tasks, runs)
+        ratio = seconds["shared"] / seconds["s3"]
+        line(f"10^12 shared elements, {zoom} times as large: time over that of S3", ratio, "none")
+
+
 if __name__ == "__main__":
     sizes = (1024,) if "--quick" in sys.argv else (4096, 16384)
     for name in ("s1", "s2", "s3"):
@@ -121,3 +140,4 @@ if __name__ == "__main__":
         for pixels in sizes:
             compare(name, terrain, pixels, runs=7)
         compare_losses(name, terrain, sizes[0], runs=3)
+    compare_shared(sizes[0], runs=3)

@@ -82,6 +82,24 @@ def compare_free(size: float, points: int) -> None:
     line(f"{label}: bytes more an element over 64", more / 64, "<= 1")
 
 
+def compare_shared(points: int) -> None:
+    """Measure 10^12 elements in parts against S2."""
+    checked = check(Source("shared", terrains.text(terrains.shared())))
+    plain = Terrain(check(Source("s2", terrains.text(terrains.s2()))))
+    terrain = Terrain(checked)
+    x, y = np.random.default_rng(0).uniform(0, 100, (2, points))
+    seconds = medians(
+        {
+            "shared": lambda: terrain.height(x, y),
+            "s2": lambda: plain.height(x, y),
+            "compile": lambda: Terrain(checked),
+        }
+    )
+    line("10^12 shared elements: time over that of S2", seconds["shared"] / seconds["s2"], "<= 2")
+    line("10^12 shared elements: compiling over 0.1 s", seconds["compile"] / 0.1, "<= 1")
+    line("10^12 shared elements: memory over 1 MB", terrain.nbytes / 2**20, "<= 1")
+
+
 if __name__ == "__main__":
     quick = math.inf if "--quick" not in sys.argv else 200_000
     compare("s1", int(min(5_000_000, quick)), 4096, int(min(1_000_000, quick)))
@@ -89,3 +107,4 @@ if __name__ == "__main__":
     compare("s3", int(min(5_000_000, quick)), 20000, 0)
     compare_free(3000, int(min(2_000_000, quick)))
     compare_free(1000, int(min(2_000_000, quick)))
+    compare_shared(int(min(1_000_000, quick)))

@@ -111,6 +111,18 @@ def stacked(size: float, over: float, turned: float = 1 / 3, count: int = 100_00
     return {**_terrain(tree), "size": size}
 
 
+def shared(count: int = 100) -> dict[str, Any]:
+    """Parts in parts in parts, each a grid of so many copies along both axes: 10^12 elements."""
+    copies = {"cellX": 0, "cellY": 0, "repeat": {"count": [count, count], "step": [1, 1]}}
+    rows = {"type": "hill", "surface": "grass", "cells": count}
+    parts = {
+        "yard": {**rows, "children": [{"part": "row", "turnDeg": 90, **copies}]},
+        "row": {**rows, "children": [{"type": "pyramid", "surface": "brick", **copies}]},
+    }
+    tree = {"type": "slope", "cells": count, "children": [{"part": "yard", **copies}]}
+    return {**_terrain(tree), "parts": parts}
+
+
 def text(definition: dict[str, Any]) -> bytes:
     """A definition as JSON."""
     return json.dumps(definition).encode()

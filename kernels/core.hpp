@@ -15,9 +15,11 @@
 
 #if defined(_MSC_VER) && !defined(__clang__)
 #define INLINE __forceinline
+#define NEVER_INLINE __declspec(noinline)
 #define HARD_CHECK(condition) (void)0
 #else
 #define INLINE [[gnu::always_inline]] inline
+#define NEVER_INLINE [[gnu::noinline]]
 #ifdef _GLIBCXX_ASSERTIONS  // as std::span does it
 #define HARD_CHECK(condition) __glibcxx_assert(condition)
 #else

@@ -21,21 +21,27 @@ inline DoubleSum divide(double high, double low, double k, double n) {
     return {quotient, ((high * k - quotient * n) + low * k) / n};
 }
 
-// Set an axis of a grid, all but `per` and `near` given; whether it is finer than doubles.
-inline bool set_axis(Grid& g, int which, const GridAxis& axis) {
+// Put an axis of a grid, whose count and pitch are known, at a corner; whether it is finer than
+// doubles. `side` is that of a cell, `per` 1 by that.
+INLINE bool put_axis(Grid& g, int which, double corner, double rest, double side, double per) {
     constexpr double finest = 8.0;  // cells narrower than so many spacings of doubles are finer
     constexpr double tiny = 1e-290;
-    double side = axis.pitch + axis.pitch_rest;
     double spacing = std::numeric_limits<double>::epsilon()
-        * max(abs(axis.corner), abs(axis.corner + side * axis.count));
+        * max(abs(corner), abs(corner + side * g.count[which]));
     bool local = side < finest * spacing || side < tiny;
-    g.corner[which][0] = axis.corner, g.corner[which][1] = axis.rest;
-    g.pitch[which][0] = axis.pitch, g.pitch[which][1] = axis.pitch_rest;
-    g.count[which] = axis.count;
-    g.per[which] = local ? 0.0 : 1.0 / side;
+    g.corner[which][0] = corner, g.corner[which][1] = rest;
+    g.per[which] = local ? 0.0 : per;
     g.near[which] = max(EDGE, spacing * g.per[which]);
     g.clear[which] = 0.5 - g.near[which];
     return local;
+}
+
+// Set an axis of a grid, all but `per` and `near` given; whether it is finer than doubles.
+inline bool set_axis(Grid& g, int which, const GridAxis& axis) {
+    double side = axis.pitch + axis.pitch_rest;
+    g.pitch[which][0] = axis.pitch, g.pitch[which][1] = axis.pitch_rest;
+    g.count[which] = axis.count;
+    return put_axis(g, which, axis.corner, axis.rest, side, 1.0 / side);
 }
 
 // One axis of the grid of `count` cells in a block of cells of an axis above.

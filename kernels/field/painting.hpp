@@ -429,26 +429,25 @@ private:
     }
 
     void paint_frame(const Frame& frame, const Rectangle& part) {
-        auto& laid = canvas_.laid;
-        laid.clear();
+        auto& grids = canvas_.shared_stack.laid;
         bool local = false;
-        for (u64 g = frame.grid;; ++g) {
-            laid.push_back(laid_grid(frame, field_.grids[g]));
-            local |= laid.back().local;
-            if (!laid.back().more) break;
-        }
+        u64 end = frame.grid;
+        do local |= grids.lay(field_, frame, end).grid.local;
+        while (field_.grids[end++].more);
         if (local) {
             left_ = true;
             canvas_.heights.fill(part, NaN);  // stays NaN, whatever is added to it
             return;
         }
-        for (std::size_t n = 0; n < laid.size(); ++n) {
-            if (laid[n].standing == IN_CELLS) paint_cells(frame, laid[n], part);
-            else paint_free(frame, laid[n], field_.shared.mirrors[frame.grid + n], part);
+        for (u64 g = frame.grid; g < end; ++g) {
+            const LaidGrid& laid = grids.lay(field_, frame, g);
+            if (laid.grid.standing == IN_CELLS) paint_cells(frame, laid, part);
+            else paint_free(frame, laid.grid, field_.shared.mirrors[g], part);
         }
     }
 
-    void paint_cells(const Frame& frame, const Grid& grid, const Rectangle& part) {
+    void paint_cells(const Frame& frame, const LaidGrid& laid, const Rectangle& part) {
+        const Grid& grid = laid.grid;
         auto [west, east, south, north] = part;
         locate_cells(
             x_.subspan(west, east - west), axis_of(grid, X), part_of(canvas_.cell_x, west, east),
@@ -462,24 +461,26 @@ private:
         i64 along = find_runs(canvas_.cell_y, south, north, grid.shift[Y], canvas_.runs_y);
         for (i64 j = 0; j < along; ++j) {
             for (i64 i = 0; i < across; ++i) {
-                i64 slot = grid.table + canvas_.runs_y[j].bin * i64(grid.row)
-                    + canvas_.runs_x[i].bin;
+                i64 slot =
+                    grid.table + canvas_.runs_y[j].bin * i64(grid.row) + canvas_.runs_x[i].bin;
                 Rectangle in_bin{
                     canvas_.runs_x[i].begin, canvas_.runs_x[i + 1].begin, canvas_.runs_y[j].begin,
                     canvas_.runs_y[j + 1].begin
                 };
                 for (u32 k = field_.offsets[slot]; k < field_.offsets[slot + 1]; ++k)
-                    paint_copies(frame, grid, listed_element(field_, grid, k), in_bin);
+                    paint_copies(frame, laid, listed_element(field_, grid, k), in_bin);
             }
         }
     }
 
     // Paint an element in cells, and its copies, where they meet pixels.
-    void paint_copies(const Frame& frame, const Grid& grid, u64 index, const Rectangle& in_bin) {
+    void paint_copies(
+        const Frame& frame, const LaidGrid& laid, u64 index, const Rectangle& in_bin
+    ) {
         const Element& element = field_.elements[index];
         u32 copied = field_.shared.elements[index].copies;
         if (!copied) {
-            paint_one(frame, grid, index, 0, 0, 0, in_bin);
+            paint_one(frame, laid, index, 0, 0, in_bin);
             return;
         }
         const Copies& copies = field_.shared.copies[copied];
@@ -494,30 +495,28 @@ private:
         };
         list(canvas_.copies_x, X, in_bin.west, in_bin.east, canvas_.cell_x);
         list(canvas_.copies_y, Y, in_bin.south, in_bin.north, canvas_.cell_y);
-        visit_listed(copies, [&](i64 a, i64 b, i64 which) {
-            paint_one(
-                frame, grid, index, a * i64(copies.step[X]), b * i64(copies.step[Y]), which, in_bin
-            );
+        visit_listed(copies, [&](i64 a, i64 b) {
+            i64 right = a * i64(copies.step[X]), above = b * i64(copies.step[Y]);
+            paint_one(frame, laid, index, right, above, in_bin);
         });
     }
 
-    // Call visit(k along x, k along y, which of all) for the copies that are listed, in order.
+    // Call visit(k along x, k along y) for the copies that are listed, in their order.
     template <class Visit> void visit_listed(const Copies& copies, Visit visit) {
         CopyOrder order(copies);
         bool rows_along_x = order.inner == X;
         auto& inner = rows_along_x ? canvas_.copies_x : canvas_.copies_y;
         auto& outer = rows_along_x ? canvas_.copies_y : canvas_.copies_x;
         for (i64 j : outer)
-            for (i64 i : inner)
-                visit(rows_along_x ? i : j, rows_along_x ? j : i, j * order.in_row + i);
+            for (i64 i : inner) visit(rows_along_x ? i : j, rows_along_x ? j : i);
     }
 
     // Paint a copy of an element that is so many cells from the first one.
     void paint_one(
-        const Frame& frame, const Grid& grid, u64 index, i64 right, i64 above, i64 which,
-        Rectangle part
+        const Frame& frame, const LaidGrid& laid, u64 index, i64 right, i64 above, Rectangle part
     ) {
-        Instance one = copy_of(field_, frame, index, which);
+        const Grid& grid = laid.grid;
+        Instance one = copy_of<false>(field_, frame, index, 0);
         one.element.cell[X] = u16(one.element.cell[X] + right);
         one.element.cell[Y] = u16(one.element.cell[Y] + above);
         const Pose& square = field_.poses[one.element.pose];
@@ -526,15 +525,13 @@ private:
             search(canvas_.cell_y, part.south, part.north, block_of(one.element, square, Y));
             if (part.is_empty()) return;
         }
-        scale_element(
-            field_, frame, side_of(grid, X) * square.size[X], side_of(grid, Y) * square.size[Y], one
-        );
-        double aspect = aspect_of(frame, grid);
+        scale_in_cells(field_, frame, laid, square, one);
+        double aspect = frame.aspect * laid.aspect;
         Pose pose = cell_pose(square, aspect);
         Painted painted{i64(index), one.element, field_.kinds[one.element.kind], pose, grid};
         paint_held(field_, canvas_, painted, x_, y_, resolution_, part);
         if (one.element.grid)
-            canvas_.frames_below.push_back({frame_within(frame, grid, aspect, pose, one), part});
+            canvas_.frames_below.push_back({frame_within(frame, laid, aspect, pose, one), part});
     }
 
     // Narrow `begin` and `end` of ascending cells to those in a block.
@@ -581,10 +578,10 @@ private:
             };
             list(canvas_.copies_x, x_, X, part.west, part.east);
             list(canvas_.copies_y, y_, Y, part.south, part.north);
-            visit_listed(copies, [&](i64 a, i64 b, i64 which) {
+            visit_listed(copies, [&](i64 a, i64 b) {
                 Place place = place_of_copy(frame, mirror, first, copies, a, b);
-                Instance one = copy_of(field_, frame, index, which);
-                scale_element(field_, frame, place.extent[X], place.extent[Y], one);
+                Instance one = copy_of<false>(field_, frame, index, 0);
+                scale_at_place(field_, frame, place, one);
                 FreePainted painted{index, one.element, place, grid};
                 Rectangle held =
                     paint_free_element(field_, canvas_, painted, x_, y_, resolution_, part);
@@ -596,7 +593,8 @@ private:
 };
 
 // What a descent finds at a point of any field.
-template <class Id> Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
+template <class Id>
+Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
     if (!is_shared(field)) return descend<true>(field, x, y, canvas.stack);
     SharedDescent<true> found(field, x, y, canvas.shared_stack);
     return {found.z, found.top.element, found.slope_x, found.slope_y};

@@ -77,10 +77,9 @@ template <class Id> struct Canvas {
     std::vector<GridPart> queue;
     std::vector<u32> found;  // free elements, while a grid of them is painted
     Stack stack;
-    // of shared fields: the frames of a level and of the next, the grids of one, copies of one
-    // element along x and y, and what waits in a descent
+    // of shared fields: the frames of a level and of the next, copies of one element along x and
+    // y, and what waits in a descent
     std::vector<FramePart> frames, frames_below;
-    std::vector<Grid> laid;
     std::vector<i64> copies_x, copies_y;
     SharedStack shared_stack;
     // by column and by row: cells of a grid and positions in them, positions in a block of cells,

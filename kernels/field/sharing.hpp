@@ -58,26 +58,63 @@ inline Frame terrain_frame(const Field& field) {
     return frame;
 }
 
-// A grid of a template where its frame puts it.
-inline Grid laid_grid(const Frame& frame, const Grid& pattern) {
-    Grid grid = pattern;
-    grid.local = frame.local;
-    for (int axis : {X, Y}) {
-        double count = pattern.count[axis];
-        auto [pitch, rest] =
-            divide(frame.pitch[axis][0], frame.pitch[axis][1], frame.span[axis], count);
-        grid.local |= set_axis(
-            grid, axis, {frame.corner[axis], frame.rest[axis], 0.0, count, 0.0, pitch, rest}
-        );
-    }
-    if (grid.local) grid.clear[X] = grid.clear[Y] = -1.0;
-    return grid;
-}
+// A grid of a template where a frame puts it, and what of it does not depend on the corner.
+struct LaidGrid {
+    u64 index = ~u64(0);
+    double pitch[2][2], span[2];  // those of the frame that it was laid for
+    double side[2], per[2];       // of its cells
+    double share;                 // of a cell in the terrain, the smaller one
+    double aspect;                // columns by rows
+    Grid grid;
+};
 
-// Sides of the cells of a grid.
-INLINE double side_of(const Grid& grid, int axis) {
-    return grid.pitch[axis][0] + grid.pitch[axis][1];
-}
+// The grids that were laid last: most frames are as large as the one before.
+class LaidGrids {
+public:
+    // A grid of a template in a frame; the reference holds until the next one is laid.
+    INLINE LaidGrid& lay(const Field& field, const Frame& frame, u64 index) {
+        LaidGrid& laid = kept_[index % most];
+        bool same = laid.index == index;
+        for (int axis : {X, Y})
+            same = same && laid.pitch[axis][0] == frame.pitch[axis][0]
+                && laid.pitch[axis][1] == frame.pitch[axis][1]
+                && laid.span[axis] == frame.span[axis];
+        if (!same) size(field, frame, index, laid);
+        Grid& grid = laid.grid;
+        grid.local = frame.local;
+        for (int axis : {X, Y})
+            grid.local |= put_axis(
+                grid, axis, frame.corner[axis], frame.rest[axis], laid.side[axis], laid.per[axis]
+            );
+        if (grid.local) [[unlikely]]
+            grid.clear[X] = grid.clear[Y] = -1.0;
+        return laid;
+    }
+
+private:
+    static constexpr u64 most = 64;
+    std::array<LaidGrid, most> kept_;
+
+    NEVER_INLINE static void size(
+        const Field& field, const Frame& frame, u64 index, LaidGrid& laid
+    ) {
+        laid.index = index;
+        Grid& grid = laid.grid = field.grids[index];
+        double shares[2];
+        for (int axis : {X, Y}) {
+            laid.pitch[axis][0] = frame.pitch[axis][0], laid.pitch[axis][1] = frame.pitch[axis][1];
+            laid.span[axis] = frame.span[axis];
+            auto [pitch, rest] = divide(
+                frame.pitch[axis][0], frame.pitch[axis][1], frame.span[axis], grid.count[axis]
+            );
+            grid.pitch[axis][0] = pitch, grid.pitch[axis][1] = rest;
+            laid.side[axis] = pitch + rest, laid.per[axis] = 1.0 / laid.side[axis];
+            shares[axis] = laid.side[axis] / field.shared.extent[axis];
+        }
+        laid.share = min(shares[X], shares[Y]);
+        laid.aspect = grid.count[X] / grid.count[Y];
+    }
+};
 
 // An element where it stands, without the pose.
 struct Instance {
@@ -87,22 +124,44 @@ struct Instance {
     Number number;
 };
 
-// Scale and offset of an element whose sides are these.
-INLINE void scale_element(
-    const Field& field, const Frame& frame, double wide, double tall, Instance& one
-) {
-    const double* extent = &field.shared.extent[0];
+// Scale and offset of an element; share(): that of its sides in those of the terrain.
+template <class Share>
+INLINE void scale_element(const Field& field, const Frame& frame, Instance& one, Share share) {
     one.factor = frame.factor * field.shared.elements[one.index].factor;
     double own = one.element.scale;
-    if (isnan(own)) own = min(wide / extent[X], tall / extent[Y]);
+    if (isnan(own)) own = share();
     one.element.scale = one.factor * own;
     one.element.offset = frame.factor * one.element.offset;
 }
 
+// The same of one in cells.
+INLINE void scale_in_cells(
+    const Field& field, const Frame& frame, const LaidGrid& laid, const Pose& pose, Instance& one
+) {
+    scale_element(field, frame, one, [&] {
+        if (pose.cells[X] == 1 && pose.cells[Y] == 1) return laid.share;
+        const double* extent = &field.shared.extent[0];
+        return min(
+            laid.side[X] * pose.size[X] / extent[X], laid.side[Y] * pose.size[Y] / extent[Y]
+        );
+    });
+}
+
+// The same of a free one.
+INLINE void scale_at_place(
+    const Field& field, const Frame& frame, const Place& place, Instance& one
+) {
+    const double* extent = &field.shared.extent[0];
+    scale_element(field, frame, one, [&] {
+        return min(place.extent[X] / extent[X], place.extent[Y] / extent[Y]);
+    });
+}
+
 // The frame of what is in an element in cells, but for the place of a point in it.
 inline Frame frame_within(
-    const Frame& above, const Grid& grid, double aspect, const Pose& pose, const Instance& one
+    const Frame& above, const LaidGrid& laid, double aspect, const Pose& pose, const Instance& one
 ) {
+    const Grid& grid = laid.grid;
     Frame frame;
     frame.grid = one.element.grid;
     for (int axis : {X, Y}) {
@@ -110,9 +169,10 @@ inline Frame frame_within(
         frame.corner[axis] = corner, frame.rest[axis] = rest;
         frame.pitch[axis][0] = grid.pitch[axis][0], frame.pitch[axis][1] = grid.pitch[axis][1];
         frame.span[axis] = pose.size[axis];
-        frame.length[axis] = side_of(grid, axis) * pose.size[axis];
+        frame.length[axis] = laid.side[axis] * pose.size[axis];
     }
-    frame.aspect = aspect * (pose.size[Y] / pose.size[X]);
+    bool square = pose.cells[X] == pose.cells[Y];
+    frame.aspect = square ? aspect : aspect * (pose.size[Y] / pose.size[X]);
     frame.factor = one.factor;
     frame.number = one.number + Number{1, 0};
     frame.depth = above.depth + 1;
@@ -142,11 +202,6 @@ inline Frame frame_at(
     return frame;
 }
 
-// Height ÷ width of the cells of a grid.
-INLINE double aspect_of(const Frame& frame, const Grid& grid) {
-    return frame.aspect * (grid.count[X] / grid.count[Y]);
-}
-
 // The pose of a turned element in cells: kept is that of a square one.
 INLINE Pose cell_pose(const Pose& square, double aspect) {
     Pose pose = square;
@@ -165,6 +220,7 @@ struct CopyRange {
 // The copies that hold the cell which is so many cells right of the first cell of copy 0.
 INLINE CopyRange copies_over(i64 right, i64 width, double step_size, u32 count) {
     i64 step = i64(step_size), most = i64(count) - 1;
+    if (step == 1) return {max(right - width + 1, i64(0)), min(right, most)};
     auto divided = [](i64 a, i64 b) { return i64(u32(a) / u32(b)); };
     if (step > 0) {
         i64 last = right < 0 ? -1 : divided(right, step);
@@ -213,12 +269,16 @@ INLINE void visit_copies(const Copies& copies, CopyRange across, CopyRange along
             visit(order.inner == X ? i : j, order.inner == X ? j : i, j * order.in_row + i);
 }
 
-// One copy of an element; `which` is counted among all its copies.
+// One copy of an element; `which` is counted among all its copies. Most ask for no number.
+template <bool numbered = true>
 INLINE Instance copy_of(const Field& field, const Frame& frame, u64 index, i64 which) {
-    const Member& member = field.shared.elements[index];
-    Number number =
-        frame.number + number_of(member.first) + number_of(member.each).times(u64(which));
-    return {index, field.elements[index], 0.0, number};
+    Instance one{index, field.elements[index], 0.0, {}};
+    if constexpr (numbered) {
+        const Member& member = field.shared.elements[index];
+        Number before = frame.number + number_of(member.first);
+        one.number = before + number_of(member.each).times(u64(which));
+    }
+    return one;
 }
 
 // The place of a copy of a free element, mirrored where a quarter turn mirrors what is around it.
@@ -241,9 +301,13 @@ struct SharedTop {
     i64 depth = -1, family = -1;
 };
 
-using SharedStack = std::vector<Frame>;
+// What waits in a descent, and the grids of before; each thread needs its own.
+struct SharedStack {
+    std::vector<Frame> frames;
+    LaidGrids laid;
+};
 
-// Elements at a point, and what they add up to.
+// Elements at a point, and what they add up to; the number of the top one only where `sloped`.
 template <bool sloped> class SharedDescent {
 public:
     double z = 0.0, slope_x = 0.0, slope_y = 0.0;
@@ -251,17 +315,16 @@ public:
 
     SharedDescent(const Field& field, double x, double y, SharedStack& stack)
         : field_(field), stack_(stack), x_(x), y_(y) {
-        stack.assign(1, terrain_frame(field));
-        while (!stack.empty()) {
-            Frame frame = stack.back();
-            stack.pop_back();
+        stack.frames.assign(1, terrain_frame(field));
+        while (!stack.frames.empty()) {
+            Frame frame = stack.frames.back();
+            stack.frames.pop_back();
             ++family_;
             for (u64 g = frame.grid;; ++g) {
-                const Grid& pattern = field.grids[g];
-                Grid grid = laid_grid(frame, pattern);
-                if (pattern.standing == IN_CELLS) add_cells(frame, grid);
-                else add_free(frame, grid, field.shared.mirrors[g]);
-                if (!pattern.more) break;
+                const LaidGrid& laid = stack.laid.lay(field, frame, g);
+                if (laid.grid.standing == IN_CELLS) add_cells(frame, laid);
+                else add_free(frame, laid.grid, field.shared.mirrors[g]);
+                if (!laid.grid.more) break;
             }
         }
     }
@@ -280,7 +343,8 @@ private:
             top = {i64(one.index), one.number, frame.depth, family_};
     }
 
-    void add_cells(const Frame& frame, const Grid& grid) {
+    void add_cells(const Frame& frame, const LaidGrid& laid) {
+        const Grid& grid = laid.grid;
         double sx = cells_from_corner(grid, X, x_), sy = cells_from_corner(grid, Y, y_);
         i64 i = i64(sx), j = i64(sy);
         double in_x = sx - double(i), in_y = sy - double(j);
@@ -289,28 +353,24 @@ private:
             auto at_y = locate_cell(y_, axis_of(grid, Y), grid.local, frame.from[Y]);
             i = at_x.cell, in_x = at_x.in, j = at_y.cell, in_y = at_y.in;
         }
-        double aspect = aspect_of(frame, grid), leaf_x = 0.0, leaf_y = 0.0;
+        double aspect = frame.aspect * laid.aspect, leaf_x = 0.0, leaf_y = 0.0;
         u64 bin = u64(bin_of(grid, i, j));
         auto add = [&](u64 index, i64 cell_x, i64 cell_y, i64 which) {
-            Instance one = copy_of(field_, frame, index, which);
+            Instance one = copy_of<sloped>(field_, frame, index, which);
             one.element.cell[X] = u16(cell_x), one.element.cell[Y] = u16(cell_y);
             const Pose& square = field_.poses[one.element.pose];
-            scale_element(
-                field_, frame, side_of(grid, X) * square.size[X], side_of(grid, Y) * square.size[Y],
-                one
-            );
+            scale_in_cells(field_, frame, laid, square, one);
             Pose turned_pose;
             if (square.turned) turned_pose = cell_pose(square, aspect);
             const Pose& pose = square.turned ? turned_pose : square;
             const Element& element = one.element;
             const Kind& kind = field_.kinds[element.kind];
-            UV at{
-                min((double(i - cell_x) + in_x) / pose.size[X], 1.0),
-                min((double(j - cell_y) + in_y) / pose.size[Y], 1.0)
-            };
+            UV at{in_x, in_y};
+            if (pose.cells[X] > 1) at.u = min((double(i - cell_x) + in_x) / pose.size[X], 1.0);
+            if (pose.cells[Y] > 1) at.v = min((double(j - cell_y) + in_y) / pose.size[Y], 1.0);
             if (element.grid) {
-                stack_.push_back(frame_within(frame, grid, aspect, pose, one));
-                stack_.back().from[X] = at.u, stack_.back().from[Y] = at.v;
+                stack_.frames.push_back(frame_within(frame, laid, aspect, pose, one));
+                stack_.frames.back().from[X] = at.u, stack_.frames.back().from[Y] = at.v;
             }
             if (grid.leaves) at = turned(pose, in_x, in_y);
             else if (pose.turned) at = turned(pose, at.u, at.v);
@@ -410,13 +470,13 @@ private:
             held = abs(depth) > slack ? depth > 0.0 : free_cell_holds(field_, grid, place, p);
             if (!held && !square.turned) return;
         }
-        Instance one = copy_of(field_, frame, index, which);
-        scale_element(field_, frame, place.extent[X], place.extent[Y], one);
+        Instance one = copy_of<sloped>(field_, frame, index, which);
+        scale_at_place(field_, frame, place, one);
         const Element& element = one.element;
         if (held && own_grid) {
-            stack_.push_back(frame_at(frame, grid, place, one));
-            stack_.back().from[X] = clamp(free_position(place, X, from.u), 0.0, 1.0);
-            stack_.back().from[Y] = clamp(free_position(place, Y, from.v), 0.0, 1.0);
+            stack_.frames.push_back(frame_at(frame, grid, place, one));
+            stack_.frames.back().from[X] = clamp(free_position(place, X, from.u), 0.0, 1.0);
+            stack_.frames.back().from[Y] = clamp(free_position(place, Y, from.v), 0.0, 1.0);
         }
         if (square.turned && free_depth<true>(place, square, from) < -slack) return;
         const Kind& kind = field_.kinds[element.kind];

@@ -36,7 +36,7 @@ ONE = (1, 1)
 class Copies(NamedTuple):
     """Copies of an element along x and y; `across` says that their rows stand along y."""
 
-    count: tuple[int, int]
+    counts: tuple[int, int]
     step: Pair
     across: bool
 
@@ -74,7 +74,7 @@ class Node(NamedTuple):
     @property
     def many(self) -> int:
         """How many copies there are."""
-        return 1 if self.copies is None else self.copies.count[0] * self.copies.count[1]
+        return 1 if self.copies is None else self.copies.counts[0] * self.copies.counts[1]
 
 
 class Template(NamedTuple):

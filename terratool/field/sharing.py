@@ -294,7 +294,7 @@ def _columns(draft: _Draft, plan: Blueprint) -> tuple[_Columns, _Columns]:
     for index, node in enumerate(nodes):
         if node.copies is not None and node.at is None:
             for axis in (0, 1):
-                far = int(node.copies.step[axis]) * (node.copies.count[axis] - 1)
+                far = int(node.copies.step[axis]) * (node.copies.counts[axis] - 1)
                 cell[index, axis] += min(far, 0)
                 span[index, axis] += abs(far)
     return columns, columns._replace(cell=cell, span=span)
@@ -316,7 +316,7 @@ def _copies(nodes: list[Node]) -> tuple[NDArray[Any], Ints]:
     copies["count"] = 1
     for copy, index in known.items():
         if copy is not None:
-            copies[index] = copy.step, copy.count, copy.across
+            copies[index] = copy.step, copy.counts, copy.across
     return copies, of
 
 
@@ -387,7 +387,7 @@ def _number(
         for child in children[index]:
             node, within = nodes[child], int(below[child])
             each = 1 + (inside[within] if within >= 0 else 0)
-            row = 0 if node.copies is None else node.copies.count[node.copies.across]
+            row = 0 if node.copies is None else node.copies.counts[node.copies.across]
             listed[index].append(Member(child, first[child], each, row, node.step, within))
     families = tuple(map(tuple, listed))
     return members, Tally(total, (), 1 + depth[0], families, root)
