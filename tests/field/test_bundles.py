@@ -33,7 +33,7 @@ EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "200"))
 
 
 class Three:
-    """The terrain of files, that of their bundle, and that of their expansion."""
+    """The terrain of files, of their bundle and of their expansion; and with parts shared."""
 
     def __init__(self, files: FileSet) -> None:
         quiet = CheckOptions(warnings=False)
@@ -47,6 +47,7 @@ class Three:
         others = [check(Source("bundle.json", text.encode()), quiet) for text in self.texts]
         assert [other.findings for other in others] == [(), ()]
         self.terrains = [Terrain(one) for one in (checked, *others)]
+        self.terrains += [Terrain(one, share_above=0) for one in (checked, others[0])]
 
 
 def bits(array: Any) -> bytes:
@@ -71,10 +72,10 @@ def answers(terrain: Terrain, x: Any, y: Any) -> dict[str, Any]:
 
 def painted(terrain: Terrain) -> list[bytes]:
     grid = grid_over(terrain, min(max(terrain.size) / 24, min(terrain.size) / 2))
-    planes = Painter(terrain, grid, np.float64, slopes=True, labels=True).paint(grid.whole)
+    planes = Painter(terrain, grid, np.float64, slopes=True).paint(grid.whole)
     assert planes.surfaces is not None
     surface = np.array([None, *terrain.surfaces], object)[planes.surfaces]
-    slopes = [bits(planes.slope_x), bits(planes.slope_y), bits(planes.labels)]
+    slopes = [bits(planes.slope_x), bits(planes.slope_y)]
     return [bits(planes.heights), *slopes, json.dumps(surface.tolist()).encode()]
 
 
