@@ -310,6 +310,7 @@ def test_dtypes_that_are_not_the_structs_are_refused() -> None:
     wider = np.dtype([*ELEMENT.descr, ("more", np.float64)])
     other = np.dtype([*most, kind, ("grid", np.int32)])
     apart = np.dtype([("cell", np.uint16), ("cell_y", np.uint16), *ELEMENT.descr[1:]])
+    others = (GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF)
     for wrong in (swapped, wider, other, apart):
         with pytest.raises(TypeError, match="is not the struct of the kernels"):
             kernels.field.check_records(wrong, *others)

@@ -7,6 +7,8 @@
 // which order, is what the descent of the field that is written out adds: the bits are the same.
 #pragma once
 
+#include <memory>
+
 #include "query.hpp"
 
 namespace terratool {
@@ -510,6 +512,376 @@ private:
     }
 };
 
+// Low and high ends of what an element and all its copies take along an axis, in its grid.
+inline std::array<double, 2> taken_along(const Field& field, u64 index, int axis) {
+    const Element& element = field.elements[index];
+    const Pose& pose = field.poses[element.pose];
+    const Copies& copies = field.shared.copies[field.shared.elements[index].copies];
+    double far = (double(copies.count[axis]) - 1.0) * copies.step[axis];
+    double low = double(element.cell[axis]), high = low + pose.size[axis];
+    if (pose.free) {
+        const Place& place = field.places[place_of(element)];
+        double reach = free_span(pose, place)[axis];
+        low = place.at[axis] - reach, high = place.at[axis] + reach;
+    }
+    return {low + min(far, 0.0), high + max(far, 0.0)};
+}
+
+// How many copies of an element lie over one point at most.
+inline double copies_over_point(const Field& field, u64 index) {
+    const Element& element = field.elements[index];
+    const Pose& pose = field.poses[element.pose];
+    const Copies& copies = field.shared.copies[field.shared.elements[index].copies];
+    double over = 1.0;
+    for (int axis : {X, Y}) {
+        double wide = pose.size[axis];
+        if (pose.free) wide = 2.0 * free_span(pose, field.places[place_of(element)])[axis];
+        double most = double(copies.count[axis]), step = abs(copies.step[axis]);
+        over *= step > 0.0 ? min(ceil(wide / step) + double(pose.free), most) : most;
+    }
+    return over;
+}
+
+// No less than the elements that lie over any one point of a shared field.
+inline double most_over_point(const Field& field) {
+    constexpr u64 few = 64;  // entries of a bin that are compared with each other
+    std::vector<double> inside(field.grids.size() + 1, 0.0);  // of a grid and those that follow it
+    for (i64 g = count_of(field.grids) - 1; g >= 0; --g) {
+        const Grid& grid = field.grids[g];
+        bool free = grid.standing != IN_CELLS;
+        i64 rows = ((i64(grid.count[Y]) - 1) >> grid.shift[Y]) + 1;
+        if (free) rows = field.free_bins[grid.free].shape[Y];
+        double most = 0.0;
+        std::vector<double> weights;
+        for (i64 bin = grid.table; bin < grid.table + rows * i64(grid.row); ++bin) {
+            u64 begin = field.offsets[bin], end = field.offsets[bin + 1];
+            weights.clear();
+            double all = 0.0;
+            for (u64 k = begin; k < end; ++k) {
+                u64 index = listed_element(field, grid, k);
+                u32 below = field.elements[index].grid;
+                double each = 1.0 + (below ? inside[below] : 0.0);
+                weights.push_back(copies_over_point(field, index) * each);
+                all += weights.back();
+            }
+            if (grid.listed && end - begin <= few) {
+                double met = 0.0;
+                for (u64 k = begin; k < end; ++k) {
+                    double own = 0.0;
+                    for (u64 n = begin; n < end; ++n) {
+                        bool meet = true;
+                        for (int axis : {X, Y}) {
+                            auto [low, high] = taken_along(field, field.entries[k], axis);
+                            auto [from, to] = taken_along(field, field.entries[n], axis);
+                            meet = meet && low < to && from < high;
+                        }
+                        if (meet) own += weights[n - begin];
+                    }
+                    met = max(met, own);
+                }
+                all = met;
+            }
+            most = max(most, all);
+        }
+        inside[g] = most + (grid.more ? inside[g + 1] : 0.0);
+    }
+    return inside[0];
+}
+
+// Heights of a batch of points of a shared field. Points that are in the same element, all of them
+// in one size of cell, go down together: what differs between them is in columns, and the loops
+// over these are vectors. Points near an edge, those with several elements over them, and what is
+// rare go through a descent of their own.
+class SharedBatch {
+public:
+    static constexpr i64 most = 1024;
+
+    SharedBatch(const Field& field, SharedStack& stack) : field_(field), stack_(stack) {
+        for (double bound : field.bounds) farthest_ = max(farthest_, abs(bound));
+        farthest_ *= 1.0 + 1e-9;
+    }
+
+    void heights(In x, In y, Out out) {
+        out_ = out;
+        i64 count = 0;
+        for (i64 n = 0; n < count_of(x); ++n) {
+            out[n] = NaN;
+            if (!is_inside(field_.bounds, x[n], y[n])) continue;
+            world_[X][count] = x[n], world_[Y][count] = y[n];
+            z_[count] = 0.0, top_[count] = NO_ELEMENT, point_[count] = u32(n);
+            ++count;
+        }
+        Frame frame = terrain_frame(field_);
+        for (int axis : {X, Y}) {
+            std::fill_n(corner_[axis].begin(), count, frame.corner[axis]);
+            std::fill_n(rest_[axis].begin(), count, 0.0);
+        }
+        descend(frame, 0, count);
+    }
+
+private:
+    using Column = std::array<double, most>;
+    static constexpr i64 few = 4;       // points that do not go together
+    static constexpr i64 deepest = 64;  // levels that they go together
+    const Field& field_;
+    SharedStack& stack_;
+    double farthest_ = 0.0;
+    Out out_;
+    // of each point: its place, the corner of the cell that it is in, cell and place in the grid,
+    // and the first cell of the element
+    Column world_[2], corner_[2], rest_[2], cell_[2], part_[2], first_[2], z_, value_[2], work_;
+    std::array<i64, most> top_;
+    std::array<u32, most> point_, element_, order_;
+
+    // By a descent of its own.
+    void complete(i64 n) {
+        double x = world_[X][n], y = world_[Y][n];
+        SharedDescent<false> found(field_, x, y, stack_);
+        out_[point_[n]] = settled(field_, found.z, found.top.element, x, y);
+    }
+
+    // All elements of a point are known.
+    INLINE void settle(i64 n) {
+        out_[point_[n]] = settled(field_, z_[n], top_[n], world_[X][n], world_[Y][n]);
+    }
+
+    INLINE void move(i64 from, i64 to) {
+        if (from == to) return;
+        for (int axis : {X, Y}) {
+            world_[axis][to] = world_[axis][from];
+            corner_[axis][to] = corner_[axis][from], rest_[axis][to] = rest_[axis][from];
+            cell_[axis][to] = cell_[axis][from], part_[axis][to] = part_[axis][from];
+            first_[axis][to] = first_[axis][from];
+        }
+        z_[to] = z_[from], top_[to] = top_[from];
+        point_[to] = point_[from], element_[to] = element_[from];
+    }
+
+    void descend(Frame frame, i64 begin, i64 end) {
+        while (begin < end) {
+            for (int axis : {X, Y})
+                frame.corner[axis] = corner_[axis][begin], frame.rest[axis] = rest_[axis][begin];
+            LaidGrid laid = stack_.laid.lay(field_, frame, frame.grid);
+            const Grid& grid = laid.grid;
+            double spacing = std::numeric_limits<double>::epsilon() * farthest_;
+            // no grid of this size is finer than doubles, wherever it is in the terrain
+            bool coarse = min(laid.side[X], laid.side[Y]) > 16.0 * spacing;
+            if (!coarse || grid.local || grid.standing != IN_CELLS || grid.more
+                || frame.depth > deepest || end - begin < few) {
+                for (i64 n = begin; n < end; ++n) complete(n);
+                return;
+            }
+            for (int axis : {X, Y}) locate(laid, axis, begin, end);
+            double clear[2];
+            for (int axis : {X, Y}) clear[axis] = 0.5 - max(EDGE, spacing * laid.per[axis]);
+            auto [kept, same] = find(grid, clear, begin, end);
+            if (!same) {
+                descend_apart(frame, laid, begin, kept);
+                return;
+            }
+            end = kept;
+            if (begin < end && !add(frame, laid, begin, end)) return;
+        }
+    }
+
+    void locate(const LaidGrid& laid, int axis, i64 begin, i64 end) {
+        double per = laid.per[axis];
+        const auto &x = world_[axis], &corner = corner_[axis], &rest = rest_[axis];
+        auto &cell = cell_[axis], &part = part_[axis];
+        for (i64 n = begin; n < end; ++n) {  // vectorised
+            double s = ((x[n] - corner[n]) - rest[n]) * per;
+            double below = quick_floor(s);
+            cell[n] = below, part[n] = s - below;
+        }
+    }
+
+    struct Kept {
+        i64 end;
+        bool same;  // all in one element
+    };
+
+    // The only element of a grid of which each cell has one copy; -1 if it is none such.
+    i64 fills(const Grid& grid) const {
+        constexpr i64 few_bins = 128;
+        i64 bins = i64(grid.row) * (((i64(grid.count[Y]) - 1) >> grid.shift[Y]) + 1);
+        if (bins > few_bins) return -1;
+        u64 index = 0;
+        for (i64 bin = grid.table; bin < grid.table + bins; ++bin) {
+            u32 first = field_.offsets[bin], last = field_.offsets[bin + 1];
+            if (last - first != 1) return -1;
+            u64 here = listed_element(field_, grid, first);
+            if (bin > grid.table && here != index) return -1;
+            index = here;
+        }
+        const Element& element = field_.elements[index];
+        const Pose& pose = field_.poses[element.pose];
+        const Copies& copies = field_.shared.copies[field_.shared.elements[index].copies];
+        for (int axis : {X, Y}) {
+            double count = grid.count[axis], step = copies.step[axis];
+            bool every = double(copies.count[axis]) == count && pose.cells[axis] == 1;
+            bool from_west = element.cell[axis] == 0 && (step == 1.0 || count == 1.0);
+            bool from_east = double(element.cell[axis]) == count - 1.0 && step == -1.0;
+            if (!every || !(from_west || from_east)) return -1;
+        }
+        return i64(index);
+    }
+
+    // Keep the points that are in one element; the others are complete then.
+    Kept find(const Grid& grid, const double (&clear)[2], i64 begin, i64 end) {
+        i64 kept = begin, whole = fills(grid);
+        bool same = true;
+        for (i64 n = begin; n < end; ++n) {
+            bool good = (abs(part_[X][n] - 0.5) <= clear[X]) & (abs(part_[Y][n] - 0.5) <= clear[Y])
+                & (cell_[X][n] >= 0.0) & (cell_[X][n] < grid.count[X]) & (cell_[Y][n] >= 0.0)
+                & (cell_[Y][n] < grid.count[Y]);
+            if (!good) {
+                complete(n);
+                continue;
+            }
+            if (whole >= 0) {
+                first_[X][n] = cell_[X][n], first_[Y][n] = cell_[Y][n], element_[n] = u32(whole);
+                move(n, kept++);
+                continue;
+            }
+            i64 i = i64(cell_[X][n]), j = i64(cell_[Y][n]);
+            u64 bin = u64(bin_of(grid, i, j));
+            u32 first = field_.offsets[bin], count = field_.offsets[bin + 1] - first;
+            if (count > 1) {
+                complete(n);
+                continue;
+            }
+            if (count == 0) {
+                settle(n);
+                continue;
+            }
+            u64 index = listed_element(field_, grid, first);
+            const Element& element = field_.elements[index];
+            const Pose& pose = field_.poses[element.pose];
+            i64 at_x = element.cell[X], at_y = element.cell[Y];
+            if (u32 copied = field_.shared.elements[index].copies) {
+                const Copies& copies = field_.shared.copies[copied];
+                auto [low, high] =
+                    copies_over(i - at_x, i64(pose.cells[X]), copies.step[X], copies.count[X]);
+                auto [down, up] =
+                    copies_over(j - at_y, i64(pose.cells[Y]), copies.step[Y], copies.count[Y]);
+                if (low > high || down > up) {
+                    settle(n);
+                    continue;
+                }
+                if (low < high || down < up) {
+                    complete(n);
+                    continue;
+                }
+                at_x += low * i64(copies.step[X]), at_y += down * i64(copies.step[Y]);
+            } else if (
+                i < at_x || j < at_y || i >= at_x + i64(pose.cells[X])
+                || j >= at_y + i64(pose.cells[Y])
+            ) {
+                settle(n);
+                continue;
+            }
+            first_[X][n] = double(at_x), first_[Y][n] = double(at_y), element_[n] = u32(index);
+            move(n, kept);
+            same = same && element_[kept] == element_[begin];
+            ++kept;
+        }
+        return {kept, same};
+    }
+
+    // Go down with the points of each element.
+    void descend_apart(const Frame& frame, const LaidGrid& laid, i64 begin, i64 end) {
+        auto order = Span<u32>(order_).subspan(begin, end - begin);
+        for (i64 n = begin; n < end; ++n) order[n - begin] = u32(n);
+        std::sort(order.begin(), order.end(), [&](u32 a, u32 b) {
+            return element_[a] < element_[b] || (element_[a] == element_[b] && a < b);
+        });
+        auto sort = [&](auto& column) {
+            std::array<typename std::decay_t<decltype(column)>::value_type, most> sorted;
+            for (i64 n = 0; n < end - begin; ++n) sorted[n] = column[order[n]];
+            std::copy_n(sorted.begin(), end - begin, column.begin() + begin);
+        };
+        for (int axis : {X, Y}) {
+            sort(world_[axis]), sort(corner_[axis]), sort(rest_[axis]);
+            sort(cell_[axis]), sort(part_[axis]), sort(first_[axis]);
+        }
+        sort(z_), sort(top_), sort(point_), sort(element_);
+        for (i64 last = begin; begin < end; begin = last) {
+            while (last < end && element_[last] == element_[begin]) ++last;
+            if (last - begin < few) {
+                for (i64 n = begin; n < last; ++n) complete(n);
+            } else {
+                Frame below = frame;
+                if (add(below, laid, begin, last)) descend(below, begin, last);
+            }
+        }
+    }
+
+    // Add the element of some points to their heights; whether they go on, in the frame then.
+    bool add(Frame& frame, const LaidGrid& laid, i64 begin, i64 end) {
+        const Grid& grid = laid.grid;
+        Instance one = copy_of<false>(field_, frame, element_[begin], 0);
+        const Element& element = one.element;
+        const Kind& kind = field_.kinds[element.kind];
+        const Pose& square = field_.poses[element.pose];
+        if (kind.special) {
+            for (i64 n = begin; n < end; ++n) complete(n);
+            return false;
+        }
+        scale_in_cells(field_, frame, laid, square, one);
+        double aspect = frame.aspect * laid.aspect;
+        Pose pose = cell_pose(square, aspect);
+        for (int axis : {X, Y}) {
+            if (pose.cells[axis] == 1) continue;
+            for (i64 n = begin; n < end; ++n) {
+                double within = (cell_[axis][n] - first_[axis][n]) + part_[axis][n];
+                part_[axis][n] = min(within / pose.size[axis], 1.0);
+            }
+        }
+        In pieces = field_.curves.pieces;
+        double scale = element.scale, offset = element.offset;
+        if (pose.turned) {
+            for (i64 n = begin; n < end; ++n) {
+                UV at = turned(pose, part_[X][n], part_[Y][n]);
+                if (is_beyond(at)) continue;
+                double fx = even_curve(pieces, kind, X, at.u).value;
+                double fy = even_curve(pieces, kind, Y, at.v).value;
+                z_[n] += scale * (fx * fy) + offset;
+                top_[n] = i64(one.index);
+            }
+        } else {
+            std::size_t count = std::size_t(end - begin);
+            Out values[2];
+            for (int axis : {X, Y}) {
+                Out t(part_[axis].data() + begin, count);
+                if (grid.leaves)  // they are turned by nothing, which rounds
+                    for (double& u : t) u = 0.5 + (u - 0.5);
+                Out work(work_.data() + begin, count);
+                values[axis] = Out(value_[axis].data() + begin, count);
+                even_values(pieces, kind, axis, t, work, values[axis]);
+            }
+            for (i64 n = begin; n < end; ++n) {
+                z_[n] += scale * (value_[X][n] * value_[Y][n]) + offset;
+                top_[n] = i64(one.index);
+            }
+        }
+        if (!element.grid) {
+            for (i64 n = begin; n < end; ++n) settle(n);
+            return false;
+        }
+        for (int axis : {X, Y}) {
+            auto &corner = corner_[axis], &rest = rest_[axis], &first = first_[axis];
+            double pitch = grid.pitch[axis][0], pitch_rest = grid.pitch[axis][1];
+            for (i64 n = begin; n < end; ++n) {  // vectorised
+                GridAxis above{corner[n], rest[n], 0.0, 0.0, 0.0, pitch, pitch_rest};
+                auto [high, low] = edge_position(above, first[n]);
+                corner[n] = high, rest[n] = low;
+            }
+        }
+        frame = frame_within(frame, laid, aspect, pose, one);
+        return true;
+    }
+};
+
 // Heights at points, of any field.
 inline void any_heights(const Field& field, In x, In y, Out out) {
     if (!is_shared(field)) {
@@ -517,11 +889,10 @@ inline void any_heights(const Field& field, In x, In y, Out out) {
         return;
     }
     SharedStack stack;
-    for (std::size_t n = 0; n < x.size(); ++n) {
-        out[n] = NaN;
-        if (!is_inside(field.bounds, x[n], y[n])) continue;
-        SharedDescent<false> found(field, x[n], y[n], stack);
-        out[n] = settled(field, found.z, found.top.element, x[n], y[n]);
+    auto batch = std::make_unique<SharedBatch>(field, stack);
+    for (std::size_t begin = 0; begin < x.size(); begin += SharedBatch::most) {
+        std::size_t count = min(std::size_t(SharedBatch::most), x.size() - begin);
+        batch->heights(x.subspan(begin, count), y.subspan(begin, count), out.subspan(begin, count));
     }
 }
 

@@ -142,6 +142,10 @@ void bind_field(nb::module_ m) {
         m, "samples", "Height, top element and gradient at points.",
         {"field", "x[n]", "y[n]", "height[n]", "top[n]", "gradient[n,2]"}
     );
+    def<&most_over_point>(
+        m, "most_over_point", "No less than the elements over any one point of a shared field.",
+        {"field"}
+    );
     def<&shared_samples>(
         m, "shared_samples", "The same where parts are shared, and the number of the top element.",
         {"field", "x[n]", "y[n]", "height[n]", "top[n]", "number[n,2]", "gradient[n,2]"}

@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from terratool.definition.expand import MAX_ELEMENTS
 from terratool.definition.sharing import Blueprint, Node, smallest_cell
 from terratool.definition.tree import Tree
 from terratool.errors import RequestError
@@ -43,7 +44,7 @@ from terratool.field.records import (
     SharingArrays,
 )
 from terratool.field.relief import compile_reliefs
-from terratool.text.display import shown
+from terratool.kernels import field as kernels
 
 LARGEST_NUMBER = 1 << 126
 """So many elements are numbered at most."""
@@ -229,6 +230,21 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     return compiled, tally._replace(by_kind=tuple(by_kind))
 
 
+def refuse_piled(field: kernels.Field, name: str) -> None:
+    """Refuse a shared field, of the file of this name, with too many elements over one point.
+
+    Raises:
+        RequestError: there are, or may be, more than `MAX_ELEMENTS`.
+    """
+    most = kernels.most_over_point(field)
+    if most > MAX_ELEMENTS:
+        raise RequestError(
+            f"{name}: up to {most:.3g} elements lie over one point, copies on each other, "
+            f"and more than {MAX_ELEMENTS:,} are not added up.",
+            "Make the steps of copies longer, or place fewer parts on each other.",
+        )
+
+
 def _draft(plan: Blueprint) -> _Draft:
     count = len(plan.templates)
     nodes = [
@@ -370,8 +386,8 @@ def _number(
     total = 1 + inside[0]
     if total > LARGEST_NUMBER:
         raise RequestError(
-            f"Parts and copies come to {shown(f'{total:.3g}')} elements, and more than "
-            f"{LARGEST_NUMBER:.3g} are not numbered.",
+            f"Parts and copies come to more than {LARGEST_NUMBER:.3g} elements, "
+            "and so many are not numbered.",
             "Lower the counts, or leave out the smallest parts.",
         )
     members = np.zeros(count, MEMBER)

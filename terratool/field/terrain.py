@@ -21,7 +21,7 @@ from terratool.definition.uses import Uses
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays, aligned
-from terratool.field.sharing import Tally, compile_shared
+from terratool.field.sharing import Tally, compile_shared, refuse_piled
 from terratool.kernels import field as kernels
 
 OUTSIDE = -2
@@ -171,6 +171,7 @@ class Terrain:
                 plan = plan._replace(definition=definition.with_tracks(plan.definition))
             definition = plan.definition
             self._compiled, self._tally = compile_shared(plan, roughness=roughness)
+            refuse_piled(self.field, uses.document.source.name)
         else:
             definition, tree = _written_out(definition, uses)
             self._compiled = compile_definition(definition, tree, roughness=roughness)

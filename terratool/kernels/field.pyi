@@ -51,6 +51,9 @@ def samples(
     Shapes: x[n], y[n], height[n], top[n], gradient[n,2].
     """
 
+def most_over_point(field: Field) -> float:
+    """No less than the elements over any one point of a shared field."""
+
 def shared_samples(
     field: Field,
     x: NDArray[np.float64],

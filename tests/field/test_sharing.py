@@ -309,6 +309,28 @@ def test_what_is_not_composed_is_never_shared() -> None:
     assert not terrain.is_shared and terrain.written_out is terrain
 
 
+def test_piles_of_copies_are_refused() -> None:
+    """Before anything is asked; what stands side by side is no pile."""
+    definition = tower(2)
+    pile = definition["parts"]["p0"]["children"][0]
+    pile["repeat"] = {"count": [65536, 65536], "step": [0, 0]}
+    with pytest.raises(RequestError, match=r"up to \d.*e\+\d+ elements lie over one point"):
+        Terrain(checked(definition))
+    free = {"part": "p0", "at": [500, 500], "extent": 2}
+    free["repeat"] = {"count": [3000, 3000], "step": [1e-4, 1e-4]}
+    piled = tower(2) | {"elemTree": {"type": "hill", "children": [free]}}
+    with pytest.raises(RequestError, match="elements lie over one point"):
+        Terrain(checked(piled))
+    beside = {**free, "extent": 0.1, "repeat": {"count": [3000, 3000], "step": [0.15, 0.15]}}
+    terrain = Terrain(checked(piled | {"elemTree": {"type": "hill", "children": [beside]}}))
+    assert terrain.elements > 9e10 and math.isfinite(terrain.height(500.0, 500.0))
+
+
+def test_more_than_can_be_numbered_is_refused() -> None:
+    with pytest.raises(RequestError, match="elements, and so many are not numbered"):
+        Terrain(checked(tower(12)))
+
+
 def test_writing_out_is_refused_where_it_is_too_much() -> None:
     terrain = Terrain(checked(tower(2)))
     with pytest.raises(RequestError, match="more than 2,000,000 are not written out"):

@@ -513,6 +513,7 @@ class TestStatement:
             "interpolation": {
                 "points": 10, "largest": 0.5, "rms": 0.1, "x": 1.0, "y": 2.0, "element": None
             },
+            "left_out": 0,
         }  # fmt: skip
         for stated in (
             statement_of(terrain_with(at(2, 2, type="box")), 0.1),
