@@ -85,11 +85,15 @@ class Frame:
 
 @dataclass
 class Names:
-    """What may be named in a file, and the frames of the parts that were."""
+    """What may be named in a file, and the frames of the parts that were.
+
+    The root of a tilted part may be turned by any angle, so it stands at no free place.
+    """
 
     types: list[str]
     surfaces: list[str]
     parts: list[str]
+    tilted: set[str]
     frames: dict[str, Frame] = field(default_factory=dict)
 
 
@@ -128,6 +132,8 @@ def repeats_at_places(draw: Draw, place: Json, sides: Sides) -> Json:
     turn = math.radians(place.get("turnDeg", 0))
     c, s = abs(math.cos(turn)), abs(math.sin(turn))
     reach = c * extent[0] + s * extent[1], s * extent[0] + c * extent[1]
+    if math.fmod(place.get("turnDeg", 0), 90) == 0:  # a part may turn there
+        reach = max(extent), max(extent)
     count, step = [], []
     for axis in (0, 1):
         many = draw(st.sampled_from([1, 1, 2, 3]))
@@ -140,10 +146,23 @@ def repeats_at_places(draw: Draw, place: Json, sides: Sides) -> Json:
 
 
 @st.composite
+def upright(draw: Draw, sides: Sides) -> tuple[Json, Sides]:
+    """A free place, in which there is room for what is turned by quarters."""
+    place, own = draw(free_places(sides))
+    if math.fmod(place.get("turnDeg", 0), 90) == 0:
+        half = max(own) / 2
+        room = zip(place["at"], sides, strict=True)
+        if any(not half <= at <= side - half for at, side in room):
+            own = min(own), min(own)
+            place["extent"] = own[0]
+    return place, own
+
+
+@st.composite
 def nodes(
-    draw: Draw, names: Names, place: Json, frame: Frame, levels: int, *, whole: bool = False
+    draw: Draw, names: Names, place: Json, frame: Frame, levels: int, *, level: bool = False
 ) -> Json:
-    """An element in its place, of a primitive or for a part; `whole` is without a place."""
+    """An element in its place, of a primitive or for a part; `level` keeps it from being tilted."""
     found: Json = dict(place)
     optionally(draw, found, "descr", st.sampled_from(["one", "two"]))
     if names.surfaces:
@@ -152,12 +171,10 @@ def nodes(
     optionally(draw, found, "vOffset", numbers(-5, 5))
     quarters = st.sampled_from([0, 90, 90.0, -90, 180, 270, 450, -630])
     free = "at" in place
-    as_part = bool(names.parts) and draw(st.integers(0, 3)) != 0
-    if free:
-        quarter = math.fmod(found.get("turnDeg", 0), 90) == 0
-        as_part = as_part and quarter
-    if as_part:
-        found["part"] = draw(st.sampled_from(names.parts))
+    quarter = math.fmod(found.get("turnDeg", 0), 90) == 0
+    parts = [name for name in names.parts if not ((free or level) and name in names.tilted)]
+    if parts and quarter and draw(st.integers(0, 3)) != 0:
+        found["part"] = draw(st.sampled_from(parts))
         if not free:
             optionally(draw, found, "turnDeg", quarters)
         within = frame.within(found.get("turnDeg", 0))
@@ -165,7 +182,7 @@ def nodes(
         return found
     found["type"] = draw(st.sampled_from(names.types))
     if not free:
-        optionally(draw, found, "turnDeg", turns())
+        optionally(draw, found, "turnDeg", quarters if level else turns())
     elif not quarter:
         return found
     side = st.integers(1, 4)
@@ -175,7 +192,7 @@ def nodes(
     children: list[Json] = []
     for _ in range(draw(st.integers(0, 3 if levels else 0))):
         if min(frame.sides) > 1e-3 and draw(st.booleans()):
-            below, own = draw(free_places(frame.sides))
+            below, own = draw(upright(frame.sides))
             inner = frame.free(own)
             if draw(st.integers(0, 2)) == 2:
                 below["repeat"] = draw(repeats_at_places(below, frame.sides))
@@ -224,18 +241,20 @@ def file_sets(draw: Draw) -> FileSet:
         return [name for name, home in homes[key].items() if home >= k]
 
     frames: dict[str, Frame] = {}
+    tilted = {name for name in parts if draw(st.booleans())}
 
-    def drawn(k: int, later: list[str], frame: Frame, levels: int) -> Json:
+    def drawn(k: int, later: list[str], frame: Frame, levels: int, *, level: bool) -> Json:
         inner = [name for name in known("parts", k) if name in later]
-        names = Names(known("elemTypes", k), known("surfTypes", k), inner, frames)
-        return draw(nodes(names, {}, frame, levels))
+        names = Names(known("elemTypes", k), known("surfTypes", k), inner, tilted, frames)
+        return draw(nodes(names, {}, frame, levels, level=level))
 
     x, y = composition.both(main["size"])
-    main["elemTree"] = drawn(0, parts, Frame((float(x), float(y))), 2)
+    main["elemTree"] = drawn(0, parts, Frame((float(x), float(y))), 2, level=False)
     for index, name in enumerate(parts):  # all that stands for it is known by now
         frame = frames.get(name, Frame((1.0, 1.0)))
         k = homes["parts"][name]
-        node = drawn(k, parts[index + 1 :], frame, 1 + (index < 2))
+        later = parts[index + 1 :]
+        node = drawn(k, later, frame, 1 + (index < 2), level=name not in tilted)
         files[order[k]].setdefault("parts", {})[name] = node
     for key in composition.DICTIONARIES:  # the terrain's own names win
         for name, k in homes[key].items():

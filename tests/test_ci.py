@@ -206,6 +206,21 @@ def test_the_action_knows_double_stars(workspace: Path) -> None:
 
 
 @needs_bash
+@pytest.mark.parametrize(("root", "code"), [("", 1), ("absent\nout side\n", 2), ("out side", 0)])
+def test_the_action_knows_folders_of_libraries(workspace: Path, root: str, code: int) -> None:
+    """Those outside of the checkout; each on a line of its own."""
+    kit = workspace.parent / "out side" / "kit.json"
+    kit.parent.mkdir()
+    kit.write_text('{"elemTypes": {"box": {"x": [1]}}}')
+    terrain = {"size": 5, "use": ["../../out side/kit.json"], "elemTree": {"type": "box"}}
+    (workspace / "terrains" / "far.json").write_text(json.dumps(terrain))
+    given = "\n".join(f"../{line}" if line else "" for line in root.split("\n"))
+    done = step("Validate", workspace, paths="terrains/far.json", library_root=given)
+    assert done.returncode == code, done.stderr
+    assert ("title=TT702" in done.stdout) == (code == 1)
+
+
+@needs_bash
 @pytest.mark.parametrize(
     ("paths", "code", "codes"),
     [("terrains", 0, set()), ("bad, one.json", 1, {"TT103"}), ("terrains\nabsent.json", 3, set())],

@@ -61,27 +61,65 @@ def test_commands_say_what_the_page_shows(
     shutil.copytree(ROOT / "samples", tmp_path / "samples")
     for name, saved_text in files.items():
         (tmp_path / name).write_text(saved_text, "utf-8")
-    for session in re.split(r"^\$ ", block.replace("\\\n", ""), flags=re.MULTILINE)[1:]:
-        command, _, shown = session.partition("\n")
+    for command, shown in commands(block):
         program, *words = shlex.split(command)
         assert program == "terratool"
         if words[1].endswith(".json") and not (tmp_path / words[1]).exists():
             (tmp_path / words[1]).write_text(text, "utf-8")
-        done = subprocess.run(
-            [*COMMAND, *words],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            cwd=tmp_path,
-            env={**ENVIRONMENT, "PYTHONUNBUFFERED": "1"},
-            timeout=120,
-            check=False,
-        )
-        said = PROGRESS.sub("", done.stdout.decode())
-        if shown.endswith("…\n"):
-            shown = shown.removesuffix("…\n")
-            said = said[: len(shown)]
-        assert said == shown
+        assert_says(words, shown, tmp_path)
+
+
+def commands(block: str) -> list[tuple[str, str]]:
+    """The commands of a block, each with what is shown below it."""
+    parts = re.split(r"^\$ ", block.replace("\\\n", ""), flags=re.MULTILINE)[1:]
+    return [(command, shown) for command, _, shown in (part.partition("\n") for part in parts)]
+
+
+def assert_says(words: list[str], shown: str, folder: Path) -> None:
+    """Run a command; a line of "…" stands for whatever follows."""
+    done = subprocess.run(
+        [*COMMAND, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        cwd=folder,
+        env={**ENVIRONMENT, "PYTHONUNBUFFERED": "1"},
+        timeout=120,
+        check=False,
+    )
+    said = PROGRESS.sub("", done.stdout.decode())
+    if shown.endswith("…\n"):
+        shown = shown.removesuffix("…\n")
+        said = said[: len(shown)]
+    assert said == shown
+
+
+def test_the_tutorial_goes_as_it_says(tmp_path: Path) -> None:
+    """From an empty folder on, in its order: files are saved, commands are run."""
+    shutil.copytree(ROOT / "samples", tmp_path / "samples")
+    folder, ran = tmp_path, []
+    text = TUTORIAL.read_text("utf-8")
+    files = {found.end(): (found[1], found[2]) for found in SAVED.finditer(text)}
+    for fence in FENCE.finditer(text):
+        if fence.end() in files:
+            name, content = files[fence.end()]
+            (folder / name).write_text(content, "utf-8")
+        for command, shown in commands(fence[2]):
+            program, *words = shlex.split(command)
+            ran.append(program)
+            if program == "mkdir":
+                (folder / words[0]).mkdir()
+            elif program == "cp":
+                _, *sources, target = words
+                for source in sources:
+                    shutil.copytree(folder / source, folder / target / Path(source).name)
+            elif program == "cd":
+                folder = folder / words[0]
+            else:
+                assert program == "terratool"
+                assert_says(words, shown, folder)
+    assert ran.count("terratool") > 10
+    assert len(files) == 2
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +221,7 @@ def terrains(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_tables_are_found() -> None:
     files = [row.file for row in rows()]
-    assert len(files) == 71
+    assert len(files) == 75
     assert {*files} >= {"first.json", "parts.json", "places.json", "edges.json"}
 
 

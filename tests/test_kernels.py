@@ -304,6 +304,7 @@ def test_dtypes_that_are_not_the_structs_are_refused() -> None:
         SEGMENT,
     )
 
+    others = GRID, POSE, PLACE, FREE_BINS, KIND, SEGMENT, MEMBER, COPIES, RELIEF
     *most, kind, grid = ELEMENT.descr
     swapped = np.dtype([*most, grid, kind])
     wider = np.dtype([*ELEMENT.descr, ("more", np.float64)])

@@ -17,7 +17,7 @@ from terratool.definition.libraries import DICTIONARIES, Dictionary, known_names
 from terratool.definition.model import Element
 from terratool.definition.reader import Checked, refusal
 from terratool.definition.tree import Tree
-from terratool.definition.uses import Uses
+from terratool.definition.uses import Uses, track_surfaces
 
 _EXACT = 1e15
 
@@ -41,16 +41,25 @@ def bundle(checked: Checked, *, expanded: bool = False) -> str:
     uses = Uses(document, known_names(document)[0])
     members = msgspec.json.decode(document.source.data, type=dict[str, Raw])
     members.pop("use", None)
+    needed = uses.needed
+    if expanded:
+        tree = expand(uses).tree
+        # what parts wear themselves is not worn beside them
+        worn = tree.distinct("surface") | track_surfaces(checked.terrain)
+        needed = {
+            "surfTypes": {name: None for name in needed["surfTypes"] if name in worn},
+            "elemTypes": needed["elemTypes"],
+            "parts": {},
+        }
+        members["elemTree"] = Raw("".join(_element(tree)).encode())
     for dictionary in DICTIONARIES:
-        entries = _needed(uses, dictionary)
-        if entries and not (expanded and dictionary == "parts"):
+        entries = _needed(uses, dictionary, needed[dictionary])
+        if entries:
             members[dictionary] = Raw(_object(entries.items()))
         elif dictionary == "elemTypes":
             members[dictionary] = Raw(b"{}")
         else:
             members.pop(dictionary, None)
-    if expanded:
-        members["elemTree"] = Raw("".join(_element(expand(uses).tree)).encode())
     return canonical(_object(members.items()).decode())
 
 
@@ -59,9 +68,8 @@ def _object(members: Iterable[tuple[str, Raw]]) -> bytes:
     return b"{" + b",".join(texts) + b"}"
 
 
-def _needed(uses: Uses, dictionary: Dictionary) -> dict[str, Raw]:
+def _needed(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) -> dict[str, Raw]:
     """The texts of what is needed of a dictionary, in the order of the files."""
-    needed = uses.needed[dictionary]
     texts: dict[int, dict[str, Raw]] = {}
     found = {}
     for name, named in uses.names.of(dictionary).items():

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from msgspec import UNSET, Struct, structs
 
 from terratool.definition.chains import Chain, Chains
-from terratool.definition.libraries import entries
 from terratool.definition.model import Definition, Element, Pair, pair_of
 from terratool.definition.scattering import Strewn, strewn
 from terratool.definition.sides import Side, side
@@ -110,11 +109,11 @@ def with_names_in_use(
     """A definition without what libraries have and no element names; a file's own names stay."""
     if not uses.document.uses:
         return definition
-    own = uses.document.model
+    own = uses.document.entries
     tracks = () if definition.tracks is UNSET else definition.tracks
     surfaces = {*surfaces, *(track.surface for track in tracks)}
-    surfaces |= entries(own, "surfTypes").keys()
-    primitives = primitives | entries(own, "elemTypes").keys()
+    surfaces |= own["surfTypes"].keys()
+    primitives = primitives | own["elemTypes"].keys()
     return structs.replace(
         definition,
         surf_types={n: value for n, value in definition.surfaces.items() if n in surfaces},

@@ -13,6 +13,8 @@ from msgspec import Struct
 from terratool.definition.model import (
     LARGEST,
     MAX_CELLS,
+    MAX_SCATTERED,
+    MAX_SEED,
     SMALLEST,
     Definition,
     Element,
@@ -40,9 +42,6 @@ from terratool.definition.vehicle import (
 
 MAX_PASSES = 10**9
 """Sums of passes stay whole in doubles."""
-MAX_SCATTERED = 1_000_000
-MAX_SEED = 2**53
-"""Whole numbers up to here are the same in every reader of JSON."""
 COMBINES = ("product", "sum", "min", "max", "radial")
 
 

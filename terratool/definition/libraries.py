@@ -6,6 +6,7 @@ import os
 import re
 import stat
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
@@ -23,8 +24,11 @@ if TYPE_CHECKING:
     from terratool.text.syntax import JsonSyntaxError
 
 MAX_LIBRARIES = 1000
-"""So many files may a definition use, directly or through others."""
+"""So many files may a definition use, directly or through others …"""
+MAX_ENTRIES = 10_000
+"""… and name them so often."""
 MAX_BYTES = 1 << 30
+"""So much text may libraries have together."""
 _SMALLER = "Split the library, or describe shapes by curves rather than by points."
 _address = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:").match
 _drive = re.compile(r"[A-Za-z]:").match
@@ -67,8 +71,24 @@ class Document(Struct, eq=False, dict=True):
         """Where the paths of `use` begin."""
         return "." if self.source.name == "<stdin>" else str(Path(self.source.name).parent)
 
-    def reached(self) -> Iterator[Document]:
+    def reached(self) -> tuple[Document, ...]:
         """All libraries that it uses, directly or through others, each once, in order."""
+        if "_libraries" not in self.__dict__:
+            self.__dict__["_libraries"] = tuple(self._reached())
+        known: tuple[Document, ...] = self.__dict__["_libraries"]
+        return known
+
+    @cached_property
+    def entries(self) -> dict[Dictionary, dict[str, Any]]:
+        """Its own dictionaries, empty where absent."""
+        model = self.model
+        return {
+            "surfTypes": model.surfaces,
+            "elemTypes": model.primitives,
+            "parts": model.assemblies,
+        }
+
+    def _reached(self) -> Iterator[Document]:
         seen = {id(self)}
         pending = [iter(self.uses)]
         while pending:
@@ -116,26 +136,17 @@ class Clash(Struct, frozen=True):
 DICTIONARIES: tuple[Dictionary, ...] = ("surfTypes", "elemTypes", "parts")
 
 
-def entries(model: Library, dictionary: Dictionary) -> dict[str, Any]:
-    """One of the dictionaries of a file, empty where absent."""
-    known: dict[Dictionary, dict[str, Any]] = {
-        "surfTypes": model.surfaces, "elemTypes": model.primitives, "parts": model.assemblies,
-    }  # fmt: skip
-    return known[dictionary]
-
-
 def known_names(document: Document) -> tuple[Names, list[Clash]]:
     """What a file knows, and what it cannot know as two libraries have it."""
     names, clashes = Names(), []
     for dictionary in DICTIONARIES:
         known = names.of(dictionary)
         known |= {
-            name: Named(value, document)
-            for name, value in entries(document.model, dictionary).items()
+            name: Named(value, document) for name, value in document.entries[dictionary].items()
         }
         own = set(known)
         for library in document.reached():
-            for name, value in entries(library.model, dictionary).items():
+            for name, value in library.entries[dictionary].items():
                 if name not in known:
                     known[name] = Named(value, library)
                 elif name not in own:
@@ -156,6 +167,7 @@ class Shelf:
         self._roots = [real_path(root) for root in (".", *roots)]
         self._read = read
         self._documents: dict[str, Document | tuple[str, str, str]] = {}
+        self._room = MAX_BYTES
 
     @property
     def files(self) -> list[str]:
@@ -168,6 +180,7 @@ class Shelf:
         if document.real and document.kind == "library":
             self._documents.setdefault(document.real, document)
         pending, count = [document], 0
+        met: set[int] = set()
         while pending:
             user = pending.pop()
             if user.linked:
@@ -176,22 +189,22 @@ class Shelf:
             paths = user.model.used
             count += len(paths)
             for index, path in enumerate(paths):
-                if count > MAX_LIBRARIES:
-                    user.problems.append(
-                        (
-                            "TT701",
-                            Remark(
-                                f"/use/{index}",
-                                f"the definition uses more than {MAX_LIBRARIES:,} libraries.",
-                                "Put several of them into one file.",
-                            ),
-                        )
+                if count > MAX_ENTRIES or len(met) >= MAX_LIBRARIES:
+                    what = (
+                        f"names libraries more than {MAX_ENTRIES:,} times."
+                        if count > MAX_ENTRIES
+                        else f"uses more than {MAX_LIBRARIES:,} libraries."
                     )
+                    hint = "Put several of them into one file."
+                    remark = Remark(f"/use/{index}", f"the definition {what}", hint)
+                    user.problems.append(("TT701", remark))
+                    user.uses.append(None)
                     break
                 found = self._open(user, path, base)
                 if isinstance(found, Document):
                     user.uses.append(found)
                     pending.append(found)
+                    met.add(id(found))
                 else:
                     code, message, hint = found
                     user.problems.append((code, Remark(f"/use/{index}", message, hint)))
@@ -217,11 +230,14 @@ class Shelf:
     def _load(self, name: str, real: str) -> Document | tuple[str, str, str]:
         said = shown(name)
         try:
-            mode = Path(real).stat().st_mode
-            if not stat.S_ISREG(mode):
-                what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+            status = Path(real).stat()
+            if not stat.S_ISREG(status.st_mode):
+                what = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
                 return "TT701", f"the library {said} is {what}.", "Name a JSON file."
-            source = read_source(real, MAX_BYTES, _SMALLER)
+            if status.st_size > self._room:
+                raise ReadError(f"{real}: holds more than 1 GiB, with those before.", _SMALLER)
+            source = read_source(real, self._room, _SMALLER)
+            self._room -= source.size
         except FileNotFoundError:
             hint = "Check the path; it begins at the folder of this file."
             return "TT701", f"there is no library {said}.", hint

@@ -14,6 +14,9 @@ import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 MAX_CELLS = 65536
+MAX_SCATTERED = 1_000_000
+MAX_SEED = 2**53
+"""Whole numbers up to here are the same in every reader of JSON."""
 
 LARGEST = 1e30
 """No length, height or factor may be larger in size; sums and squares then stay finite."""
@@ -38,6 +41,7 @@ SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus")
 _Place = Annotated[int, Meta(ge=0, le=MAX_CELLS - 1)]
 _Count = Annotated[int, Meta(ge=1, le=MAX_CELLS)]
 _Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
+_Length = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
 
 
 Number = TypeVar("Number", int, float)
@@ -146,11 +150,11 @@ class Repeat(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc
 class Scatter(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
     """Copies of an element strewn over its cell, each with a place and a size of its own."""
 
-    sizes: tuple[_Number, _Number]
-    count: int | UnsetType = UNSET
-    density: float | UnsetType = UNSET
-    seed: int | UnsetType = UNSET
-    distance: float | UnsetType = UNSET
+    sizes: tuple[_Length, _Length]
+    count: Annotated[int, Meta(ge=1, le=MAX_SCATTERED)] | UnsetType = UNSET
+    density: _Length | UnsetType = UNSET
+    seed: Annotated[int, Meta(ge=0, le=MAX_SEED)] | UnsetType = UNSET
+    distance: Annotated[float, Meta(ge=0, le=LARGEST)] | UnsetType = UNSET
     turned: bool | UnsetType = UNSET
 
 

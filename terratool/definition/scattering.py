@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 from msgspec import UNSET
 
-from terratool.definition.keys import MAX_SCATTERED
-from terratool.definition.model import Pair, Scatter
+from terratool.definition.model import MAX_SCATTERED, Pair, Scatter
 
 _TRIES = 50
 """So many places are tried for a copy that has to keep its distance."""

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct
 
 from terratool.definition.libraries import Dictionary, Document, Names
-from terratool.definition.model import Definition, Pair, pair_of
+from terratool.definition.model import Definition, Library, Pair, pair_of
 from terratool.definition.scattering import wanted
 from terratool.definition.sides import Sides, sides
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
 MAX_SIZES = 10_000
-"""In so many sizes may parts stand in which there are free places."""
+"""In so many sizes may parts stand in which there are free places …"""
+MAX_LOOKS = 2_000_000
+"""… and so many elements of them, in one size after the other, are looked at."""
+MAX_DEPTH = 1000
+"""So many parts may stand in one another."""
 
 
 class Root(NamedTuple):
@@ -27,16 +31,27 @@ class Root(NamedTuple):
     home: Document
 
 
-class SizedElement(NamedTuple):
-    """An element at a free place, the sides of its parent's cell, and the part that it is in.
+class PartSize(NamedTuple):
+    """A size that a part stands in.
 
-    The sides are those before any quarter turn of the part, whose name is empty in the terrain.
+    Attributes:
+        part: its name, empty for the terrain.
+        sides: of its cell, as they are before any quarter turn of the part.
+        lies: whether it is turned by a quarter or three.
     """
+
+    part: str
+    sides: Sides
+    lies: bool
+
+
+class SizedElement(NamedTuple):
+    """An element at a free place, and the sides of its parent's cell in a size of its part."""
 
     tree: Tree
     element: int
     parent: Pair
-    part: str
+    size: PartSize
 
 
 class PartUse(NamedTuple):
@@ -44,6 +59,13 @@ class PartUse(NamedTuple):
 
     element: int
     part: str
+
+
+class End(NamedTuple):
+    """The element of a primitive that an element stands for, and its turn in all, in degrees."""
+
+    root: Root
+    turn: float
 
 
 class Uses(Struct, frozen=True, dict=True):
@@ -95,21 +117,86 @@ class Uses(Struct, frozen=True, dict=True):
         }
 
     @cached_property
-    def circles(self) -> set[str]:
-        """Parts that contain themselves, or parts that do."""
-        inner = {name: {use.part for use in self.within(self.part(name))} for name in self.known}
+    def _inner(self) -> dict[str, set[str]]:
+        """The parts that stand in each part, directly."""
+        return {name: {use.part for use in self.within(self.part(name))} for name in self.known}
+
+    @cached_property
+    def _inner_first(self) -> list[str]:
+        """All parts that do not lead into a circle, each behind those that stand in it."""
         users: dict[str, list[str]] = {name: [] for name in self.known}
-        for name, used in inner.items():
+        for name, used in self._inner.items():
             for other in used:
                 users[other].append(name)
-        open_uses = {name: len(used) for name, used in inner.items()}
-        ready = [name for name, count in open_uses.items() if count == 0]
-        while ready:
-            for user in users[ready.pop()]:
+        open_uses = {name: len(used) for name, used in self._inner.items()}
+        order = [name for name, count in open_uses.items() if count == 0]
+        for name in order:
+            for user in users[name]:
                 open_uses[user] -= 1
                 if open_uses[user] == 0:
-                    ready.append(user)
-        return {name for name, count in open_uses.items() if count}
+                    order.append(user)
+        return order
+
+    @cached_property
+    def circles(self) -> set[str]:
+        """Parts that contain themselves, or parts that do."""
+        return self.known.difference(self._inner_first)
+
+    @cached_property
+    def circle_of(self) -> dict[str, int]:
+        """For each part of `circles` a number; those that contain one another have the same."""
+        found: dict[str, int] = {}
+        lowest: dict[str, int] = {}
+        path: list[str] = []
+        for start in self.circles:
+            pending = [] if start in lowest else [(start, iter(self._inner[start]), len(path))]
+            while pending:
+                name, inner, place = pending[-1]
+                if name not in lowest:
+                    lowest[name] = place
+                    path.append(name)
+                below = next((part for part in inner if part in self.circles), None)
+                if below is None:
+                    pending.pop()
+                    if pending:
+                        outer = pending[-1][0]
+                        lowest[outer] = min(lowest[outer], lowest[name])
+                    if lowest[name] == place:
+                        found |= dict.fromkeys(path[place:], len(found))
+                        del path[place:]
+                elif below not in lowest:
+                    pending.append((below, iter(self._inner[below]), len(path)))
+                elif below not in found:
+                    lowest[name] = min(lowest[name], lowest[below])
+        return found
+
+    @cached_property
+    def depths(self) -> dict[str, int]:
+        """How many parts stand in one another in each part, itself included; not in circles."""
+        depths: dict[str, int] = {}
+        for name in self._inner_first:
+            depths[name] = 1 + max((depths[inner] for inner in self._inner[name]), default=0)
+        return depths
+
+    @cached_property
+    def _ends(self) -> dict[str, End]:
+        ends: dict[str, End] = {}
+        for name in self._inner_first:
+            ends[name] = self._end(self.part(name), ends)
+        return ends
+
+    def end(self, root: Root) -> End | None:
+        """What an element stands for, through all parts; None if these are not all known."""
+        name = root.tree.value("part", root.element)
+        return self._end(root, self._ends) if name is UNSET or name in self._ends else None
+
+    def _end(self, root: Root, ends: dict[str, End]) -> End:
+        own = root.tree.value("turn_deg", root.element)
+        turn = 0.0 if own is UNSET else math.fmod(own, 360.0)
+        name = root.tree.value("part", root.element)
+        if name not in ends:
+            return End(root, turn)
+        return End(ends[name].root, ends[name].turn + turn)
 
     @cached_property
     def reached(self) -> dict[str, None]:
@@ -122,26 +209,6 @@ class Uses(Struct, frozen=True, dict=True):
                     found[use.part] = None
                     pending.append(self.part(use.part))
         return found
-
-    def behind(self, name: str) -> set[str]:
-        """The parts within a part, and that itself."""
-        found = {name}
-        pending = [name]
-        while pending:
-            for use in self.within(self.part(pending.pop())):
-                if use.part not in found:
-                    found.add(use.part)
-                    pending.append(use.part)
-        return found
-
-    def leading_to(self, name: str) -> list[PartUse]:
-        """The elements of the file itself in whose parts a part is."""
-        tree = self.document.decoded.tree
-        return [
-            PartUse(index, part)
-            for index, part in enumerate(tree.column("part"))
-            if part in self.known and name in self.behind(part)
-        ]
 
     @cached_property
     def unknown(self) -> bool:
@@ -157,13 +224,10 @@ class Uses(Struct, frozen=True, dict=True):
         primitives: dict[str, None] = {}
         for root in (self.root, *map(self.part, self.reached)):
             tree = root.tree
-            for index, root_of in enumerate(tree.root_of):
-                if root_of == root.element:
-                    surfaces[tree.value("surface", index)] = None
-                    primitives[tree.value("type", index)] = None
-        for track in terrain.ruts if isinstance(terrain, Definition) else ():
-            surfaces[track.surface] = None  # type: ignore[index]
-            surfaces |= dict.fromkeys(track.depth if isinstance(track.depth, dict) else ())
+            for index in _elements(root):
+                surfaces[tree.value("surface", index)] = None
+                primitives[tree.value("type", index)] = None
+        surfaces |= dict.fromkeys(sorted(track_surfaces(terrain)))
         for names in (surfaces, primitives):
             names.pop(UNSET, None)  # type: ignore[call-overload]
         return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.reached)}
@@ -176,17 +240,9 @@ class Uses(Struct, frozen=True, dict=True):
             own = root.tree.value("v_scale", use.element)
             return (1.0 if own is UNSET else abs(own)) * max(1.0, largest[use.part])
 
-        pending = list(self.known)
-        while pending:
-            name = pending[-1]
-            uses = self.within(self.part(name))
-            missing = [use.part for use in uses if use.part not in largest]
-            if missing:
-                pending += missing
-                continue
-            largest[pending.pop()] = max(
-                (factor(self.part(name), use) for use in uses), default=1.0
-            )
+        for name in self._inner_first:
+            root = self.part(name)
+            largest[name] = max((factor(root, use) for use in self.within(root)), default=1.0)
         if self.has_root:
             for use in self.within(self.root):
                 yield use, factor(self.root, use)
@@ -195,15 +251,8 @@ class Uses(Struct, frozen=True, dict=True):
     def counts(self) -> dict[str, int]:
         """How many elements each part comes to; without those in circles."""
         counts: dict[str, int] = {}
-        pending = [name for name in self.known if name not in self.circles]
-        while pending:
-            name = pending[-1]
-            root = self.part(name)
-            missing = [use.part for use in self.within(root) if use.part not in counts]
-            if missing:
-                pending += missing
-                continue
-            counts[pending.pop()] = _count(root, counts)
+        for name in self._inner_first:
+            counts[name] = _count(self.part(name), counts)
         return counts
 
     @property
@@ -211,43 +260,98 @@ class Uses(Struct, frozen=True, dict=True):
         """How many elements the terrain comes to."""
         return _count(self.root, self.counts)
 
-    def free_places(self) -> Iterator[SizedElement | None]:
-        """Each element at a free place, once for each size of its parent's cell; None for too many.
+    @cached_property
+    def _with_places(self) -> set[str]:
+        """Parts in which there are free places, or in the parts in them."""
+        found: set[str] = set()
+        for name in self._inner_first:
+            root = self.part(name)
+            if not found.isdisjoint(self._inner[name]) or _places(root):
+                found.add(name)
+        return found
 
-        Those in parts that the terrain does not have are left out.
+    @cached_property
+    def sizes(self) -> dict[PartSize, list[tuple[PartSize, int]]]:
+        """The sizes of the terrain and its parts, as far as there are free places.
+
+        Each with the elements that stand for it, in which sizes. When there are more than are
+        looked at, the last ones are missing, and `has_all_sizes` says so.
         """
         definition = self.document.model
         assert isinstance(definition, Definition)
-        trees = [self.root, *map(self.part, self.reached)]
-        if not self.has_root or self.circles:
-            return
-        if all(root.tree.distinct("at") == {UNSET} for root in trees):
-            return
-        start = sides(definition.extent)
-        seen = {("", start)}
-        pending = [("", start)]
+        if not self.has_root or self.circles or definition.size is UNSET:
+            return {}
+        if not self._with_places and not _places(self.root):
+            return {}
+        start = PartSize("", sides(definition.extent), False)
+        found: dict[PartSize, list[tuple[PartSize, int]]] = {start: []}
+        pending = [start]
+        looks: dict[str, int] = {}
         while pending:
-            part, extent = pending.pop()
-            root = self.part(part) if part else self.root
-            lengths = _lengths(root, extent)
-            yield from _sized(root, lengths, part)
+            size = pending.pop()
+            root = self._root_of(size)
+            again = size.part in looks
+            looks[size.part] = again * len(_elements(root)) + looks.get(size.part, 0)
+            if len(found) > MAX_SIZES or (again and sum(looks.values()) > MAX_LOOKS):
+                self.__dict__["has_all_sizes"] = False
+                break
+            lengths = _lengths(root, size)
             for use in self.within(root):
-                _, within = lengths[use.element]
-                turn = root.tree.value("turn_deg", use.element)
-                below = (use.part, within.turned(quarter_turns(turn)))
-                if below not in seen:
-                    seen.add(below)
+                if use.part not in self._with_places:
+                    continue
+                quarters = quarter_turns(root.tree.value("turn_deg", use.element))
+                within = lengths[use.element].turned(quarters)
+                below = PartSize(use.part, within, size.lies ^ (quarters % 2 == 1))
+                if below not in found:
+                    found[below] = []
                     pending.append(below)
-            if len(seen) > MAX_SIZES:
-                yield None
-                return
+                found[below].append((size, use.element))
+        return found
+
+    @property
+    def has_all_sizes(self) -> bool:
+        """Whether there are no more sizes than are looked at."""
+        return bool(self.sizes is not None and self.__dict__.get("has_all_sizes", True))
+
+    def _root_of(self, size: PartSize) -> Root:
+        return self.part(size.part) if size.part else self.root
+
+    def free_places(self) -> Iterator[SizedElement]:
+        """Each element at a free place, once for each size that it stands in.
+
+        Those in parts that the terrain does not have are left out.
+        """
+        for size in self.sizes:
+            root = self._root_of(size)
+            placed = _places(root)
+            lengths = _lengths(root, size) if placed else {}
+            for index in placed:
+                parent = root.tree.parents[index]
+                if parent >= 0:
+                    yield SizedElement(root.tree, index, lengths[parent].lengths, size)
+
+    def leading_to(self, size: PartSize, seen: set[PartSize]) -> Iterator[int]:
+        """The elements of the terrain with which a part comes to stand in a size.
+
+        Args:
+            size: of the part.
+            seen: sizes that are not looked at again.
+        """
+        pending = [size]
+        while pending:
+            for user, element in self.sizes[pending.pop()]:
+                if not user.part:
+                    yield element
+                elif user not in seen:
+                    seen.add(user)
+                    pending.append(user)
 
 
-class _Lengths(NamedTuple):
-    """The sides of an element's cell as numbers, and in full."""
-
-    plain: Pair
-    full: Sides
+def track_surfaces(terrain: Library) -> set[str]:
+    """The surfaces that tracks wear, or have depths on."""
+    tracks = terrain.ruts if isinstance(terrain, Definition) else ()
+    worn = {track.surface for track in tracks if track.surface is not UNSET}
+    return worn.union(*(track.depth for track in tracks if isinstance(track.depth, dict)))
 
 
 def quarter_turns(turn: Any) -> int:
@@ -272,46 +376,71 @@ def _part_uses(tree: Tree) -> dict[int, list[PartUse]]:
     return known
 
 
+def _elements(root: Root) -> Sequence[int]:
+    """The elements below a root, and that itself, level by level."""
+    tree = root.tree
+    if len(tree.roots) == 1:
+        return range(len(tree))
+    known: dict[int, list[int]] | None = tree.notes.get("elements")
+    if known is None:
+        known = {}
+        for index, own in enumerate(tree.root_of):
+            known.setdefault(own, []).append(index)
+        tree.notes["elements"] = known
+    return known[root.element]
+
+
+def _places(root: Root) -> list[int]:
+    """The elements below a root that stand at free places."""
+    tree = root.tree
+    known: dict[int, list[int]] | None = tree.notes.get("places")
+    if known is None:
+        known = {}
+        for index, at in enumerate(tree.column("at")) if tree.distinct("at") != {UNSET} else ():
+            if at is not UNSET:
+                known.setdefault(tree.root_of[index], []).append(index)
+        tree.notes["places"] = known
+    return known.get(root.element, [])
+
+
 def _count(root: Root, counts: dict[str, int]) -> int:
     tree = root.tree
+    members = _elements(root)
     if all(tree.distinct(key) == {UNSET} for key in ("part", "repeat", "scatter")):
-        return tree.root_of.count(root.element) if len(tree.roots) > 1 else len(tree)
+        return len(members)
     parts, repeats, scatters = (tree.column(key) for key in ("part", "repeat", "scatter"))
-    below = [0] * len(tree)
-    for index in range(len(tree) - 1, root.element, -1):
-        if tree.root_of[index] == root.element:
-            own = below[index] + (1 if parts[index] is UNSET else counts.get(parts[index], 0))
-            times = copies(repeats[index])
-            if scatters[index] is not UNSET:
-                extent = pair_of(tree.value("extent", index), math.nan)
-                times = wanted(scatters[index], extent)
-            below[tree.parents[index]] += own * times
-    part = parts[root.element]
-    return below[root.element] + (1 if part is UNSET else counts.get(part, 0))
+    below = dict.fromkeys(members, 0)
+    for index in reversed(members):
+        below[index] += 1 if parts[index] is UNSET else counts.get(parts[index], 0)
+        if index == root.element:
+            break
+        times = copies(repeats[index])
+        if scatters[index] is not UNSET:
+            times = wanted(scatters[index], pair_of(tree.value("extent", index), math.nan))
+        below[tree.parents[index]] += below[index] * times
+    return below[root.element]
 
 
-def _lengths(root: Root, extent: Sides) -> dict[int, _Lengths]:
-    """The sides of the cells below a root whose own has these."""
+def _lengths(root: Root, size: PartSize) -> dict[int, Sides]:
+    """The sides of the cells below a root in a size, before quarter turns of the part.
+
+    Those of a free place do not turn with the part: in one that lies they are exchanged. Of
+    scattered copies the least counts.
+    """
     tree = root.tree
-    found = {root.element: _Lengths(extent.lengths, extent)}
-    for parent, begin, end in tree.families:
-        if parent not in found:
-            continue
-        around = found[parent].full
-        for index in range(begin, end):
-            extents = tree.column("extent")[index]
-            if extents is not UNSET:
-                own = sides(extents if isinstance(extents, tuple) else (extents, extents))
-            else:
-                own = around.block(tree.block(index)[2:], tree.grid(parent))
-            found[index] = _Lengths(own.lengths, own)
-    return found
-
-
-def _sized(root: Root, lengths: dict[int, _Lengths], part: str) -> Iterator[SizedElement]:
-    tree = root.tree
-    places = tree.column("at")
-    for index in lengths:
+    scatters = tree.column("scatter") if tree.distinct("scatter") != {UNSET} else None
+    found = {root.element: size.sides}
+    extents = tree.column("extent") if tree.distinct("extent") != {UNSET} else None
+    for index in _elements(root):
         parent = tree.parents[index]
-        if places[index] is not UNSET and parent >= 0:
-            yield SizedElement(tree, index, lengths[parent].plain, part)
+        if index == root.element:
+            continue
+        if scatters is not None and scatters[index] is not UNSET:
+            least = scatters[index].sizes[0]
+            found[index] = sides((least, least))
+        elif extents is not None and extents[index] is not UNSET:
+            w, h = pair_of(extents[index], math.nan)
+            found[index] = sides((w, h)).turned(size.lies)
+        else:
+            found[index] = found[parent].block(tree.block(index)[2:], tree.grid(parent))
+    return found

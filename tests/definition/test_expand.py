@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
 from pathlib import Path
@@ -17,7 +18,8 @@ from terratool.definition.model import names_of, pair_of
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses
-from terratool.text.source import read_source
+from terratool.errors import RequestError
+from terratool.text.source import Source, read_source
 from tests import composition
 from tests.filesets import MAIN, FileSet, file_sets, save
 
@@ -90,7 +92,7 @@ def assert_same(found: dict[str, Any], wanted: dict[str, Any], share: float, siz
     assert "part" not in found and "repeat" not in found
 
 
-@settings(max_examples=300)
+@settings(max_examples=200)
 @given(file_sets())
 def test_the_expansion_is_what_the_format_says(files: FileSet) -> None:
     """Elements, their order and their names, and how many there are."""
@@ -116,7 +118,12 @@ def test_the_expansion_is_what_the_format_says(files: FileSet) -> None:
             ("surfTypes", expansion.definition.surfaces),
             ("elemTypes", expansion.definition.primitives),
         ):
-            assert known.keys() == definition[dictionary].keys()
+            own = json.loads(files.texts[MAIN]).get(dictionary, {})
+            used = {
+                e.get("type" if dictionary == "elemTypes" else "surface") for e in wanted.values()
+            }
+            used |= {track.get("surface") for track in definition.get("tracks", [])}
+            assert known.keys() == definition[dictionary].keys() & (own.keys() | used)
 
 
 def names(tree: Tree) -> dict[str, str]:
@@ -131,3 +138,234 @@ def names(tree: Tree) -> dict[str, str]:
             at = parent
         found[tree.pointer(index)] = "".join(reversed(steps))
     return found
+
+
+# --- by hand -------------------------------------------------------------------------------------
+
+BOX = {"box": {"x": [1]}, "ramp": {"x": [0, 1]}}
+
+
+def expanded(folder: Path, main: dict[str, Any], **libraries: dict[str, Any]) -> dict[str, Any]:
+    """The elements by name of a terrain `site.json` beside its libraries."""
+    for name, library in libraries.items():
+        (folder / f"{name}.json").write_text(json.dumps(library), encoding="utf-8")
+    text = {"size": [40, 20], **main}
+    if not libraries:
+        text.setdefault("elemTypes", BOX)
+    (folder / "site.json").write_text(json.dumps(text), encoding="utf-8")
+    options = CheckOptions(warnings=False, library_roots=(str(folder),))
+    checked = check(read_source(folder / "site.json"), options)
+    assert checked.findings == ()
+    assert checked.expansion is not None
+    tree = checked.expansion.tree
+    named = names(tree)
+    return {named[pointer]: element for pointer, element in elements(tree).items()}
+
+
+def test_names_lead_through_parts_copies_and_libraries(tmp_path: Path) -> None:
+    found = expanded(
+        tmp_path,
+        {
+            "use": ["kit.json"],
+            "elemTree": {
+                "type": "box",
+                "children": [
+                    {"cellX": 0, "cellY": 0, "type": "box"},
+                    {
+                        "cellX": 1, "cellY": 1, "part": "rack",
+                        "repeat": {"count": [2, 2], "step": [3, 4]},
+                    },
+                    {"cellX": 9, "cellY": 0, "part": "own/a~b"},
+                ],
+            },
+            "parts": {"own/a~b": {"part": "shelf"}},
+        },
+        kit={
+            "elemTypes": BOX,
+            "parts": {
+                "shelf": {"type": "ramp", "children": [{"cellX": 2, "cellY": 3, "type": "box"}]},
+                "rack": {
+                    "type": "box",
+                    "children": [
+                        {"cellX": 0, "cellY": 0, "part": "shelf"},
+                        {
+                            "at": [0.5, 0.5], "extent": 0.1, "type": "box",
+                            "repeat": {"count": [1, 2], "step": [0, 0.25]},
+                        },
+                    ],
+                },
+            },
+        },
+    )  # fmt: skip
+    copies = [f"/elemTree/children/1[{i},{j}]>kit.json#/parts/rack" for j in (0, 1) for i in (0, 1)]
+    own = "/elemTree/children/2>/parts/own~1a~0b>kit.json#/parts/shelf"
+    assert list(found) == [
+        "/elemTree",
+        "/elemTree/children/0",
+        *copies,
+        own,
+        *[
+            copy + below
+            for copy in copies
+            for below in (
+                "/children/0>/parts/shelf",
+                "/children/1[0,0]",
+                "/children/1[0,1]",
+            )
+        ],
+        f"{own}/children/0",
+        *[f"{copy}/children/0>/parts/shelf/children/0" for copy in copies],
+    ]
+    cells = [(found[copy]["cellX"], found[copy]["cellY"]) for copy in copies]
+    assert cells == [(1, 1), (4, 1), (1, 5), (4, 5)]
+    assert found[f"{copies[0]}/children/1[0,1]"]["at"] == (0.5, 0.75)
+
+
+@pytest.mark.parametrize(
+    ("turn", "cells", "cell", "span", "at"),
+    [
+        (0, (4, 2), (0, 1), (3, 1), (1.0, 0.5)),
+        (90, (2, 4), (1, 1), (1, 3), (0.5, 3.0)),
+        (180, (4, 2), (1, 0), (3, 1), (3.0, 1.5)),
+        (270, (2, 4), (0, 0), (1, 3), (3.5, 1.0)),
+        (-90, (2, 4), (0, 0), (1, 3), (3.5, 1.0)),
+        (450, (2, 4), (1, 1), (1, 3), (0.5, 3.0)),
+    ],
+)
+def test_a_part_turns_clockwise_as_a_whole(
+    tmp_path: Path, turn: float, cells: Any, cell: Any, span: Any, at: Any
+) -> None:
+    """In a cell of 4 × 2: what was at its west end is at its north end after a quarter."""
+    if turn % 180:
+        at_cell = {"cells": [20, 5], "children": [{"cellX": 3, "cellY": 0, "span": [2, 1]}]}
+    else:
+        at_cell = {"cells": [10, 10], "children": [{"cellX": 3, "cellY": 0}]}
+    at_cell["children"][0] |= {"part": "stair", "turnDeg": turn}
+    found = expanded(
+        tmp_path,
+        {
+            "elemTree": {"type": "box", **at_cell},
+            "parts": {
+                "stair": {
+                    "type": "ramp", "cells": [4, 2], "turnDeg": 30,
+                    "children": [
+                        {"cellX": 0, "cellY": 1, "span": [3, 1], "type": "box", "turnDeg": 350},
+                        {"at": [1, 0.5], "extent": [0.5, 0.25], "type": "box"},
+                    ],
+                }
+            },
+        },
+    )  # fmt: skip
+    stair = "/elemTree/children/0>/parts/stair"
+    assert found[stair]["turnDeg"] % 360 == (30 + turn) % 360
+    assert found[stair]["cells"] == cells
+    block, free = found[f"{stair}/children/0"], found[f"{stair}/children/1"]
+    assert (block["cellX"], block["cellY"]) == cell
+    assert block.get("span", (1, 1)) == span
+    assert block["turnDeg"] % 360 == (350 + turn) % 360
+    assert free["at"] == pytest.approx(at)
+    assert free["extent"] == (0.5, 0.25)
+    assert free.get("turnDeg", 0) == turn % 360
+
+
+def test_factors_and_offsets_of_parts_in_parts(tmp_path: Path) -> None:
+    """An offset is under the factors of what is around it, and not under its own element's."""
+    found = expanded(
+        tmp_path,
+        {
+            "elemTree": {
+                "type": "box",
+                "children": [
+                    {"cellX": 0, "cellY": 0, "part": "outer", "vScale": 2, "vOffset": 7},
+                    {"cellX": 1, "cellY": 0, "part": "outer"},
+                ],
+            },
+            "parts": {
+                "outer": {
+                    "part": "inner", "vScale": 3, "vOffset": 5,
+                },
+                "inner": {
+                    "type": "box", "vOffset": 1,
+                    "children": [
+                        {"cellX": 0, "cellY": 0, "type": "box", "vScale": 4, "vOffset": 11},
+                        {"cellX": 0, "cellY": 0, "type": "box"},
+                    ],
+                },
+            },
+        },
+    )  # fmt: skip
+    one = "/elemTree/children/0>/parts/outer>/parts/inner"
+    other = "/elemTree/children/1>/parts/outer>/parts/inner"
+    assert found[one]["vOffset"] == 2 * (3 * 1 + 5) + 7
+    assert found[one]["vScale"] == pytest.approx(6 * 0.1)
+    assert found[f"{one}/children/0"]["vScale"] == 6 * 4
+    assert found[f"{one}/children/0"]["vOffset"] == 6 * 11
+    assert found[f"{one}/children/1"]["vScale"] == pytest.approx(6 * 0.01)
+    assert found[other]["vOffset"] == 3 * 1 + 5
+    assert found[f"{other}/children/0"]["vScale"] == 3 * 4
+
+
+def test_surfaces_and_words_beside_a_part(tmp_path: Path) -> None:
+    """The part's own surface stays, its words do not; the nearest element gives what is missing."""
+    found = expanded(
+        tmp_path,
+        {
+            "surfTypes": {name: {} for name in "abc"},
+            "elemTree": {
+                "type": "box", "surface": "a",
+                "children": [
+                    {"cellX": 0, "cellY": 0, "part": "bare", "surface": "b", "descr": "mine"},
+                    {"cellX": 1, "cellY": 0, "part": "worn", "surface": "b"},
+                    {"cellX": 2, "cellY": 0, "part": "through", "surface": "a"},
+                    {"cellX": 3, "cellY": 0, "part": "bare"},
+                ],
+            },
+            "parts": {
+                "bare": {"type": "box", "descr": "its"},
+                "worn": {"type": "box", "surface": "c", "descr": "its"},
+                "through": {"part": "bare", "surface": "b"},
+            },
+        },
+    )  # fmt: skip
+    told = [(e.get("surface"), e.get("descr")) for e in found.values()]
+    assert told == [("a", None), ("b", "mine"), ("c", "its"), ("b", "its"), (None, "its")]
+
+
+def test_the_terrains_own_names_win_in_parts_of_libraries_too(tmp_path: Path) -> None:
+    found = expanded(
+        tmp_path,
+        {
+            "use": ["kit.json"], "elemTree": {"part": "whole"},
+            "parts": {"half": {"type": "ramp"}},
+        },
+        kit={
+            "elemTypes": BOX,
+            "parts": {
+                "whole": {"type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "half"}]},
+                "half": {"type": "box"},
+            },
+        },
+    )  # fmt: skip
+    assert [element["type"] for element in found.values()] == ["box", "ramp"]
+    assert list(found)[1] == "/elemTree>kit.json#/parts/whole/children/0>site.json#/parts/half"
+
+
+def test_what_is_too_much_is_counted_and_not_written_out() -> None:
+    """10³⁰ elements of thirty parts in parts."""
+    part = {
+        f"p{k}": {
+            "type": "box",
+            "children": [{"cellX": n, "cellY": 0, "part": f"p{k + 1}"} for n in range(10)],
+        }
+        for k in range(30)
+    }
+    text = {
+        "size": 10, "elemTypes": {"box": BOX["box"]}, "parts": {**part, "p30": {"type": "box"}},
+        "elemTree": {"part": "p0"},
+    }  # fmt: skip
+    checked = check(Source("many.json", json.dumps(text).encode()))
+    assert checked.findings == () and checked.document is not None
+    uses = Uses(checked.document, known_names(checked.document)[0])
+    assert uses.elements == (10**31 - 1) // 9
+    with pytest.raises(RequestError, match=r"many.json: parts and copies come to 1,111,111,"):
+        _ = checked.expansion

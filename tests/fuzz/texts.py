@@ -16,10 +16,13 @@ import numpy as np
 
 from benchmarks.expressions import formula, heavy, mutated, noise, spelled
 from terratool.definition.accuracy import SLACK, TOLERANCE
+from terratool.definition.bundle import bundle
 from terratool.definition.expression import NAMED
 from terratool.definition.keys import ALL_KEYS, COMBINES, Kind
 from terratool.definition.layout import canonical
+from terratool.definition.libraries import known_names
 from terratool.definition.reader import Checked, check
+from terratool.definition.uses import Uses
 from terratool.field.terrain import Terrain
 from terratool.mesh.export import relief_of
 from terratool.raster.grid import grid_over
@@ -153,6 +156,74 @@ def _random_element(rng: random.Random, types: list[str], level: int) -> Any:
     return found
 
 
+def make_composition(rng: random.Random) -> Case:
+    """A terrain of parts in parts, copies and free places, with few mistakes."""
+    scale = 10.0 ** rng.choice([0, 1, 1, 2, -3, 6])
+    names = [f"q{n}" for n in range(rng.randint(1, 4))]
+    tree: Any = {
+        "size": rng.choice([scale, [scale, scale * rng.choice([0.5, 3])]]),
+        "surfTypes": {"s": {"void": rng.random() < 0.2}, "r": {}},
+        "elemTypes": {"p0": _random_primitive(rng), "p1": {"x": [1]}},
+        "elemTree": _random_composition(rng, names, scale, 0),
+        "parts": {
+            # now and then a part that contains itself
+            name: _random_composition(rng, names[n + (rng.random() < 0.97) :], 1e-3 * scale, 1)
+            for n, name in enumerate(names)
+        },
+    }
+    if rng.random() < 0.3:
+        tree["use"] = rng.choices(_LIBRARIES, _LIKELY, k=rng.randint(0, 3))
+    return _with_mistakes(rng, tree, rng.choice([0, 0, 0, 1, 1, 3]), "terrain")
+
+
+_LIBRARIES = (
+    "samples/kit/soils.json", "samples/kit/storage.json", "samples/kit/../kit/rocks.json",
+    "samples/warehouse.json", "samples/none.json", "../x.json", "/etc/passwd", "samples", "",
+)  # fmt: skip
+_LIKELY = (50, 50, 50, 1, 1, 1, 1, 1, 1)
+
+
+def _random_composition(rng: random.Random, names: list[str], side: float, level: int) -> Any:
+    """An element, without its place, in a cell of which each side is so long or longer."""
+    found: Any = {}
+    if rng.random() < 0.4:
+        found["vScale"] = rng.choice([0, 1, -1, rng.uniform(-3, 3), 1e-12, 1e9])
+    if rng.random() < 0.3:
+        found["vOffset"] = rng.choice([0, 1, rng.uniform(-3, 3)])
+    if rng.random() < 0.4:
+        found["turnDeg"] = 45 if rng.random() < 0.03 else rng.choice([90, 90, -90, 180, 270.0, 450])
+    if rng.random() < 0.3:
+        found["surface"] = rng.choice("sr")
+    if names and rng.random() < 0.6:
+        return found | {"part": rng.choice(names)}
+    found["type"] = rng.choice(["p0", "p1"])
+    if level > 3:
+        return found
+    grid = found["cells"] = [rng.choice([1, 2, 3, 3, 65536 if level > 2 else 1]) for _ in "xy"]
+    found["children"] = []
+    for _ in range(rng.randint(0, 3)):
+        free = rng.random() < 0.4
+        own = side * rng.choice([1e-6, 0.05, 0.1]) if free else side / max(grid)
+        child = _random_composition(rng, names, own, level + 1)
+        count = [rng.choice([1, 2, 3]) for _ in "xy"]
+        if free:
+            child["at"] = [side * rng.uniform(0.3, 0.6) for _ in "xy"]
+            child["extent"] = rng.choice([own, [own, own * rng.choice([1, 2])]])
+            step = [side * rng.uniform(-0.05, 0.05) for _ in "xy"]
+        else:
+            child |= {"cellX": rng.randrange(grid[0]), "cellY": rng.randrange(grid[1])}
+            step = [0, 0]
+            if rng.random() < 0.5:
+                child |= {"cellX": 0, "cellY": 0}
+                step, count = [1, 1], [rng.randint(1, min(n, 9)) for n in grid]
+        if rng.random() < 0.02:
+            count = [65536, 65536]
+        if rng.random() < 0.3:
+            child["repeat"] = {"count": count, "step": step}
+        found["children"].append(child)
+    return found
+
+
 def make_curve(rng: random.Random) -> Case:
     """A terrain that is one curve."""
     kind = rng.randrange(20)
@@ -260,6 +331,39 @@ def _call(*arguments: object) -> None:
         raise WrongError(f"{arguments[0]} fails without a word")
 
 
+def try_composition(case: Case, folder: Path) -> str:
+    """Check and count it; what is not too large is the same as its bundle and its expansion."""
+    checked = _checked(case, "terrain")
+    for library in checked.libraries:
+        if any(not finding.message or finding.line < 1 for finding in library.findings):
+            raise WrongError("a finding of a library without words or a place")
+    if checked.terrain is None or checked.document is None:
+        return "invalid"
+    count = Uses(checked.document, known_names(checked.document)[0]).elements
+    if count > _WRITTEN:
+        text = bundle(checked)
+        if check(Source("bundle.json", text.encode())).terrain is None:
+            raise WrongError("a bundle is invalid")
+        return "large"
+    if checked.expansion is None or len(checked.expansion.tree) != count:
+        raise WrongError("there are as many elements as were counted, or not")
+    terrain = Terrain(checked)
+    west, south, east, north = terrain.bounds
+    shares = np.array([0, 0.03, 0.06, 0.1, 1 / 3, 0.5, 0.9, 1])
+    x, y = np.meshgrid(west + shares * (east - west), south + shares * (north - south))
+    heights = terrain.height(x, y).tobytes()
+    for expanded in (False, True):
+        other = check(Source("bundle.json", bundle(checked, expanded=expanded).encode()))
+        if other.terrain is None:
+            raise WrongError(f"expanded: {expanded}: {other.findings[0].message}")
+        if Terrain(other).height(x, y).tobytes() != heights:
+            raise WrongError(f"expanded: {expanded}: heights differ")
+    return "valid"
+
+
+_WRITTEN = 5_000
+
+
 def try_vehicle(case: Case, folder: Path) -> str:
     """Check it, and let it drive now and then."""
     checked = _checked(case, "vehicle")
@@ -304,6 +408,7 @@ def try_curve(case: Case, folder: Path) -> str:
 
 TARGETS = (
     Target("definitions", 1_000_000, make_terrain, try_terrain),
+    Target("compositions", 100_000, make_composition, try_composition),
     Target("vehicles", 100_000, make_vehicle, try_vehicle),
     Target("curves", 100_000, make_curve, try_curve),
 )

@@ -22,6 +22,7 @@ from terratool.definition.model import (
     Library,
     Primitive,
     Repeat,
+    Scatter,
     Surface,
     Track,
 )
@@ -36,11 +37,12 @@ ORDER = {
                 "parts", "elemTree", "tracks"],
     "library": ["$schema", "descr", "use", "x-", "surfTypes", "elemTypes", "parts"],
     "surface": ["descr", "preset", "cohesion", "fricAngle", "sinkage", "color", "sonarRefl",
-                "shearModulus", "void", "x-"],
+                "shearModulus", "void", "roughness", "x-"],
     "primitive": ["descr", "x", "y", "combine", "x-"],
-    "element": ["cellX", "cellY", "span", "at", "extent", "repeat", "descr", "type", "part",
-                "surface", "vScale", "vOffset", "turnDeg", "cells", "x-", "children"],
+    "element": ["cellX", "cellY", "span", "at", "extent", "repeat", "scatter", "descr", "type",
+                "part", "surface", "vScale", "vOffset", "turnDeg", "cells", "x-", "children"],
     "repeat": ["count", "step", "x-"],
+    "scatter": ["count", "density", "sizes", "distance", "turned", "seed", "x-"],
     "track": ["descr", "path", "width", "load", "depth", "passes", "multipass", "surface", "x-"],
 }  # fmt: skip
 MESSY = (
@@ -112,7 +114,7 @@ def objects(definition: Any) -> list[tuple[str, dict[str, Any]]]:
 def test_the_order_has_every_key() -> None:
     """The order that is tested here is complete."""
     kinds = {"terrain": Definition, "library": Library, "surface": Surface, "primitive": Primitive,
-             "element": Element, "repeat": Repeat, "track": Track}  # fmt: skip
+             "element": Element, "repeat": Repeat, "scatter": Scatter, "track": Track}  # fmt: skip
     for name, kind in kinds.items():
         assert [key for key in ORDER[name] if key != "x-"] == list(KEYS[kind])
 

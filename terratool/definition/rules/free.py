@@ -8,12 +8,11 @@ from collections.abc import Iterator
 from msgspec import UNSET, UnsetType
 
 from terratool.definition.findings import Remark
-from terratool.definition.keys import MAX_SCATTERED
-from terratool.definition.model import Pair, Scatter, pair_of
+from terratool.definition.model import MAX_SCATTERED, Pair, Scatter, pair_of
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.scattering import strewn, wanted
 from terratool.definition.tree import Tree
-from terratool.definition.uses import MAX_SIZES, SizedElement, copies
+from terratool.definition.uses import PartSize, Root, SizedElement, copies
 from terratool.text.display import shown
 
 _CLOSE = 1e-9
@@ -73,7 +72,8 @@ def mixed_place(subject: Subject) -> Iterator[Remark]:
 def turned_parent(subject: Subject) -> Iterator[Remark]:
     """An element at a free place has children, but is turned by no multiple of 90 degrees.
 
-    It is turned whole, and grids stay aligned with the axes.
+    It is turned whole, and grids stay aligned with the axes. The same holds for the root of a part
+    that stands at a free place.
 
     Fails:
 
@@ -113,6 +113,19 @@ def turned_parent(subject: Subject) -> Iterator[Remark]:
                 "Turn it by 0, 90, 180 or 270, or place the children beside it.",
                 element=parent,
             )
+    for index, name in tree.having("part", subject.uses.known):
+        end = subject.uses.end(Root(tree, index, subject.document))
+        if places[index] is UNSET or end is None or end.turn % 90 == 0:
+            continue
+        begin, after = end.root.tree.brood(end.root.element)
+        if begin < after:
+            yield Remark(
+                "/part",
+                f"the root of the part {shown(name)} has children, and is turned by "
+                f"{shown(end.turn)} degrees, which is no multiple of 90.",
+                "Put the part into a cell, or place the children beside its root.",
+                element=index,
+            )
 
 
 @rule("TT713", "outside-cell")
@@ -142,30 +155,25 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
     if subject.is_library or subject.definition.size is UNSET:
         return
     told: set[int] = set()
+    seen: set[PartSize] = set()
     for sized in subject.uses.free_places():
-        if sized is None:
-            yield Remark(
-                "",
-                f"parts with free places stand in more than {MAX_SIZES:,} sizes.",
-                "Give the part the same size in more places.",
-            )
-            return
-        at = sized.tree.value("at", sized.element)
-        beyond = _beyond(subject, sized, at)
+        beyond = _beyond(subject, sized)
         if not beyond:
             continue
         w, h = sized.parent
         message = f"reaches {beyond:.6g} beyond the parent's cell of {w:.9g} × {h:.9g}."
         if sized.tree is not subject.tree:
-            place = f"{sized.tree.pointer(sized.element)} of the part {shown(sized.part)}"
-            for use in subject.uses.leading_to(sized.part):
-                if use.element not in told:
-                    told.add(use.element)
+            part = shown(sized.size.part)
+            place = f"{sized.tree.pointer(sized.element)} of the part {part}"
+            for element in subject.uses.leading_to(sized.size, seen):
+                if element not in told:
+                    told.add(element)
                     hint = "Give the part more room, or use a smaller one."
-                    yield Remark("/part", f"{place} {message}", hint, element=use.element)
+                    yield Remark("/part", f"{place} {message}", hint, element=element)
         elif sized.element not in told:
             told.add(sized.element)
-            inside = f", where the part {shown(sized.part)} stands" if sized.part else ""
+            part = sized.size.part
+            inside = f", where the part {shown(part)} stands" if part else ""
             yield Remark(
                 "/at",
                 f"the element {message[:-1]}{inside}.",
@@ -174,16 +182,19 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
             )
 
 
-def _beyond(subject: Subject, sized: SizedElement, at: Pair) -> float:
+def _beyond(subject: Subject, sized: SizedElement) -> float:
     """How far the footprints of an element and of its copies reach out of the parent's cell."""
     tree, index = sized.tree, sized.element
-    extent, repeat = tree.value("extent", index), tree.value("repeat", index)
+    at, extent, repeat = (tree.value(key, index) for key in ("at", "extent", "repeat"))
     if extent is UNSET or (tree is subject.tree and subject.left_out(index, "repeat", "turnDeg")):
         return 0.0
-    primitive = subject.primitives.get(tree.value("type", index))
+    end = subject.uses.end(Root(tree, index, subject.document))
+    if end is None:
+        return 0.0
+    primitive = subject.primitives.get(end.root.tree.value("type", end.root.element))
     scattered = tree.value("scatter", index) is not UNSET  # its copies stay in its cell
     round_ = primitive is not None and primitive.combine == "radial"
-    turn = UNSET if scattered else tree.value("turn_deg", index)
+    turn = UNSET if scattered else end.turn
     reach = _reach(pair_of(extent, math.nan), turn, round_)
     count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
     beyond = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from terratool.definition.findings import Remark
-from terratool.definition.libraries import DICTIONARIES, Dictionary, entries
+from terratool.definition.libraries import DICTIONARIES, Dictionary
 from terratool.definition.rules.base import Subject, reader_rule, rule
 from terratool.text.display import escape, shown
 
@@ -17,10 +17,10 @@ reader_rule(
     "TT701",
     "unreadable-library",
     """
-    A library cannot be read: it is missing, a folder, no regular file, or larger than 1 GiB.
+    A library cannot be read: it is missing, a folder, no regular file, or too large.
 
     Paths begin at the folder of the file that names the library. A definition may use 1,000
-    libraries, directly or through others.
+    libraries, directly or through others, name them 10,000 times, and have 1 GiB of text in them.
 
     Fails:
 
@@ -149,15 +149,13 @@ def ambiguous_name(subject: Subject) -> Iterator[Remark]:
 
     To mend: rename one of the two, or define the name in the file itself.
     """
+    through: dict[int, int] = {}
+    for index, library in enumerate(subject.document.uses if subject.clashes else ()):
+        for one in () if library is None else (library, *library.reached()):
+            through.setdefault(id(one), index)
     for clash in subject.clashes:
-        index = next(
-            i
-            for i, library in enumerate(subject.document.uses)
-            if library is not None
-            and (library is clash.second or clash.second in library.reached())
-        )
         yield Remark(
-            f"/use/{index}",
+            f"/use/{through[id(clash.second)]}",
             f"the {_NOUNS[clash.dictionary]} {shown(clash.name)} is in "
             f"{shown(clash.first.source.name)} and in {shown(clash.second.source.name)}.",
             f'Rename one of the two, or define it in "{clash.dictionary}" here.',
@@ -222,7 +220,7 @@ def unused_library(subject: Subject) -> Iterator[Remark]:
         if library is None:
             continue
         if not any(
-            not needed[dictionary].keys().isdisjoint(entries(one.model, dictionary))
+            not needed[dictionary].keys().isdisjoint(one.entries[dictionary])
             for one in (library, *library.reached())
             for dictionary in DICTIONARIES
         ):
@@ -263,8 +261,8 @@ def hiding_name(subject: Subject) -> Iterator[Remark]:
     """
     for dictionary in DICTIONARIES:
         for library in subject.document.reached():
-            theirs = entries(library.model, dictionary)
-            for name in entries(subject.document.model, dictionary):
+            theirs = library.entries[dictionary]
+            for name in subject.document.entries[dictionary]:
                 if name in theirs:
                     yield Remark(
                         f"/{dictionary}/{escape(name)}",

@@ -130,7 +130,10 @@ class NameHints(dict[str, tuple[str, str]]):
             from difflib import get_close_matches
 
             close = get_close_matches(name, self._close, 2)
-        hint = f'Add {shown(name)} to "{self._dictionary}", or use a name that is there.'
+        hint = (
+            f'Add {shown(name)} to "{self._dictionary}", or its library to "use", '
+            "or write a name that is there."
+        )
         if close:
             hint = f"Did you mean {shown(close[0])}?"
         self[name] = hint, only_answer(name, close)

@@ -10,7 +10,8 @@ from terratool.definition.findings import Remark
 from terratool.definition.model import LARGEST
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.rules.names import NameHints
-from terratool.definition.tree import part_pointer
+from terratool.definition.tree import PARTS, part_pointer
+from terratool.definition.uses import MAX_DEPTH, MAX_LOOKS, MAX_SIZES
 from terratool.text.display import escape, shown
 
 
@@ -85,7 +86,7 @@ def part_circle(subject: Subject) -> Iterator[Remark]:
     own = {part_pointer(name): name for name in subject.definition.assemblies}
     for index, name in tree.having("part", uses.circles):
         outer = own.get(tree.roots[tree.root_of[index]])
-        if outer is not None and outer in uses.behind(name):
+        if outer is not None and uses.circle_of[name] == uses.circle_of.get(outer):
             through = "itself" if outer == name else f"{shown(name)}, which contains it"
             yield Remark(
                 "/part",
@@ -180,10 +181,10 @@ def part_turn(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT715", "beyond-limits")
 def beyond_limits(subject: Subject) -> Iterator[Remark]:
-    """The factors of parts in parts, or their sizes, go beyond what is computed.
+    """The factors of parts in parts, their depth or their sizes go beyond what is computed.
 
-    The vScale of parts in parts are multiplied, and may reach 1e30 together. Parts with free places
-    in them may stand in up to 10,000 sizes.
+    The vScale of parts in parts are multiplied, and may reach 1e30 together. Up to 1,000 parts may
+    stand in one another. Parts with free places in them may stand in up to 10,000 sizes.
 
     Fails:
 
@@ -218,8 +219,26 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
     To mend: lower the factors, or give the part the same size in more places.
     """
     uses = subject.uses
-    if subject.is_library or uses.circles:
+    if uses.circles:
         return
+    for index, name in subject.tree.having("part", uses.known):
+        if uses.depths[name] > MAX_DEPTH:
+            yield Remark(
+                "/part",
+                f"with {shown(name)}, {uses.depths[name]:,} parts stand in one another, "
+                f"and more than {MAX_DEPTH:,} are not read.",
+                "Write some of them out where they stand.",
+                element=index,
+            )
+    if subject.is_library or subject.definition.size is UNSET:
+        return
+    if not uses.has_all_sizes:
+        yield Remark(
+            PARTS,
+            f"parts with free places stand in more than {MAX_SIZES:,} sizes, or "
+            f"{MAX_LOOKS:,} elements of them do.",
+            "Give the part the same size in more places.",
+        )
     for use, height in uses.tallest():
         if height > LARGEST:
             yield Remark(
