@@ -18,6 +18,7 @@ from terratool.definition.model import Element
 from terratool.definition.reader import Checked, refusal
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses, track_surfaces
+from terratool.text.scan import first_value, members, value_end
 
 _EXACT = 1e15
 
@@ -39,7 +40,7 @@ def bundle(checked: Checked, *, expanded: bool = False) -> str:
     if checked.terrain is None or document is None:
         raise refusal(checked)
     uses = Uses(document, known_names(document)[0])
-    members = msgspec.json.decode(document.source.data, type=dict[str, Raw])
+    members = _members(document.source.data)
     members.pop("use", None)
     needed = uses.needed
     if expanded:
@@ -76,10 +77,27 @@ def _needed(uses: Uses, dictionary: Dictionary, needed: dict[str, None]) -> dict
         if name in needed:
             home = named.home
             if id(home) not in texts:
-                whole = msgspec.json.decode(home.source.data, type=dict[str, Raw])
-                texts[id(home)] = msgspec.json.decode(whole[dictionary], type=dict[str, Raw])
+                whole = _members(home.source.data)
+                texts[id(home)] = _members(bytes(whole[dictionary]))
             found[name] = texts[id(home)][name]
     return found
+
+
+def _members(data: bytes) -> dict[str, Raw]:
+    """The texts of the members of an object."""
+    try:
+        return msgspec.json.decode(data, type=dict[str, Raw])
+    except RecursionError:  # nested too deep for skipping
+
+        def end_of(_begin: int, _key_end: int, value: int) -> int:
+            return value_end(data, value, len(data))
+
+        return {
+            msgspec.json.decode(data[one.begin : one.key_end], type=str): Raw(
+                data[one.value : one.end]
+            )
+            for one in members(data, first_value(data), end_of)
+        }
 
 
 def _whole(value: Any) -> Any:

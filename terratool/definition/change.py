@@ -85,7 +85,13 @@ class Target:
                 f"{self.source.name}: has no element {shown(pointer)}.",
                 f"Give a JSON pointer as terratool query shows them, such as {example}.",
             )
-        return msgspec.json.decode(text, type=Parent)
+        try:
+            return msgspec.json.decode(text, type=Parent)
+        except RecursionError as error:
+            raise RequestError(
+                f"{self.source.name}: is nested too deep to add to {shown(pointer)}.",
+                "Add to an element further in, or make a part of what is deep.",
+            ) from error
 
     def with_primitive(self, data: bytes, name: str, primitive: dict[str, Any]) -> bytes:
         """The text with a primitive, in the place of one of that name or behind all others."""

@@ -16,6 +16,7 @@ from terratool.definition.sides import Side, side
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.uses import Root, Uses
 from terratool.errors import RequestError
+from terratool.text.display import many
 
 MAX_ELEMENTS = 2_000_000
 """So many elements are written out at most."""
@@ -87,8 +88,8 @@ def expand(uses: Uses) -> Expansion:
         return _with_names_in_use(Expansion(definition, tree), uses)
     if uses.elements > MAX_ELEMENTS:
         raise RequestError(
-            f"{uses.document.source.name}: parts and copies come to {uses.elements:,} elements, "
-            f"and more than {MAX_ELEMENTS:,} are not written out.",
+            f"{uses.document.source.name}: parts and copies come to {many(uses.elements)} "
+            f"elements, and more than {MAX_ELEMENTS:,} are not written out.",
             "Lower the counts, or leave out the smallest parts.",
         )
     written = Expansion(

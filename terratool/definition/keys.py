@@ -483,7 +483,9 @@ _named = re.compile(r"(?:^|.*[/:])(terrain|library|vehicle)(?:\.schema\.json)?")
 _terrain = KEYS[Definition].keys() - VEHICLE_KEYS[VehicleText].keys()
 _own = KEYS[Definition].keys() - KEYS[Library].keys()
 _library = KEYS[Library].keys() - {"$schema", "descr"}
-_large_library = re.compile(rb'\s*{\s*"\$schema"\s*:\s*"[^"]{0,500}library').match
+_large_library = re.compile(
+    rb'\s*{\s*"\$schema"\s*:\s*"(?:[^"]{0,500}[/:])?library(?:\.schema\.json)?"'
+).match
 _vehicle = VEHICLE_KEYS[VehicleText].keys() - KEYS[Definition].keys()
 
 

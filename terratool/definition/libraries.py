@@ -249,7 +249,11 @@ class Shelf:
         document = self._read(Source(name, source.data, source.packed, source.marked))
         document.real = real
         looks = document_kind(source.data)
-        if document.broken is None and looks not in ("library", None):
+        foreign = any(
+            code == "TT103" and remark.pointer.count("/") == 1
+            for code, remark in document.found.kept
+        )
+        if document.broken is None and foreign and looks not in ("library", None):
             return (
                 "TT703",
                 f"the file {said} is a {looks}, where a library is wanted.",

@@ -63,7 +63,7 @@ def strewn(
     )
     turned = scatter.turned is True
     any_turn = tilted or (turned and not by_quarters)
-    near = None if scatter.distance is UNSET else _Near(scatter.distance, sides, lengths)
+    near = None if scatter.distance is UNSET else _Near(scatter.distance)
     for n, side in enumerate(sides):
         turn = 0.0
         if turned:
@@ -87,27 +87,36 @@ _HALF_DIAGONAL = math.sqrt(0.5) * (1.0 + 1e-12)
 
 
 class _Near:
-    """The copies that stand already, by cells of a grid; each is taken for the disc around it."""
+    """The copies that stand already, by size and by cells of a grid; each is a disc around it.
 
-    def __init__(self, distance: float, sides: list[float], lengths: Pair) -> None:
+    The largest come first, so that a copy meets none that is smaller. Of the sizes between two
+    powers of 2 there are few in a cell that is as wide as the largest of them.
+    """
+
+    def __init__(self, distance: float) -> None:
         self._distance = distance
-        largest = max(sides, default=1.0)
-        self._pitch = max(largest * math.sqrt(2.0) + distance, max(lengths) / 4096.0)
-        self._there: dict[tuple[int, int], list[tuple[Pair, float]]] = {}
+        self._there: dict[int, dict[tuple[int, int], list[tuple[Pair, float]]]] = {}
 
     def takes(self, middle: Pair, side: float) -> bool:
         """Whether a copy keeps its distance; then it stands there."""
-        at = math.floor(middle[0] / self._pitch), math.floor(middle[1] / self._pitch)
         radius = side * math.sqrt(0.5)
-        for i in (-1, 0, 1):
-            for j in (-1, 0, 1):
-                for (x, y), other in self._there.get((at[0] + i, at[1] + j), ()):
-                    dx, dy = middle[0] - x, middle[1] - y
-                    apart = radius + other + self._distance
-                    if dx * dx + dy * dy < apart * apart:
-                        return False
-        self._there.setdefault(at, []).append((middle, radius))
+        for size, there in self._there.items():
+            x, y = self._cell(middle, size)
+            for i in (x - 1, x, x + 1):
+                for j in (y - 1, y, y + 1):
+                    for other, their in there.get((i, j), ()):
+                        dx, dy = middle[0] - other[0], middle[1] - other[1]
+                        apart = radius + their + self._distance
+                        if dx * dx + dy * dy < apart * apart:
+                            return False
+        size = math.frexp(radius)[1]
+        cells = self._there.setdefault(size, {})
+        cells.setdefault(self._cell(middle, size), []).append((middle, radius))
         return True
+
+    def _cell(self, middle: Pair, size: int) -> tuple[int, int]:
+        pitch = 2.0 * math.ldexp(1.0, size) + self._distance
+        return math.floor(middle[0] / pitch), math.floor(middle[1] / pitch)
 
 
 def _share(seed: int, number: int, draw: int) -> float:

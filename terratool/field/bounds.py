@@ -94,7 +94,11 @@ def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
     It is other than 0 somewhere there, or a relief ends.
     """
     out = np.ones(len(arrays.kinds), np.uint8)
-    if len(worn_reliefs(arrays)) > 1:  # where one ends, the other begins
+    worn = worn_reliefs(arrays)
+    root = arrays.elements[0]
+    filled = arrays.kinds["combine"][root["kind"]] != COMBINE["radial"]
+    filled = filled and not arrays.poses["turned"][root["pose"]]
+    if len(worn) > 1 or (len(worn) and not filled):  # where one ends, another or none begins
         return out
     for k, kind in enumerate(arrays.kinds):
         x, y = (_ends(arrays, kind, axis) for axis in "xy")

@@ -104,6 +104,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count:,} {noun if count == 1 else many}"
 
 
+def many(count: int) -> str:
+    """A whole number, however large, in words: 2,000, or about 10^450."""
+    return f"{count:,}" if count < 10**30 else f"about 10^{round(count.bit_length() * 0.30103)}"
+
+
 def listed(words: Sequence[str]) -> str:
     """Words with commas and an "and"."""
     return f"{', '.join(words[:-1])} and {words[-1]}" if words[1:] else "".join(words)

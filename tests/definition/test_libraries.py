@@ -12,8 +12,9 @@ import pytest
 
 from terratool.definition.findings import Finding
 from terratool.definition.libraries import known_names
-from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.definition.reader import Checked, CheckOptions, check, load_checked
 from terratool.definition.uses import Uses
+from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
 from tests.commands import ROOT, call
 
@@ -534,3 +535,42 @@ def test_what_is_too_much_is_a_sentence(tmp_path: Path) -> None:
         ran = call(*words)
         assert ran.code in (0, 1, 2), ran
         assert ran.code == 0 or "1,000,001,000,001 elements" in ran.err, ran.err
+
+
+def test_a_large_library_is_one(tmp_path: Path) -> None:
+    """A library of more than 1 MiB needs no $schema to be used."""
+    curves = {f"p{n}": {"x": [0.25] * 40_000} for n in range(6)}
+    (tmp_path / "kit.json").write_text(json.dumps({"elemTypes": curves}), encoding="utf-8")
+    site = tmp_path / "site.json"
+    site.write_text('{"use":["kit.json"],"size":5,"elemTree":{"type":"p3"}}', encoding="utf-8")
+    assert (tmp_path / "kit.json").stat().st_size > 1 << 20
+    assert check(read_source(site), CheckOptions(warnings=False)).findings == ()
+
+
+def test_a_thousand_levels_are_bundled(tmp_path: Path) -> None:
+    """Levels of elements are no levels of calls; what cannot be changed is said in a sentence."""
+    level = '"type":"b","cells":1,"children":[{"cellX":0,"cellY":0,' * 1000
+    tree = f'{{{level}"type":"b"{"}]" * 1000}}}'
+    text = f'{{"size":5,"elemTypes":{{"b":{{"x":[1]}}}},"elemTree":{tree}}}'
+    deep, out = tmp_path / "deep.json", tmp_path / "out.json"
+    deep.write_text(text, encoding="utf-8")
+    for options in ([], ["--expand", "--overwrite"]):
+        ran = call("bundle", deep, out, *options)
+        assert ran.code == 0, ran.err
+        assert Terrain(load_checked(out)).levels == Terrain(load_checked(deep)).levels == 1001
+    ran = call("add", deep, "--type", "b", "--cell", 0, 0)
+    assert ran.code in (0, 2) and "Traceback" not in ran.err
+
+
+def test_scattered_copies_are_free_elements(tmp_path: Path) -> None:
+    """What is turned by no quarter and scattered over a cell has no children either."""
+    site = tmp_path / "site.json"
+    child = '{"cellX":0,"cellY":0,"type":"b"}'
+    site.write_text(
+        '{"size":50,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","children":[{"cellX":0,'
+        '"cellY":0,"type":"b","turnDeg":45,"scatter":{"count":3,"sizes":[0.1,0.2]},"children":['
+        f"{child}]}}]}}}}",
+        encoding="utf-8",
+    )
+    codes = [f.code for f in check(read_source(site), CheckOptions(warnings=False)).findings]
+    assert codes == ["TT712"]

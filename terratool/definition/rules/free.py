@@ -100,12 +100,13 @@ def turned_parent(subject: Subject) -> Iterator[Remark]:
     To mend: turn it by a multiple of 90, or place the children beside it.
     """
     tree = subject.tree
-    if tree.distinct("at") == {UNSET}:
+    if tree.distinct("at") | tree.distinct("scatter") == {UNSET}:
         return
-    places, turns = tree.column("at"), tree.column("turn_deg")
+    places, scatters, turns = (tree.column(key) for key in ("at", "scatter", "turn_deg"))
     for parent, _, _ in tree.families:
         turn = turns[parent]
-        if places[parent] is not UNSET and turn is not UNSET and turn % 90 != 0:
+        free = places[parent] is not UNSET or scatters[parent] is not UNSET
+        if free and turn is not UNSET and turn % 90 != 0:
             yield Remark(
                 "/turnDeg",
                 f"the element has children, and is turned by {shown(turn)} degrees, "
@@ -115,7 +116,8 @@ def turned_parent(subject: Subject) -> Iterator[Remark]:
             )
     for index, name in tree.having("part", subject.uses.known):
         end = subject.uses.end(Root(tree, index, subject.document))
-        if places[index] is UNSET or end is None or end.turn % 90 == 0:
+        free = places[index] is not UNSET or scatters[index] is not UNSET
+        if not free or end is None or end.turn % 90 == 0:
             continue
         begin, after = end.root.tree.brood(end.root.element)
         if begin < after:

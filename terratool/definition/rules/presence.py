@@ -50,9 +50,10 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
     To mend: add the key to the object at that place.
     """
     definition = subject.definition
+    uses = definition.use is not UNSET or subject.left_out("", "use")
     for key, value in (
         ("size", definition.size),
-        ("elemTypes", definition.elem_types if definition.use is UNSET else ""),
+        ("elemTypes", "" if uses else definition.elem_types),
         ("elemTree", "" if ROOT in subject.tree.root_at else UNSET),
     ):
         if subject.is_library:

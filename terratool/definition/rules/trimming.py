@@ -66,7 +66,9 @@ def trimmed_element(subject: Subject) -> Iterator[Remark]:
     for index, turn in enumerate(tree.column("turn_deg")):
         if turn is UNSET or turn % 180 == 0:
             continue
-        whole = {parts[index], places[index], scatters[index]} != {UNSET}
+        if turn is UNSET or turn % 180 == 0:
+            continue
+        whole = not (parts[index] is places[index] is scatters[index] is UNSET)
         if whole or tree.parents[index] < 0:
             continue
         cell = cells.of(index)
