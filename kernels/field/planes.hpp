@@ -246,6 +246,9 @@ constexpr u64 ALONG = u64(1) << 62, ACROSS = u64(1) << 63, LEFT_TO_DESCENT = u64
 // The same in 32 bits, and never 0.
 INLINE u32 hash32(u64 key) { return u32(hash64(key)) | 1; }
 
+// In the place of a truth value: the edge may be a wall even where the element adds no height.
+constexpr u8 WHATEVER_SCALE = 2;
+
 // What an element adds to all of its pixels: 0 where none of its edges can be a wall.
 INLINE u32 mark_of(const Painted& p, Span<const u8> nonzero) {
     const auto& [index, element, kind, pose, grid] = p;
@@ -255,7 +258,8 @@ INLINE u32 mark_of(const Painted& p, Span<const u8> nonzero) {
     bool whole = !pose.turned || pose.free || abs(pose.cos) == 1.0
         || (squared && (pose.cos == 0.0 || kind.combine == RADIAL));
     bool shaped = element.scale != 0.0 && (nonzero[element.kind] || !whole);
-    return shaped || element.offset != 0.0 ? hash32(u64(index)) : 0;
+    bool rough = nonzero[element.kind] == WHATEVER_SCALE;
+    return shaped || rough || element.offset != 0.0 ? hash32(u64(index)) : 0;
 }
 
 // Whether a curve of the kind has vertical steps.

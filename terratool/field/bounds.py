@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.records import COMBINE, FieldArrays, TrackArrays
+from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import worn_reliefs
 
 _LEVEL = 1e-12
@@ -82,9 +82,16 @@ def _curve_sizes(arrays: FieldArrays, end: bool) -> Floats:
     return sizes
 
 
-def largest_depths(tracks: TrackArrays) -> Floats:
-    """Depth of the deepest rut that each track makes by itself, (tracks,)."""
-    depths = np.where(np.isnan(tracks.depths), 0.0, tracks.depths).max(axis=1)[tracks.law]
+WHATEVER_SCALE = 2
+"""In the place of a truth value: there may be a wall even where the element adds no height."""
+
+
+def largest_depths(arrays: FieldArrays) -> Floats:
+    """Depth of the deepest rut that each track makes by itself on what is worn, (tracks,)."""
+    tracks = arrays.tracks
+    worn = np.unique(np.concatenate([[-1], arrays.kinds["surface"], tracks.surface])) + 1
+    depths = tracks.depths[:, worn]
+    depths = np.where(np.isnan(depths), 0.0, depths).max(axis=1)[tracks.law]
     return np.asarray(depths * tracks.passes**tracks.power)
 
 
@@ -99,7 +106,7 @@ def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
     filled = arrays.kinds["combine"][root["kind"]] != COMBINE["radial"]
     filled = filled and not arrays.poses["turned"][root["pose"]]
     if len(worn) > 1 or (len(worn) and not filled):  # where one ends, another or none begins
-        return out
+        return out * np.uint8(WHATEVER_SCALE)
     for k, kind in enumerate(arrays.kinds):
         x, y = (_ends(arrays, kind, axis) for axis in "xy")
         level = x.start == x.end == y.start == y.end == 0.0

@@ -56,7 +56,7 @@ def outlines_of(plan: MeshPlan, least: float, narrowest: float) -> tuple[RutOutl
     boxes = _boxes(plan)
     west, south, east, north = plan.bounds
     near = (boxes[0] < east) & (boxes[2] > west) & (boxes[1] < north) & (boxes[3] > south)
-    deepest = largest_depths(tracks)
+    deepest = largest_depths(plan.arrays)
     if not deepest.any():  # nothing sinks anywhere
         near &= tracks.surface >= 0
     narrow = near & (2.0 * _reaches(tracks) / plan.pitch < narrowest)

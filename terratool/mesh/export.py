@@ -234,7 +234,7 @@ def export_mesh(
     else:
         sizes = largest_heights(terrain.arrays)[1:]
         if terrain.tracks:
-            sizes = np.append(sizes, largest_depths(terrain.arrays.tracks))
+            sizes = np.append(sizes, largest_depths(terrain.arrays))
         largest = float(sizes.max(initial=0.0))
         relief = relief_of(terrain, bounds)
         fit = within_budget(attempt, wanted, relief, largest, options.max_faces)

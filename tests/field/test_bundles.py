@@ -29,7 +29,7 @@ from tests.filesets import MAIN, FileSet, file_sets, save
 from tests.oracle import Oracle
 from tests.strategies import landmarks, rims, scattered
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "200"))
+EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "60"))
 
 
 class Three:

@@ -26,7 +26,7 @@ from terratool.text.source import Source, read_source
 from tests.filesets import FileSet, file_sets, save
 
 ALWAYS = -1
-EXAMPLES = 150
+EXAMPLES = 60
 Json = dict[str, Any]
 
 
