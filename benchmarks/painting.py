@@ -115,21 +115,27 @@ def compare_losses(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
 
 
 def compare_shared(pixels: int, runs: int) -> None:
-    """10^12 elements in parts against S3, over all of the terrain and close up."""
-    terrains_by_name = {
-        name: Terrain(check(Source(name, terrains.text(getattr(terrains, name)()))))
+    """Time a pixel of 10^12 elements in parts over that of S3, where pixels are as large as cells.
+
+    Close up, pixels are as large as the cells of a lower level, or far smaller.
+    """
+    shared, plain = (
+        Terrain(check(Source(name, terrains.text(getattr(terrains, name)()))))
         for name in ("shared", "s3")
-    }
+    )
+    cells = 60.0 / pixels / 0.01  # of "row", by pixel
+    few = int(100 / (cells * 0.1))
     for zoom in (1, 100, 10_000):
         tasks = {}
-        for name, terrain in terrains_by_name.items():
-            grid = Grid(37.0, 21.0, 60.0 / zoom / pixels, pixels, pixels)
+        for name, terrain, grid in (
+            ("shared", shared, Grid(37.0, 21.0, 60.0 / zoom / pixels, pixels, pixels)),
+            ("s3", plain, Grid(0.0, 0.0, cells * 0.1, few, few)),
+        ):
             painter = Painter(terrain, grid)
-            planes = painter.blank(grid.whole)
-            tasks[name] = partial(painter.paint, grid.whole, planes)
+            tasks[name] = partial(painter.paint, grid.whole, painter.blank(grid.whole))
         seconds = medians(tasks, runs)
-        ratio = seconds["shared"] / seconds["s3"]
-        line(f"10^12 shared elements, {zoom} times as large: time over that of S3", ratio, "none")
+        ratio = (seconds["shared"] / pixels**2) / (seconds["s3"] / few**2)
+        line(f"10^12 shared elements, {zoom} times as large: a pixel over S3's", ratio, "none")
 
 
 if __name__ == "__main__":

@@ -588,24 +588,25 @@ inline double most_over_point(const Field& field) {
     return inside[0];
 }
 
-// Heights of a batch of points of a shared field. Points that are in the same element, all of them
-// in one size of cell, go down together: what differs between them is in columns, and the loops
-// over these are vectors. Points near an edge, those with several elements over them, and what is
-// rare go through a descent of their own.
+// Finds the elements at a batch of points of a shared field. Points that are in the same element,
+// all of them in one size of cell, go down together: what differs between them is in columns, and
+// the loops over these are vectors. Points near an edge, those with several elements over them, and
+// what is rare go through a descent of their own.
 class SharedBatch {
 public:
-    static constexpr i64 most = 1024;
+    static constexpr i64 most = 256;  // points
 
-    SharedBatch(const Field& field, SharedStack& stack) : field_(field), stack_(stack) {
+    explicit SharedBatch(const Field& field) : field_(field) {
         for (double bound : field.bounds) farthest_ = max(farthest_, abs(bound));
         farthest_ *= 1.0 + 1e-9;
     }
 
-    void heights(In x, In y, Out out) {
-        out_ = out;
+    // Heights of the elements at points, and the elements that decide the surface; NaN outside.
+    void find(In x, In y, Out height, Span<i64> top) {
+        height_ = height, found_ = top;
         i64 count = 0;
         for (i64 n = 0; n < count_of(x); ++n) {
-            out[n] = NaN;
+            height[n] = NaN, top[n] = NO_ELEMENT;
             if (!is_inside(field_.bounds, x[n], y[n])) continue;
             world_[X][count] = x[n], world_[Y][count] = y[n];
             z_[count] = 0.0, top_[count] = NO_ELEMENT, point_[count] = u32(n);
@@ -624,9 +625,10 @@ private:
     static constexpr i64 few = 4;       // points that do not go together
     static constexpr i64 deepest = 64;  // levels that they go together
     const Field& field_;
-    SharedStack& stack_;
+    SharedStack stack_;
     double farthest_ = 0.0;
-    Out out_;
+    Out height_;
+    Span<i64> found_;
     // of each point: its place, the corner of the cell that it is in, cell and place in the grid,
     // and the first cell of the element
     Column world_[2], corner_[2], rest_[2], cell_[2], part_[2], first_[2], z_, value_[2], work_;
@@ -635,15 +637,12 @@ private:
 
     // By a descent of its own.
     void complete(i64 n) {
-        double x = world_[X][n], y = world_[Y][n];
-        SharedDescent<false> found(field_, x, y, stack_);
-        out_[point_[n]] = settled(field_, found.z, found.top.element, x, y);
+        SharedDescent<false> found(field_, world_[X][n], world_[Y][n], stack_);
+        height_[point_[n]] = found.z, found_[point_[n]] = found.top.element;
     }
 
     // All elements of a point are known.
-    INLINE void settle(i64 n) {
-        out_[point_[n]] = settled(field_, z_[n], top_[n], world_[X][n], world_[Y][n]);
-    }
+    INLINE void settle(i64 n) { height_[point_[n]] = z_[n], found_[point_[n]] = top_[n]; }
 
     INLINE void move(i64 from, i64 to) {
         if (from == to) return;
@@ -674,7 +673,7 @@ private:
             for (int axis : {X, Y}) locate(laid, axis, begin, end);
             double clear[2];
             for (int axis : {X, Y}) clear[axis] = 0.5 - max(EDGE, spacing * laid.per[axis]);
-            auto [kept, same] = find(grid, clear, begin, end);
+            auto [kept, same] = keep_together(grid, clear, begin, end);
             if (!same) {
                 descend_apart(frame, laid, begin, kept);
                 return;
@@ -726,15 +725,29 @@ private:
         return i64(index);
     }
 
+    // Whether a point is in a cell of a grid, clear of its edges.
+    INLINE bool is_good(const Grid& grid, const double (&clear)[2], i64 n) const {
+        return (abs(part_[X][n] - 0.5) <= clear[X]) & (abs(part_[Y][n] - 0.5) <= clear[Y])
+            & (cell_[X][n] >= 0.0) & (cell_[X][n] < grid.count[X]) & (cell_[Y][n] >= 0.0)
+            & (cell_[Y][n] < grid.count[Y]);
+    }
+
     // Keep the points that are in one element; the others are complete then.
-    Kept find(const Grid& grid, const double (&clear)[2], i64 begin, i64 end) {
+    Kept keep_together(const Grid& grid, const double (&clear)[2], i64 begin, i64 end) {
         i64 kept = begin, whole = fills(grid);
         bool same = true;
+        if (whole >= 0) {
+            i64 good = 0;
+            for (i64 n = begin; n < end; ++n) good += is_good(grid, clear, n);  // vectorised
+            if (good == end - begin) {
+                for (int axis : {X, Y})
+                    std::copy_n(&cell_[axis][begin], good, &first_[axis][begin]);
+                std::fill_n(&element_[begin], good, u32(whole));
+                return {end, true};
+            }
+        }
         for (i64 n = begin; n < end; ++n) {
-            bool good = (abs(part_[X][n] - 0.5) <= clear[X]) & (abs(part_[Y][n] - 0.5) <= clear[Y])
-                & (cell_[X][n] >= 0.0) & (cell_[X][n] < grid.count[X]) & (cell_[Y][n] >= 0.0)
-                & (cell_[Y][n] < grid.count[Y]);
-            if (!good) {
+            if (!is_good(grid, clear, n)) {
                 complete(n);
                 continue;
             }
@@ -840,29 +853,23 @@ private:
         In pieces = field_.curves.pieces;
         double scale = element.scale, offset = element.offset;
         if (pose.turned) {
-            for (i64 n = begin; n < end; ++n) {
+            for (i64 n = begin; n < end; ++n) {  // vectorised
                 UV at = turned(pose, part_[X][n], part_[Y][n]);
-                if (is_beyond(at)) continue;
-                double fx = even_curve(pieces, kind, X, at.u).value;
-                double fy = even_curve(pieces, kind, Y, at.v).value;
-                z_[n] += scale * (fx * fy) + offset;
-                top_[n] = i64(one.index);
+                part_[X][n] = at.u, part_[Y][n] = at.v;
             }
-        } else {
-            std::size_t count = std::size_t(end - begin);
-            Out values[2];
-            for (int axis : {X, Y}) {
-                Out t(part_[axis].data() + begin, count);
-                if (grid.leaves)  // they are turned by nothing, which rounds
-                    for (double& u : t) u = 0.5 + (u - 0.5);
-                Out work(work_.data() + begin, count);
-                values[axis] = Out(value_[axis].data() + begin, count);
-                even_values(pieces, kind, axis, t, work, values[axis]);
-            }
-            for (i64 n = begin; n < end; ++n) {
-                z_[n] += scale * (value_[X][n] * value_[Y][n]) + offset;
-                top_[n] = i64(one.index);
-            }
+        } else if (grid.leaves) {  // they are turned by nothing, which rounds
+            for (int axis : {X, Y})
+                for (i64 n = begin; n < end; ++n) part_[axis][n] = 0.5 + (part_[axis][n] - 0.5);
+        }
+        for (int axis : {X, Y}) {
+            auto of = [&](Column& column) { return Out(column).subspan(begin, end - begin); };
+            even_values(pieces, kind, axis, of(part_[axis]), of(work_), of(value_[axis]));
+        }
+        for (i64 n = begin; n < end; ++n) {  // vectorised
+            bool beyond = is_beyond({part_[X][n], part_[Y][n]});
+            double more = scale * (value_[X][n] * value_[Y][n]) + offset;
+            z_[n] += beyond ? -0.0 : more;  // what leaves every height as it is, -0 too
+            top_[n] = beyond ? top_[n] : i64(one.index);
         }
         if (!element.grid) {
             for (i64 n = begin; n < end; ++n) settle(n);
@@ -888,11 +895,17 @@ inline void any_heights(const Field& field, In x, In y, Out out) {
         heights(field, x, y, out);
         return;
     }
-    SharedStack stack;
-    auto batch = std::make_unique<SharedBatch>(field, stack);
+    auto batch = std::make_unique<SharedBatch>(field);
+    std::array<i64, SharedBatch::most> top;
+    bool bare = !field.voids && !has_tracks(field) && !has_reliefs(field);
     for (std::size_t begin = 0; begin < x.size(); begin += SharedBatch::most) {
         std::size_t count = min(std::size_t(SharedBatch::most), x.size() - begin);
-        batch->heights(x.subspan(begin, count), y.subspan(begin, count), out.subspan(begin, count));
+        In xs = x.subspan(begin, count), ys = y.subspan(begin, count);
+        Out zs = out.subspan(begin, count);
+        batch->find(xs, ys, zs, top);
+        if (bare) continue;
+        for (std::size_t n = 0; n < count; ++n)
+            if (!isnan(zs[n])) zs[n] = settled(field, zs[n], top[n], xs[n], ys[n]);
     }
 }
 
