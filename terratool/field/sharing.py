@@ -13,37 +13,33 @@ from numpy.typing import NDArray
 
 from terratool.definition.expand import MAX_ELEMENTS
 from terratool.definition.sharing import Blueprint, Node, smallest_cell
-from terratool.definition.tree import Tree
 from terratool.errors import RequestError
-from terratool.field.compile import (
-    _DENSE_CELLS,
-    _DENSE_ROOM,
-    Compiled,
-    Ints,
-    _bins,
-    _Columns,
-    _kinds,
-    _mark_plain,
-    _order,
-    _placed,
-    _poses,
-    _Ranges,
-    _run_begins,
-    compile_tracks,
-)
+from terratool.field.compile import Compiled
 from terratool.field.records import (
     COPIES,
     ELEMENT,
-    FREE,
-    GRID,
     IN_CELLS,
     MEMBER,
     PLACE,
-    RELIEF,
     FieldArrays,
     SharingArrays,
 )
-from terratool.field.relief import compile_reliefs
+from terratool.field.tables import (
+    Columns,
+    Ints,
+    Runs,
+    bins_of,
+    dense_runs,
+    in_order,
+    kinds_of,
+    mark_plain,
+    order_of,
+    placed_of,
+    poses_of,
+    rank_of,
+    runs_of,
+    surroundings,
+)
 from terratool.kernels import field as kernels
 
 LARGEST_NUMBER = 1 << 126
@@ -134,51 +130,38 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     many = _multiplicities(draft, len(plan.templates))
     definition = plan.definition
     columns, bounding = _columns(draft, plan)
-    order, dense = _order(bounding, Tree([], [], draft.levels))
-    dense = dense[order]
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    parents = np.where(columns.parent >= 0, rank[columns.parent], -1)[order]
-    columns, bounding = (
-        _Columns._make(column[order] for column in one)._replace(parent=parents)
-        for one in (columns, bounding)
-    )
+    order, dense = order_of(bounding, draft.levels)
+    columns, bounding, dense = in_order(columns, order), in_order(bounding, order), dense[order]
+    parents, free = columns.parent, columns.free
     nodes = [draft.nodes[index] for index in order.tolist()]
     many = [many[index] for index in order.tolist()]
     below = np.array(draft.below)[order]
-    below = np.where(below >= 0, rank[below], -1)
+    below = np.where(below >= 0, rank_of(order)[below], -1)
 
-    firsts = np.flatnonzero(_run_begins(parents, columns.free))
-    owners = parents[firsts[1:]]
-    grids = np.zeros(len(firsts), GRID)
-    grids["standing"] = np.where(columns.free[firsts], FREE, IN_CELLS)
-    grids["free"] = np.cumsum(columns.free[firsts]) - columns.free[firsts]
-    grids["more"][1:-1] = owners[1:] == owners[:-1]
-    own_grid = np.zeros(len(parents), np.uint32)
-    own_grid[owners[::-1]] = np.arange(len(owners), 0, -1)
-    grid_of = np.where(below >= 0, own_grid[below], 0).astype(np.uint32)
+    runs = runs_of(columns)
+    grids, owners = runs.grids, runs.owners
+    grid_of = np.where(below >= 0, runs.grid_of[below], 0).astype(np.uint32)
     grids["count"] = 1.0
-    in_cells = np.flatnonzero(~columns.free[firsts[1:]])
+    in_cells = np.flatnonzero(grids["standing"][1:] == IN_CELLS)
     grids["count"][in_cells + 1] = columns.cells[owners[in_cells]]
     # until they are laid, they lie where places are least exact
     corner, extent = np.array(definition.corner, float), np.array(definition.extent, float)
     grids["corner"][:, :, 0] = _SLACK * np.maximum(np.abs(corner), np.abs(corner + extent))
     grids["pitch"][:, :, 0] = _SLACK * extent
 
-    places, free = _free_places(nodes, columns.free), columns.free
-    placed = _placed(bounding._replace(place=np.cumsum(free) - 1), places, grid_of > 0)
+    places = _free_places(nodes, free)
+    placed = placed_of(bounding._replace(place=np.cumsum(free) - 1), places, grid_of > 0)
     copies, copies_of = _copies(nodes)
-    reach = placed.reach.copy()
     middles = places.copy()
     far = np.array([0.0 if n.copies is None else 1.0 for n in nodes])[free, None] * [1.0, 1.0]
     own_copies = copies[copies_of[free]]
     far *= own_copies["step"] * (own_copies["count"] - 1.0)
     middles["at"] += 0.5 * far
-    reach += 0.5 * np.abs(far) * (1 + 1e-9)
+    reach = placed.reach + 0.5 * np.abs(far) * (1 + 1e-9)
     placed = placed._replace(places=middles, reach=np.ascontiguousarray(reach))
-    ranges = _Ranges(first=firsts, last=np.append(firsts[1:], len(parents)))
+    ranges = runs.ranges
     ranges.last[0] = 1  # the other roots are none
-    bins = _bins(grids, ranges, grid_of, placed, dense[firsts])
+    bins = bins_of(runs, ranges, grid_of, placed, dense)
     grids["corner"] = grids["pitch"] = 0.0
 
     elements = np.zeros(len(parents), ELEMENT)
@@ -187,33 +170,26 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     elements["scale"] = columns.scale
     elements["offset"] = columns.offset
     elements["grid"] = grid_of
-    elements["pose"], poses = _poses(columns, np.ones(len(parents)))
-    found = _kinds(definition, columns.type, columns.surface)
+    elements["pose"], poses = poses_of(columns, np.ones(len(parents)))
+    found = kinds_of(definition, columns.type, columns.surface)
     elements["kind"] = found.of
-    _mark_plain(grids, firsts, elements, found.kinds, columns.turn)
-    grids["leaves"] = _leaves(firsts, columns, nodes, many, elements, found.kinds)
+    plain = mark_plain(runs, elements, found.kinds, columns.turn)
+    grids["leaves"] = _leaves(runs, columns, nodes, many, plain)
 
     members, tally = _number(nodes, below, parents, plan)
     members["copies"] = copies_of
-    west, south = definition.corner
-    bounds = np.array([west, south, west + extent[0], south + extent[1]])
     mirrors = np.array([MIRRORS[quarters] for quarters in draft.quarters], np.uint8)[order]
     arrays = FieldArrays(
         elements=elements,
         grids=grids,
-        offsets=bins.offsets,
-        entries=bins.entries,
         poses=poses,
         places=places,
-        free_bins=bins.free_bins,
         kinds=found.kinds,
         curves=found.curves,
-        bounds=bounds,
-        pending=bins.pending,
         voids=bool(found.kinds["is_void"].any()),
-        tracks=compile_tracks(definition, bounds),
-        reliefs=compile_reliefs(definition) if roughness else np.zeros(0, RELIEF),
-        shared=SharingArrays(members, copies, mirrors[firsts], extent),
+        shared=SharingArrays(members, copies, mirrors[runs.first], extent),
+        **bins._asdict(),
+        **surroundings(definition, roughness=roughness),
     )
     by_kind = [0] * len(found.kinds)
     for kind, count in zip(found.of.tolist(), many, strict=True):
@@ -279,7 +255,7 @@ def _multiplicities(draft: _Draft, roots: int) -> list[int]:
     return many
 
 
-def _columns(draft: _Draft, plan: Blueprint) -> tuple[_Columns, _Columns]:
+def _columns(draft: _Draft, plan: Blueprint) -> tuple[Columns, Columns]:
     """The elements column by column, of their first copies and of all their copies together."""
     nodes, definition = draft.nodes, plan.definition
     types = {name: i for i, name in enumerate(definition.primitives)}
@@ -291,7 +267,7 @@ def _columns(draft: _Draft, plan: Blueprint) -> tuple[_Columns, _Columns]:
     free = np.array([node.at is not None for node in nodes], np.bool_)
     cell = np.array([node.cell for node in nodes], np.int64)
     span = np.array([node.span for node in nodes], np.int64)
-    columns = _Columns(
+    columns = Columns(
         parent=np.array(draft.parents, np.int64),
         cell=cell,
         span=span,
@@ -337,33 +313,17 @@ def _copies(nodes: list[Node]) -> tuple[NDArray[Any], Ints]:
 
 
 def _leaves(
-    firsts: Ints,
-    columns: _Columns,
-    nodes: list[Node],
-    many: list[int],
-    elements: NDArray[Any],
-    kinds: NDArray[Any],
+    runs: Runs, columns: Columns, nodes: list[Node], many: list[int], plain: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Which grids are of leaves where the terrain is written out: it rounds slopes otherwise."""
+    first = runs.first
     own = np.array([node.many for node in nodes], np.int64)
     own[0] = 1
-    siblings = np.add.reduceat(own, firsts)
-    spanned = np.logical_or.reduceat((columns.span > 1).any(axis=1), firsts)
-    free = columns.free[firsts]
-    plain = (elements["grid"] == 0) & (kinds["special"][elements["kind"]] == 0)
-    plain[1 : firsts[1] if len(firsts) > 1 else None] = True  # other roots
-    leaves = np.logical_and.reduceat(plain, firsts)
-    cells = columns.cells.prod(axis=1)[columns.parent[firsts]]
-    full = cells <= 4 * siblings
-    small = (cells <= _DENSE_CELLS) & ~full & ~free
-    small[0], full[0] = False, True
-    # of each run as often as its owner stands
-    often = [many[first] // nodes[first].many for first in firsts.tolist()]
-    room = sum(often[run] * int(cells[run]) for run in np.flatnonzero(small).tolist())
-    if room > 4 * sum(many) + _DENSE_ROOM:
-        small &= cells <= 64
-    dense: NDArray[np.bool_] = ~spanned & ~free & (full | small)
-    return leaves & dense
+    plain = plain.copy()
+    plain[1 : first[1] if len(first) > 1 else None] = True  # other roots
+    leaves = np.logical_and.reduceat(plain, first)
+    often = [many[index] // nodes[index].many for index in first.tolist()]
+    return leaves & dense_runs(columns, first, np.add.reduceat(own, first), often)
 
 
 def _number(

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Roughness, ranges_of
-from terratool.field.compile import track_lengths
 from terratool.field.terrain import Terrain, clip_bounds
+from terratool.field.tracks import track_lengths
 
 _ALONG = 512
 """Points of the grid along the longer side at which the heights are looked at."""

@@ -1,0 +1,360 @@
+"""From elements column by column to the tables of a field: grids, bins, poses and kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.curves import shape_of
+from terratool.definition.model import Definition
+from terratool.field.pieces import CurveStore, Floats
+from terratool.field.records import (
+    COMBINE,
+    FREE,
+    FREE_BINS,
+    FREE_PLAIN,
+    GRID,
+    IN_CELLS,
+    KIND,
+    POSE,
+    RELIEF,
+    CurveArrays,
+)
+from terratool.field.relief import compile_reliefs
+from terratool.field.tracks import compile_tracks
+from terratool.kernels import field as kernels
+
+Ints = NDArray[np.int64]
+
+_DENSE_CELLS = 1024
+"""A grid of up to this many cells, or four times its children, has a bin per cell …"""
+_DENSE_ROOM = 65536
+"""… unless nearly empty grids together have more than this many, and four for each element."""
+_WIDER = 1 + 1e-6
+"""The bins of a free element hold a little more than its footprint, whatever rounding does."""
+
+
+class Columns(NamedTuple):
+    """The elements, column by column: (n,) or (n, 2) arrays."""
+
+    parent: Ints
+    cell: Ints
+    span: Ints
+    cells: Ints
+    scale: NDArray[np.float64]  # NaN for the default
+    offset: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    type: Ints
+    surface: Ints  # -1 for the parent's
+    free: NDArray[np.bool_]  # stands at a place of its own, in no cell
+    place: Ints  # index among the places of all, as the tree has them
+
+
+class Placed(NamedTuple):
+    """Where elements stand, in the order of the field.
+
+    Attributes:
+        cell: (n, 2) the first cell of each; of a free one the index of its place, and 0.
+        span: (n, 2) cells that it takes.
+        cells: (n, 2) cells of the grid that it has.
+        free: (n,) whether it has a place in place of a cell.
+        places: (f,) PLACE, in the order of the free elements.
+        reach: (f, 2) float64, half the sides of the rectangle around its cell and its footprint.
+    """
+
+    cell: Ints
+    span: Ints
+    cells: Ints
+    free: NDArray[np.bool_]
+    places: NDArray[Any]
+    reach: Floats
+
+
+class Ranges(NamedTuple):
+    """Where the elements of each grid stand, (grids,)."""
+
+    first: Ints
+    last: Ints
+
+
+def placed_of(columns: Columns, places: NDArray[Any], parental: NDArray[np.bool_]) -> Placed:
+    """Where the elements of the field stand; `parental` says which have children."""
+    free = columns.free
+    cell = columns.cell.copy()
+    cell[free] = 0
+    cell[free, 0] = np.arange(np.count_nonzero(free))
+    own = places[columns.place[free]]
+    half = 0.5 * own["extent"]
+    cosine, sine = np.abs(_cos_sin(columns.turn[free]))
+    reach = cosine[:, None] * half + sine[:, None] * half[:, ::-1]
+    with_cell = parental[free]
+    reach[with_cell] = np.maximum(reach, half)[with_cell]
+    return Placed(
+        cell=np.ascontiguousarray(cell),
+        span=np.ascontiguousarray(columns.span),
+        cells=np.ascontiguousarray(columns.cells),
+        free=np.ascontiguousarray(free),
+        places=own,
+        reach=np.ascontiguousarray(reach * _WIDER),
+    )
+
+
+def order_of(columns: Columns, levels: Sequence[int]) -> tuple[Ints, NDArray[np.bool_]]:
+    """The order of the field, and which elements, in the order given, are in a dense grid.
+
+    In a dense grid, one bin per cell and no spans, siblings are sorted by cell, so that the table
+    of a grid needs no list of elements. Siblings that share a cell keep their order. Runs of
+    siblings in cells and at free places keep theirs.
+
+    Args:
+        columns: the elements, level by level.
+        levels: where each level begins and the last one ends.
+    """
+    parent = columns.parent
+    count = len(parent)
+    begins = np.flatnonzero(_run_begins(columns))
+    siblings = np.diff(begins, append=count)
+    dense = np.repeat(dense_runs(columns, begins, siblings), siblings)
+    row = columns.cell[:, 1] * columns.cells[parent, 0] + columns.cell[:, 0]
+    key = np.where(dense & (parent >= 0), row, 0)
+    run = np.repeat(np.arange(len(begins)), siblings)
+    order = np.empty(count, np.int64)
+    rank = np.empty(count, np.int64)
+    for begin, end in pairwise(levels):
+        level = np.arange(begin, end)
+        if begin:
+            keys = key[begin:end], run[begin:end], rank[parent[begin:end]]
+            level = level[np.lexsort(keys)]
+        order[begin:end] = level
+        rank[level] = np.arange(begin, end)
+    return order, dense
+
+
+def dense_runs(
+    columns: Columns, begins: Ints, siblings: Ints, often: Sequence[int] | None = None
+) -> NDArray[np.bool_]:
+    """Which runs of siblings have a dense grid.
+
+    Args:
+        columns: the elements.
+        begins: (r,) the first element of each run.
+        siblings: (r,) elements in it.
+        often: how often the parent of each run stands; once without.
+    """
+    free = columns.free[begins]
+    spanned = np.logical_or.reduceat((columns.span > 1).any(axis=1), begins)
+    cells = columns.cells.prod(axis=1)[columns.parent[begins]]
+    full = cells <= 4 * siblings
+    small = (cells <= _DENSE_CELLS) & ~full & ~free
+    small[0], full[0] = False, True  # the root is the one cell of its grid
+    # as whole numbers of any size where they stand often
+    many: Any = np.ones(len(begins), np.int64) if often is None else np.array(often, object)
+    room = (many * cells.astype(many.dtype))[small].sum()
+    if room > 4 * (many * siblings.astype(many.dtype)).sum() + _DENSE_ROOM:  # many nearly empty
+        small &= cells <= 64
+    dense: NDArray[np.bool_] = ~spanned & ~free & (full | small)
+    return dense
+
+
+def rank_of(order: Ints) -> Ints:
+    """Where each element goes."""
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return rank
+
+
+def in_order(columns: Columns, order: Ints) -> Columns:
+    """The elements in another order."""
+    parent = np.where(columns.parent >= 0, rank_of(order)[columns.parent], -1)
+    return Columns._make(column[order] for column in columns._replace(parent=parent))
+
+
+class Runs(NamedTuple):
+    """Runs of siblings, all in cells or all at free places: each has a grid.
+
+    Attributes:
+        grids: (r,) GRID, not laid yet.
+        first: (r,) the first element of each.
+        owners: (r - 1,) the parent of each but the first, which is that of the root.
+        grid_of: (n,) the first grid of the children of each element; 0 for none.
+    """
+
+    grids: NDArray[Any]
+    first: Ints
+    owners: Ints
+    grid_of: NDArray[np.uint32]
+
+    @property
+    def ranges(self) -> Ranges:
+        """Where the elements of each grid stand."""
+        return Ranges(self.first, np.append(self.first[1:], len(self.grid_of)))
+
+
+def runs_of(columns: Columns) -> Runs:
+    """The runs of siblings in the order of the field."""
+    first = np.flatnonzero(_run_begins(columns))
+    owners = columns.parent[first[1:]]
+    free = columns.free[first]
+    grids = np.zeros(len(first), GRID)
+    grids["standing"] = np.where(free, FREE, IN_CELLS)
+    grids["free"] = np.cumsum(free) - free
+    grids["more"][1:-1] = owners[1:] == owners[:-1]
+    grid_of = np.zeros(len(columns.parent), np.uint32)
+    grid_of[owners[::-1]] = np.arange(len(owners), 0, -1)  # the first of each
+    return Runs(grids, first, owners, grid_of)
+
+
+def _run_begins(columns: Columns) -> NDArray[np.bool_]:
+    parent, free = columns.parent, columns.free
+    begins = np.ones(len(parent), np.bool_)
+    begins[1:] = (parent[1:] != parent[:-1]) | (free[1:] != free[:-1])
+    return begins
+
+
+class Bins(NamedTuple):
+    """The tables from bins to elements, as `FieldArrays` has them."""
+
+    offsets: NDArray[np.uint32]
+    entries: NDArray[np.uint32]
+    free_bins: NDArray[Any]
+    pending: int
+
+
+def bins_of(
+    runs: Runs,
+    ranges: Ranges,
+    grid_of: NDArray[np.uint32],
+    placed: Placed,
+    dense: NDArray[np.bool_],
+) -> Bins:
+    """Choose the bins of all grids and fill them.
+
+    Args:
+        runs: the grids, which get their tables.
+        ranges: the elements of each that it lists.
+        grid_of: (n,) the first grid of what is in each element; 0 for none.
+        placed: where elements stand.
+        dense: (n,) which elements are in a dense grid.
+    """
+    grids = runs.grids
+    sizes = np.empty(len(grids), np.int64)
+    lists = np.empty(len(grids), np.int64)
+    free_bins = np.zeros(np.count_nonzero(grids["standing"]), FREE_BINS)
+    kernels.size_bins(grids, free_bins, dense[runs.first], ranges, placed, sizes, lists)
+    grids["table"] = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    offsets = np.empty(int(sizes.sum()), np.uint32)
+    entries = np.zeros(max(1, int(lists.sum())), np.uint32)
+    kernels.fill_tables(grids, free_bins, ranges, placed, offsets, entries)
+    pending = kernels.count_pending(grids, offsets, entries, grid_of)
+    return Bins(offsets, entries, free_bins, pending)
+
+
+def mark_plain(
+    runs: Runs, elements: NDArray[Any], kinds: NDArray[Any], turn: Floats
+) -> NDArray[np.bool_]:
+    """Mark the grids of leaves with nothing special, and the free ones without turns.
+
+    Args:
+        runs: the grids.
+        elements: (n,) ELEMENT.
+        kinds: (k,) KIND.
+        turn: (n,) degrees.
+
+    Returns:
+        (n,) which elements are leaves with nothing special.
+    """
+    grids = runs.grids
+    plain: NDArray[np.bool_] = elements["grid"] == 0
+    plain &= kinds["special"][elements["kind"]] == 0
+    leaves = np.logical_and.reduceat(plain, runs.first)
+    free = grids["standing"] == FREE
+    grids["leaves"] = leaves & (free | (grids["listed"] == 0))
+    unturned = np.logical_and.reduceat(turn == 0, runs.first)
+    grids["standing"][leaves & unturned & free] = FREE_PLAIN
+    return plain
+
+
+def poses_of(columns: Columns, aspect: Floats) -> tuple[NDArray[np.uint32], NDArray[Any]]:
+    """The pose of each element, (n,), and all poses, POSE.
+
+    Args:
+        columns: the elements.
+        aspect: (n,) width by depth of the cells, or blocks of cells, that they fill.
+    """
+    plain = (columns.turn == 0) & (columns.span == 1).all(axis=1) & ~columns.free
+    aspect = np.where((columns.turn == 0) | columns.free, 1.0, aspect)
+    keys = np.column_stack([columns.span, columns.turn, aspect, columns.free])
+    keys[plain] = (1, 1, 0, 1, 0)
+    unique, index = np.unique(
+        np.vstack([[(1.0, 1.0, 0.0, 1.0, 0.0)], keys]), axis=0, return_inverse=True
+    )
+    index = index.reshape(-1)
+    # pose 0 is the plain one
+    swap = index[0]
+    unique[[0, swap]] = unique[[swap, 0]]
+    index = np.where(index == swap, 0, np.where(index == 0, swap, index))
+    cosine, sine = _cos_sin(unique[:, 2])
+    poses = np.zeros(len(unique), POSE)
+    poses["size"] = poses["cells"] = unique[:, :2]
+    poses["cos"] = cosine
+    poses["sin_v"] = sine * unique[:, 3]
+    poses["sin_u"] = sine / unique[:, 3]
+    poses["turned"] = unique[:, 2] != 0
+    poses["free"] = unique[:, 4]
+    return index[1:].astype(np.uint32), poses
+
+
+def _cos_sin(degrees: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cosine and sine, exact at multiples of 90 degrees."""
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    right = np.fmod(degrees, 90.0) == 0
+    return np.where(right, np.round(cosine), cosine), np.where(right, np.round(sine), sine)
+
+
+class Kinds(NamedTuple):
+    """The kind of each element, (n,); all kinds, (k,), with their primitives and curves."""
+
+    of: Ints
+    kinds: NDArray[Any]
+    primitives: Ints
+    curves: CurveArrays
+
+
+def kinds_of(definition: Definition, types: Ints, surface: Ints) -> Kinds:
+    """The kinds of elements.
+
+    Args:
+        definition: the definition.
+        types: (n,) the primitive of each element, by its place in the definition.
+        surface: (n,) the surface of each, likewise.
+    """
+    pairs, index = np.unique(np.column_stack([types, surface]), axis=0, return_inverse=True)
+    primitives = list(definition.primitives.values())
+    void = [surface.void is True for surface in definition.surfaces.values()] + [False]
+    store = CurveStore()
+    kinds = np.zeros(len(pairs), KIND)
+    for kind, (type_, surface_) in zip(kinds, pairs, strict=True):
+        shape = shape_of(primitives[type_])
+        kind["combine"] = COMBINE[shape.combine]
+        kind["surface"] = surface_
+        kind["is_void"] = void[surface_]
+        for axis, curve in enumerate((shape.x, shape.y or shape.x)):
+            store.put(kind, axis, curve)
+        kind["special"] = kind["combine"] != COMBINE["product"] or kind["knotted"].any()
+    return Kinds(index.reshape(-1), kinds, pairs[:, 0], store.curves())
+
+
+def surroundings(definition: Definition, *, roughness: bool) -> dict[str, Any]:
+    """Bounds, tracks and reliefs of a field, by their names in `FieldArrays`."""
+    west, south = definition.corner
+    wide, deep = definition.extent
+    bounds = np.array([west, south, west + wide, south + deep])
+    return {
+        "bounds": bounds,
+        "tracks": compile_tracks(definition, bounds),
+        "reliefs": compile_reliefs(definition) if roughness else np.zeros(0, RELIEF),
+    }
