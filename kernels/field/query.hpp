@@ -191,6 +191,50 @@ LeafSum add_free_leaves(
     return sum;
 }
 
+// Whether the cell of a free element holds a point; `slack` is that of its bins.
+INLINE bool free_cell_is_met(
+    const Field& field, const Grid& grid, const Place& place, UV from, const DescentPoint& p,
+    double slack
+) {
+    double depth = free_depth<false>(place, field.poses[0], from);
+    return abs(depth) > slack ? depth > 0.0 : free_cell_holds(field, grid, place, p);
+}
+
+// Whether the footprint of a free element of any kind holds a point, in its cell unless it is
+// turned, and value and slopes there, these along the sides of the cell.
+INLINE Footprint free_shape(
+    const Field& field, const Grid& grid, const Element& element, const Place& place, UV from,
+    const DescentPoint& p, double slack
+) {
+    constexpr Footprint none{false, {0.0, 0.0, 0.0}};
+    const Pose& square = field.poses[element.pose];
+    const Kind& kind = field.kinds[element.kind];
+    if (square.turned && free_depth<true>(place, square, from) < -slack) return none;
+    UV at = free_place_in_shape(place, square, from);
+    Pose pose = free_pose(square, place);
+    ShapePoint f;
+    if (kind.special) {
+        Grid frame{};
+        if (square.turned)
+            at = turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
+        else if (kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED)
+            frame = free_frame(grid, place);
+        auto [holds, shape] = special_shape(field.curves, kind, element, pose, frame, at, p.x, p.y);
+        if (!holds) return none;
+        f = shape;
+    } else {
+        if (square.turned && !free_leaf_holds(field, grid, place, square, from, p)) return none;
+        CurvePoint fx = even_curve(field.curves.pieces, kind, X, at.u);
+        CurvePoint fy = even_curve(field.curves.pieces, kind, Y, at.v);
+        f = {fx.value * fy.value, fx.slope * fy.value, fx.value * fy.slope};
+    }
+    if (square.turned) {
+        auto [du, dv] = turned_slopes(pose, f.du, f.dv);
+        f.du = du, f.dv = dv;
+    }
+    return {true, f};
+}
+
 // Add an element of a free grid of any kind, if it holds a point; its grids are left to wait.
 template <bool sloped>
 INLINE void add_free_element(
@@ -199,42 +243,23 @@ INLINE void add_free_element(
 ) {
     const Element& element = field.elements[index];
     const Place& place = field.places[place_of(element)];
-    const Pose& square = field.poses[element.pose];
-    const Kind& kind = field.kinds[element.kind];
+    bool is_turned = field.poses[element.pose].turned;
     double slack = field.free_bins[grid.free].slack;
-    if (!square.turned || element.grid) {
-        double depth = free_depth<false>(place, square, from);
-        bool held = abs(depth) > slack ? depth > 0.0 : free_cell_holds(field, grid, place, p);
-        if (!held && !square.turned) return;
+    if (!is_turned || element.grid) {
+        bool held = free_cell_is_met(field, grid, place, from, p, slack);
+        if (!held && !is_turned) return;
         if (held && element.grid) {
             UV at{free_position(place, X, from.u), free_position(place, Y, from.v)};
             stack[pending++] = {element.grid, clamp(at.u, 0.0, 1.0), clamp(at.v, 0.0, 1.0)};
         }
     }
-    if (square.turned && free_depth<true>(place, square, from) < -slack) return;
-    if (!kind.special) {
-        if (square.turned && !free_leaf_holds(field, grid, place, square, from, p)) return;
-        add_free_leaf<sloped>(field, index, place, from, sum);
-        return;
-    }
-    UV at = free_place_in_shape(place, square, from);
-    Pose pose = square;
-    Grid frame{};
-    if (square.turned) {
-        pose = free_pose(square, place);
-        at = turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
-    } else if (kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED) {
-        frame = free_frame(grid, place);
-    }
-    auto [holds, f] = special_shape(field.curves, kind, element, pose, frame, at, p.x, p.y);
+    auto [holds, f] = free_shape(field, grid, element, place, from, p, slack);
     if (!holds) return;
     sum.z += element.scale * f.value + element.offset;
     sum.top = max(sum.top, index);
     if constexpr (sloped) {
-        UV slopes{f.du, f.dv};
-        if (square.turned) slopes = turned_slopes(pose, f.du, f.dv);
-        sum.slope_x += element.scale * slopes.u * (1.0 / place.extent[X]);
-        sum.slope_y += element.scale * slopes.v * (1.0 / place.extent[Y]);
+        sum.slope_x += element.scale * f.du * (1.0 / place.extent[X]);
+        sum.slope_y += element.scale * f.dv * (1.0 / place.extent[Y]);
     }
 }
 

@@ -463,14 +463,13 @@ private:
         const Frame& frame, const Grid& grid, double slack, const Place& place, UV from, u64 index,
         i64 which
     ) {
-        const Pose& square = field_.poses[field_.elements[index].pose];
+        bool is_turned = field_.poses[field_.elements[index].pose].turned;
         u32 own_grid = field_.elements[index].grid;
         DescentPoint p{x_, y_, frame.from[X], frame.from[Y]};
         bool held = false;
-        if (!square.turned || own_grid) {
-            double depth = free_depth<false>(place, square, from);
-            held = abs(depth) > slack ? depth > 0.0 : free_cell_holds(field_, grid, place, p);
-            if (!held && !square.turned) return;
+        if (!is_turned || own_grid) {
+            held = free_cell_is_met(field_, grid, place, from, p, slack);
+            if (!held && !is_turned) return;
         }
         Instance one = copy_of<sloped>(field_, frame, index, which);
         scale_at_place(field_, frame, place, one);
@@ -480,34 +479,13 @@ private:
             stack_.frames.back().from[X] = clamp(free_position(place, X, from.u), 0.0, 1.0);
             stack_.frames.back().from[Y] = clamp(free_position(place, Y, from.v), 0.0, 1.0);
         }
-        if (square.turned && free_depth<true>(place, square, from) < -slack) return;
-        const Kind& kind = field_.kinds[element.kind];
-        UV at = free_place_in_shape(place, square, from);
-        Pose pose = square.turned ? free_pose(square, place) : square;
-        ShapePoint f;
-        if (!kind.special) {
-            if (square.turned && !free_leaf_holds(field_, grid, place, square, from, p)) return;
-            CurvePoint fx = even_curve(field_.curves.pieces, kind, X, at.u);
-            CurvePoint fy = even_curve(field_.curves.pieces, kind, Y, at.v);
-            f = {fx.value * fy.value, fx.slope * fy.value, fx.value * fy.slope};
-        } else {
-            Grid own{};
-            if (square.turned)
-                at = turned(pose, free_position(place, X, from.u), free_position(place, Y, from.v));
-            else if (kind.knotted[X] == STEPPED || kind.knotted[Y] == STEPPED)
-                own = free_frame(grid, place);
-            auto [holds, shape] =
-                special_shape(field_.curves, kind, element, pose, own, at, p.x, p.y);
-            if (!holds) return;
-            f = shape;
-        }
+        auto [holds, f] = free_shape(field_, grid, element, place, from, p, slack);
+        if (!holds) return;
         z += element.scale * f.value + element.offset;
         see(frame, one);
         if constexpr (sloped) {
-            UV slopes{f.du, f.dv};
-            if (square.turned) slopes = turned_slopes(pose, f.du, f.dv);
-            slope_x += element.scale * slopes.u * (1.0 / place.extent[X]);
-            slope_y += element.scale * slopes.v * (1.0 / place.extent[Y]);
+            slope_x += element.scale * f.du * (1.0 / place.extent[X]);
+            slope_y += element.scale * f.dv * (1.0 / place.extent[Y]);
         }
     }
 };

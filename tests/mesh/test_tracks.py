@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from terratool.field.bounds import largest_depths
 from terratool.field.terrain import Terrain
 from terratool.mesh.build import build
 from terratool.mesh.formats.table import FORMATS
@@ -229,6 +230,15 @@ def test_no_rut_in_what_is_rigid() -> None:
     mesh = check(ground(track((1, 3), (9, 3), load=1, depth={}), children=(half,)), 1e-3).mesh
     x = mesh.vertices[mesh.faces[mesh.walls], 0]
     assert x.min() == pytest.approx(5) and x.max() == pytest.approx(9.2)
+
+
+def test_a_track_is_as_deep_as_what_is_worn_lets_it() -> None:
+    """Soft sand that only stands in the dictionary says nothing; as the ground of a track, it does."""
+    tracks = track((1, 3), (9, 3), load=2, depth={}), track((1, 5), (9, 5), load=1, depth={})
+    clay = terrain_of(ground(*tracks, surface="clay"))
+    assert largest_depths(clay.arrays) == pytest.approx([2 * 0.03, 0.03])
+    sanded = terrain_of(ground(*tracks, track((1, 1), (9, 1), surface="sand"), surface="clay"))
+    assert largest_depths(sanded.arrays) == pytest.approx([2 * 0.1, 0.1, 0.1])
 
 
 def test_a_track_across_the_void() -> None:

@@ -168,6 +168,24 @@ class TestWalls:
         found = walls_of(terrain_with(at(2, 2, 6, 6, type="dome", vOffset=0.01)), 0.05)
         assert found.length == pytest.approx(6 * math.pi, rel=5e-3)
 
+    @pytest.mark.parametrize("patch", [{}, {"turnDeg": 90}])
+    def test_of_where_a_relief_ends(self, patch: dict[str, Any]) -> None:
+        """A patch that adds no height ends one relief and begins another: upright, all around."""
+        gravel, mud = (
+            {"roughness": {"rms": rms, "correlation": 0.7, "seed": seed}}
+            for rms, seed in ((0.05, 3), (0.02, 8))
+        )
+        patch = {"type": "box", "vScale": 0, "surface": "mud", **at(2, 3, 4, 4), **patch}
+        tree = {"type": "nothing", "surface": "gravel", "children": [patch]}
+        surfaces = {"gravel": gravel, "mud": mud}
+        found = walls_of(
+            terrain_of({"size": 10, "surfTypes": surfaces, "elemTypes": TYPES, "elemTree": tree}),
+            0.1,
+        )
+        # all but where the two are as high by chance: within 1e-4 of a jump of 0.054 rms
+        assert 0.95 * 16 <= found.length <= 16 * (1 + 1e-9)
+        assert found.largest_jump and 0.05 < found.largest_jump.height < 5 * math.hypot(0.05, 0.02)
+
     def test_against_the_slope(self) -> None:
         """A low kerb down on a steep slope up is found: slopes are taken off what is compared."""
         terrain = terrain_with(at(4, 0, 6, 10, type="box", vScale=-0.05), type="slope", vScale=20)
