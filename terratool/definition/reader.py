@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from functools import cached_property
@@ -147,6 +147,7 @@ class CheckOptions(Struct, frozen=True):
         limit: how many findings to place; the others are counted.
         select: place those whose code begins with one of these; none means all.
         ignore: but none whose code begins with one of these.
+        ignored_in: what else is ignored in a file of this name, be it a library.
         library_roots: folders under which libraries may lie, beside that of the file and the
             current one.
     """
@@ -157,6 +158,11 @@ class CheckOptions(Struct, frozen=True):
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
     library_roots: tuple[str, ...] = ()
+    ignored_in: Callable[[str], tuple[str, ...]] = lambda _: ()
+
+    def of(self, file: str) -> CheckOptions:
+        """The same with what is ignored in a file."""
+        return structs.replace(self, ignore=self.ignore + self.ignored_in(file))
 
     def shows(self, code: str) -> bool:
         """Whether findings of this code are wanted."""
@@ -489,7 +495,8 @@ def _placed(
     source: Source, found: RemarkLog, decoded: Decoded, options: CheckOptions
 ) -> tuple[Finding, ...]:
     """The findings that are wanted, by where they stand in the text."""
-    found.kept = [kept for kept in found.kept if options.shows(kept[0])]
+    shows = options.of(source.name).shows
+    found.kept = [kept for kept in found.kept if shows(kept[0])]
     if not found.kept:
         return ()
     from terratool.text.locate import Address, offsets, positions_of

@@ -118,6 +118,11 @@ def write(folder: Path, **files: Any) -> None:
         (folder / f"{name}.json").write_text(json.dumps(value), encoding="utf-8")
 
 
+def site_of(*libraries: str) -> dict[str, Any]:
+    """A terrain that stands on their box."""
+    return {"size": 10, "use": list(libraries), "elemTree": {"type": "box"}}
+
+
 def codes(checked: Checked) -> list[str]:
     """Codes of what is found in the file, then in its libraries."""
     return [f.code for one in (checked, *checked.libraries) for f in one.findings]
@@ -510,6 +515,22 @@ def test_paths_of_libraries_follow_a_text_that_moves(site: Path, tmp_path: Path)
     here = call("query", site, "2.5", "3.5", *root)
     there = call("query", out, "2.5", "3.5", *root)
     assert here.out.replace("../kit", "../../kit") == there.out
+
+
+def test_no_order_of_files_decides_on_a_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folders of all files that are named may be read, whichever comes first."""
+    for folder in ("a", "c", "elsewhere"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    write(tmp_path / "a", kit={"use": ["../c/more.json"]}, near=site_of("kit.json"))
+    write(tmp_path / "c", more={"elemTypes": BOX})
+    write(tmp_path, far=site_of("a/kit.json"))
+    near, far = tmp_path / "a" / "near.json", tmp_path / "far.json"
+    assert call("validate", near).code == 1
+    for files in ((near, far), (far, near)):
+        assert call("validate", *files).code == 0, files
 
 
 def test_what_is_too_much_is_a_sentence(tmp_path: Path) -> None:

@@ -44,7 +44,8 @@ reader_rule(
 
     It is relative to the file that names it, with forward slashes; nothing is read from the net.
     The library lies under the folder of the terrain, under the current folder, or under one that
-    is named by --library-root, so that a file from elsewhere cannot have others read.
+    is named by --library-root, so that a file from elsewhere cannot have others read. Where
+    several files are validated together, the folders of all of them count.
 
     Fails:
 
