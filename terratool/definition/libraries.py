@@ -71,12 +71,10 @@ class Document(Struct, eq=False, dict=True):
         """Where the paths of `use` begin."""
         return "." if self.source.name == "<stdin>" else str(Path(self.source.name).parent)
 
+    @cached_property
     def reached(self) -> tuple[Document, ...]:
         """All libraries that it uses, directly or through others, each once, in order."""
-        if "_libraries" not in self.__dict__:
-            self.__dict__["_libraries"] = tuple(self._reached())
-        known: tuple[Document, ...] = self.__dict__["_libraries"]
-        return known
+        return tuple(self._reached())
 
     @cached_property
     def entries(self) -> dict[Dictionary, dict[str, Any]]:
@@ -145,7 +143,7 @@ def known_names(document: Document) -> tuple[Names, list[Clash]]:
             name: Named(value, document) for name, value in document.entries[dictionary].items()
         }
         own = set(known)
-        for library in document.reached():
+        for library in document.reached:
             for name, value in library.entries[dictionary].items():
                 if name not in known:
                     known[name] = Named(value, library)

@@ -133,7 +133,7 @@ def test_a_chain_without_end_is_cut(tmp_path: Path) -> None:
         text = f'{{"use": ["c{k + 1}.json"], "elemTypes": {{"e{k}": {{"x": [1]}}}}}}'
         (tmp_path / f"c{k}.json").write_text(text)
     checked = findings_of(tmp_path, '"c0.json"')
-    assert codes(checked) == ["TT706", "TT701"]
+    assert [f.code for f in checked.findings] == ["TT706"]
     assert len(checked.libraries) == 1000
     (finding,) = checked.libraries[-1].findings
     assert (finding.line, finding.column) == (1, 10)
@@ -168,6 +168,75 @@ def test_circles_are_told_in_each_file_of_them(tmp_path: Path) -> None:
     assert all(("TT705", "/use/0") in found[name] for name in ("a", "c", "own"))
     assert ("TT705", "/use/1") in found["b"]
     assert {"TT706"} == {finding.code for finding in checked.findings}
+
+
+@pytest.mark.parametrize("files", [("site", "mid"), ("mid", "site"), ("low", "site"), ("site",)])
+def test_a_broken_library_is_told_alike_on_every_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: tuple[str, ...]
+) -> None:
+    """Each file that leads to it names its entry, and the library itself the fault."""
+    write(tmp_path, site=site_of("mid.json"), mid={"use": ["low.json"], "elemTypes": BOX})
+    write(tmp_path, low={"elemTypes": {"a": {"x": "bad"}}})
+    monkeypatch.chdir(tmp_path)
+    ran = call("validate", "--format", "json", *(f"{name}.json" for name in files))
+    told = sorted(
+        (Path(f["file"]).stem, f["code"], f["pointer"], f["message"].count("low.json"))
+        for f in json.loads(ran.out)["findings"]
+    )
+    assert told == [
+        ("low", "TT301", "/elemTypes/a/x", 0), ("mid", "TT706", "/use/0", 1),
+        ("site", "TT706", "/use/0", 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("parts", [{}, {"p": {"type": "box"}}])
+def test_nothing_is_called_unused_while_a_library_is_missing(
+    tmp_path: Path, parts: dict[str, Any]
+) -> None:
+    """What is missing may use it."""
+    write(tmp_path, kit={"elemTypes": {"ramp": {"x": [0, 1]}}}, more={})
+    site = {**site_of("kit.json", "more.json"), "elemTypes": BOX, "parts": parts}
+    write(tmp_path, site=site)
+    wanted = ["TT716", "TT716"] + ["TT717"] * len(parts)
+    assert sorted(codes(check(read_source(tmp_path / "site.json")))) == wanted
+    (tmp_path / "more.json").unlink()
+    assert codes(check(read_source(tmp_path / "site.json"))) == ["TT701"]
+
+
+@pytest.mark.parametrize("code", ["TT717", "TT718"])
+def test_a_part_can_silence_what_is_said_of_its_name(tmp_path: Path, code: str) -> None:
+    write(tmp_path, kit={"elemTypes": {"ramp": {"x": [0, 1]}}, "parts": {"p": {"type": "ramp"}}})
+    part = {"type": "ramp", "x-ignore": [code]}
+    site = {**site_of("kit.json"), "elemTypes": BOX, "parts": {"p": part}}
+    for silent in (True, False):
+        if not silent:
+            del part["x-ignore"]
+        write(tmp_path, site=site)
+        found = codes(check(read_source(tmp_path / "site.json")))
+        assert (code in found) is not silent and "TT113" not in found
+
+
+def test_a_factor_of_0_on_a_part_is_said_of_the_part() -> None:
+    value = {"size": 10, "elemTypes": BOX, "parts": {"p": {"type": "box"}}}
+    value["elemTree"] = tree({**CELL, "part": "p", "vScale": 0})
+    checked = check(Source("t.json", json.dumps(value).encode()))
+    assert [f.message for f in checked.findings] == ['"vScale" is 0, so all of the part is flat.']
+
+
+def test_a_part_that_is_none_is_named() -> None:
+    text = json.dumps({"size": 10, "elemTypes": BOX, "parts": {"a/b": 5}, "elemTree": tree()})
+    checked = check(Source("t.json", text.encode()), CheckOptions(warnings=False))
+    assert [f.message for f in checked.findings] == [
+        'the part "a/b" is the number 5, which does not fit.'
+    ]
+
+
+def test_a_bundle_to_standard_output(site: Path, tmp_path: Path) -> None:
+    """The text alone, and no file."""
+    out, root = tmp_path / "out.json", ("--library-root", tmp_path)
+    assert call("bundle", site, out, *root).code == 0
+    ran = call("bundle", site, "-", *root)
+    assert (ran.code, ran.out, ran.err) == (0, out.read_text("utf-8"), "")
 
 
 def test_a_file_reached_by_two_paths_counts_once(tmp_path: Path) -> None:
@@ -228,7 +297,8 @@ CELL: dict[str, Any] = {"cellX": 0, "cellY": 0}
         ({"at": 5, "extent": 1}, [("TT105", "/at")]),
         ({"at": [5, 5], "extent": 1, "cellX": 0}, [("TT711", "/cellX")]),
         ({"at": [5, 5]}, [("TT711", "")]),
-        ({"extent": 1}, [("TT104", ""), ("TT104", ""), ("TT711", "")]),
+        ({"extent": 1}, [("TT711", "")]),
+        ({"extent": 1, "cellX": 0}, [("TT711", ""), ("TT711", "/cellX")]),
         ({"at": [8, 5], "extent": [4, 1], "turnDeg": 90}, []),
         ({"at": [5, 8], "extent": [6, 1], "turnDeg": 90}, [("TT713", "/at")]),
         ({"at": [5, 9.5], "extent": 1, "turnDeg": 45}, [("TT713", "/at")]),
@@ -243,6 +313,7 @@ CELL: dict[str, Any] = {"cellX": 0, "cellY": 0}
         ({**CELL, "repeat": {"count": [11, 1], "step": [1, 0]}}, [("TT714", "/repeat/count/0")]),
         ({**CELL, "repeat": {"count": [2, 2], "step": [0, -1]}}, [("TT714", "/repeat/count/1")]),
         ({**CELL, "repeat": {"count": [2, 2], "step": [0.5, 0]}}, [("TT714", "/repeat/step/0")]),
+        ({**CELL, "repeat": {"count": [1, 2], "step": [0.5, 1]}}, []),
         ({**CELL, "repeat": {"count": [0, 1], "step": [1, 1]}}, [("TT106", "/repeat/count/0")]),
         ({**CELL, "repeat": {"count": [65537, 1], "step": [0, 0]}}, [("TT106", "/repeat/count/0")]),
         ({**CELL, "repeat": {"count": [1.5, 1], "step": [0, 0]}}, [("TT105", "/repeat/count/0")]),

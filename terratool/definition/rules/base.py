@@ -64,7 +64,7 @@ class Subject(_Subject, frozen=True, kw_only=True):
         """Whether a library, and so names that it may have, cannot be had."""
         if self.left_out("", "use"):
             return True
-        documents = (self.document, *self.document.reached())
+        documents = (self.document, *self.document.reached)
         return any(None in document.uses or document.broken for document in documents)
 
     @cached_property

@@ -272,6 +272,8 @@ def copies_outside(subject: Subject) -> Iterator[Remark]:
             continue
         for axis, what in enumerate(("columns", "rows")):
             step, count, cells = repeat.step[axis], repeat.count[axis], tree.grid(parent)[axis]
+            if count == 1:
+                continue
             if step != int(step) if abs(step) < 1e9 else True:
                 yield Remark(
                     f"/repeat/step/{axis}",
@@ -283,7 +285,7 @@ def copies_outside(subject: Subject) -> Iterator[Remark]:
             if subject.left_out(parent, "cells"):
                 continue
             last = block[axis] + int(step) * (count - 1)
-            if count > 1 and (last < 0 or last + block[axis + 2] > cells):
+            if last < 0 or last + block[axis + 2] > cells:
                 yield Remark(
                     f"/repeat/count/{axis}",
                     f"the last copy begins in cell {last}, but the parent has {cells} {what}.",

@@ -253,7 +253,8 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
 def unused_part(subject: Subject) -> Iterator[Remark]:
     """A part stands nowhere in the terrain.
 
-    Parts of libraries may wait for those who need them; a terrain's own are for itself.
+    Parts of libraries may wait for those who need them; a terrain's own are for itself. While a
+    library is missing, nothing is said.
 
     Fails:
 
@@ -273,10 +274,11 @@ def unused_part(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove it, or let an element stand for it.
     """
-    if subject.is_library or subject.uses.unknown or not len(subject.tree):
+    uses = subject.uses
+    if not uses.has_root or uses.unknown or subject.lacks_library:
         return
     for name in subject.definition.assemblies:
-        if name not in subject.uses.reached:
+        if name not in uses.reached:
             yield Remark(
                 f"/parts/{escape(name)}",
                 f"no element stands for the part {shown(name)}.",

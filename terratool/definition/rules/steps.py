@@ -26,7 +26,7 @@ _CLOSE = 1e-9
 
 @rule("TT210", "zero-scale", "warning")
 def zero_scale(subject: Subject) -> Iterator[Remark]:
-    """The vScale of an element is 0, so that its primitive has no effect.
+    """The vScale of an element is 0, so that its primitive or its part has no height.
 
     Fails:
 
@@ -42,9 +42,11 @@ def zero_scale(subject: Subject) -> Iterator[Remark]:
     scales = subject.tree.column("v_scale")
     for index, scale in enumerate(scales) if 0.0 in scales else ():
         if scale == 0.0:
+            is_part = subject.tree.value("part", index) is not UNSET
+            what = "all of the part is flat" if is_part else "the primitive has no effect"
             yield Remark(
                 "/vScale",
-                '"vScale" is 0, so the primitive has no effect.',
+                f'"vScale" is 0, so {what}.',
                 'Give a height, or say with "x-ignore": ["TT210"] that only the rest is meant.',
                 element=index,
             )
