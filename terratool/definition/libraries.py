@@ -153,7 +153,11 @@ def known_names(document: Document) -> tuple[Names, list[Clash]]:
 
 
 class Shelf:
-    """Libraries that were opened, by their real paths, and the folders that they may lie in."""
+    """Libraries that were opened, by their real paths, and the folders that they may lie in.
+
+    Attributes:
+        files: the names of all that were looked for, whether they are there or not.
+    """
 
     def __init__(self, read: Callable[[Source], Document], roots: Sequence[str] = ()) -> None:
         """Keep libraries.
@@ -166,11 +170,7 @@ class Shelf:
         self._read = read
         self._documents: dict[str, Document | tuple[str, str, str]] = {}
         self._room = MAX_BYTES
-
-    @property
-    def files(self) -> list[str]:
-        """The real paths of all that were looked for, whether they are there or not."""
-        return list(self._documents)
+        self.files: dict[str, None] = {}
 
     def link(self, document: Document) -> None:
         """Open all libraries that a file uses, directly or through others."""
@@ -214,7 +214,10 @@ class Shelf:
         if wrong is not None:
             return "TT702", *wrong
         name = os.path.normpath(Path(user.folder, path))
-        real = real_path(name)
+        real = real_path(str(Path(user.folder, path)))
+        if real_path(name) != real:
+            name = real  # a ".." behind a link to a folder leads out of what it links to
+        self.files[name] = None
         if not any(_is_under(real, root) for root in (base, *self._roots)):
             return (
                 "TT702",

@@ -588,6 +588,21 @@ def test_paths_of_libraries_follow_a_text_that_moves(site: Path, tmp_path: Path)
     assert here.out.replace("../kit", "../../kit") == there.out
 
 
+def test_paths_of_libraries_follow_a_text_behind_a_link(site: Path, tmp_path: Path) -> None:
+    """Where the folder is a link, they are right by its name and by that of what it links to."""
+    (tmp_path / "far" / "off").mkdir(parents=True)
+    (tmp_path / "out").symlink_to(tmp_path / "far" / "off")
+    root = ("--library-root", tmp_path)
+    by_link, by_name = (tmp_path / name / "more.json" for name in ("out", "far/off"))
+    ran = call("add", site, "--part", "crate", "--cell", "5", "5", "--output", by_link, *root)
+    assert ran.code == 0, ran.err
+    assert json.loads(by_name.read_text(encoding="utf-8"))["use"] == ["../../kit/kit.json"]
+    for path in (by_link, by_name):
+        assert call("validate", path, *root).code == 0
+    ran = call("add", by_link, "--part", "crate", "--cell", "6", "5", "--output", by_name, *root)
+    assert ran.code == 0, ran.err
+
+
 def test_no_order_of_files_decides_on_a_library(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
