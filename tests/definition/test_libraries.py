@@ -645,13 +645,25 @@ def test_what_is_too_much_is_a_sentence(tmp_path: Path) -> None:
 
 
 def test_a_large_library_is_one(tmp_path: Path) -> None:
-    """A library of more than 1 MiB needs no $schema to be used."""
+    """A library of more than 1 MiB needs no $schema, by itself or for a terrain."""
     curves = {f"p{n}": {"x": [0.25] * 40_000} for n in range(6)}
     (tmp_path / "kit.json").write_text(json.dumps({"elemTypes": curves}), encoding="utf-8")
     site = tmp_path / "site.json"
     site.write_text('{"use":["kit.json"],"size":5,"elemTree":{"type":"p3"}}', encoding="utf-8")
     assert (tmp_path / "kit.json").stat().st_size > 1 << 20
     assert check(read_source(site), CheckOptions(warnings=False)).findings == ()
+    assert codes(check(read_source(tmp_path / "kit.json"), kind=None)) == []
+
+
+@pytest.mark.parametrize("head", ["", '"$schema":"library",'])
+def test_a_deep_library_is_one(head: str) -> None:
+    level = '"type":"b","cells":1,"children":[{"cellX":0,"cellY":0,' * 1000
+    tree = f'{{{level}"type":"b"{"}]" * 1000}}}'
+    text = f'{{{head}"elemTypes":{{"b":{{"x":[1]}}}},"parts":{{"p":{tree}}}}}'
+    checked = check(Source("kit.json", text.encode()), kind=None)
+    assert codes(checked) == [] and checked.document is not None
+    cut = check(Source("kit.json", text[:-3].encode()), kind=None)
+    assert [finding.code for finding in cut.findings] == ["TT101"]
 
 
 def test_a_thousand_levels_are_bundled(tmp_path: Path) -> None:
