@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check
-from terratool.definition.rules.trimming import turned
+from terratool.definition.turning import turned
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source
 
@@ -188,7 +188,8 @@ def test_copies_keep_their_steps() -> None:
 def test_children_stay_with_what_is_not_turned() -> None:
     child = {"cellX": 0, "cellY": 0, "type": "flat", "vScale": 1}
     element = {"cellX": 3, "cellY": 3, "type": "flat", "turnDeg": 30, "vScale": 1}
-    (finding,) = found(definition({**element, "children": [child]}))
-    assert finding.hint.startswith("Give its children to one that is not turned")
+    for more in {}, {"x-of-mine": 1}:  # with that, the text is read in another way
+        (finding,) = found(definition({**element, **more, "children": [child]}))
+        assert finding.hint.startswith("Give its children to one that is not turned")
     (finding,) = found(definition({**element, "turnDeg": 90, "children": [child]}))
     assert finding.hint.startswith("Write ")

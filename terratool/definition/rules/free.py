@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import MAX_SCATTERED, Pair, Scatter, pair_of
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.scattering import strewn, wanted
 from terratool.definition.tree import Tree
+from terratool.definition.turning import CLOSE, turned
 from terratool.definition.uses import PartSize, Root, SizedElement, copies
 from terratool.text.display import shown
 
-_CLOSE = 1e-9
 _CELL_KEYS = {"cellX": "cell_x", "cellY": "cell_y", "span": "span"}
 
 
@@ -196,30 +196,16 @@ def _beyond(subject: Subject, sized: SizedElement) -> float:
     primitive = subject.primitives.get(end.root.tree.value("type", end.root.element))
     scattered = tree.value("scatter", index) is not UNSET  # its copies stay in its cell
     round_ = primitive is not None and primitive.combine == "radial"
-    turn = UNSET if scattered else end.turn
-    reach = _reach(pair_of(extent, math.nan), turn, round_)
+    reach = turned(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
     count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
     beyond = 0.0
     for axis in (0, 1):
         ends = at[axis], at[axis] + (count[axis] - 1) * step[axis]
         low, high = min(ends) - reach[axis], max(ends) + reach[axis]
         out = max(-low, high - sized.parent[axis])
-        if out > _CLOSE * sized.parent[axis]:
+        if out > CLOSE * sized.parent[axis]:
             beyond = max(beyond, out)
     return beyond
-
-
-def _reach(extent: Pair, turn: float | UnsetType, is_round: bool) -> Pair:
-    """Half the sides of the box around a turned rectangle or ellipse."""
-    w, h = extent[0] / 2, extent[1] / 2
-    if turn is UNSET or turn % 180 == 0:
-        return w, h
-    if turn % 90 == 0:
-        return h, w
-    angle = math.radians(math.fmod(turn, 360.0))
-    cosine, sine = abs(math.cos(angle)), abs(math.sin(angle))
-    add = math.hypot if is_round else float.__add__
-    return add(w * cosine, h * sine), add(w * sine, h * cosine)
 
 
 @rule("TT714", "copies-outside")
@@ -334,14 +320,15 @@ def overlapping_copies(subject: Subject) -> Iterator[Remark]:
             if primitive is not None and primitive.combine == "radial":
                 continue  # discs may lie closer than their boxes
             turn = tree.value("turn_deg", index)
-            if turn is not UNSET and turn % 90 != 0:
+            turn = 0.0 if turn is UNSET else turn
+            if turn % 90 != 0:
                 continue
-            reach = _reach(pair_of(tree.value("extent", index), math.nan), turn, False)
+            reach = turned(pair_of(tree.value("extent", index), math.nan), turn, False).reach
             sides = 2 * reach[0], 2 * reach[1]
         # neighbours in a row are moved by one axis alone
         for axis in (0, 1):
             step = abs(repeat.step[axis])
-            if repeat.count[axis] > 1 and step < sides[axis] * (1 - _CLOSE):
+            if repeat.count[axis] > 1 and step < sides[axis] * (1 - CLOSE):
                 yield Remark(
                     "/repeat/step",
                     f"the copies are {sides[axis]:.6g} long and {step:.6g} apart, and overlap.",

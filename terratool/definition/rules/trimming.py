@@ -6,24 +6,20 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import lru_cache
-from typing import NamedTuple
 
 from msgspec import UNSET
 
 from terratool.definition.curves import problems, shape_of
 from terratool.definition.findings import Remark
-from terratool.definition.model import Pair, Primitive, pair_of
+from terratool.definition.model import Primitive, pair_of
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.sides import Sides, sides
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT
+from terratool.definition.turning import CLOSE, Point, Turned, turned
 
-_CLOSE = 1e-9
-_CORNERS = (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)
 _STEPS = 128
 """Along each side, between points at which a shape is asked for."""
-
-Point = tuple[float, float]
 
 
 @rule("TT213", "trimmed-element", "warning")
@@ -64,8 +60,6 @@ def trimmed_element(subject: Subject) -> Iterator[Remark]:
     cells = _Cells(subject)
     parts, places, scatters = (tree.column(key) for key in ("part", "at", "scatter"))
     for index, turn in enumerate(tree.column("turn_deg")):
-        if turn is UNSET or turn % 180 == 0:
-            continue
         if turn is UNSET or turn % 180 == 0:
             continue
         whole = not (parts[index] is places[index] is scatters[index] is UNSET)
@@ -127,98 +121,7 @@ class _Cells:
         return around.block(block[2:], tree.grid(parent))
 
 
-def turned(lengths: Pair, turn: float, is_round: bool) -> _Turned:
-    """A rectangle or an ellipse with these sides, turned; quarter turns are exact."""
-    angle = math.fmod(turn, 360.0)
-    if angle % 90 == 0:
-        axes = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(angle // 90) % 4]
-    else:
-        axes = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    return _Turned(lengths, turn, is_round, axes)
-
-
-class _Turned(NamedTuple):
-    """A rectangle or an ellipse, turned in a cell of its own sides.
-
-    Attributes:
-        lengths: its sides.
-        turn: in degrees.
-        is_round: whether it is an ellipse.
-        axes: cosine and sine of the turn.
-    """
-
-    lengths: Pair
-    turn: float
-    is_round: bool
-    axes: Pair
-
-    @property
-    def reach(self) -> Pair:
-        """Half the sides of the box around it."""
-        w, h = self.lengths[0] / 2, self.lengths[1] / 2
-        cosine, sine = map(abs, self.axes)
-        add = math.hypot if self.is_round else float.__add__
-        return add(w * cosine, h * sine), add(w * sine, h * cosine)
-
-    @property
-    def beyond(self) -> Pair:
-        """How far it reaches out of its cell along x and along y."""
-        return tuple(  # type: ignore[return-value]
-            max(0.0, reach - length / 2)
-            for reach, length in zip(self.reach, self.lengths, strict=True)
-        )
-
-    @property
-    def is_trimmed(self) -> bool:
-        """Whether anything of it lies outside its cell."""
-        return any(
-            out > _CLOSE * length for out, length in zip(self.beyond, self.lengths, strict=True)
-        )
-
-    def placed(self, x: float, y: float) -> Point:
-        """Where one of its points comes to lie; both around the middle, the cell with sides 1."""
-        (w, h), (cosine, sine) = self.lengths, self.axes
-        return x * cosine + y * sine * (h / w), y * cosine - x * sine * (w / h)
-
-    def is_beyond(self, x: float, y: float) -> bool:
-        """Whether one of its points comes to lie outside its cell."""
-        return max(map(abs, self.placed(x, y))) > 0.5 + _CLOSE
-
-    @property
-    def lost(self) -> float:
-        """The share of its area that lies outside its cell."""
-        if self.is_round:
-            # segments, which do not meet: no ellipse in a cell reaches the cell's corners
-            shares = (
-                min(1.0, length / 2 / reach)
-                for length, reach in zip(self.lengths, self.reach, strict=True)
-            )
-            return sum(2 / math.pi * (math.acos(k) - k * math.sqrt(1 - k * k)) for k in shares)
-        kept = [self.placed(*corner) for corner in _CORNERS]
-        for axis in (0, 1):
-            for side in (-1.0, 1.0):
-                kept = _cut(kept, axis, side)
-        return 1 - _area(kept)
-
-    def sentence(self) -> str:
-        """What the cell takes off it."""
-        w, h = self.lengths
-        area = w * h * (math.pi / 4 if self.is_round else 1)
-        names = ("to the west and east", "to the south and north")
-        out = " and ".join(
-            f"up to {out:.4g} {name}"
-            for out, name, length in zip(self.beyond, names, self.lengths, strict=True)
-            if out > _CLOSE * length
-        )
-        what = "ellipse" if self.is_round else "footprint"
-        lost = self.lost
-        return (
-            f"the {what} of {w:.6g} × {h:.6g}, turned by {self.turn:.6g} degrees, loses "
-            f"{100 * lost:.3g} % to its cell: {area * lost:.4g} of {area:.4g} square units, {out}."
-        )
-
-
-def _is_bare(subject: Subject, index: int, shape: _Turned) -> bool:
+def _is_bare(subject: Subject, index: int, shape: Turned) -> bool:
     """Whether an element adds nothing where it is cut off: no height, and no surface."""
     tree = subject.tree
     offset, scale = tree.value("v_offset", index), tree.value("v_scale", index)
@@ -261,7 +164,7 @@ def _hull(primitive: Primitive) -> tuple[Point, ...]:
     return tuple(found)
 
 
-def _hint(subject: Subject, index: int, shape: _Turned, around: Sides) -> str:
+def _hint(subject: Subject, index: int, shape: Turned, around: Sides) -> str:
     """How to keep all of an element."""
     tree, parent = subject.tree, around.lengths
     block, grid = tree.block(index), tree.grid(tree.parents[index])
@@ -281,13 +184,14 @@ def _hint(subject: Subject, index: int, shape: _Turned, around: Sides) -> str:
         ends.append(((repeat.count[0] - 1) * step[0], (repeat.count[1] - 1) * step[1]))
     for axis, (reach, side) in enumerate(zip(shape.reach, parent, strict=True)):
         at = [float(middle[axis]) + end[axis] for end in ends]
-        if min(at) - reach < -_CLOSE * side or max(at) + reach > side * (1 + _CLOSE):
+        if min(at) - reach < -CLOSE * side or max(at) + reach > side * (1 + CLOSE):
             w, h = (2 * half for half in shape.reach)
             return (
                 f"Turned whole it needs {w:.6g} × {h:.6g}, which its parent's cell does not have "
                 'there: move it or make it smaller, by "at" and "extent".'
             )
-    if shape.turn % 90 != 0 and tree.value("children", index):
+    begin, end = tree.brood(index)
+    if shape.turn % 90 != 0 and begin < end:
         return f"Give its children to one that is not turned, and write {place} to keep all of it."
     return f"Write {place} in place of its cell to keep all of it."
 
@@ -298,21 +202,3 @@ def _pair(x: float, y: float) -> str:
 
 def _number(value: float) -> str:
     return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-
-
-def _cut(outline: list[Point], axis: int, side: float) -> list[Point]:
-    """The part of a convex polygon within 0.5, after Sutherland and Hodgman (1974)."""
-    kept: list[Point] = []
-    for here, there in zip(outline, [*outline[1:], *outline[:1]], strict=True):
-        a, b = here[axis] * side - 0.5, there[axis] * side - 0.5
-        if a <= 0:
-            kept.append(here)
-        if a * b < 0:
-            t = a / (a - b)
-            kept.append((here[0] + (there[0] - here[0]) * t, here[1] + (there[1] - here[1]) * t))
-    return kept
-
-
-def _area(outline: list[Point]) -> float:
-    pairs = zip(outline, [*outline[1:], *outline[:1]], strict=True)
-    return abs(sum(x * v - u * y for (x, y), (u, v) in pairs)) / 2
