@@ -14,6 +14,7 @@ from terratool.definition.findings import Owner, Remark, Severity
 from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Document, Names, known_names
 from terratool.definition.model import Definition, Primitive, Surface
+from terratool.definition.part_sizes import PartSizes, sizes_of_places
 from terratool.definition.summaries import ShapeSummary, summarise_shape
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses
@@ -71,6 +72,11 @@ class Subject(_Subject, frozen=True, kw_only=True):
     def uses(self) -> Uses:
         """The parts that it knows, and their uses."""
         return Uses(self.document, self._known[0])
+
+    @cached_property
+    def place_sizes(self) -> PartSizes | None:
+        """The sizes of parts in which there are free places; None where there are none."""
+        return sizes_of_places(self.uses)
 
     @property
     def clashes(self) -> list[Clash]:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import MAX_SCATTERED, Pair, Scatter, pair_of
+from terratool.definition.part_sizes import Alike, PartSize
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.scattering import strewn, wanted
 from terratool.definition.tree import Tree
 from terratool.definition.turning import CLOSE, turned
-from terratool.definition.uses import PartSize, Root, SizedElement, copies
+from terratool.definition.uses import Root, copies
 from terratool.text.display import shown
 
 _CELL_KEYS = {"cellX": "cell_x", "cellY": "cell_y", "span": "span"}
@@ -154,58 +156,103 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
 
     To mend: move the element, make it smaller, or make it a child of the element around both.
     """
-    if subject.is_library or subject.definition.size is UNSET:
+    if subject.place_sizes is None:
         return
     told: set[int] = set()
     seen: set[PartSize] = set()
-    for sized in subject.uses.free_places():
-        beyond = _beyond(subject, sized)
-        if not beyond:
+    crowds: dict[int, _Crowd] = {}
+    for alike in subject.place_sizes.alike():
+        crowd = crowds.get(id(alike.elements))
+        if crowd is None:
+            crowd = crowds[id(alike.elements)] = _Crowd(subject, alike)
+        size, parent = alike.size, alike.sides.lengths
+        message = f"beyond the parent's cell of {parent[0]:.9g} × {parent[1]:.9g}."
+        if alike.root.tree is subject.tree:
+            inside = f", where the part {shown(size.part)} stands." if size.part else "."
+            for element, beyond in crowd.taken_beyond(parent):
+                yield Remark(
+                    "/at",
+                    f"the element reaches {beyond:.6g} {message[:-1]}{inside}",
+                    "Move it inside, or make it smaller.",
+                    element=element,
+                )
             continue
-        w, h = sized.parent
-        message = f"reaches {beyond:.6g} beyond the parent's cell of {w:.9g} × {h:.9g}."
-        if sized.tree is not subject.tree:
-            part = shown(sized.size.part)
-            place = f"{sized.tree.pointer(sized.element)} of the part {part}"
-            for element in subject.uses.leading_to(sized.size, seen):
+        for place, beyond in islice(crowd.beyond(parent), 1):
+            pointer = f"{alike.root.tree.pointer(place)} of the part {shown(size.part)}"
+            for element in subject.place_sizes.leading_to(size, seen):
                 if element not in told:
                     told.add(element)
-                    hint = "Give the part more room, or use a smaller one."
-                    yield Remark("/part", f"{place} {message}", hint, element=element)
-        elif sized.element not in told:
-            told.add(sized.element)
-            part = sized.size.part
-            inside = f", where the part {shown(part)} stands" if part else ""
-            yield Remark(
-                "/at",
-                f"the element {message[:-1]}{inside}.",
-                "Move it inside, or make it smaller.",
-                element=sized.element,
-            )
+                    yield Remark(
+                        "/part",
+                        f"{pointer} reaches {beyond:.6g} {message}",
+                        "Give the part more room, or use a smaller one.",
+                        element=element,
+                    )
 
 
-def _beyond(subject: Subject, sized: SizedElement) -> float:
-    """How far the footprints of an element and of its copies reach out of the parent's cell."""
-    tree, index = sized.tree, sized.element
+class _Crowd:
+    """The footprints of elements at free places in cells of one size, their copies included."""
+
+    def __init__(self, subject: Subject, alike: Alike) -> None:
+        self._boxes = {}
+        for element in alike.elements:
+            box = _box(subject, alike.root.tree, element)
+            if box is not None:
+                self._boxes[element] = box
+        self._surround()
+
+    def _surround(self) -> None:
+        """All of them together: no box reaches further than this one."""
+        boxes = self._boxes.values()
+        lows, highs = zip(*boxes, strict=True) if boxes else (((0.0, 0.0),), ((0.0, 0.0),))
+        self._whole = tuple(map(min, *lows, lows[0])), tuple(map(max, *highs, highs[0]))
+
+    def beyond(self, parent: Pair) -> Iterator[tuple[int, float]]:
+        """Those that reach out of a parent's cell with these sides, and how far."""
+        if _out(self._whole, parent):
+            for element, box in self._boxes.items():
+                if out := _out(box, parent):
+                    yield element, out
+
+    def taken_beyond(self, parent: Pair) -> list[tuple[int, float]]:
+        """The same, which are not looked at again."""
+        found = list(self.beyond(parent))
+        for element, _ in found:
+            del self._boxes[element]
+        if found:
+            self._surround()
+        return found
+
+
+_Box = tuple[Pair, Pair]
+"""The south-west and the north-east corner."""
+
+
+def _out(box: _Box, parent: Pair) -> float:
+    """How far a box reaches out of a cell that begins at 0; 0 where it does not."""
+    (west, south), (east, north) = box
+    x, y = max(-west, east - parent[0]), max(-south, north - parent[1])
+    return max(x if x > CLOSE * parent[0] else 0.0, y if y > CLOSE * parent[1] else 0.0)
+
+
+def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
+    """What the footprints of an element and of its copies reach; None if it is not known."""
     at, extent, repeat = (tree.value(key, index) for key in ("at", "extent", "repeat"))
     if extent is UNSET or (tree is subject.tree and subject.left_out(index, "repeat", "turnDeg")):
-        return 0.0
+        return None
     end = subject.uses.end(Root(tree, index, subject.document))
     if end is None:
-        return 0.0
+        return None
     primitive = subject.primitives.get(end.root.tree.value("type", end.root.element))
     scattered = tree.value("scatter", index) is not UNSET  # its copies stay in its cell
     round_ = primitive is not None and primitive.combine == "radial"
     reach = turned(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
     count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
-    beyond = 0.0
-    for axis in (0, 1):
-        ends = at[axis], at[axis] + (count[axis] - 1) * step[axis]
-        low, high = min(ends) - reach[axis], max(ends) + reach[axis]
-        out = max(-low, high - sized.parent[axis])
-        if out > CLOSE * sized.parent[axis]:
-            beyond = max(beyond, out)
-    return beyond
+    last = at[0] + (count[0] - 1) * step[0], at[1] + (count[1] - 1) * step[1]
+    return (
+        (min(at[0], last[0]) - reach[0], min(at[1], last[1]) - reach[1]),
+        (max(at[0], last[0]) + reach[0], max(at[1], last[1]) + reach[1]),
+    )
 
 
 @rule("TT714", "copies-outside")

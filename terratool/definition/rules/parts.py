@@ -8,10 +8,11 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import LARGEST
+from terratool.definition.part_sizes import PLACES
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.rules.names import NameHints
 from terratool.definition.tree import PARTS, part_pointer
-from terratool.definition.uses import MAX_DEPTH, MAX_LOOKS, MAX_SIZES
+from terratool.definition.uses import MAX_DEPTH
 from terratool.text.display import escape, shown
 
 
@@ -184,7 +185,8 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
     """The factors of parts in parts, their depth or their sizes go beyond what is computed.
 
     The vScale of parts in parts are multiplied, and may reach 1e30 together. Up to 1,000 parts may
-    stand in one another. Parts with free places in them may stand in up to 10,000 sizes.
+    stand in one another. Parts with free places in them may stand in up to 10,000 sizes, with
+    200,000 cells around these places in all; cells of one size in a part count once.
 
     Fails:
 
@@ -232,11 +234,11 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
             )
     if subject.is_library or subject.definition.size is UNSET:
         return
-    if not uses.has_all_sizes:
+    if subject.place_sizes is not None and not subject.place_sizes.complete:
         yield Remark(
             PARTS,
-            f"parts with free places stand in more than {MAX_SIZES:,} sizes, or "
-            f"{MAX_LOOKS:,} elements of them do.",
+            f"parts with free places stand in more than {PLACES.sizes:,} sizes, or more than "
+            f"{PLACES.cells:,} cells in them have sides of their own.",
             "Give the part the same size in more places.",
         )
     for use, height in uses.tallest():
