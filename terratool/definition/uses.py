@@ -205,19 +205,19 @@ class Uses(Struct, frozen=True, dict=True):
         return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.reached)}
 
     def tallest(self) -> Iterator[tuple[PartUse, float]]:
-        """For each element of the terrain in whose cell a part stands, the largest factor in it."""
-        largest: dict[str, float] = {}
+        """For each element of the terrain that stands for a part, the largest number in it.
 
-        def factor(root: Root, use: PartUse) -> float:
-            own = root.tree.value("v_scale", use.element)
-            return (1.0 if own is UNSET else abs(own)) * max(1.0, largest[use.part])
-
+        That is of the factors and offsets of heights as they are when the part is written out.
+        """
+        known: dict[str, _Heights] = {}
         for name in self._inner_first:
             root = self.part(name)
-            largest[name] = max((factor(root, use) for use in self.within(root)), default=1.0)
+            top, *below = (_heights(root.tree, index, known) for index in elements_of(root))
+            known[name] = _Heights(max([top.below, *(one.largest for one in below)]), top.offset)
         if self.has_root:
             for use in self.within(self.root):
-                yield use, factor(self.root, use)
+                if use.part in known:
+                    yield use, _heights(self.root.tree, use.element, known).largest
 
     @cached_property
     def counts(self) -> dict[str, int]:
@@ -239,6 +239,30 @@ class Uses(Struct, frozen=True, dict=True):
             if not found.isdisjoint(self._inner[name]) or wanted(self.part(name)):
                 found.add(name)
         return found
+
+
+class _Heights(NamedTuple):
+    """The offset of an element, and the largest of all other numbers in what it stands for."""
+
+    below: float
+    offset: float
+
+    @property
+    def largest(self) -> float:
+        return max(self.below, abs(self.offset))
+
+
+def _heights(tree: Tree, index: int, known: dict[str, _Heights]) -> _Heights:
+    """Those of an element; a vScale that it leaves out is 1 at most."""
+    own, offset = tree.value("v_scale", index), tree.value("v_offset", index)
+    scatter, inner = tree.value("scatter", index), known.get(tree.value("part", index))
+    scale = 1.0 if own is UNSET else own
+    if scatter is not UNSET:
+        scale *= scatter.sizes[1]
+    offset = 0.0 if offset is UNSET else offset
+    if inner is None:
+        return _Heights(abs(scale), offset)
+    return _Heights(abs(scale) * max(1.0, inner.below), scale * inner.offset + offset)
 
 
 def track_surfaces(terrain: Library) -> set[str]:

@@ -363,6 +363,53 @@ def test_what_may_not_stand_beside_a_part(beside: dict[str, Any], code: str, key
     assert (code, f"/elemTree/children/0/{key}") in wrong
 
 
+@pytest.mark.parametrize(
+    ("inner", "user", "beyond"),
+    [
+        ({"vScale": 1e20}, {"vScale": 1e20}, True),
+        ({"vScale": 1e20}, {"vScale": -1e9}, False),
+        ({"vOffset": -1e20}, {"vScale": 1e20}, True),
+        ({"vOffset": 1e30, "vScale": 1}, {"vOffset": 1e30}, True),
+        ({"vOffset": 1e30, "vScale": 1}, {"vOffset": -1e30}, False),
+        ({"vOffset": 1e30, "vScale": 1}, {"vOffset": 1e30, "vScale": -1}, False),
+        ({"children": [{**CELL, "type": "box", "vOffset": 1e20}]}, {"vScale": 1e20}, True),
+        ({"children": [{**CELL, "type": "box", "vOffset": 1e20}]}, {"vOffset": 1e30}, False),
+        ({}, {"vScale": 1e20, "scatter": {"count": 1, "sizes": [0.5, 1]}}, False),
+        (
+            {"vScale": 1e20},
+            {"vScale": 1e10, "scatter": {"count": 1, "sizes": [0.5, 1.5]}, "span": [4, 4]}, True,
+        ),
+    ],
+)  # fmt: skip
+def test_heights_in_parts_are_those_of_an_element(
+    tmp_path: Path, inner: dict[str, Any], user: dict[str, Any], beyond: bool
+) -> None:
+    """What is beyond the limits of the format is told of, and the rest can be written out."""
+    site = {"parts": {"p": {"part": "q"}, "q": {"type": "box", "vScale": 1, **inner}}}
+    site["elemTree"] = tree({**uses("p"), **user})
+    assert found(site) == [("TT715", "/elemTree/children/0/part")] * beyond
+    if not beyond:
+        write(tmp_path, site={"size": 10, "elemTypes": BOX, **site})
+        out = tmp_path / "out.json"
+        assert call("bundle", "--expand", tmp_path / "site.json", out).code == 0
+        assert call("validate", out).code == 0
+
+
+def test_places_that_are_alike_are_looked_at_once() -> None:
+    """2,000 of them in 1,200 sizes; one that reaches out in some sizes is told of once."""
+    places = [{"at": [1e-3 * (k + 1), 1e-3], "extent": 1e-3, "type": "box"} for k in range(2000)]
+    users = [
+        {**CELL, "type": "box", "cells": [k % 40 + 1, k // 40 + 1], "children": [uses("p")]}
+        for k in range(1200)
+    ]
+    site = {"size": 2000, "parts": {"p": tree(*places)}, "elemTree": tree(*users)}
+    assert found(site) == []
+    site["size"] = 400
+    # the narrowest cell is 400 / 10 / 40 wide, and ends in the middle of the 1,000th place
+    beyond = [f"/parts/p/children/{k}/at" for k in range(999, 1999)]
+    assert found(site) == [("TT713", pointer) for pointer in beyond]
+
+
 @pytest.mark.parametrize("key", ["cellX", "span", "at", "extent", "repeat"])
 def test_a_part_has_no_place_of_its_own(key: str) -> None:
     value = {"cellX": 1, "span": [1, 1], "at": [1, 1], "extent": 1}.get(

@@ -12,7 +12,7 @@ from terratool.definition.findings import Remark
 from terratool.definition.model import MAX_SCATTERED, Pair, Scatter, pair_of
 from terratool.definition.part_sizes import Alike, PartSize
 from terratool.definition.rules.base import Subject, rule
-from terratool.definition.scattering import strewn, wanted
+from terratool.definition.scattering import sown, wanted
 from terratool.definition.tree import Tree
 from terratool.definition.turning import CLOSE, turned
 from terratool.definition.uses import Root, copies
@@ -464,12 +464,17 @@ def _contradictions(tree: Tree, index: int, asked: Scatter) -> Iterator[tuple[st
         )
 
 
+_TRIES = 100_000
+"""So many places are tried in one file."""
+
+
 @rule("TT721", "crowded-scatter", "warning")
 def crowded_scatter(subject: Subject) -> Iterator[Remark]:
-    """Not all copies of a scattered element find a place.
+    """Not all copies of a scattered element find a place, or there is none.
 
     The largest come first; what does not fit into the area, or finds no place that is far enough
-    from those before, is left out.
+    from those before, is left out. Looked at are elements with up to 100,000 copies, one after the
+    other until 100,000 places were tried. A density may come to no copy in its area.
 
     Fails:
 
@@ -493,7 +498,7 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
 
     To mend: lower the count, the sizes or the distance, or make the area larger.
     """
-    tree = subject.tree
+    tree, left = subject.tree, _TRIES
     if tree.distinct("scatter") == {UNSET}:
         return
     for index, asked in enumerate(tree.column("scatter")):
@@ -504,16 +509,27 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
             continue
         area = pair_of(extent, math.nan)
         count = wanted(asked, area)
+        if count == 0:
+            message = f"the density comes to no copy on {shown(area[0] * area[1])} square units."
+            hint = "Raise it, make the area larger, or write a count."
+            yield Remark("/scatter/density", message, hint, element=index)
+        if count > left or (asked.distance is UNSET and asked.sizes[1] * math.sqrt(2) < min(area)):
+            continue  # the largest fits in, however it is turned
         turn = tree.value("turn_deg", index)
-        found = strewn(
+        found = sown(
             asked, area, by_quarters=tree.value("part", index) is not UNSET,
             tilted=turn is not UNSET and turn % 90 != 0,
         )  # fmt: skip
-        placed = sum(1 for _ in found)
-        if placed < count:
+        placed = looked = 0
+        for copy, tries in found:
+            placed, looked, left = placed + (copy is not None), looked + 1, left - max(1, tries)
+            if left <= 0:
+                break
+        if placed < looked:
+            largest = "" if looked == count else f"the {looked:,} largest of "
             yield Remark(
                 "/scatter",
-                f"{placed:,} of {count:,} copies find a place; the others are left out.",
+                f"{placed:,} of {largest}{count:,} copies find a place; the others are left out.",
                 "Lower the count, the sizes or the distance, or make the area larger.",
                 element=index,
             )

@@ -184,9 +184,10 @@ def part_turn(subject: Subject) -> Iterator[Remark]:
 def beyond_limits(subject: Subject) -> Iterator[Remark]:
     """The factors of parts in parts, their depth or their sizes go beyond what is computed.
 
-    The vScale of parts in parts are multiplied, and may reach 1e30 together. Up to 1,000 parts may
-    stand in one another. Parts with free places in them may stand in up to 10,000 sizes, with
-    200,000 cells around these places in all; cells of one size in a part count once.
+    The vScale of an element is a factor on every vScale and vOffset of the part in it, and so on in
+    parts in parts; what comes out may be up to 1e30. Up to 1,000 parts may stand in one another.
+    Parts with free places in them may stand in up to 10,000 sizes, with 200,000 cells around these
+    places in all; cells of one size in a part count once.
 
     Fails:
 
@@ -245,7 +246,7 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
         if height > LARGEST:
             yield Remark(
                 "/part",
-                f"the heights of parts within {shown(use.part)} reach {height:.3g}, over 1e30.",
+                f"the heights within the part {shown(use.part)} reach {height:.3g}, over 1e30.",
                 "Lower vScale here or in the part.",
                 element=use.element,
             )
