@@ -59,8 +59,9 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     A step is a jump inside its curves, or the height that the element adds where its footprint
     ends. Each element is looked at by itself: what stands beside it may make up for the step. The
     edge of the terrain is no step. Where a turned element is cut off by its cell, the step is taken
-    to be as tall as the shape has it anywhere, which can be too much. Without --max-step nothing
-    is looked at.
+    to be as tall as the shape has it anywhere, which can be too much. What stands in a part is
+    looked at as if the part covered the terrain, unturned and with the factor 1: TT213 says what is
+    cut off where a part is turned. Without --max-step nothing is looked at.
 
     Fails with --max-step 0.15:
 
