@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator
+from functools import lru_cache
 from itertools import islice
 from typing import NamedTuple
 
@@ -61,6 +62,8 @@ class Cells:
         self.root = root
         self._numbers = {root.element: 0}
         self._steps: dict[_Step, int] = {(-1, (0.0, 0.0), (0, 0)): 0}
+        self._grid = lru_cache(maxsize=1)(root.tree.grid)  # siblings mostly follow
+        self._free = is_free(root.tree)
 
     def __len__(self) -> int:
         return len(self._steps)
@@ -79,12 +82,12 @@ class Cells:
 
     def _step(self, index: int, around: int) -> _Step:
         tree = self.root.tree
-        scatter, extent = tree.value("scatter", index), tree.value("extent", index)
-        if scatter is not UNSET:  # of scattered copies the least counts
-            return -1, (scatter.sizes[0], scatter.sizes[0]), (1, 1)
-        if extent is not UNSET:
-            return -1, pair_of(extent, math.nan), (1, 1)
-        return around, tree.block(index)[2:], tree.grid(tree.parents[index])
+        if self._free(index):
+            scatter = tree.value("scatter", index)
+            if scatter is not UNSET:  # of scattered copies the least counts
+                return -1, (scatter.sizes[0], scatter.sizes[0]), (1, 1)
+            return -1, pair_of(tree.value("extent", index), math.nan), (1, 1)
+        return around, tree.block(index)[2:], self._grid(tree.parents[index])
 
     def sides(self, size: PartSize) -> list[Sides]:
         """The sides of all cells that were numbered, before quarter turns of the part.
@@ -205,10 +208,11 @@ class PartSizes:
         root = self._uses.part(part) if part else self._uses.root
         tree, cells = root.tree, Cells(root)
         plan = self._plans[part] = _Plan(cells, {}, {})
+        turns, free_at = tree.column("turn_deg"), is_free(tree)
         for use in self._uses.within(root):
             if use.part in self._parts:
-                quarters = quarter_turns(tree.value("turn_deg", use.element))
-                free = None if use.element == root.element else is_free(tree, use.element)
+                quarters = quarter_turns(turns[use.element])
+                free = None if use.element == root.element else free_at(use.element)
                 key = cells.number(use.element), quarters, use.part, free
                 plan.uses.setdefault(key, []).append(use.element)
         for cell, what, index in self._look(cells):
@@ -263,6 +267,8 @@ def sizes_of_places(uses: Uses) -> PartSizes | None:
     return PartSizes(uses, parts, look, PLACES)
 
 
-def is_free(tree: Tree, index: int) -> bool:
-    """Whether an element stands at a free place, or its copies do."""
-    return any(tree.value(key, index) is not UNSET for key in ("at", "scatter"))
+def is_free(tree: Tree) -> Callable[[int], bool]:
+    """What tells whether an element stands at a free place, or its copies do."""
+    keys = ("extent", "scatter")
+    columns = [tree.column(key) for key in keys if tree.distinct(key) != {UNSET}]
+    return lambda index: any(column[index] is not UNSET for column in columns)

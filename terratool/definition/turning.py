@@ -9,6 +9,8 @@ from terratool.definition.model import Pair
 
 CLOSE = 1e-9
 """Of a side: nothing is said of so little."""
+_THINNEST = 1e-150
+"""Of the other side: what is narrower has no area, and its ratio may be beyond doubles."""
 _CORNERS = (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)
 
 Point = tuple[float, float]
@@ -48,6 +50,8 @@ class Turned(NamedTuple):
     @property
     def is_trimmed(self) -> bool:
         """Whether anything of it lies outside its cell."""
+        if min(self.lengths) <= _THINNEST * max(self.lengths):
+            return False
         return any(
             out > CLOSE * length for out, length in zip(self.beyond, self.lengths, strict=True)
         )

@@ -257,6 +257,19 @@ def test_what_is_trimmed_in_parts_is_what_is_trimmed_when_they_are_written_out(v
     assert set(told) == wanted
 
 
+@pytest.mark.parametrize("levels", [10, 66, 67, 68, 80])
+def test_cells_that_vanish_are_no_crash(levels: int) -> None:
+    """In 67 columns of 65,536 each, in one another, a side is below the smallest double."""
+    row: dict[str, Any] = {"type": "flat"}
+    for _ in range(levels):
+        child = {"cellX": 0, "cellY": 0, "turnDeg": 90, **row}
+        row = {"type": "flat", "cells": [65536, 1], "children": [child]}
+    value = definition({"cellX": 0, "cellY": 0, "part": "row", "turnDeg": 90})
+    in_part = found({**value, "parts": {"row": row}})
+    assert [finding.pointer for finding in in_part] == ["/parts/row"]
+    assert 10 <= len(found({**value, "elemTree": row})) <= levels
+
+
 SQUARE = {"cellX": 0, "cellY": 0, "span": [3, 4]}
 OBLONG = {"cellX": 4, "cellY": 0, "span": [1, 4]}
 FREE = {"at": [15, 6], "extent": [2, 4]}

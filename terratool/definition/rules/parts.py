@@ -243,10 +243,10 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
             "Give the part the same size in more places.",
         )
     for use, height in uses.tallest():
-        if height > LARGEST:
+        if not height <= LARGEST:  # it may be no number either
             yield Remark(
                 "/part",
-                f"the heights within the part {shown(use.part)} reach {height:.3g}, over 1e30.",
+                f"heights within the part {shown(use.part)} go beyond 1e30 here.",
                 "Lower vScale here or in the part.",
                 element=use.element,
             )

@@ -212,9 +212,10 @@ def _grouped(subject: Subject, cells: Cells) -> Iterator[tuple[int, _Kind, int]]
     root, tree = cells.root, cells.root.tree
     if root == subject.uses.root:
         return
+    free = is_free(tree)
     for index in elements_of(root):
         name, turn = tree.value("type", index), tree.value("turn_deg", index)
-        if name not in subject.primitives or is_free(tree, index):
+        if name not in subject.primitives or free(index):
             continue
         bare = _may_be_bare(tree, index)
         if not bare or tree.value("v_scale", index) != 0:
