@@ -691,6 +691,29 @@ def test_what_is_too_much_is_a_sentence(tmp_path: Path) -> None:
         assert ran.code == 0 or "1,000,001,000,001 elements" in ran.err, ran.err
 
 
+@pytest.mark.parametrize("levels", [31, 33, 40])
+def test_counts_beyond_doubles_are_a_sentence(tmp_path: Path, levels: int) -> None:
+    """65,536² copies in each of as many, level by level: over 10³⁰⁸ of them."""
+    many = {"count": [65536, 65536], "step": [1, 1]}
+    parts = {"p0": {"type": "box"}} | {
+        f"p{k}": tree({**uses(f"p{k - 1}"), "repeat": many}, cells=65536) for k in range(1, levels)
+    }
+    path = tmp_path / "many.json"
+    site = {"size": 10, "elemTypes": BOX, "parts": parts, "elemTree": {"part": f"p{levels - 1}"}}
+    path.write_text(json.dumps(site), encoding="utf-8")
+    for words, code in (
+        (["validate", path], 0),
+        (["bundle", path, tmp_path / "one.json"], 0),
+        (["bundle", "--expand", path, tmp_path / "all.json"], 2),
+        (["query", path, "1", "1"], 2),
+        (["info", path], 2),
+        (["export-dem", path, tmp_path / "dem.tif", "--resolution", "1"], 2),
+    ):
+        ran = call(*words)
+        assert ran.code == code, (words, ran.err)
+        assert code == 0 or ran.err.count("elements, and") == 1, ran.err
+
+
 def test_a_large_library_is_one(tmp_path: Path) -> None:
     """A library of more than 1 MiB needs no $schema, by itself or for a terrain."""
     curves = {f"p{n}": {"x": [0.25] * 40_000} for n in range(6)}
