@@ -223,6 +223,19 @@ def test_a_factor_of_0_on_a_part_is_said_of_the_part() -> None:
     assert [f.message for f in checked.findings] == ['"vScale" is 0, so all of the part is flat.']
 
 
+@pytest.mark.parametrize("site", [{"use": []}, {"use": ["kit.json"]}, {"part": "p"}])
+def test_no_primitives_at_all_are_no_excuse(tmp_path: Path, site: dict[str, Any]) -> None:
+    """A name that nothing has is told of where it stands, in a library, too."""
+    write(tmp_path, kit={"parts": {"p": {"type": "box"}}})
+    root = {"part": "p"} if "part" in site else {"type": "box"}
+    write(tmp_path, site={"size": 10, "use": site.get("use", ["kit.json"]), "elemTree": root})
+    checked = check(read_source(tmp_path / "site.json"), CheckOptions(warnings=False))
+    told = {f.pointer for one in (checked, *checked.libraries) for f in one.findings}
+    assert checked.terrain is None
+    assert ("/parts/p/type" in told) is (site.get("use") != [])
+    assert ("/elemTree/type" in told) is ("use" in site)
+
+
 def test_a_part_that_is_none_is_named() -> None:
     text = json.dumps({"size": 10, "elemTypes": BOX, "parts": {"a/b": 5}, "elemTree": tree()})
     checked = check(Source("t.json", text.encode()), CheckOptions(warnings=False))

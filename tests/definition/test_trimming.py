@@ -305,10 +305,12 @@ def test_a_part_is_trimmed_where_it_lies_in_an_oblong_cell(
 
 
 def test_a_part_of_a_library_is_told_of_where_it_stands(tmp_path: Path) -> None:
-    (tmp_path / "kit.json").write_text(
-        json.dumps({"elemTypes": {"flat": {"x": [1]}}, "parts": {"p": BOARD}}), encoding="utf-8"
-    )
+    """But for what is turned in the library, and so is trimmed wherever it stands."""
+    slanted = {**BOARD, "children": [{**BOARD["children"][0], "turnDeg": 45}]}
+    kit = {"elemTypes": {"flat": {"x": [1]}}, "parts": {"p": BOARD, "q": slanted}}
+    (tmp_path / "kit.json").write_text(json.dumps(kit), encoding="utf-8")
     users = [{"turnDeg": 90, **place, "part": "p"} for place in (SQUARE, OBLONG)]
+    users.append({"cellX": 6, "cellY": 0, "span": [3, 4], "part": "q"})
     value = {**definition({}), "use": ["kit.json"], "elemTypes": {}}
     value["elemTree"]["children"] = users
     site = tmp_path / "site.json"

@@ -40,7 +40,8 @@ def trimmed_element(subject: Subject) -> Iterator[Remark]:
     A part turns with all that is in it, and each element is trimmed to its cell as it lies then.
     Parts are looked at in the proportions of the cells that they stand in, turned and unturned: up
     to 1,000 of these, with 20,000 cells in all; cells that are alike in a part count once. What is
-    trimmed is told of once, in the part, or where the part stands if that is in a library.
+    trimmed is told of once, in the part. If that is in a library, it is told of where the part
+    stands, but for what is turned by no multiple of 90 in the library itself.
 
     Fails:
 
@@ -170,7 +171,7 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
         assert isinstance(kind, _Kind)
         own = alike.root.tree is subject.tree
         mark = id(alike.elements) if own else id(sizes.found[size])
-        if mark in told or (kind.is_root and size.whole):
+        if mark in told or (kind.is_root and size.whole) or (not own and kind.turn % 90 != 0):
             continue
         primitive = subject.primitives[kind.primitive]
         lengths, cell = (each.turned(size.lies).lengths for each in (alike.sides, size.sides))
