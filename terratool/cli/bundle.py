@@ -26,7 +26,7 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
     """Write FILE and what it needs of its libraries into one file, OUT.
 
     What is not needed is left out: surfaces, primitives and parts that nothing names. The terrain
-    is the same to the last bit. OUT is gzipped if its name ends with .gz.
+    is the same to the last bit. OUT is gzipped if its name ends with .gz; - is standard output.
     """
     from terratool.definition.bundle import bundle
     from terratool.definition.reader import load_checked
@@ -34,8 +34,10 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.text.source import Source, write_source
 
-    refuse_existing(Path(output), overwrite)
-    refuse_missing_folder(Path(output))
+    shown = output == "-"
+    if not shown:
+        refuse_existing(Path(output), overwrite)
+        refuse_missing_folder(Path(output))
     with Status(f"reading {called(file)}") as status:
         checked = load_checked(file, library_roots())
         for library in checked.libraries:
@@ -44,6 +46,10 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
         status.say("writing out" if expanded else "bundling")
         text = bundle(checked, expanded=expanded)
         packed = output.lower().endswith(".gz")
-        write_source(Source(file, text.encode(), packed), output, overwrite)
+        if not shown:
+            write_source(Source(file, text.encode(), packed), output, overwrite)
+    if shown:
+        click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
+        return
     used = counted(len(checked.libraries), "library")
     say(f"{output}: {len(text.encode()):,} bytes, {used} taken in")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 from collections import Counter
@@ -21,14 +22,13 @@ from terratool.cli.options import library_root_option, library_roots
 from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, ValidationSummary
 from terratool.cli.terminal import Status, called, say
 from terratool.definition.findings import Finding
-from terratool.definition.libraries import Shelf
 from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
 from terratool.output import is_same_file, refuse_existing, refuse_missing_folder, whole_file
 from terratool.text.display import counted, printable, shown
 from terratool.text.edit import apply_edits
-from terratool.text.source import Source, is_folder, read_source, real_path, sources, write_source
+from terratool.text.source import is_folder, read_source, real_path, sources, write_source
 
 _ALL = 10**9
 _MOST_FINDINGS = 1000
@@ -83,11 +83,6 @@ class _Plan:
     max_step: float | None
     limit: int
     baseline: str | None
-
-    def options(self, settings: Config, name: str, room: int) -> CheckOptions:
-        """How closely to look at a file."""
-        ignore = self.ignore + _known_codes(settings.ignored(name))
-        return CheckOptions(True, self.max_step, room, self.select, ignore)
 
     def writes(self, name: str) -> bool:
         """Whether a file is the baseline, or gets findings."""
@@ -191,6 +186,7 @@ class _Found:
         self, name: str, checked: Checked, options: CheckOptions, known: Known | None, strict: bool
     ) -> None:
         """Count a file, and keep its findings that are not known."""
+        options = options.of(checked.name)
         counts = Counter(
             {
                 code: count
@@ -245,12 +241,11 @@ class _Found:
         )  # fmt: skip
 
 
-def _mended(
-    name: str, source: Source, options: CheckOptions, status: Status, shelf: Shelf
-) -> Source:
-    """A text without what has one answer; its file is written anew if there was any.
+def _mend(name: str, options: CheckOptions, status: Status) -> None:
+    """Mend what has one answer in a file, and write it anew if there was any.
 
     Raises:
+        ReadError: the file cannot be read.
         RequestError: it is standard input.
         WriteError: the file cannot be written.
     """
@@ -258,8 +253,8 @@ def _mended(
         raise RequestError(
             "--fix writes files, and standard input is none.", "Give the name of a file."
         )
+    source, shelf = read_source(name), new_shelf(options)
     data, count = source.data, 0
-    options = structs.replace(options, limit=_ALL)
     checked = check(source, options, kind=None, shelf=shelf)
     # an error of syntax hides all others, so that there may be many rounds
     for _ in range(_ROUNDS):
@@ -275,13 +270,10 @@ def _mended(
     else:
         status.clear()
         click.echo(f"terratool: {printable(name)}: run --fix again for more.", err=True)
-    if not count:
-        return source
-    source = structs.replace(source, data=data)
-    write_source(source, name, overwrite=True)
-    status.clear()
-    click.echo(f"terratool: {printable(name)}: mended in {counted(count, 'place')}.", err=True)
-    return source
+    if count:
+        write_source(structs.replace(source, data=data), name, overwrite=True)
+        status.clear()
+        click.echo(f"terratool: {printable(name)}: mended in {counted(count, 'place')}.", err=True)
 
 
 def _is_definition(name: str) -> bool:
@@ -326,6 +318,34 @@ class _Job:
     roots: tuple[str, ...] = ()
     compared: bool = True
 
+    @property
+    def limit(self) -> int:
+        """How many findings of one file may be listed."""
+        return _ALL if self.plan.baseline is not None else self.plan.limit
+
+    def options(self, room: int) -> CheckOptions:
+        """How closely to look, and how many findings to list."""
+        plan = self.plan
+        return CheckOptions(
+            True, plan.max_step, room, plan.select, plan.ignore, self.roots, self.ignored_in
+        )
+
+    def ignored_in(self, file: str) -> tuple[str, ...]:
+        """The codes that the settings ignore in a file."""
+        return _known_codes(self.settings.ignored(file))
+
+    def mend(self, status: Status) -> None:
+        """Mend all files, before any is looked at together with its libraries.
+
+        Raises:
+            RequestError: one of them is standard input.
+            WriteError: one cannot be written.
+        """
+        for name in self.listed():
+            status.say(f"mending {called(name)}")
+            with contextlib.suppress(ReadError):  # which is said when it is checked
+                _mend(name, self.options(_ALL), status)
+
     def listed(self) -> list[str]:
         """The files that are there now and are to be checked."""
         return [name for name in _names(self.names, []) if not self.plan.writes(name)]
@@ -349,9 +369,7 @@ class _Job:
                 if name in self.names or _is_definition(name):
                     raise WriteError(f"{name}: is to be checked.", "Write elsewhere.")
                 continue  # met in a folder
-            room = _ALL if plan.baseline is not None else max(0, plan.limit - len(found.findings))
-            options = plan.options(self.settings, name, room)
-            options = structs.replace(options, library_roots=self.roots)
+            options = self.options(max(0, self.limit - len(found.findings)))
             if found.is_library(name):
                 continue
             try:
@@ -373,12 +391,13 @@ class _Job:
         from terratool.cli.watch import Watch
 
         watch = Watch(self.listed)
-        limit = _ALL if self.plan.baseline is not None else self.plan.limit
         watched = False
         while True:
             with Status("checking") as status:
                 found = self.done(
-                    lambda name, options: watch.look(name, structs.replace(options, limit=limit)),
+                    lambda name, options: watch.look(
+                        name, structs.replace(options, limit=self.limit)
+                    ),
                     status,
                 )
             if self.plan.form != "sarif":
@@ -508,21 +527,19 @@ def command(
             raise click.UsageError("--update-baseline needs the name of one. Add --baseline FILE.")
         if Path(plan.baseline).exists():
             read_baseline(plan.baseline)  # no other file is written over
-    roots = library_roots() + tuple(filter(is_folder, names))
+    folders = (name if is_folder(name) else str(Path(name).parent) for name in names)
+    roots = library_roots() + tuple(folders)
     job = _Job(names, plan, settings, roots, compared=not update_baseline)
     if watch:
         _refuse_watching(names, fix, update_baseline)
         job.watch(statistics)
-    shelf = new_shelf(CheckOptions(library_roots=roots))
     with Status("checking") as status:
-
-        def look(name: str, options: CheckOptions) -> Checked:
-            source = read_source(name)
-            if fix:
-                source = _mended(name, source, options, status, shelf)
-            return check(source, options, kind=None, shelf=shelf)
-
-        found = job.done(look, status)
+        if fix:
+            job.mend(status)
+        shelf = new_shelf(job.options(job.limit))
+        found = job.done(
+            lambda name, options: check(read_source(name), options, kind=None, shelf=shelf), status
+        )
     if plan.form != "sarif" or update_baseline:
         _say_unreadable(found)
     if update_baseline and found.unreadable:

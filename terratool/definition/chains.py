@@ -39,6 +39,13 @@ class Chain(NamedTuple):
     name: str
 
 
+def with_quarters(turn: float | UnsetType, quarters: int) -> float | UnsetType:
+    """A turn of an element in a part that is turned by so many quarters, in degrees."""
+    if quarters == 0:
+        return turn
+    return (math.fmod(0.0 if turn is UNSET else turn, 360.0) + 90.0 * quarters) % 360.0
+
+
 class Chains:
     """The chains of a terrain, each followed once."""
 

@@ -24,7 +24,7 @@ from terratool.text.display import shown
 from terratool.text.edit import Edit, append_child, set_member
 from terratool.text.locate import Address, offsets, value_at
 from terratool.text.scan import value_end
-from terratool.text.source import Source, read_source, write_source
+from terratool.text.source import Source, read_source, real_path, write_source
 
 _pointer = re.compile(rf"(?:{ROOT}|/parts/[^/]*)(?:/children/(?:0|[1-9][0-9]*))*").fullmatch
 
@@ -183,13 +183,13 @@ def open_target(
 
 def moved(source: Source, output: str | Path) -> bytes:
     """A text whose paths of libraries lead there from where it goes."""
-    folders = Path(source.name).parent, Path(output).parent
-    if is_same_file(*folders) or value_at(source.data, "/use") is None:
+    here, there = (real_path(str(Path(file).parent)) for file in (source.name, output))
+    if here == there or value_at(source.data, "/use") is None:
         return source.data
     data = source.data
     paths = msgspec.json.decode(value_at(data, "/use") or b"", type=list[str])
     for index, path in enumerate(paths):
-        led = os.path.relpath(folders[0] / path, folders[1]).replace(os.sep, "/")
+        led = os.path.relpath(Path(here, path), there).replace(os.sep, "/")
         begin = offsets(data, [Address(f"/use/{index}")])[0]
         end = value_end(data, begin, len(data))
         data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).applied(data)

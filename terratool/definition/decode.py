@@ -39,7 +39,7 @@ from terratool.definition.model import (
     Surface,
     Track,
 )
-from terratool.definition.tree import ROOT, Tree, part_pointer
+from terratool.definition.tree import PARTS, ROOT, Tree, part_pointer
 from terratool.definition.vehicle import (
     AxleText,
     ClassesText,
@@ -49,7 +49,7 @@ from terratool.definition.vehicle import (
     VehicleText,
     WheelsText,
 )
-from terratool.text.display import counted, escape, only_answer, shown
+from terratool.text.display import counted, escape, only_answer, shown, unescape
 
 _Model = TypeVar("_Model", bound=Struct)
 _NUMBER = KEYS[Element]["vScale"]
@@ -436,7 +436,11 @@ class _Decoder:
         while level:
             start = len(values)
             if set(map(type, level)) != {dict}:
-                level = [self._element(value, index) for index, value in enumerate(level, start)]
+                names = list(map(_called, roots)) if start == 0 else ["an element"] * len(level)
+                level = [
+                    self._element(value, index, name)
+                    for index, (value, name) in enumerate(zip(level, names, strict=True), start)
+                ]
             values.extend(level)
             after = len(values)
             levels.append(after)
@@ -490,10 +494,10 @@ class _Decoder:
             count = sum(map(own.__contains__, chain.from_iterable(values)))
             self._found.take("TT103", remarks, count)
 
-    def _element(self, value: Any, index: int) -> dict[str, Any]:
+    def _element(self, value: Any, index: int, name: str) -> dict[str, Any]:
         if isinstance(value, dict):
             return value
-        self._wrong_type(index, "", "an element", "an object", value)
+        self._wrong_type(index, "", name, "an object", value)
         return {}  # keeps its place, so that the others keep their pointers
 
     def _convert_column(self, key: str, slot: QuickCheck, column: list[Any]) -> None:
@@ -537,6 +541,11 @@ class _Decoder:
         self._found.take("TT105", iter(()), wrong_types)
         if unfit:
             self.decoded.unfit.setdefault(key, set()).update(unfit)
+
+
+def _called(part: str) -> str:
+    """What a part is called, by its pointer."""
+    return f"the part {shown(unescape(part[len(PARTS) + 1 :]))}"
 
 
 def remark_on(

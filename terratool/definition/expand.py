@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct, structs
 
-from terratool.definition.chains import Chain, Chains
+from terratool.definition.chains import Chain, Chains, with_quarters
 from terratool.definition.model import Definition, Element, Pair, pair_of
 from terratool.definition.scattering import Strewn, strewn
 from terratool.definition.sides import Side, side
@@ -165,11 +165,9 @@ class _Writer(Struct, frozen=True, dict=True):
     def _write(self, node: _Node, columns: dict[str, list[Any]]) -> None:
         chain, tree, index = node.chain, node.chain.root.tree, node.chain.root.element
         quarters = (node.quarters + chain.quarters) % 4
-        turn, cells = chain.turn, tree.value("cells", index)
-        if quarters:
-            turn = (math.fmod(0.0 if turn is UNSET else turn, 360.0) + 90.0 * quarters) % 360.0
-            if quarters % 2 and isinstance(cells, tuple):
-                cells = cells[::-1]
+        cells = tree.value("cells", index)
+        if quarters % 2 and isinstance(cells, tuple):
+            cells = cells[::-1]
         factor, scale = node.factor * chain.factor, chain.scale
         if factor != 1.0:
             if scale is UNSET:
@@ -184,7 +182,7 @@ class _Writer(Struct, frozen=True, dict=True):
             "surface": chain.surface,
             "v_scale": scale,
             "v_offset": offset if offset is UNSET else node.factor * offset,
-            "turn_deg": turn,
+            "turn_deg": with_quarters(chain.turn, quarters),
             "cells": cells,
         }
         for name, value in written.items():

@@ -52,6 +52,10 @@ class RemarkLog(Struct):
     kept: list[tuple[str, Remark]] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
 
+    def copied(self) -> RemarkLog:
+        """The same, to which others can be added."""
+        return RemarkLog(self.limit, list(self.kept), Counter(self.counts))
+
     def wants(self, code: str) -> bool:
         """Count one remark; whether it is one of those to keep."""
         self.counts[code] += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from math import inf
-from typing import Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import msgspec
 from msgspec import Struct
@@ -476,16 +476,10 @@ def fits_double(number: float) -> bool:
 
 Kind = Literal["terrain", "library", "vehicle"]
 
-_LONGEST = 1 << 20
-"""Bytes from which on nothing is a vehicle, so that large terrains are not read twice."""
-
 _named = re.compile(r"(?:^|.*[/:])(terrain|library|vehicle)(?:\.schema\.json)?").fullmatch
 _terrain = KEYS[Definition].keys() - VEHICLE_KEYS[VehicleText].keys()
 _own = KEYS[Definition].keys() - KEYS[Library].keys()
 _library = KEYS[Library].keys() - {"$schema", "descr"}
-_large_library = re.compile(
-    rb'\s*{\s*"\$schema"\s*:\s*"(?:[^"]{0,500}[/:])?library(?:\.schema\.json)?"'
-).match
 _vehicle = VEHICLE_KEYS[VehicleText].keys() - KEYS[Definition].keys()
 
 
@@ -497,13 +491,14 @@ def document_kind(data: bytes) -> Kind | None:
     Args:
         data: a text in UTF-8; one that is no JSON object is neither.
     """
-    if len(data) > _LONGEST:
-        return "library" if _large_library(data) else "terrain"
     try:
-        members = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
+        members: Any = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
         schema = msgspec.json.decode(members.get("$schema", b"null"))
-    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+    except (msgspec.MsgspecError, UnicodeError):
         return None
+    except RecursionError:  # nested too deep for skipping
+        members = _deep_members(data)
+        schema = members.get("$schema")
     if isinstance(schema, str) and (match := _named(schema)):
         return cast("Kind", match[1])
     terrain, vehicle = len(_terrain & members.keys()), len(_vehicle & members.keys())
@@ -512,3 +507,15 @@ def document_kind(data: bytes) -> Kind | None:
     if vehicle > terrain:
         return "vehicle"
     return "terrain" if _own & members.keys() or not _library & members.keys() else "library"
+
+
+def _deep_members(data: bytes) -> dict[str, Any]:
+    """The members of an object, however deep it is; none where the text is no object."""
+    from terratool.text.syntax import JsonSyntaxError
+    from terratool.text.values import read_values
+
+    try:
+        value = read_values(data)
+    except JsonSyntaxError:
+        return {}
+    return value if isinstance(value, dict) else {}

@@ -71,12 +71,10 @@ class Document(Struct, eq=False, dict=True):
         """Where the paths of `use` begin."""
         return "." if self.source.name == "<stdin>" else str(Path(self.source.name).parent)
 
+    @cached_property
     def reached(self) -> tuple[Document, ...]:
         """All libraries that it uses, directly or through others, each once, in order."""
-        if "_libraries" not in self.__dict__:
-            self.__dict__["_libraries"] = tuple(self._reached())
-        known: tuple[Document, ...] = self.__dict__["_libraries"]
-        return known
+        return tuple(self._reached())
 
     @cached_property
     def entries(self) -> dict[Dictionary, dict[str, Any]]:
@@ -145,7 +143,7 @@ def known_names(document: Document) -> tuple[Names, list[Clash]]:
             name: Named(value, document) for name, value in document.entries[dictionary].items()
         }
         own = set(known)
-        for library in document.reached():
+        for library in document.reached:
             for name, value in library.entries[dictionary].items():
                 if name not in known:
                     known[name] = Named(value, library)
@@ -155,7 +153,11 @@ def known_names(document: Document) -> tuple[Names, list[Clash]]:
 
 
 class Shelf:
-    """Libraries that were opened, by their real paths, and the folders that they may lie in."""
+    """Libraries that were opened, by their real paths, and the folders that they may lie in.
+
+    Attributes:
+        files: the names of all that were looked for, whether they are there or not.
+    """
 
     def __init__(self, read: Callable[[Source], Document], roots: Sequence[str] = ()) -> None:
         """Keep libraries.
@@ -168,11 +170,7 @@ class Shelf:
         self._read = read
         self._documents: dict[str, Document | tuple[str, str, str]] = {}
         self._room = MAX_BYTES
-
-    @property
-    def files(self) -> list[str]:
-        """The real paths of all that were looked for, whether they are there or not."""
-        return list(self._documents)
+        self.files: dict[str, None] = {}
 
     def link(self, document: Document) -> None:
         """Open all libraries that a file uses, directly or through others."""
@@ -216,7 +214,10 @@ class Shelf:
         if wrong is not None:
             return "TT702", *wrong
         name = os.path.normpath(Path(user.folder, path))
-        real = real_path(name)
+        real = real_path(str(Path(user.folder, path)))
+        if real_path(name) != real:
+            name = real  # a ".." behind a link to a folder leads out of what it links to
+        self.files[name] = None
         if not any(_is_under(real, root) for root in (base, *self._roots)):
             return (
                 "TT702",

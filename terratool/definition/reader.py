@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import gc
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from copy import copy
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -76,7 +75,7 @@ class IgnoreLists:
         silent: dict[Owner, bool] = {}  # what is known of owners, and so of all in them
         for remark in remarks:
             path: list[Owner] = []
-            around: Owner | None = _owner(remark)
+            around: Owner | None = _owner(remark, tree)
             while around is not None and around not in silent:
                 path.append(around)
                 around = _around(around, tree)
@@ -123,11 +122,12 @@ def _remark(owner: Owner, rest: str, message: str, hint: str) -> Remark:
     return Remark(owner + pointer, message, hint)
 
 
-def _owner(remark: Remark) -> Owner:
+def _owner(remark: Remark, tree: Tree) -> Owner:
     """The innermost object around a remark, of those that may have a list."""
     if remark.element >= 0:
         return remark.element
-    return "/".join(remark.pointer.split("/", 3)[:3])
+    pointer = "/".join(remark.pointer.split("/", 3)[:3])
+    return tree.root_at.get(pointer, pointer)  # a part is an element
 
 
 def _around(owner: Owner, tree: Tree) -> Owner | None:
@@ -147,6 +147,7 @@ class CheckOptions(Struct, frozen=True):
         limit: how many findings to place; the others are counted.
         select: place those whose code begins with one of these; none means all.
         ignore: but none whose code begins with one of these.
+        ignored_in: what else is ignored in a file of this name, be it a library.
         library_roots: folders under which libraries may lie, beside that of the file and the
             current one.
     """
@@ -157,6 +158,11 @@ class CheckOptions(Struct, frozen=True):
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
     library_roots: tuple[str, ...] = ()
+    ignored_in: Callable[[str], tuple[str, ...]] = lambda _: ()
+
+    def of(self, file: str) -> CheckOptions:
+        """The same with what is ignored in a file."""
+        return structs.replace(self, ignore=self.ignore + self.ignored_in(file))
 
     def shows(self, code: str) -> bool:
         """Whether findings of this code are wanted."""
@@ -297,8 +303,8 @@ def check(
         if document.model.used and source.name != "<stdin>":
             document.real = real_path(source.name)
         (shelf or new_shelf(options)).link(document)
-        libraries = tuple(_checked(library, options) for library in document.reached())
-        return structs.replace(_checked(document, options, libraries), libraries=libraries)
+        libraries = tuple(_checked(library, options) for library in document.reached)
+        return structs.replace(_checked(document, options), libraries=libraries)
 
 
 def new_shelf(options: CheckOptions | None = None) -> Shelf:
@@ -327,54 +333,73 @@ def read_document(source: Source, kind: Kind, limit: int = 1000) -> Document:
     return Document(source, decoded, found, kind=kind)
 
 
-def _checked(
-    document: Document, options: CheckOptions, libraries: tuple[Checked, ...] = ()
-) -> Checked:
+def _checked(document: Document, options: CheckOptions) -> Checked:
+    """What is found in a text, errors of the libraries that it uses included."""
+    own = _looked_at(document, options)
+    broken = {
+        id(library): looked.checked
+        for library in document.reached
+        if not (looked := _looked_at(library, options)).is_good
+    }
+    if not broken or document.broken is not None:
+        return own.checked
+    found = own.found.copied()
+    found.take("TT706", _broken_libraries(document, broken))
+    findings = _placed(document.source, found, document.decoded, options)
+    return Checked(findings, found.counts, name=document.source.name)
+
+
+class _LookedAt(Struct, frozen=True):
+    """What rules find in a text by itself."""
+
+    found: RemarkLog
+    checked: Checked
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is no error."""
+        return not any(RULES[code].severity == "error" for code in self.checked.counts)
+
+
+def _looked_at(document: Document, options: CheckOptions) -> _LookedAt:
     """What rules find in a text, which is not looked at twice."""
-    known: Checked | None = document.__dict__.get("_checked")
-    if known is not None and not libraries:
+    known: _LookedAt | None = document.__dict__.get("_looked_at")
+    if known is not None:
         return known
+    found, decoded = document.found.copied(), document.decoded
     if document.broken is not None:
-        checked = _unreadable(document.source, document.broken)
+        looked = _LookedAt(found, _unreadable(document.source, document.broken))
     else:
-        found, decoded = copy(document.found), document.decoded
-        found.kept, found.counts = list(found.kept), Counter(found.counts)
         for code, remark in document.problems:
             found.take(code, iter((remark,)))
-        found.take("TT706", _broken_libraries(document, libraries))
         _apply_rules(document, found, options)
         findings = _placed(document.source, found, decoded, options)
-        checked = Checked(findings, found.counts, name=document.source.name)
-        if not any(RULES[code].severity == "error" for code in found.counts):
-            checked = structs.replace(
-                checked, vehicle=decoded.vehicle, terrain=decoded.definition, tree=decoded.tree,
-                document=None if decoded.vehicle else document,
-            )  # fmt: skip
-    document.__dict__["_checked"] = checked
-    return checked
+        looked = _LookedAt(found, Checked(findings, found.counts, name=document.source.name))
+        if looked.is_good:
+            looked = structs.replace(looked, checked=structs.replace(
+                looked.checked, vehicle=decoded.vehicle, terrain=decoded.definition,
+                tree=decoded.tree, document=None if decoded.vehicle else document,
+            ))  # fmt: skip
+    document.__dict__["_looked_at"] = looked
+    return looked
 
 
-def _broken_libraries(document: Document, libraries: tuple[Checked, ...]) -> Iterator[Remark]:
-    """A remark on each entry of `use` behind which there are errors."""
-    by_document = dict(zip(map(id, document.reached()), libraries, strict=bool(libraries)))
-    told: set[int] = set()
+def _broken_libraries(document: Document, broken: dict[int, Checked]) -> Iterator[Remark]:
+    """A remark on each library with errors of its own, at the entry of `use` that leads there."""
+    left = dict(broken)
     for index, library in enumerate(document.uses):
-        if library is None:
-            continue
-        for one in (library, *library.reached()):
-            checked = by_document.get(id(one))
-            if checked is None or id(one) in told:
+        for one in () if library is None else (library, *library.reached):
+            checked = left.pop(id(one), None)
+            if checked is None:
                 continue
-            told.add(id(one))
             first = next((f for f in checked.findings if f.severity == "error"), None)
             count = sum(n for code, n in checked.counts.items() if RULES[code].severity == "error")
-            if count:
-                where = f": {first.line}:{first.column}: {first.message}" if first else "."
-                yield Remark(
-                    f"/use/{index}",
-                    f"the library {shown(one.source.name)} has {counted(count, 'error')}{where}",
-                    first.hint if first else "Run terratool validate on it.",
-                )
+            where = f": {first.line}:{first.column}: {first.message}" if first else "."
+            yield Remark(
+                f"/use/{index}",
+                f"the library {shown(one.source.name)} has {counted(count, 'error')}{where}",
+                first.hint if first else "Run terratool validate on it.",
+            )
 
 
 @contextmanager
@@ -489,7 +514,8 @@ def _placed(
     source: Source, found: RemarkLog, decoded: Decoded, options: CheckOptions
 ) -> tuple[Finding, ...]:
     """The findings that are wanted, by where they stand in the text."""
-    found.kept = [kept for kept in found.kept if options.shows(kept[0])]
+    shows = options.of(source.name).shows
+    found.kept = [kept for kept in found.kept if shows(kept[0])]
     if not found.kept:
         return ()
     from terratool.text.locate import Address, offsets, positions_of

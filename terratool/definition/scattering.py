@@ -51,6 +51,15 @@ def strewn(
         by_quarters: turns are multiples of 90 degrees.
         tilted: the element itself is turned by another angle.
     """
+    for copy, _ in sown(scatter, lengths, by_quarters=by_quarters, tilted=tilted):
+        if copy is not None:
+            yield copy
+
+
+def sown(
+    scatter: Scatter, lengths: Pair, *, by_quarters: bool, tilted: bool
+) -> Iterator[tuple[Strewn | None, int]]:
+    """All copies as `strewn` has them, None for those left out, and how often each was tried."""
     least, most = scatter.sizes
     seed = 0 if scatter.seed is UNSET else scatter.seed
     low, high = 1.0 / (least * least), 1.0 / (most * most)
@@ -72,6 +81,7 @@ def strewn(
         reach = side * (_HALF_DIAGONAL if any_turn else 0.5)
         room = lengths[0] - 2.0 * reach, lengths[1] - 2.0 * reach
         if min(room) < 0.0:
+            yield None, 0
             continue
         for attempt in range(1 if near is None else _TRIES):
             middle = (
@@ -79,8 +89,10 @@ def strewn(
                 reach + room[1] * _share(seed, n, 3 + 2 * attempt),
             )
             if near is None or near.takes(middle, side):
-                yield Strewn(middle, side, turn)
+                yield Strewn(middle, side, turn), attempt + 1
                 break
+        else:
+            yield None, attempt + 1
 
 
 _HALF_DIAGONAL = math.sqrt(0.5) * (1.0 + 1e-12)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, UnsetType
 
-from terratool.definition.chains import Chain, Chains
+from terratool.definition.chains import Chain, Chains, with_quarters
 from terratool.definition.expand import (
     MAX_ELEMENTS,
     strewn_at_place,
@@ -262,8 +262,8 @@ class _Drafter:
 
 
 def _turn(chain: Chain, quarters: int) -> float:
-    turn = 0.0 if chain.turn is UNSET else chain.turn
-    return (math.fmod(turn, 360.0) + 90.0 * quarters) % 360.0 if quarters else turn
+    turn = with_quarters(chain.turn, quarters)
+    return 0.0 if turn is UNSET else turn
 
 
 def _turned_cells(root: Root, quarters: int) -> tuple[int, int]:

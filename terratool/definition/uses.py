@@ -1,24 +1,19 @@
-"""Which parts a definition uses, how many elements they come to, and in what sizes they stand."""
+"""Which parts a definition uses, and how many elements they come to."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct
 
 from terratool.definition.libraries import Dictionary, Document, Names
-from terratool.definition.model import Definition, Library, Pair, pair_of
+from terratool.definition.model import Definition, Library, pair_of
 from terratool.definition.scattering import wanted
-from terratool.definition.sides import Sides, sides
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
-MAX_SIZES = 10_000
-"""In so many sizes may parts stand in which there are free places …"""
-MAX_LOOKS = 2_000_000
-"""… and so many elements of them, in one size after the other, are looked at."""
 MAX_DEPTH = 1000
 """So many parts may stand in one another."""
 
@@ -29,29 +24,6 @@ class Root(NamedTuple):
     tree: Tree
     element: int
     home: Document
-
-
-class PartSize(NamedTuple):
-    """A size that a part stands in.
-
-    Attributes:
-        part: its name, empty for the terrain.
-        sides: of its cell, as they are before any quarter turn of the part.
-        lies: whether it is turned by a quarter or three.
-    """
-
-    part: str
-    sides: Sides
-    lies: bool
-
-
-class SizedElement(NamedTuple):
-    """An element at a free place, and the sides of its parent's cell in a size of its part."""
-
-    tree: Tree
-    element: int
-    parent: Pair
-    size: PartSize
 
 
 class PartUse(NamedTuple):
@@ -224,7 +196,7 @@ class Uses(Struct, frozen=True, dict=True):
         primitives: dict[str, None] = {}
         for root in (self.root, *map(self.part, self.reached)):
             tree = root.tree
-            for index in _elements(root):
+            for index in elements_of(root):
                 surfaces[tree.value("surface", index)] = None
                 primitives[tree.value("type", index)] = None
         surfaces |= dict.fromkeys(sorted(track_surfaces(terrain)))
@@ -233,19 +205,19 @@ class Uses(Struct, frozen=True, dict=True):
         return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.reached)}
 
     def tallest(self) -> Iterator[tuple[PartUse, float]]:
-        """For each element of the terrain in whose cell a part stands, the largest factor in it."""
-        largest: dict[str, float] = {}
+        """For each element of the terrain that stands for a part, the largest number in it.
 
-        def factor(root: Root, use: PartUse) -> float:
-            own = root.tree.value("v_scale", use.element)
-            return (1.0 if own is UNSET else abs(own)) * max(1.0, largest[use.part])
-
+        That is of the factors and offsets of heights as they are when the part is written out.
+        """
+        known: dict[str, _Heights] = {}
         for name in self._inner_first:
             root = self.part(name)
-            largest[name] = max((factor(root, use) for use in self.within(root)), default=1.0)
+            top, *below = (_heights(root.tree, index, known) for index in elements_of(root))
+            known[name] = _Heights(max([top.below, *(one.largest for one in below)]), top.offset)
         if self.has_root:
             for use in self.within(self.root):
-                yield use, factor(self.root, use)
+                if use.part in known:
+                    yield use, _heights(self.root.tree, use.element, known).largest
 
     @cached_property
     def counts(self) -> dict[str, int]:
@@ -260,91 +232,37 @@ class Uses(Struct, frozen=True, dict=True):
         """How many elements the terrain comes to."""
         return _count(self.root, self.counts)
 
-    @cached_property
-    def _with_places(self) -> set[str]:
-        """Parts in which there are free places, or in the parts in them."""
+    def leading_to(self, wanted: Callable[[Root], bool]) -> set[str]:
+        """Parts for which something holds, and those in which they stand; not in circles."""
         found: set[str] = set()
         for name in self._inner_first:
-            root = self.part(name)
-            if not found.isdisjoint(self._inner[name]) or _places(root):
+            if not found.isdisjoint(self._inner[name]) or wanted(self.part(name)):
                 found.add(name)
         return found
 
-    @cached_property
-    def sizes(self) -> dict[PartSize, list[tuple[PartSize, int]]]:
-        """The sizes of the terrain and its parts, as far as there are free places.
 
-        Each with the elements that stand for it, in which sizes. When there are more than are
-        looked at, the last ones are missing, and `has_all_sizes` says so.
-        """
-        definition = self.document.model
-        assert isinstance(definition, Definition)
-        if not self.has_root or self.circles or definition.size is UNSET:
-            return {}
-        if not self._with_places and not _places(self.root):
-            return {}
-        start = PartSize("", sides(definition.extent), False)
-        found: dict[PartSize, list[tuple[PartSize, int]]] = {start: []}
-        pending = [start]
-        looks: dict[str, int] = {}
-        while pending:
-            size = pending.pop()
-            root = self._root_of(size)
-            again = size.part in looks
-            looks[size.part] = again * len(_elements(root)) + looks.get(size.part, 0)
-            if len(found) > MAX_SIZES or (again and sum(looks.values()) > MAX_LOOKS):
-                self.__dict__["has_all_sizes"] = False
-                break
-            lengths = _lengths(root, size)
-            for use in self.within(root):
-                if use.part not in self._with_places:
-                    continue
-                quarters = quarter_turns(root.tree.value("turn_deg", use.element))
-                within = lengths[use.element].turned(quarters)
-                below = PartSize(use.part, within, size.lies ^ (quarters % 2 == 1))
-                if below not in found:
-                    found[below] = []
-                    pending.append(below)
-                found[below].append((size, use.element))
-        return found
+class _Heights(NamedTuple):
+    """The offset of an element, and the largest of all other numbers in what it stands for."""
+
+    below: float
+    offset: float
 
     @property
-    def has_all_sizes(self) -> bool:
-        """Whether there are no more sizes than are looked at."""
-        return bool(self.sizes is not None and self.__dict__.get("has_all_sizes", True))
+    def largest(self) -> float:
+        return max(self.below, abs(self.offset))
 
-    def _root_of(self, size: PartSize) -> Root:
-        return self.part(size.part) if size.part else self.root
 
-    def free_places(self) -> Iterator[SizedElement]:
-        """Each element at a free place, once for each size that it stands in.
-
-        Those in parts that the terrain does not have are left out.
-        """
-        for size in self.sizes:
-            root = self._root_of(size)
-            placed = _places(root)
-            lengths = _lengths(root, size) if placed else {}
-            for index in placed:
-                parent = root.tree.parents[index]
-                if parent >= 0:
-                    yield SizedElement(root.tree, index, lengths[parent].lengths, size)
-
-    def leading_to(self, size: PartSize, seen: set[PartSize]) -> Iterator[int]:
-        """The elements of the terrain with which a part comes to stand in a size.
-
-        Args:
-            size: of the part.
-            seen: sizes that are not looked at again.
-        """
-        pending = [size]
-        while pending:
-            for user, element in self.sizes[pending.pop()]:
-                if not user.part:
-                    yield element
-                elif user not in seen:
-                    seen.add(user)
-                    pending.append(user)
+def _heights(tree: Tree, index: int, known: dict[str, _Heights]) -> _Heights:
+    """Those of an element; a vScale that it leaves out is 1 at most."""
+    own, offset = tree.value("v_scale", index), tree.value("v_offset", index)
+    scatter, inner = tree.value("scatter", index), known.get(tree.value("part", index))
+    scale = 1.0 if own is UNSET else own
+    if scatter is not UNSET:
+        scale *= scatter.sizes[1]
+    offset = 0.0 if offset is UNSET else offset
+    if inner is None:
+        return _Heights(abs(scale), offset)
+    return _Heights(abs(scale) * max(1.0, inner.below), scale * inner.offset + offset)
 
 
 def track_surfaces(terrain: Library) -> set[str]:
@@ -376,7 +294,7 @@ def _part_uses(tree: Tree) -> dict[int, list[PartUse]]:
     return known
 
 
-def _elements(root: Root) -> Sequence[int]:
+def elements_of(root: Root) -> Sequence[int]:
     """The elements below a root, and that itself, level by level."""
     tree = root.tree
     if len(tree.roots) == 1:
@@ -390,7 +308,7 @@ def _elements(root: Root) -> Sequence[int]:
     return known[root.element]
 
 
-def _places(root: Root) -> list[int]:
+def places_of(root: Root) -> list[int]:
     """The elements below a root that stand at free places."""
     tree = root.tree
     known: dict[int, list[int]] | None = tree.notes.get("places")
@@ -405,7 +323,7 @@ def _places(root: Root) -> list[int]:
 
 def _count(root: Root, counts: dict[str, int]) -> int:
     tree = root.tree
-    members = _elements(root)
+    members = elements_of(root)
     if all(tree.distinct(key) == {UNSET} for key in ("part", "repeat", "scatter")):
         return len(members)
     parts, repeats, scatters = (tree.column(key) for key in ("part", "repeat", "scatter"))
@@ -419,28 +337,3 @@ def _count(root: Root, counts: dict[str, int]) -> int:
             times = wanted(scatters[index], pair_of(tree.value("extent", index), math.nan))
         below[tree.parents[index]] += below[index] * times
     return below[root.element]
-
-
-def _lengths(root: Root, size: PartSize) -> dict[int, Sides]:
-    """The sides of the cells below a root in a size, before quarter turns of the part.
-
-    Those of a free place do not turn with the part: in one that lies they are exchanged. Of
-    scattered copies the least counts.
-    """
-    tree = root.tree
-    scatters = tree.column("scatter") if tree.distinct("scatter") != {UNSET} else None
-    found = {root.element: size.sides}
-    extents = tree.column("extent") if tree.distinct("extent") != {UNSET} else None
-    for index in _elements(root):
-        parent = tree.parents[index]
-        if index == root.element:
-            continue
-        if scatters is not None and scatters[index] is not UNSET:
-            least = scatters[index].sizes[0]
-            found[index] = sides((least, least))
-        elif extents is not None and extents[index] is not UNSET:
-            w, h = pair_of(extents[index], math.nan)
-            found[index] = sides((w, h)).turned(size.lies)
-        else:
-            found[index] = found[parent].block(tree.block(index)[2:], tree.grid(parent))
-    return found

@@ -78,6 +78,25 @@ def test_settings_by_pattern(project: Path) -> None:
     assert codes(project / "sites") == []
 
 
+def test_settings_of_a_library_are_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is ignored in a terrain is told of in its library, and the other way round."""
+    monkeypatch.chdir(tmp_path)
+    primitives = '"elemTypes":{"b":{"x":[1]},"B":{"x":[0,1]}}'
+    Path("kit.json").write_text(
+        f'{{{primitives},"surfTypes":{{"b":{{"void":true}}}}}}', encoding="utf-8"
+    )
+    Path("site.json").write_text(
+        '{"size":1,"use":["kit.json"],"elemTree":{"type":"b","vScale":0}}', encoding="utf-8"
+    )
+    for names in ("site.json", "kit.json"), ("kit.json", "site.json"), (".",), ("site.json",):
+        Path(".terratool.toml").unlink(missing_ok=True)
+        assert sorted(codes(*names)) == ["TT206", "TT207", "TT210"]
+        Path(".terratool.toml").write_text(
+            '[per-file-ignores]\n"kit.json" = ["TT206"]\n"site.json" = ["TT207"]\n', "utf-8"
+        )
+        assert sorted(codes(*names)) == ["TT207", "TT210"]
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -300,6 +319,22 @@ def test_fix_puts_letters_back(tmp_path: Path, wrong: str) -> None:
 def test_fix_needs_a_file() -> None:
     ran = call("validate", "-", "--fix", stdin=BROKEN)
     assert ran.code == 2 and "standard input" in ran.err
+
+
+@pytest.mark.parametrize("order", [("site.json", "kit.json"), ("kit.json", "site.json"), (".",)])
+def test_fix_mends_a_library_whoever_is_named_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: tuple[str, ...]
+) -> None:
+    """All files are mended before any is checked."""
+    monkeypatch.chdir(tmp_path)
+    Path("kit.json").write_text('{"elemTypes":{"b":{"x":[1],"combin":"sum"}}}', encoding="utf-8")
+    Path("site.json").write_text(
+        '{"size":1,"use":["kit.json"],"elemTree":{"type":"b"}}', encoding="utf-8"
+    )
+    ran = call("validate", *order, "--fix", "--format", "json")
+    assert ran.code == 0 and json.loads(ran.out)["findings"] == []
+    assert "kit.json: mended in 1 place" in ran.err
+    assert '"combine"' in Path("kit.json").read_text("utf-8")
 
 
 def test_fix_heeds_what_is_selected(tmp_path: Path) -> None:

@@ -160,6 +160,24 @@ def test_a_library_is_watched_wherever_it_is_used(
     assert checked == ["site.json", "other.json", "site.json", "site.json", "site.json"]
 
 
+def test_a_link_to_a_library_that_changes_its_target(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    user, link = tmp_path / "site.json", tmp_path / "kit.json"
+    user.write_text('{"use":["kit.json"],"size":10,"elemTree":{"type":"b"}}', encoding="utf-8")
+    for name in ("a", "b"):
+        primitives = f'{{"elemTypes":{{"{name}":{{"x":[1]}}}}}}'
+        (tmp_path / f"{name}-kit.json").write_text(primitives, encoding="utf-8")
+    link.symlink_to("b-kit.json")
+
+    def relink() -> None:
+        link.unlink()
+        link.symlink_to("a-kit.json")
+
+    ran = watched(monkeypatch, [nothing, relink, nothing, nothing], user, "--format", "json")
+    assert reports(ran) == [[], ["TT716", "TT201"]]
+
+
 @pytest.mark.parametrize("options", [["--fix"], ["--baseline", "b.json", "--update-baseline"]])
 def test_watching_writes_nothing(tmp_path: Path, options: list[str]) -> None:
     """What writes is refused beside it."""

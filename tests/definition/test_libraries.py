@@ -118,6 +118,11 @@ def write(folder: Path, **files: Any) -> None:
         (folder / f"{name}.json").write_text(json.dumps(value), encoding="utf-8")
 
 
+def site_of(*libraries: str) -> dict[str, Any]:
+    """A terrain that stands on their box."""
+    return {"size": 10, "use": list(libraries), "elemTree": {"type": "box"}}
+
+
 def codes(checked: Checked) -> list[str]:
     """Codes of what is found in the file, then in its libraries."""
     return [f.code for one in (checked, *checked.libraries) for f in one.findings]
@@ -128,7 +133,7 @@ def test_a_chain_without_end_is_cut(tmp_path: Path) -> None:
         text = f'{{"use": ["c{k + 1}.json"], "elemTypes": {{"e{k}": {{"x": [1]}}}}}}'
         (tmp_path / f"c{k}.json").write_text(text)
     checked = findings_of(tmp_path, '"c0.json"')
-    assert codes(checked) == ["TT706", "TT701"]
+    assert [f.code for f in checked.findings] == ["TT706"]
     assert len(checked.libraries) == 1000
     (finding,) = checked.libraries[-1].findings
     assert (finding.line, finding.column) == (1, 10)
@@ -163,6 +168,88 @@ def test_circles_are_told_in_each_file_of_them(tmp_path: Path) -> None:
     assert all(("TT705", "/use/0") in found[name] for name in ("a", "c", "own"))
     assert ("TT705", "/use/1") in found["b"]
     assert {"TT706"} == {finding.code for finding in checked.findings}
+
+
+@pytest.mark.parametrize("files", [("site", "mid"), ("mid", "site"), ("low", "site"), ("site",)])
+def test_a_broken_library_is_told_alike_on_every_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: tuple[str, ...]
+) -> None:
+    """Each file that leads to it names its entry, and the library itself the fault."""
+    write(tmp_path, site=site_of("mid.json"), mid={"use": ["low.json"], "elemTypes": BOX})
+    write(tmp_path, low={"elemTypes": {"a": {"x": "bad"}}})
+    monkeypatch.chdir(tmp_path)
+    ran = call("validate", "--format", "json", *(f"{name}.json" for name in files))
+    told = sorted(
+        (Path(f["file"]).stem, f["code"], f["pointer"], f["message"].count("low.json"))
+        for f in json.loads(ran.out)["findings"]
+    )
+    assert told == [
+        ("low", "TT301", "/elemTypes/a/x", 0), ("mid", "TT706", "/use/0", 1),
+        ("site", "TT706", "/use/0", 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("parts", [{}, {"p": {"type": "box"}}])
+def test_nothing_is_called_unused_while_a_library_is_missing(
+    tmp_path: Path, parts: dict[str, Any]
+) -> None:
+    """What is missing may use it."""
+    write(tmp_path, kit={"elemTypes": {"ramp": {"x": [0, 1]}}}, more={})
+    site = {**site_of("kit.json", "more.json"), "elemTypes": BOX, "parts": parts}
+    write(tmp_path, site=site)
+    wanted = ["TT716", "TT716"] + ["TT717"] * len(parts)
+    assert sorted(codes(check(read_source(tmp_path / "site.json")))) == wanted
+    (tmp_path / "more.json").unlink()
+    assert codes(check(read_source(tmp_path / "site.json"))) == ["TT701"]
+
+
+@pytest.mark.parametrize("code", ["TT717", "TT718"])
+def test_a_part_can_silence_what_is_said_of_its_name(tmp_path: Path, code: str) -> None:
+    write(tmp_path, kit={"elemTypes": {"ramp": {"x": [0, 1]}}, "parts": {"p": {"type": "ramp"}}})
+    part = {"type": "ramp", "x-ignore": [code]}
+    site = {**site_of("kit.json"), "elemTypes": BOX, "parts": {"p": part}}
+    for silent in (True, False):
+        if not silent:
+            del part["x-ignore"]
+        write(tmp_path, site=site)
+        found = codes(check(read_source(tmp_path / "site.json")))
+        assert (code in found) is not silent and "TT113" not in found
+
+
+def test_a_factor_of_0_on_a_part_is_said_of_the_part() -> None:
+    value = {"size": 10, "elemTypes": BOX, "parts": {"p": {"type": "box"}}}
+    value["elemTree"] = tree({**CELL, "part": "p", "vScale": 0})
+    checked = check(Source("t.json", json.dumps(value).encode()))
+    assert [f.message for f in checked.findings] == ['"vScale" is 0, so all of the part is flat.']
+
+
+@pytest.mark.parametrize("site", [{"use": []}, {"use": ["kit.json"]}, {"part": "p"}])
+def test_no_primitives_at_all_are_no_excuse(tmp_path: Path, site: dict[str, Any]) -> None:
+    """A name that nothing has is told of where it stands, in a library, too."""
+    write(tmp_path, kit={"parts": {"p": {"type": "box"}}})
+    root = {"part": "p"} if "part" in site else {"type": "box"}
+    write(tmp_path, site={"size": 10, "use": site.get("use", ["kit.json"]), "elemTree": root})
+    checked = check(read_source(tmp_path / "site.json"), CheckOptions(warnings=False))
+    told = {f.pointer for one in (checked, *checked.libraries) for f in one.findings}
+    assert checked.terrain is None
+    assert ("/parts/p/type" in told) is (site.get("use") != [])
+    assert ("/elemTree/type" in told) is ("use" in site)
+
+
+def test_a_part_that_is_none_is_named() -> None:
+    text = json.dumps({"size": 10, "elemTypes": BOX, "parts": {"a/b": 5}, "elemTree": tree()})
+    checked = check(Source("t.json", text.encode()), CheckOptions(warnings=False))
+    assert [f.message for f in checked.findings] == [
+        'the part "a/b" is the number 5, which does not fit.'
+    ]
+
+
+def test_a_bundle_to_standard_output(site: Path, tmp_path: Path) -> None:
+    """The text alone, and no file."""
+    out, root = tmp_path / "out.json", ("--library-root", tmp_path)
+    assert call("bundle", site, out, *root).code == 0
+    ran = call("bundle", site, "-", *root)
+    assert (ran.code, ran.out, ran.err) == (0, out.read_text("utf-8"), "")
 
 
 def test_a_file_reached_by_two_paths_counts_once(tmp_path: Path) -> None:
@@ -223,7 +310,8 @@ CELL: dict[str, Any] = {"cellX": 0, "cellY": 0}
         ({"at": 5, "extent": 1}, [("TT105", "/at")]),
         ({"at": [5, 5], "extent": 1, "cellX": 0}, [("TT711", "/cellX")]),
         ({"at": [5, 5]}, [("TT711", "")]),
-        ({"extent": 1}, [("TT104", ""), ("TT104", ""), ("TT711", "")]),
+        ({"extent": 1}, [("TT711", "")]),
+        ({"extent": 1, "cellX": 0}, [("TT711", ""), ("TT711", "/cellX")]),
         ({"at": [8, 5], "extent": [4, 1], "turnDeg": 90}, []),
         ({"at": [5, 8], "extent": [6, 1], "turnDeg": 90}, [("TT713", "/at")]),
         ({"at": [5, 9.5], "extent": 1, "turnDeg": 45}, [("TT713", "/at")]),
@@ -238,6 +326,7 @@ CELL: dict[str, Any] = {"cellX": 0, "cellY": 0}
         ({**CELL, "repeat": {"count": [11, 1], "step": [1, 0]}}, [("TT714", "/repeat/count/0")]),
         ({**CELL, "repeat": {"count": [2, 2], "step": [0, -1]}}, [("TT714", "/repeat/count/1")]),
         ({**CELL, "repeat": {"count": [2, 2], "step": [0.5, 0]}}, [("TT714", "/repeat/step/0")]),
+        ({**CELL, "repeat": {"count": [1, 2], "step": [0.5, 1]}}, []),
         ({**CELL, "repeat": {"count": [0, 1], "step": [1, 1]}}, [("TT106", "/repeat/count/0")]),
         ({**CELL, "repeat": {"count": [65537, 1], "step": [0, 0]}}, [("TT106", "/repeat/count/0")]),
         ({**CELL, "repeat": {"count": [1.5, 1], "step": [0, 0]}}, [("TT105", "/repeat/count/0")]),
@@ -285,6 +374,53 @@ def test_what_may_not_stand_beside_a_part(beside: dict[str, Any], code: str, key
     parts = {"p": {"type": "box"}, "tall": tree({**CELL, "part": "p", "vScale": 1e9})}
     wrong = found({"parts": parts, "elemTree": tree({**CELL, "part": "p", **beside})})
     assert (code, f"/elemTree/children/0/{key}") in wrong
+
+
+@pytest.mark.parametrize(
+    ("inner", "user", "beyond"),
+    [
+        ({"vScale": 1e20}, {"vScale": 1e20}, True),
+        ({"vScale": 1e20}, {"vScale": -1e9}, False),
+        ({"vOffset": -1e20}, {"vScale": 1e20}, True),
+        ({"vOffset": 1e30, "vScale": 1}, {"vOffset": 1e30}, True),
+        ({"vOffset": 1e30, "vScale": 1}, {"vOffset": -1e30}, False),
+        ({"vOffset": 1e30, "vScale": 1}, {"vOffset": 1e30, "vScale": -1}, False),
+        ({"children": [{**CELL, "type": "box", "vOffset": 1e20}]}, {"vScale": 1e20}, True),
+        ({"children": [{**CELL, "type": "box", "vOffset": 1e20}]}, {"vOffset": 1e30}, False),
+        ({}, {"vScale": 1e20, "scatter": {"count": 1, "sizes": [0.5, 1]}}, False),
+        (
+            {"vScale": 1e20},
+            {"vScale": 1e10, "scatter": {"count": 1, "sizes": [0.5, 1.5]}, "span": [4, 4]}, True,
+        ),
+    ],
+)  # fmt: skip
+def test_heights_in_parts_are_those_of_an_element(
+    tmp_path: Path, inner: dict[str, Any], user: dict[str, Any], beyond: bool
+) -> None:
+    """What is beyond the limits of the format is told of, and the rest can be written out."""
+    site = {"parts": {"p": {"part": "q"}, "q": {"type": "box", "vScale": 1, **inner}}}
+    site["elemTree"] = tree({**uses("p"), **user})
+    assert found(site) == [("TT715", "/elemTree/children/0/part")] * beyond
+    if not beyond:
+        write(tmp_path, site={"size": 10, "elemTypes": BOX, **site})
+        out = tmp_path / "out.json"
+        assert call("bundle", "--expand", tmp_path / "site.json", out).code == 0
+        assert call("validate", out).code == 0
+
+
+def test_places_that_are_alike_are_looked_at_once() -> None:
+    """2,000 of them in 1,200 sizes; one that reaches out in some sizes is told of once."""
+    places = [{"at": [1e-3 * (k + 1), 1e-3], "extent": 1e-3, "type": "box"} for k in range(2000)]
+    users = [
+        {**CELL, "type": "box", "cells": [k % 40 + 1, k // 40 + 1], "children": [uses("p")]}
+        for k in range(1200)
+    ]
+    site = {"size": 2000, "parts": {"p": tree(*places)}, "elemTree": tree(*users)}
+    assert found(site) == []
+    site["size"] = 400
+    # the narrowest cell is 400 / 10 / 40 wide, and ends in the middle of the 1,000th place
+    beyond = [f"/parts/p/children/{k}/at" for k in range(999, 1999)]
+    assert found(site) == [("TT713", pointer) for pointer in beyond]
 
 
 @pytest.mark.parametrize("key", ["cellX", "span", "at", "extent", "repeat"])
@@ -512,6 +648,37 @@ def test_paths_of_libraries_follow_a_text_that_moves(site: Path, tmp_path: Path)
     assert here.out.replace("../kit", "../../kit") == there.out
 
 
+def test_paths_of_libraries_follow_a_text_behind_a_link(site: Path, tmp_path: Path) -> None:
+    """Where the folder is a link, they are right by its name and by that of what it links to."""
+    (tmp_path / "far" / "off").mkdir(parents=True)
+    (tmp_path / "out").symlink_to(tmp_path / "far" / "off")
+    root = ("--library-root", tmp_path)
+    by_link, by_name = (tmp_path / name / "more.json" for name in ("out", "far/off"))
+    ran = call("add", site, "--part", "crate", "--cell", "5", "5", "--output", by_link, *root)
+    assert ran.code == 0, ran.err
+    assert json.loads(by_name.read_text(encoding="utf-8"))["use"] == ["../../kit/kit.json"]
+    for path in (by_link, by_name):
+        assert call("validate", path, *root).code == 0
+    ran = call("add", by_link, "--part", "crate", "--cell", "6", "5", "--output", by_name, *root)
+    assert ran.code == 0, ran.err
+
+
+def test_no_order_of_files_decides_on_a_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folders of all files that are named may be read, whichever comes first."""
+    for folder in ("a", "c", "elsewhere"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    write(tmp_path / "a", kit={"use": ["../c/more.json"]}, near=site_of("kit.json"))
+    write(tmp_path / "c", more={"elemTypes": BOX})
+    write(tmp_path, far=site_of("a/kit.json"))
+    near, far = tmp_path / "a" / "near.json", tmp_path / "far.json"
+    assert call("validate", near).code == 1
+    for files in ((near, far), (far, near)):
+        assert call("validate", *files).code == 0, files
+
+
 def test_what_is_too_much_is_a_sentence(tmp_path: Path) -> None:
     """10¹² elements: valid and counted at once, and no product ends in a traceback."""
     many = {"count": [1000, 1000], "step": [1, 1]}
@@ -537,14 +704,49 @@ def test_what_is_too_much_is_a_sentence(tmp_path: Path) -> None:
         assert ran.code == 0 or "1,000,001,000,001 elements" in ran.err, ran.err
 
 
+@pytest.mark.parametrize("levels", [31, 33, 40])
+def test_counts_beyond_doubles_are_a_sentence(tmp_path: Path, levels: int) -> None:
+    """65,536² copies in each of as many, level by level: over 10³⁰⁸ of them."""
+    many = {"count": [65536, 65536], "step": [1, 1]}
+    parts = {"p0": {"type": "box"}} | {
+        f"p{k}": tree({**uses(f"p{k - 1}"), "repeat": many}, cells=65536) for k in range(1, levels)
+    }
+    path = tmp_path / "many.json"
+    site = {"size": 10, "elemTypes": BOX, "parts": parts, "elemTree": {"part": f"p{levels - 1}"}}
+    path.write_text(json.dumps(site), encoding="utf-8")
+    for words, code in (
+        (["validate", path], 0),
+        (["bundle", path, tmp_path / "one.json"], 0),
+        (["bundle", "--expand", path, tmp_path / "all.json"], 2),
+        (["query", path, "1", "1"], 2),
+        (["info", path], 2),
+        (["export-dem", path, tmp_path / "dem.tif", "--resolution", "1"], 2),
+    ):
+        ran = call(*words)
+        assert ran.code == code, (words, ran.err)
+        assert code == 0 or ran.err.count("elements, and") == 1, ran.err
+
+
 def test_a_large_library_is_one(tmp_path: Path) -> None:
-    """A library of more than 1 MiB needs no $schema to be used."""
+    """A library of more than 1 MiB needs no $schema, by itself or for a terrain."""
     curves = {f"p{n}": {"x": [0.25] * 40_000} for n in range(6)}
     (tmp_path / "kit.json").write_text(json.dumps({"elemTypes": curves}), encoding="utf-8")
     site = tmp_path / "site.json"
     site.write_text('{"use":["kit.json"],"size":5,"elemTree":{"type":"p3"}}', encoding="utf-8")
     assert (tmp_path / "kit.json").stat().st_size > 1 << 20
     assert check(read_source(site), CheckOptions(warnings=False)).findings == ()
+    assert codes(check(read_source(tmp_path / "kit.json"), kind=None)) == []
+
+
+@pytest.mark.parametrize("head", ["", '"$schema":"library",'])
+def test_a_deep_library_is_one(head: str) -> None:
+    level = '"type":"b","cells":1,"children":[{"cellX":0,"cellY":0,' * 1000
+    tree = f'{{{level}"type":"b"{"}]" * 1000}}}'
+    text = f'{{{head}"elemTypes":{{"b":{{"x":[1]}}}},"parts":{{"p":{tree}}}}}'
+    checked = check(Source("kit.json", text.encode()), kind=None)
+    assert codes(checked) == [] and checked.document is not None
+    cut = check(Source("kit.json", text[:-3].encode()), kind=None)
+    assert [finding.code for finding in cut.findings] == ["TT101"]
 
 
 def test_a_thousand_levels_are_bundled(tmp_path: Path) -> None:

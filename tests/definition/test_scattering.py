@@ -143,3 +143,39 @@ def test_a_cell_is_an_area_too() -> None:
     assert 0.01 < there.mean() < 0.1
     assert x[there].min() > 8 and x[there].max() < 20
     assert y[there].min() > 2 and y[there].max() < 10
+
+
+def remarks(extent: float, **asked: Any) -> list[tuple[str, str]]:
+    """What TT721 says of an element that is scattered over a square, its place and sentence."""
+    asked = {"sizes": [0.2, 1.6], "seed": 5} | asked
+    value = {
+        "size": 100, "elemTypes": {"box": {"x": [1]}},
+        "elemTree": {"type": "box", "children": [
+            {"at": [50, 50], "extent": extent, "type": "box", "scatter": asked}
+        ]},
+    }  # fmt: skip
+    findings = check(Source("t.json", json.dumps(value).encode())).findings
+    return [(f.pointer.rpartition("/")[2], f.message) for f in findings if f.code == "TT721"]
+
+
+def test_what_is_left_out_is_counted() -> None:
+    """As many as there are in the end, by size alone and by distance."""
+    for extent, asked in (1.2, {"count": 400}), (12.0, {"count": 400, "distance": 0.25}):
+        placed = len(copies((extent, extent), **asked))
+        assert 0 < placed < 400
+        said = f"{placed} of 400 copies find a place; the others are left out."
+        assert remarks(extent, **asked) == [("scatter", said)]
+    assert remarks(40.0, count=400) == []
+
+
+def test_a_crowd_without_end_is_looked_at_in_part() -> None:
+    """The largest of 50,000 copies tell that there is no room for all."""
+    ((_, said),) = remarks(20.0, count=50_000, distance=0.25)
+    assert " largest of 50,000 copies find a place" in said
+    assert remarks(20.0, count=1_000_000, distance=0.25) == []
+
+
+def test_a_density_that_comes_to_nothing_is_told_of() -> None:
+    ((where, said),) = remarks(2.0, density=0.1)
+    assert where == "density" and said == "the density comes to no copy on 4 square units."
+    assert remarks(2.3, density=0.1) == []

@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import re
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from terratool.definition.bundle import bundle
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check
-from terratool.definition.rules.trimming import turned
+from terratool.definition.turning import turned
 from terratool.field.terrain import Terrain
-from terratool.text.source import Source
+from terratool.text.source import Source, read_source
 
 TYPES: dict[str, Any] = {
     "flat": {"x": [1]},
@@ -188,7 +190,131 @@ def test_copies_keep_their_steps() -> None:
 def test_children_stay_with_what_is_not_turned() -> None:
     child = {"cellX": 0, "cellY": 0, "type": "flat", "vScale": 1}
     element = {"cellX": 3, "cellY": 3, "type": "flat", "turnDeg": 30, "vScale": 1}
-    (finding,) = found(definition({**element, "children": [child]}))
-    assert finding.hint.startswith("Give its children to one that is not turned")
+    for more in {}, {"x-of-mine": 1}:  # with that, the text is read in another way
+        (finding,) = found(definition({**element, **more, "children": [child]}))
+        assert finding.hint.startswith("Give its children to one that is not turned")
     (finding,) = found(definition({**element, "turnDeg": 90, "children": [child]}))
     assert finding.hint.startswith("Write ")
+
+
+sides = st.integers(1, 4)
+
+
+@st.composite
+def children(draw: st.DrawFn, parts: tuple[str, ...]) -> dict[str, Any]:
+    """A grid, and what stands in it: primitives at any turn, and parts turned by quarters."""
+    cells = draw(st.tuples(sides, sides))
+    found = []
+    for _ in range(draw(st.integers(1, 3))):
+        x, y = (draw(st.integers(0, n - 1)) for n in cells)
+        span = [draw(st.integers(1, n - at)) for n, at in zip(cells, (x, y), strict=True)]
+        place: dict[str, Any] = {"cellX": x, "cellY": y, "span": span}
+        if draw(st.booleans()):
+            place = {"at": [0.3, 0.3], "extent": draw(st.sampled_from([[0.1, 0.2], 0.2]))}
+        quarter = {"turnDeg": draw(st.sampled_from([0, 90, 180, -90, 450]))}
+        if parts and draw(st.booleans()):
+            found.append({**place, **quarter, "part": draw(st.sampled_from(parts))})
+            continue
+        kind = {"type": draw(st.sampled_from(["flat", "disc", "cone", "bank", "tall"]))}
+        turn = {"turnDeg": 30} if draw(st.booleans()) and "at" not in place else quarter
+        below = draw(children(())) if draw(st.booleans()) else {}
+        found.append({**place, **turn, **kind, "vScale": 1, **below})
+    return {"cells": list(cells), "children": found}
+
+
+@st.composite
+def composed(draw: st.DrawFn) -> dict[str, Any]:
+    """A terrain of parts in parts, whose roots may be turned, too."""
+    parts: dict[str, Any] = {}
+    for name in "abc"[: draw(st.integers(1, 3))]:
+        turn = {"turnDeg": draw(st.sampled_from([0, 30, 90, 180]))}
+        parts[name] = {"type": "flat", "vScale": 1, **turn, **draw(children(tuple(parts)))}
+    root = {"type": "flat", "vScale": 1, **draw(children(tuple(parts)))}
+    size = draw(st.tuples(st.integers(60, 90), st.integers(60, 90)))
+    return {"size": list(size), "elemTypes": TYPES, "parts": parts, "elemTree": root}
+
+
+@given(composed())
+def test_what_is_trimmed_in_parts_is_what_is_trimmed_when_they_are_written_out(value: Any) -> None:
+    """Each element that any of its copies is trimmed of is told of, once, in the text."""
+    checked = check(Source("t.json", json.dumps(value).encode()))
+    assume(checked.terrain is not None)
+    told = [f.pointer.removesuffix("/turnDeg") for f in checked.findings if f.code == "TT213"]
+    assert len(set(told)) == len(told)
+    assert checked.expansion is not None
+    tree = checked.expansion.tree
+    assert tree.steps is not None
+    written = check(Source("w.json", bundle(checked, expanded=True).encode()))
+    assert written.tree is not None
+    trimmed = {f.pointer for f in written.findings if f.code == "TT213"}
+    wanted = set()
+    for index in range(len(tree)):
+        if f"{written.tree.pointer(index)}/turnDeg" in trimmed:
+            name, at = "", index
+            while at >= 0:
+                name, at = tree.steps[at] + name, tree.parents[at]
+            wanted.add(name.rpartition(">")[2])
+    assert set(told) == wanted
+
+
+@pytest.mark.parametrize("levels", [10, 66, 67, 68, 80])
+def test_cells_that_vanish_are_no_crash(levels: int) -> None:
+    """In 67 columns of 65,536 each, in one another, a side is below the smallest double."""
+    row: dict[str, Any] = {"type": "flat"}
+    for _ in range(levels):
+        child = {"cellX": 0, "cellY": 0, "turnDeg": 90, **row}
+        row = {"type": "flat", "cells": [65536, 1], "children": [child]}
+    value = definition({"cellX": 0, "cellY": 0, "part": "row", "turnDeg": 90})
+    in_part = found({**value, "parts": {"row": row}})
+    assert [finding.pointer for finding in in_part] == ["/parts/row"]
+    assert 10 <= len(found({**value, "elemTree": row})) <= levels
+
+
+SQUARE = {"cellX": 0, "cellY": 0, "span": [3, 4]}
+OBLONG = {"cellX": 4, "cellY": 0, "span": [1, 4]}
+FREE = {"at": [15, 6], "extent": [2, 4]}
+BOARD = {"type": "flat", "vScale": 1, "cells": 1, "children": [
+    {"cellX": 0, "cellY": 0, "type": "flat", "vScale": 1}
+]}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("places", "wanted"),
+    [
+        ([SQUARE], []),
+        ([FREE], ["/parts/p/children/0"]),
+        ([SQUARE, OBLONG], ["/parts/p", "/parts/p/children/0"]),
+        ([OBLONG, SQUARE], ["/parts/p", "/parts/p/children/0"]),
+        ([{**OBLONG, "turnDeg": 180}], []),
+    ],
+)
+def test_a_part_is_trimmed_where_it_lies_in_an_oblong_cell(
+    places: list[dict[str, Any]], wanted: list[str]
+) -> None:
+    """Its root is not at a free place; the sentence names the cell."""
+    users = [{"turnDeg": 90, **place, "part": "p"} for place in places]
+    value = definition(users[0])
+    value["elemTree"]["children"] = users
+    findings = found({**value, "parts": {"p": BOARD}})
+    assert [finding.pointer for finding in findings] == wanted
+    for finding in findings:
+        cell = (2, 4) if FREE in places else (2, 6)
+        assert f'where the part "p" stands in {cell[0]} × {cell[1]}.' in finding.message
+        kept = min(cell) / max(cell)
+        assert f"loses {100 * (1 - kept):.3g} %" in finding.message
+
+
+def test_a_part_of_a_library_is_told_of_where_it_stands(tmp_path: Path) -> None:
+    """But for what is turned in the library, and so is trimmed wherever it stands."""
+    slanted = {**BOARD, "children": [{**BOARD["children"][0], "turnDeg": 45}]}
+    kit = {"elemTypes": {"flat": {"x": [1]}}, "parts": {"p": BOARD, "q": slanted}}
+    (tmp_path / "kit.json").write_text(json.dumps(kit), encoding="utf-8")
+    users = [{"turnDeg": 90, **place, "part": "p"} for place in (SQUARE, OBLONG)]
+    users.append({"cellX": 6, "cellY": 0, "span": [3, 4], "part": "q"})
+    value = {**definition({}), "use": ["kit.json"], "elemTypes": {}}
+    value["elemTree"]["children"] = users
+    site = tmp_path / "site.json"
+    site.write_text(json.dumps(value), encoding="utf-8")
+    told = [f for f in check(read_source(site)).findings if f.code == "TT213"]
+    assert [finding.pointer for finding in told] == ["/elemTree/children/1/part"]
+    assert "in kit.json#/parts/p, the footprint of 2 × 6, turned by 90 degrees" in told[0].message

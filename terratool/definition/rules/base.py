@@ -14,6 +14,7 @@ from terratool.definition.findings import Owner, Remark, Severity
 from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Document, Names, known_names
 from terratool.definition.model import Definition, Primitive, Surface
+from terratool.definition.part_sizes import PartSizes, sizes_of_places
 from terratool.definition.summaries import ShapeSummary, summarise_shape
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses
@@ -64,13 +65,18 @@ class Subject(_Subject, frozen=True, kw_only=True):
         """Whether a library, and so names that it may have, cannot be had."""
         if self.left_out("", "use"):
             return True
-        documents = (self.document, *self.document.reached())
+        documents = (self.document, *self.document.reached)
         return any(None in document.uses or document.broken for document in documents)
 
     @cached_property
     def uses(self) -> Uses:
         """The parts that it knows, and their uses."""
         return Uses(self.document, self._known[0])
+
+    @cached_property
+    def place_sizes(self) -> PartSizes | None:
+        """The sizes of parts in which there are free places; None where there are none."""
+        return sizes_of_places(self.uses)
 
     @property
     def clashes(self) -> list[Clash]:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import MAX_SCATTERED, Pair, Scatter, pair_of
+from terratool.definition.part_sizes import Alike, PartSize
 from terratool.definition.rules.base import Subject, rule
-from terratool.definition.scattering import strewn, wanted
+from terratool.definition.scattering import sown, wanted
 from terratool.definition.tree import Tree
-from terratool.definition.uses import PartSize, Root, SizedElement, copies
+from terratool.definition.turning import CLOSE, turned
+from terratool.definition.uses import Root, copies
 from terratool.text.display import shown
 
-_CLOSE = 1e-9
 _CELL_KEYS = {"cellX": "cell_x", "cellY": "cell_y", "span": "span"}
 
 
@@ -154,72 +156,103 @@ def outside_cell(subject: Subject) -> Iterator[Remark]:
 
     To mend: move the element, make it smaller, or make it a child of the element around both.
     """
-    if subject.is_library or subject.definition.size is UNSET:
+    if subject.place_sizes is None:
         return
     told: set[int] = set()
     seen: set[PartSize] = set()
-    for sized in subject.uses.free_places():
-        beyond = _beyond(subject, sized)
-        if not beyond:
+    crowds: dict[int, _Crowd] = {}
+    for alike in subject.place_sizes.alike():
+        crowd = crowds.get(id(alike.elements))
+        if crowd is None:
+            crowd = crowds[id(alike.elements)] = _Crowd(subject, alike)
+        size, parent = alike.size, alike.sides.lengths
+        message = f"beyond the parent's cell of {parent[0]:.9g} × {parent[1]:.9g}."
+        if alike.root.tree is subject.tree:
+            inside = f", where the part {shown(size.part)} stands." if size.part else "."
+            for element, beyond in crowd.taken_beyond(parent):
+                yield Remark(
+                    "/at",
+                    f"the element reaches {beyond:.6g} {message[:-1]}{inside}",
+                    "Move it inside, or make it smaller.",
+                    element=element,
+                )
             continue
-        w, h = sized.parent
-        message = f"reaches {beyond:.6g} beyond the parent's cell of {w:.9g} × {h:.9g}."
-        if sized.tree is not subject.tree:
-            part = shown(sized.size.part)
-            place = f"{sized.tree.pointer(sized.element)} of the part {part}"
-            for element in subject.uses.leading_to(sized.size, seen):
+        for place, beyond in islice(crowd.beyond(parent), 1):
+            pointer = f"{alike.root.tree.pointer(place)} of the part {shown(size.part)}"
+            for element in subject.place_sizes.leading_to(size, seen):
                 if element not in told:
                     told.add(element)
-                    hint = "Give the part more room, or use a smaller one."
-                    yield Remark("/part", f"{place} {message}", hint, element=element)
-        elif sized.element not in told:
-            told.add(sized.element)
-            part = sized.size.part
-            inside = f", where the part {shown(part)} stands" if part else ""
-            yield Remark(
-                "/at",
-                f"the element {message[:-1]}{inside}.",
-                "Move it inside, or make it smaller.",
-                element=sized.element,
-            )
+                    yield Remark(
+                        "/part",
+                        f"{pointer} reaches {beyond:.6g} {message}",
+                        "Give the part more room, or use a smaller one.",
+                        element=element,
+                    )
 
 
-def _beyond(subject: Subject, sized: SizedElement) -> float:
-    """How far the footprints of an element and of its copies reach out of the parent's cell."""
-    tree, index = sized.tree, sized.element
+class _Crowd:
+    """The footprints of elements at free places in cells of one size, their copies included."""
+
+    def __init__(self, subject: Subject, alike: Alike) -> None:
+        self._boxes = {}
+        for element in alike.elements:
+            box = _box(subject, alike.root.tree, element)
+            if box is not None:
+                self._boxes[element] = box
+        self._surround()
+
+    def _surround(self) -> None:
+        """All of them together: no box reaches further than this one."""
+        boxes = self._boxes.values()
+        lows, highs = zip(*boxes, strict=True) if boxes else (((0.0, 0.0),), ((0.0, 0.0),))
+        self._whole = tuple(map(min, *lows, lows[0])), tuple(map(max, *highs, highs[0]))
+
+    def beyond(self, parent: Pair) -> Iterator[tuple[int, float]]:
+        """Those that reach out of a parent's cell with these sides, and how far."""
+        if _out(self._whole, parent):
+            for element, box in self._boxes.items():
+                if out := _out(box, parent):
+                    yield element, out
+
+    def taken_beyond(self, parent: Pair) -> list[tuple[int, float]]:
+        """The same, which are not looked at again."""
+        found = list(self.beyond(parent))
+        for element, _ in found:
+            del self._boxes[element]
+        if found:
+            self._surround()
+        return found
+
+
+_Box = tuple[Pair, Pair]
+"""The south-west and the north-east corner."""
+
+
+def _out(box: _Box, parent: Pair) -> float:
+    """How far a box reaches out of a cell that begins at 0; 0 where it does not."""
+    (west, south), (east, north) = box
+    x, y = max(-west, east - parent[0]), max(-south, north - parent[1])
+    return max(x if x > CLOSE * parent[0] else 0.0, y if y > CLOSE * parent[1] else 0.0)
+
+
+def _box(subject: Subject, tree: Tree, index: int) -> _Box | None:
+    """What the footprints of an element and of its copies reach; None if it is not known."""
     at, extent, repeat = (tree.value(key, index) for key in ("at", "extent", "repeat"))
     if extent is UNSET or (tree is subject.tree and subject.left_out(index, "repeat", "turnDeg")):
-        return 0.0
+        return None
     end = subject.uses.end(Root(tree, index, subject.document))
     if end is None:
-        return 0.0
+        return None
     primitive = subject.primitives.get(end.root.tree.value("type", end.root.element))
     scattered = tree.value("scatter", index) is not UNSET  # its copies stay in its cell
     round_ = primitive is not None and primitive.combine == "radial"
-    turn = UNSET if scattered else end.turn
-    reach = _reach(pair_of(extent, math.nan), turn, round_)
+    reach = turned(pair_of(extent, math.nan), 0.0 if scattered else end.turn, round_).reach
     count, step = ((1, 1), (0.0, 0.0)) if repeat is UNSET else (repeat.count, repeat.step)
-    beyond = 0.0
-    for axis in (0, 1):
-        ends = at[axis], at[axis] + (count[axis] - 1) * step[axis]
-        low, high = min(ends) - reach[axis], max(ends) + reach[axis]
-        out = max(-low, high - sized.parent[axis])
-        if out > _CLOSE * sized.parent[axis]:
-            beyond = max(beyond, out)
-    return beyond
-
-
-def _reach(extent: Pair, turn: float | UnsetType, is_round: bool) -> Pair:
-    """Half the sides of the box around a turned rectangle or ellipse."""
-    w, h = extent[0] / 2, extent[1] / 2
-    if turn is UNSET or turn % 180 == 0:
-        return w, h
-    if turn % 90 == 0:
-        return h, w
-    angle = math.radians(math.fmod(turn, 360.0))
-    cosine, sine = abs(math.cos(angle)), abs(math.sin(angle))
-    add = math.hypot if is_round else float.__add__
-    return add(w * cosine, h * sine), add(w * sine, h * cosine)
+    last = at[0] + (count[0] - 1) * step[0], at[1] + (count[1] - 1) * step[1]
+    return (
+        (min(at[0], last[0]) - reach[0], min(at[1], last[1]) - reach[1]),
+        (max(at[0], last[0]) + reach[0], max(at[1], last[1]) + reach[1]),
+    )
 
 
 @rule("TT714", "copies-outside")
@@ -272,6 +305,8 @@ def copies_outside(subject: Subject) -> Iterator[Remark]:
             continue
         for axis, what in enumerate(("columns", "rows")):
             step, count, cells = repeat.step[axis], repeat.count[axis], tree.grid(parent)[axis]
+            if count == 1:
+                continue
             if step != int(step) if abs(step) < 1e9 else True:
                 yield Remark(
                     f"/repeat/step/{axis}",
@@ -283,7 +318,7 @@ def copies_outside(subject: Subject) -> Iterator[Remark]:
             if subject.left_out(parent, "cells"):
                 continue
             last = block[axis] + int(step) * (count - 1)
-            if count > 1 and (last < 0 or last + block[axis + 2] > cells):
+            if last < 0 or last + block[axis + 2] > cells:
                 yield Remark(
                     f"/repeat/count/{axis}",
                     f"the last copy begins in cell {last}, but the parent has {cells} {what}.",
@@ -332,14 +367,15 @@ def overlapping_copies(subject: Subject) -> Iterator[Remark]:
             if primitive is not None and primitive.combine == "radial":
                 continue  # discs may lie closer than their boxes
             turn = tree.value("turn_deg", index)
-            if turn is not UNSET and turn % 90 != 0:
+            turn = 0.0 if turn is UNSET else turn
+            if turn % 90 != 0:
                 continue
-            reach = _reach(pair_of(tree.value("extent", index), math.nan), turn, False)
+            reach = turned(pair_of(tree.value("extent", index), math.nan), turn, False).reach
             sides = 2 * reach[0], 2 * reach[1]
         # neighbours in a row are moved by one axis alone
         for axis in (0, 1):
             step = abs(repeat.step[axis])
-            if repeat.count[axis] > 1 and step < sides[axis] * (1 - _CLOSE):
+            if repeat.count[axis] > 1 and step < sides[axis] * (1 - CLOSE):
                 yield Remark(
                     "/repeat/step",
                     f"the copies are {sides[axis]:.6g} long and {step:.6g} apart, and overlap.",
@@ -428,12 +464,17 @@ def _contradictions(tree: Tree, index: int, asked: Scatter) -> Iterator[tuple[st
         )
 
 
+_TRIES = 100_000
+"""So many places are tried in one file."""
+
+
 @rule("TT721", "crowded-scatter", "warning")
 def crowded_scatter(subject: Subject) -> Iterator[Remark]:
-    """Not all copies of a scattered element find a place.
+    """Not all copies of a scattered element find a place, or there is none.
 
     The largest come first; what does not fit into the area, or finds no place that is far enough
-    from those before, is left out.
+    from those before, is left out. Looked at are elements with up to 100,000 copies, one after the
+    other until 100,000 places were tried. A density may come to no copy in its area.
 
     Fails:
 
@@ -457,7 +498,7 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
 
     To mend: lower the count, the sizes or the distance, or make the area larger.
     """
-    tree = subject.tree
+    tree, left = subject.tree, _TRIES
     if tree.distinct("scatter") == {UNSET}:
         return
     for index, asked in enumerate(tree.column("scatter")):
@@ -468,16 +509,27 @@ def crowded_scatter(subject: Subject) -> Iterator[Remark]:
             continue
         area = pair_of(extent, math.nan)
         count = wanted(asked, area)
+        if count == 0:
+            message = f"the density comes to no copy on {shown(area[0] * area[1])} square units."
+            hint = "Raise it, make the area larger, or write a count."
+            yield Remark("/scatter/density", message, hint, element=index)
+        if count > left or (asked.distance is UNSET and asked.sizes[1] * math.sqrt(2) < min(area)):
+            continue  # the largest fits in, however it is turned
         turn = tree.value("turn_deg", index)
-        found = strewn(
+        found = sown(
             asked, area, by_quarters=tree.value("part", index) is not UNSET,
             tilted=turn is not UNSET and turn % 90 != 0,
         )  # fmt: skip
-        placed = sum(1 for _ in found)
-        if placed < count:
+        placed = looked = 0
+        for copy, tries in found:
+            placed, looked, left = placed + (copy is not None), looked + 1, left - max(1, tries)
+            if left <= 0:
+                break
+        if placed < looked:
+            largest = "" if looked == count else f"the {looked:,} largest of "
             yield Remark(
                 "/scatter",
-                f"{placed:,} of {count:,} copies find a place; the others are left out.",
+                f"{placed:,} of {largest}{count:,} copies find a place; the others are left out.",
                 "Lower the count, the sizes or the distance, or make the area larger.",
                 element=index,
             )

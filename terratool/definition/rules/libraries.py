@@ -44,7 +44,8 @@ reader_rule(
 
     It is relative to the file that names it, with forward slashes; nothing is read from the net.
     The library lies under the folder of the terrain, under the current folder, or under one that
-    is named by --library-root, so that a file from elsewhere cannot have others read.
+    is named by --library-root, so that a file from elsewhere cannot have others read. Where
+    several files are validated together, the folders of all of them count.
 
     Fails:
 
@@ -151,7 +152,7 @@ def ambiguous_name(subject: Subject) -> Iterator[Remark]:
     """
     through: dict[int, int] = {}
     for index, library in enumerate(subject.document.uses if subject.clashes else ()):
-        for one in () if library is None else (library, *library.reached()):
+        for one in () if library is None else (library, *library.reached):
             through.setdefault(id(one), index)
     for clash in subject.clashes:
         yield Remark(
@@ -184,7 +185,7 @@ def library_circle(subject: Subject) -> Iterator[Remark]:
     for index, library in enumerate(document.uses):
         if library is None:
             continue
-        if document in (library, *library.reached()):
+        if document in (library, *library.reached):
             yield Remark(
                 f"/use/{index}",
                 f"the library {shown(library.source.name)} uses this file, which uses it.",
@@ -195,6 +196,8 @@ def library_circle(subject: Subject) -> Iterator[Remark]:
 @rule("TT716", "unused-library", "warning")
 def unused_library(subject: Subject) -> Iterator[Remark]:
     """A terrain uses nothing of a library, nor of those behind it.
+
+    While a library is missing, nothing is said.
 
     Fails:
 
@@ -213,7 +216,7 @@ def unused_library(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove its path from use.
     """
-    if subject.is_library or subject.uses.unknown:
+    if subject.is_library or subject.uses.unknown or subject.lacks_library:
         return
     needed = subject.uses.needed
     for index, library in enumerate(subject.document.uses):
@@ -221,7 +224,7 @@ def unused_library(subject: Subject) -> Iterator[Remark]:
             continue
         if not any(
             not needed[dictionary].keys().isdisjoint(one.entries[dictionary])
-            for one in (library, *library.reached())
+            for one in (library, *library.reached)
             for dictionary in DICTIONARIES
         ):
             yield Remark(
@@ -260,7 +263,7 @@ def hiding_name(subject: Subject) -> Iterator[Remark]:
     by x-ignore.
     """
     for dictionary in DICTIONARIES:
-        for library in subject.document.reached():
+        for library in subject.document.reached:
             theirs = library.entries[dictionary]
             for name in subject.document.entries[dictionary]:
                 if name in theirs:

@@ -41,7 +41,10 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
     To mend: write a name that is there, in the same case, or add the primitive.
     """
     primitives, surfaces = subject.primitives, subject.surfaces
-    if subject.lacks_library or (subject.definition.elem_types is UNSET and not primitives):
+    if subject.lacks_library or subject.left_out("", "elemTypes"):
+        return
+    lacks = subject.definition.elem_types is UNSET and subject.definition.use is UNSET
+    if lacks and not subject.is_library:  # TT104 has that
         return
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
     hints = NameHints(primitives, "elemTypes")

@@ -8,10 +8,11 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import LARGEST
+from terratool.definition.part_sizes import PLACES
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.rules.names import NameHints
 from terratool.definition.tree import PARTS, part_pointer
-from terratool.definition.uses import MAX_DEPTH, MAX_LOOKS, MAX_SIZES
+from terratool.definition.uses import MAX_DEPTH
 from terratool.text.display import escape, shown
 
 
@@ -183,8 +184,10 @@ def part_turn(subject: Subject) -> Iterator[Remark]:
 def beyond_limits(subject: Subject) -> Iterator[Remark]:
     """The factors of parts in parts, their depth or their sizes go beyond what is computed.
 
-    The vScale of parts in parts are multiplied, and may reach 1e30 together. Up to 1,000 parts may
-    stand in one another. Parts with free places in them may stand in up to 10,000 sizes.
+    The vScale of an element is a factor on every vScale and vOffset of the part in it, and so on in
+    parts in parts; what comes out may be up to 1e30. Up to 1,000 parts may stand in one another.
+    Parts with free places in them may stand in up to 10,000 sizes, with 200,000 cells around these
+    places in all; cells of one size in a part count once.
 
     Fails:
 
@@ -232,18 +235,18 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
             )
     if subject.is_library or subject.definition.size is UNSET:
         return
-    if not uses.has_all_sizes:
+    if subject.place_sizes is not None and not subject.place_sizes.complete:
         yield Remark(
             PARTS,
-            f"parts with free places stand in more than {MAX_SIZES:,} sizes, or "
-            f"{MAX_LOOKS:,} elements of them do.",
+            f"parts with free places stand in more than {PLACES.sizes:,} sizes, or more than "
+            f"{PLACES.cells:,} cells in them have sides of their own.",
             "Give the part the same size in more places.",
         )
     for use, height in uses.tallest():
-        if height > LARGEST:
+        if not height <= LARGEST:  # it may be no number either
             yield Remark(
                 "/part",
-                f"the heights of parts within {shown(use.part)} reach {height:.3g}, over 1e30.",
+                f"heights within the part {shown(use.part)} go beyond 1e30 here.",
                 "Lower vScale here or in the part.",
                 element=use.element,
             )
@@ -253,7 +256,8 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
 def unused_part(subject: Subject) -> Iterator[Remark]:
     """A part stands nowhere in the terrain.
 
-    Parts of libraries may wait for those who need them; a terrain's own are for itself.
+    Parts of libraries may wait for those who need them; a terrain's own are for itself. While a
+    library is missing, nothing is said.
 
     Fails:
 
@@ -273,10 +277,11 @@ def unused_part(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove it, or let an element stand for it.
     """
-    if subject.is_library or subject.uses.unknown or not len(subject.tree):
+    uses = subject.uses
+    if not uses.has_root or uses.unknown or subject.lacks_library:
         return
     for name in subject.definition.assemblies:
-        if name not in subject.uses.reached:
+        if name not in uses.reached:
             yield Remark(
                 f"/parts/{escape(name)}",
                 f"no element stands for the part {shown(name)}.",

@@ -61,20 +61,22 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
         if value is UNSET and not subject.left_out("", key):
             yield Remark("", f'the terrain has no "{key}".', f'Add "{key}".')
     tree = subject.tree
-    for key, name, other in (
-        ("type", "type", "part"), ("cellX", "cell_x", "at"), ("cellY", "cell_y", "at"),
-    ):  # fmt: skip
+    for key, name, others in (
+        ("type", "type", ("part",)),
+        ("cellX", "cell_x", ("at", "extent")),
+        ("cellY", "cell_y", ("at", "extent")),
+    ):
         first = 0 if key == "type" else len(tree.roots)  # a root has no cell
         if UNSET in tree.distinct(name) and (column := tree.column(name)).count(UNSET) > first:
-            free = tree.distinct(other) != {UNSET}
+            free = [tree.column(other) for other in others if tree.distinct(other) != {UNSET}]
             message = f'the element has no "{key}".'
             hint = f'Add "{key}".' if key == "type" else f'Add "{key}", or "at" and "extent".'
             for index, value in enumerate(column):
                 if (
                     value is UNSET
                     and index >= first
-                    and not (free and tree.value(other, index) is not UNSET)
-                    and not subject.left_out(index, key, other)
+                    and all(values[index] is UNSET for values in free)
+                    and not subject.left_out(index, key, *others)
                 ):
                     yield Remark("", message, hint, element=index)
     for index, track in enumerate(definition.ruts):

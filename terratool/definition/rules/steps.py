@@ -26,7 +26,7 @@ _CLOSE = 1e-9
 
 @rule("TT210", "zero-scale", "warning")
 def zero_scale(subject: Subject) -> Iterator[Remark]:
-    """The vScale of an element is 0, so that its primitive has no effect.
+    """The vScale of an element is 0, so that its primitive or its part has no height.
 
     Fails:
 
@@ -42,9 +42,11 @@ def zero_scale(subject: Subject) -> Iterator[Remark]:
     scales = subject.tree.column("v_scale")
     for index, scale in enumerate(scales) if 0.0 in scales else ():
         if scale == 0.0:
+            is_part = subject.tree.value("part", index) is not UNSET
+            what = "all of the part is flat" if is_part else "the primitive has no effect"
             yield Remark(
                 "/vScale",
-                '"vScale" is 0, so the primitive has no effect.',
+                f'"vScale" is 0, so {what}.',
                 'Give a height, or say with "x-ignore": ["TT210"] that only the rest is meant.',
                 element=index,
             )
@@ -57,8 +59,9 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     A step is a jump inside its curves, or the height that the element adds where its footprint
     ends. Each element is looked at by itself: what stands beside it may make up for the step. The
     edge of the terrain is no step. Where a turned element is cut off by its cell, the step is taken
-    to be as tall as the shape has it anywhere, which can be too much. Without --max-step nothing
-    is looked at.
+    to be as tall as the shape has it anywhere, which can be too much. What stands in a part is
+    looked at as if the part covered the terrain, unturned and with the factor 1: TT213 says what is
+    cut off where a part is turned. Without --max-step nothing is looked at.
 
     Fails with --max-step 0.15:
 

@@ -1,0 +1,127 @@
+"""Rectangles and ellipses that are turned in cells of their own sides."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from terratool.definition.model import Pair
+
+CLOSE = 1e-9
+"""Of a side: nothing is said of so little."""
+_THINNEST = 1e-150
+"""Of the other side: what is narrower has no area, and its ratio may be beyond doubles."""
+_CORNERS = (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)
+
+Point = tuple[float, float]
+
+
+class Turned(NamedTuple):
+    """A rectangle or an ellipse, turned in a cell of its own sides.
+
+    Attributes:
+        lengths: its sides.
+        turn: in degrees.
+        is_round: whether it is an ellipse.
+        axes: cosine and sine of the turn.
+    """
+
+    lengths: Pair
+    turn: float
+    is_round: bool
+    axes: Pair
+
+    @property
+    def reach(self) -> Pair:
+        """Half the sides of the box around it."""
+        w, h = self.lengths[0] / 2, self.lengths[1] / 2
+        cosine, sine = map(abs, self.axes)
+        add = math.hypot if self.is_round else float.__add__
+        return add(w * cosine, h * sine), add(w * sine, h * cosine)
+
+    @property
+    def beyond(self) -> Pair:
+        """How far it reaches out of its cell along x and along y."""
+        return tuple(  # type: ignore[return-value]
+            max(0.0, reach - length / 2)
+            for reach, length in zip(self.reach, self.lengths, strict=True)
+        )
+
+    @property
+    def is_trimmed(self) -> bool:
+        """Whether anything of it lies outside its cell."""
+        if min(self.lengths) <= _THINNEST * max(self.lengths):
+            return False
+        return any(
+            out > CLOSE * length for out, length in zip(self.beyond, self.lengths, strict=True)
+        )
+
+    def placed(self, x: float, y: float) -> Point:
+        """Where one of its points comes to lie; both around the middle, the cell with sides 1."""
+        (w, h), (cosine, sine) = self.lengths, self.axes
+        return x * cosine + y * sine * (h / w), y * cosine - x * sine * (w / h)
+
+    def is_beyond(self, x: float, y: float) -> bool:
+        """Whether one of its points comes to lie outside its cell."""
+        return max(map(abs, self.placed(x, y))) > 0.5 + CLOSE
+
+    @property
+    def lost(self) -> float:
+        """The share of its area that lies outside its cell."""
+        if self.is_round:
+            # segments, which do not meet: no ellipse in a cell reaches the cell's corners
+            shares = (
+                min(1.0, length / 2 / reach)
+                for length, reach in zip(self.lengths, self.reach, strict=True)
+            )
+            return sum(2 / math.pi * (math.acos(k) - k * math.sqrt(1 - k * k)) for k in shares)
+        kept = [self.placed(*corner) for corner in _CORNERS]
+        for axis in (0, 1):
+            for side in (-1.0, 1.0):
+                kept = _cut(kept, axis, side)
+        return 1 - _area(kept)
+
+    def sentence(self) -> str:
+        """What the cell takes off it."""
+        w, h = self.lengths
+        area = w * h * (math.pi / 4 if self.is_round else 1)
+        names = ("to the west and east", "to the south and north")
+        out = " and ".join(
+            f"up to {out:.4g} {name}"
+            for out, name, length in zip(self.beyond, names, self.lengths, strict=True)
+            if out > CLOSE * length
+        )
+        what = "ellipse" if self.is_round else "footprint"
+        lost = self.lost
+        return (
+            f"the {what} of {w:.6g} × {h:.6g}, turned by {self.turn:.6g} degrees, loses "
+            f"{100 * lost:.3g} % to its cell: {area * lost:.4g} of {area:.4g} square units, {out}."
+        )
+
+
+def turned(lengths: Pair, turn: float, is_round: bool) -> Turned:
+    """A rectangle or an ellipse with these sides, turned; quarter turns are exact."""
+    angle = math.fmod(turn, 360.0)
+    if angle % 90 == 0:
+        axes = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(angle // 90) % 4]
+    else:
+        axes = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    return Turned(lengths, turn, is_round, axes)
+
+
+def _cut(outline: list[Point], axis: int, side: float) -> list[Point]:
+    """The part of a convex polygon within 0.5, after Sutherland and Hodgman (1974)."""
+    kept: list[Point] = []
+    for here, there in zip(outline, [*outline[1:], *outline[:1]], strict=True):
+        a, b = here[axis] * side - 0.5, there[axis] * side - 0.5
+        if a <= 0:
+            kept.append(here)
+        if a * b < 0:
+            t = a / (a - b)
+            kept.append((here[0] + (there[0] - here[0]) * t, here[1] + (there[1] - here[1]) * t))
+    return kept
+
+
+def _area(outline: list[Point]) -> float:
+    pairs = zip(outline, [*outline[1:], *outline[:1]], strict=True)
+    return abs(sum(x * v - u * y for (x, y), (u, v) in pairs)) / 2
