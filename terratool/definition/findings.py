@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice
 from typing import Literal
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from terratool.text.display import Excerpt
 from terratool.text.edit import Edit
@@ -31,15 +32,24 @@ class Remark(Struct, frozen=True, gc=False):
         occurrence: which of the equal keys of an object is meant, from 1.
         fix: JSON text that the value, or the key, is to be replaced with; empty if no one answer
             is the only one.
+        tell: what finds message and hint, where that takes time; asked if the remark is kept.
     """
 
     pointer: str
-    message: str
-    hint: str
+    message: str = ""
+    hint: str = ""
     on_key: bool = False
     element: int = -1
     occurrence: int = 1
     fix: str = ""
+    tell: Callable[[], tuple[str, str]] | None = None
+
+    def told(self) -> Remark:
+        """The same with its message and hint."""
+        if self.tell is None:
+            return self
+        message, hint = self.tell()
+        return replace(self, message=message, hint=hint, tell=None)
 
 
 class RemarkLog(Struct):
@@ -78,7 +88,7 @@ class RemarkLog(Struct):
             count: how many there are, if these are not all.
         """
         room = max(0, self.limit - self.counts[code])
-        kept = [(code, remark) for remark in islice(remarks, room)]
+        kept = [(code, remark.told()) for remark in islice(remarks, room)]
         self.kept += kept
         if count is None:
             count = len(kept) + sum(1 for _ in remarks)

@@ -143,10 +143,16 @@ class Tree(Struct, frozen=True, dict=True):
 
     def block(self, index: int) -> Block:
         """The cells of an element in its parent's grid; -1 where the first is unknown."""
-        x, y = self.column("cell_x")[index], self.column("cell_y")[index]
+        xs, ys, spans = self._cell_columns
+        x, y = xs[index], ys[index]
         x, y = -1 if x is UNSET else x, -1 if y is UNSET else y
-        span = self.column("span")[index] if self.distinct("span") != {UNSET} else UNSET
+        span = UNSET if spans is None else spans[index]
         return (x, y, 1, 1) if span is UNSET else (x, y, *span)
+
+    @cached_property
+    def _cell_columns(self) -> tuple[list[Any], list[Any], list[Any] | None]:
+        spans = self.column("span") if self.distinct("span") != {UNSET} else None
+        return self.column("cell_x"), self.column("cell_y"), spans
 
     def place(self, index: int) -> tuple[tuple[float, float], tuple[float, float]] | None:
         """Middle and side along x, and along y, of the free place of an element; None without."""

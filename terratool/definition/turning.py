@@ -50,11 +50,10 @@ class Turned(NamedTuple):
     @property
     def is_trimmed(self) -> bool:
         """Whether anything of it lies outside its cell."""
-        if min(self.lengths) <= _THINNEST * max(self.lengths):
+        (w, h), (across, along) = self.lengths, self.reach
+        if min(w, h) <= _THINNEST * max(w, h):
             return False
-        return any(
-            out > CLOSE * length for out, length in zip(self.beyond, self.lengths, strict=True)
-        )
+        return across - w / 2 > CLOSE * w or along - h / 2 > CLOSE * h
 
     def placed(self, x: float, y: float) -> Point:
         """Where one of its points comes to lie; both around the middle, the cell with sides 1."""

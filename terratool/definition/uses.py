@@ -195,10 +195,8 @@ class Uses(Struct, frozen=True, dict=True):
         surfaces: dict[str, None] = {}
         primitives: dict[str, None] = {}
         for root in (self.root, *map(self.part, self.reached)):
-            tree = root.tree
-            for index in elements_of(root):
-                surfaces[tree.value("surface", index)] = None
-                primitives[tree.value("type", index)] = None
+            for names, key in (surfaces, "surface"), (primitives, "type"):
+                names |= dict.fromkeys(map(root.tree.column(key).__getitem__, elements_of(root)))
         surfaces |= dict.fromkeys(sorted(track_surfaces(terrain)))
         for names in (surfaces, primitives):
             names.pop(UNSET, None)  # type: ignore[call-overload]

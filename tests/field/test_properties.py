@@ -14,7 +14,7 @@ from tests.conftest import terrain_of
 from tests.oracle import Oracle
 from tests.strategies import definitions, landmarks, points, rims
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "150"))
+EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "75"))
 
 # Curves are kept to 1e-8 each; up to 31 elements with |vScale| up to 5 and two curves with values
 # up to about 3 can add up to this.

@@ -24,7 +24,7 @@ from tests.brute import largest_sum, walls
 from tests.conftest import terrain_of
 from tests.strategies import box, definitions, marks, rims
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "150"))
+EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "75"))
 
 
 def paint_all(

@@ -75,26 +75,30 @@ def _in_sight(subject: Subject) -> Iterator[Remark]:
         return
     cells = _Cells(subject)
     parts, places, scatters = (tree.column(key) for key in ("part", "at", "scatter"))
+    types, scales, parents = tree.column("type"), tree.column("v_scale"), tree.parents
     for index, turn in enumerate(tree.column("turn_deg")):
         if turn is UNSET or turn % 180 == 0:
             continue
         whole = not (parts[index] is places[index] is scatters[index] is UNSET)
-        if whole or tree.parents[index] < 0 or (subject.uses.has_root and tree.root_of[index]):
+        if whole or parents[index] < 0 or (subject.uses.has_root and tree.root_of[index]):
             continue
         cell = cells.of(index)
         if cell is None:
             continue
-        primitive = subject.primitives.get(tree.value("type", index))
+        primitive = subject.primitives.get(types[index])
         shape = turned(cell.lengths, turn, primitive is not None and primitive.combine == "radial")
         if not shape.is_trimmed:
             continue
-        flat = tree.value("v_scale", index) == 0
+        flat = scales[index] == 0
         if _may_be_bare(tree, index) and (flat or (primitive and _is_bare(primitive, shape))):
             continue
-        around = cells.of(tree.parents[index])
-        assert around is not None
-        hint = _hint(subject, index, shape, around)
-        yield Remark("/turnDeg", shape.sentence(), hint, element=index)
+        yield Remark("/turnDeg", element=index, tell=partial(_told, tree, index, shape, cells))
+
+
+def _told(tree: Tree, index: int, shape: Turned, cells: _Cells) -> tuple[str, str]:
+    around = cells.of(tree.parents[index])
+    assert around is not None
+    return shape.sentence(), _hint(tree, index, shape, around)
 
 
 class _Cells:
@@ -103,20 +107,24 @@ class _Cells:
     def __init__(self, subject: Subject) -> None:
         self._subject = subject
         self._known: dict[int, Sides | None] = {}
+        self._blocks: dict[tuple[int, int, int], Sides] = {}  # by parent and span
+        self._extents = subject.tree.column("extent")
 
     def of(self, index: int) -> Sides | None:
         """The sides of an element's cell."""
-        tree, path = self._subject.tree, []
-        while index not in self._known:
+        known, path = self._known, []
+        parents, extents = self._subject.tree.parents, self._extents
+        while index not in known:
             path.append(index)
-            if tree.parents[index] < 0 or tree.value("extent", index) is not UNSET:
-                self._known[index] = self._begin(index)
+            if parents[index] < 0 or extents[index] is not UNSET:
+                known[index] = self._begin(index)
                 break
-            index = tree.parents[index]
+            index = parents[index]
+        found = known[index]
         for inner in reversed(path):
-            if inner not in self._known:
-                self._known[inner] = self._within(inner, self._known[tree.parents[inner]])
-        return self._known[path[0] if path else index]
+            if inner != index:
+                found = known[inner] = self._within(inner, found)
+        return found
 
     def _begin(self, index: int) -> Sides | None:
         """Of an element whose cell has sides of its own."""
@@ -133,11 +141,15 @@ class _Cells:
     def _within(self, index: int, around: Sides | None) -> Sides | None:
         """Of an element in a cell of the grid of one with these sides."""
         subject, tree = self._subject, self._subject.tree
-        block, parent = tree.block(index), tree.parents[index]
-        unknown = subject.left_out(parent, "cells") or subject.left_out(index, "span", "extent")
-        if around is None or unknown or min(block) < 0:
+        (x, y, w, h), parent = tree.block(index), tree.parents[index]
+        if around is None or x < 0 or y < 0 or w < 0 or h < 0:
             return None
-        return around.block(block[2:], tree.grid(parent))
+        if subject.left_out(parent, "cells") or subject.left_out(index, "span", "extent"):
+            return None
+        key = parent, w, h
+        if key not in self._blocks:
+            self._blocks[key] = around.block((w, h), tree.grid(parent))
+        return self._blocks[key]
 
 
 def _is_aligned(tree: Tree) -> bool:
@@ -267,9 +279,9 @@ def _hull(primitive: Primitive) -> tuple[Point, ...]:
     return tuple(found)
 
 
-def _hint(subject: Subject, index: int, shape: Turned, around: Sides) -> str:
+def _hint(tree: Tree, index: int, shape: Turned, around: Sides) -> str:
     """How to keep all of an element."""
-    tree, parent = subject.tree, around.lengths
+    parent = around.lengths
     block, grid = tree.block(index), tree.grid(tree.parents[index])
     middle = [
         Fraction(parent[axis]) * Fraction(2 * block[axis] + block[axis + 2], 2 * grid[axis])
