@@ -233,7 +233,7 @@ def test_no_rut_in_what_is_rigid() -> None:
 
 
 def test_a_track_is_as_deep_as_what_is_worn_lets_it() -> None:
-    """Soft sand that only stands in the dictionary says nothing; on the ground of a track it does."""
+    """Soft sand that only stands in the dictionary says nothing; under a track it does."""
     tracks = track((1, 3), (9, 3), load=2, depth={}), track((1, 5), (9, 5), load=1, depth={})
     clay = terrain_of(ground(*tracks, surface="clay"))
     assert largest_depths(clay.arrays) == pytest.approx([2 * 0.03, 0.03])
