@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from unittest.mock import patch
 from click.testing import CliRunner  # noqa: TID251
 
 from terratool.cli import main
+from terratool.definition.layout import canonical
 
 ROOT = Path(__file__).parents[1]
 SAMPLE = str(ROOT / "samples" / "paper-example.json")
@@ -37,6 +39,17 @@ YARD: dict[str, Any] = {
             {"cellX": 0, "cellY": 1, "type": "flat", "surface": "hole"},
             {"cellX": 1, "cellY": 1, "type": "step", "vScale": 10, "surface": "wet, grey"},
         ],
+    },
+}  # fmt: skip
+
+# Oblong ground with one plate, for commands that put something into a text.
+PLATED: dict[str, Any] = {
+    "size": [60, 26],
+    "surfTypes": {"sand": {"cohesion": 1, "fricAngle": 28, "sinkage": 0.1}},
+    "elemTypes": {"ground": {"x": [0, 0], "x-ignore": ["TT308"]}, "plate": {"x": [1]}},
+    "elemTree": {
+        "type": "ground", "surface": "sand", "cells": [3, 2],
+        "children": [{"cellX": 0, "cellY": 1, "type": "plate", "vScale": 3, "cells": [4, 5]}],
     },
 }  # fmt: skip
 
@@ -73,3 +86,10 @@ def call(*arguments: object, stdin: str | bytes = b"") -> Ran:
         code = main._run()
         sys.stdout.flush()
     return Ran(code, out.getvalue().decode(), err.getvalue().decode())
+
+
+def plated_site(folder: Path) -> Path:
+    """`PLATED` in its canonical layout."""
+    path = folder / "site.json"
+    path.write_text(canonical(json.dumps(PLATED)), encoding="utf-8")
+    return path

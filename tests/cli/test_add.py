@@ -8,7 +8,6 @@ import stat
 import tempfile
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,27 +16,16 @@ from hypothesis import strategies as st
 
 from terratool.definition.layout import canonical
 from terratool.field.terrain import load
-from tests.commands import call
+from tests.commands import PLATED, call, plated_site
 from tests.strategies import Json
 from tests.text.test_edit import elements_of, spelled
 
-SITE: dict[str, Any] = {
-    "size": [60, 26],
-    "surfTypes": {"sand": {"cohesion": 1, "fricAngle": 28, "sinkage": 0.1}},
-    "elemTypes": {"ground": {"x": [0, 0], "x-ignore": ["TT308"]}, "plate": {"x": [1]}},
-    "elemTree": {
-        "type": "ground", "surface": "sand", "cells": [3, 2],
-        "children": [{"cellX": 0, "cellY": 1, "type": "plate", "vScale": 3, "cells": [4, 5]}],
-    },
-}  # fmt: skip
 PLATE = ("--type", "plate", "--v-scale", "0.5")
 
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
-    path = tmp_path / "site.json"
-    path.write_text(canonical(json.dumps(SITE)), encoding="utf-8")
-    return path
+    return plated_site(tmp_path)
 
 
 def inserted(before: bytes, after: bytes) -> bytes:
@@ -79,7 +67,7 @@ def test_a_free_place_is_where_it_is_said(x: int, y: int, turn: float) -> None:
     """The middle of the plate is asked in tenths, so that it stands on no edge."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "site.json")
-        path.write_text(json.dumps(SITE), encoding="utf-8")
+        path.write_text(json.dumps(PLATED), encoding="utf-8")
         before = load(path)
         ran = call("add", path, *PLATE, "--at", x / 10, y / 10, "--extent", 0.1, 0.05,
                    "--turn", turn)  # fmt: skip
@@ -111,7 +99,7 @@ def test_the_new_lines_look_like_their_neighbours(site: Path) -> None:
 @pytest.mark.parametrize("marked", [False, True])
 @pytest.mark.parametrize("packed", [False, True])
 def test_marks_gzip_and_permissions_are_kept(tmp_path: Path, marked: bool, packed: bool) -> None:
-    text = json.dumps(SITE, indent=3).replace("\n", "\r\n").encode()
+    text = json.dumps(PLATED, indent=3).replace("\n", "\r\n").encode()
     data = b"\xef\xbb\xbf" * marked + text
     path = tmp_path / ("site.json.gz" if packed else "site.json")
     path.write_bytes(gzip.compress(data) if packed else data)
@@ -216,7 +204,7 @@ def test_what_is_refused_is_not_written(
 @pytest.mark.parametrize(
     ("text", "code", "words"),
     [
-        (json.dumps({**SITE, "size": -1}), 1, "TT106"),
+        (json.dumps({**PLATED, "size": -1}), 1, "TT106"),
         ('{"size": 1', 1, "TT101"),
         ('{"mass": 50, "track": 0.5}', 1, "is a vehicle"),
         ("[]", 1, "TT105"),
@@ -231,5 +219,5 @@ def test_a_file_that_cannot_be_added_to(tmp_path: Path, text: str, code: int, wo
 
 
 def test_standard_input_is_not_changed() -> None:
-    ran = call("add", "-", *PLATE, "--cell", 0, 0, stdin=json.dumps(SITE))
+    ran = call("add", "-", *PLATE, "--cell", 0, 0, stdin=json.dumps(PLATED))
     assert ran.code == 2 and "Standard input" in ran.err

@@ -20,20 +20,12 @@ from terratool.importing.primitive.insert import (
     target_of,
     text_with,
 )
+from tests.commands import PLATED, plated_site
 from tests.commands import call as run
 from tests.rasters import geotiff
 
 COLUMNS, ROWS, SIDE = 40, 26, 0.5
 WEST, NORTH = 431200.0, 5768413.0
-SITE: dict[str, Any] = {
-    "size": [60, 26],
-    "surfTypes": {"sand": {"cohesion": 1, "fricAngle": 28, "sinkage": 0.1}},
-    "elemTypes": {"ground": {"x": [0, 0], "x-ignore": ["TT308"]}, "plate": {"x": [1]}},
-    "elemTree": {
-        "type": "ground", "surface": "sand", "cells": [3, 2],
-        "children": [{"cellX": 0, "cellY": 1, "type": "plate", "vScale": 3, "cells": [4, 5]}],
-    },
-}  # fmt: skip
 ENTRY = {"x": [0, 0.25, 1], "y": [1, 0.5]}
 
 
@@ -62,9 +54,7 @@ WINDOW = ("--window", 7, 3, COLUMNS, ROWS)
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
-    path = tmp_path / "site.json"
-    path.write_text(canonical(json.dumps(SITE)), encoding="utf-8")
-    return path
+    return plated_site(tmp_path)
 
 
 def test_the_entry_goes_to_standard_output_and_the_error_to_the_other(dem: Path) -> None:
@@ -150,7 +140,7 @@ def test_a_name_that_is_there_is_refused_unless_it_may_be_replaced(dem: Path, si
     assert ran.code == 0, ran.err
     after = json.loads(site.read_text(encoding="utf-8"))
     assert len(after["elemTypes"].pop("plate")["x"]) > 2
-    assert after == {**SITE, "elemTypes": {"ground": SITE["elemTypes"]["ground"]}}
+    assert after == {**PLATED, "elemTypes": {"ground": PLATED["elemTypes"]["ground"]}}
 
 
 def test_a_tolerance_that_is_missed_writes_nothing(dem: Path, site: Path) -> None:
@@ -228,7 +218,7 @@ def added(path: Path, place: CellPath | None = None, output: Path | None = None)
 @pytest.mark.parametrize("marked", [False, True])
 @pytest.mark.parametrize("packed", [False, True])
 def test_marks_gzip_and_permissions_are_kept(tmp_path: Path, marked: bool, packed: bool) -> None:
-    text = json.dumps(SITE, indent=3).replace("\n", "\r\n").encode()
+    text = json.dumps(PLATED, indent=3).replace("\n", "\r\n").encode()
     data = b"\xef\xbb\xbf" * marked + text
     path = tmp_path / ("site.json.gz" if packed else "site.json")
     path.write_bytes(gzip.compress(data) if packed else data)
@@ -286,7 +276,7 @@ def test_places_are_read() -> None:
 
 def test_a_definition_with_errors_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "site.json"
-    path.write_text(json.dumps({**SITE, "size": -1}), encoding="utf-8")
+    path.write_text(json.dumps({**PLATED, "size": -1}), encoding="utf-8")
     before = path.read_bytes()
     with pytest.raises(TerratoolError, match="TT106") as caught:
         added(path)
