@@ -476,7 +476,8 @@ INLINE void positions(In x, const GridAxis& axis, Out whole, Out part) {
     }
 }
 
-// Values of a curve of evenly spaced pieces at each `t`, held to [0, 1]; `whole` is scratch.
+// Values of a curve of evenly spaced pieces at each `t`, in [0, 1] or EDGE beyond; farther out they
+// mean nothing. `whole` is scratch.
 inline void even_values(In pieces, const Kind& kind, int axis, In t, Out whole, Out out) {
     u64 first = kind.pieces[axis][0];
     double count = kind.count[axis];
@@ -485,8 +486,8 @@ inline void even_values(In pieces, const Kind& kind, int axis, In t, Out whole, 
         return;
     }
     for (std::size_t n = 0; n < t.size(); ++n) {  // vectorised
-        double s = clamp(t[n], 0.0, 1.0) * count;
-        double below = quick_floor(s);
+        double s = t[n] * count;
+        double below = clamp(quick_floor(s), 0.0, count);
         whole[n] = below;
         out[n] = s - below;
     }

@@ -14,6 +14,7 @@ from msgspec import UNSET, Raw, Struct, UnsetType, structs
 
 from terratool.definition.keys import document_kind
 from terratool.definition.layout import TERRAIN
+from terratool.definition.libraries import spelled
 from terratool.definition.model import DEFAULT_CELLS, pair_of
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.definition.rules import RULES
@@ -189,7 +190,7 @@ def moved(source: Source, output: str | Path) -> bytes:
     data = source.data
     paths = msgspec.json.decode(value_at(data, "/use") or b"", type=list[str])
     for index, path in enumerate(paths):
-        led = os.path.relpath(Path(here, path), there).replace(os.sep, "/")
+        led = os.path.relpath(spelled(here, path), there).replace(os.sep, "/")
         begin = offsets(data, [Address(f"/use/{index}")])[0]
         end = value_end(data, begin, len(data))
         data = Edit(begin, end, json.dumps(led, ensure_ascii=False).encode()).applied(data)

@@ -14,7 +14,7 @@ from terratool.definition.model import Definition, Element, Pair, pair_of
 from terratool.definition.scattering import Strewn, strewn
 from terratool.definition.sides import Side, side
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.uses import Root, Uses
+from terratool.definition.uses import Root, Uses, track_surfaces
 from terratool.errors import RequestError
 from terratool.text.display import many
 
@@ -111,9 +111,7 @@ def with_names_in_use(
     if not uses.document.uses:
         return definition
     own = uses.document.entries
-    tracks = () if definition.tracks is UNSET else definition.tracks
-    surfaces = {*surfaces, *(track.surface for track in tracks)}
-    surfaces |= own["surfTypes"].keys()
+    surfaces = surfaces | track_surfaces(definition) | own["surfTypes"].keys()
     primitives = primitives | own["elemTypes"].keys()
     return structs.replace(
         definition,

@@ -213,11 +213,8 @@ class Shelf:
         wrong = _refused(path)
         if wrong is not None:
             return "TT702", *wrong
-        name = os.path.normpath(Path(user.folder, path))
-        real = real_path(str(Path(user.folder, path)))
-        if real_path(name) != real:
-            name = real  # a ".." behind a link to a folder leads out of what it links to
-        self.files[name] = None
+        name, real = spelled(user.folder, path), real_path(str(Path(user.folder, path)))
+        self.files[name] = self.files[str(Path(user.folder, path))] = None
         if not any(_is_under(real, root) for root in (base, *self._roots)):
             return (
                 "TT702",
@@ -261,6 +258,12 @@ class Shelf:
                 'A library has "surfTypes", "elemTypes" and "parts", and no "size" or "elemTree".',
             )
         return document
+
+
+def spelled(folder: str, path: str) -> str:
+    """A path from a folder on, without dots, also those that lead out of what a link leads to."""
+    name, real = os.path.normpath(Path(folder, path)), real_path(str(Path(folder, path)))
+    return name if real_path(name) == real else real
 
 
 def _refused(path: str) -> tuple[str, str] | None:

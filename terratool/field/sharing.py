@@ -153,12 +153,11 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
     placed = placed_of(bounding._replace(place=np.cumsum(free) - 1), places, grid_of > 0)
     copies, copies_of = _copies(nodes)
     middles = places.copy()
-    far = np.array([0.0 if n.copies is None else 1.0 for n in nodes])[free, None] * [1.0, 1.0]
     own_copies = copies[copies_of[free]]
-    far *= own_copies["step"] * (own_copies["count"] - 1.0)
+    far = own_copies["step"] * (own_copies["count"] - 1.0)
     middles["at"] += 0.5 * far
     reach = placed.reach + 0.5 * np.abs(far) * (1 + 1e-9)
-    placed = placed._replace(places=middles, reach=np.ascontiguousarray(reach))
+    placed = placed._replace(places=middles, reach=reach)
     ranges = runs.ranges
     ranges.last[0] = 1  # the other roots are none
     bins = bins_of(runs, ranges, grid_of, placed, dense)
@@ -166,7 +165,7 @@ def compile_shared(plan: Blueprint, *, roughness: bool = True) -> tuple[Compiled
 
     elements = np.zeros(len(parents), ELEMENT)
     elements["cell"] = columns.cell
-    elements["cell"][free] = np.arange(np.count_nonzero(free))[:, None] >> (0, 16) & 0xFFFF
+    elements["cell"][free] = placed.cell[free, :1] >> (0, 16) & 0xFFFF
     elements["scale"] = columns.scale
     elements["offset"] = columns.offset
     elements["grid"] = grid_of
@@ -318,9 +317,10 @@ def _leaves(
     """Which grids are of leaves where the terrain is written out: it rounds slopes otherwise."""
     first = runs.first
     own = np.array([node.many for node in nodes], np.int64)
-    own[0] = 1
+    others = slice(1, first[1] if len(first) > 1 else None)  # roots of other templates
+    own[others] = 0
     plain = plain.copy()
-    plain[1 : first[1] if len(first) > 1 else None] = True  # other roots
+    plain[others] = True
     leaves = np.logical_and.reduceat(plain, first)
     often = [many[index] // nodes[index].many for index in first.tolist()]
     return leaves & dense_runs(columns, first, np.add.reduceat(own, first), often)

@@ -345,6 +345,17 @@ def test_places_and_copies_that_are_none(
     assert found({"elemTree": tree({"type": "box", **element})}) == pointers
 
 
+@pytest.mark.parametrize("kind", ["box", "disc"])
+@pytest.mark.parametrize(("step", "overlap"), [(1.9, True), (2, False)])
+def test_copies_that_overlap(kind: str, step: float, overlap: bool) -> None:
+    """Discs do so in a row as boxes do."""
+    copies = {"at": [2, 2], "extent": 2, "repeat": {"count": [3, 1], "step": [step, 0]}}
+    types = {"box": {"x": [1]}, "disc": {"x": [1], "combine": "radial"}}
+    value = {"size": 10, "elemTypes": types, "elemTree": tree({"type": kind, **copies})}
+    counts = check(Source("t.json", json.dumps(value).encode())).counts
+    assert (counts["TT719"] > 0) == overlap
+
+
 def test_no_number_is_no_place() -> None:
     text = (
         '{"size": 10, "elemTypes": {"b": {"x": [1]}},\n"elemTree": {"type": "b", "children": [\n'
@@ -646,6 +657,24 @@ def test_paths_of_libraries_follow_a_text_that_moves(site: Path, tmp_path: Path)
     here = call("query", site, "2.5", "3.5", *root)
     there = call("query", out, "2.5", "3.5", *root)
     assert here.out.replace("../kit", "../../kit") == there.out
+
+
+def test_paths_of_libraries_lead_out_of_what_a_link_leads_to(tmp_path: Path) -> None:
+    """`link/..` is the folder around what the link links to, not the one that the link is in."""
+    (tmp_path / "far" / "sub").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "far" / "sub")
+    for folder, high in ((tmp_path, 5), (tmp_path / "far", 1)):
+        (folder / "kit.json").write_text(json.dumps({"elemTypes": {"box": {"x": [high]}}}))
+    box = {"type": "box", "cellX": 0, "cellY": 0}
+    tree = {"type": "box", "vScale": 1, "children": [box]}
+    site, out = tmp_path / "site.json", tmp_path / "out" / "more.json"
+    site.write_text(json.dumps({"size": 8, "use": ["link/../kit.json"], "elemTree": tree}))
+    out.parent.mkdir()
+    root = ("--library-root", tmp_path)
+    ran = call("add", site, "--type", "box", "--cell", "5", "5", "--output", out, *root)
+    assert ran.code == 0, ran.err
+    here, there = (call("query", path, "1.5", "1.5", *root).out for path in (site, out))
+    assert here == there and here.splitlines()[1].startswith("1.5,1.5,1.0,")
 
 
 def test_paths_of_libraries_follow_a_text_behind_a_link(site: Path, tmp_path: Path) -> None:

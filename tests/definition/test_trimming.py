@@ -177,6 +177,18 @@ def test_the_root_and_free_places_are_not_trimmed() -> None:
     assert found(value) == []
 
 
+@pytest.mark.parametrize("size", [None, 0, 10])
+def test_an_extent_without_a_place_is_no_crash(size: int | None) -> None:
+    """The element is wrong anyway, whether the cell around it is known or not."""
+    element = {"cellX": 0, "cellY": 0, "type": "f", "extent": [4, 2], "turnDeg": 90, "vScale": 1}
+    tree = {"type": "f", "children": [element]}
+    sized = {} if size is None else {"size": size}
+    for value in ({"parts": {"p": tree}}, {**sized, "elemTree": tree}):
+        text = json.dumps({"elemTypes": {"f": {"x": [1]}}, **value}).encode()
+        counts = check(Source("t.json", text), kind=None).counts
+        assert counts["TT711"] and not counts["TT213"]
+
+
 def test_copies_keep_their_steps() -> None:
     """The step in cells becomes one in units of the terrain."""
     element = {"cellX": 1, "cellY": 2, "span": [1, 2], "type": "flat", "turnDeg": 90,

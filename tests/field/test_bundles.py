@@ -219,6 +219,24 @@ def test_a_bundle_stands_alone_in_another_folder(site: Path, tmp_path: Path) -> 
     assert value["elemTree"]["children"] == SITE["elemTree"]["children"]  # type: ignore[index]
 
 
+def test_surfaces_that_only_a_depth_names_keep_their_number(tmp_path: Path) -> None:
+    """Also those of a library: the picture of surfaces is the same."""
+    soils = {"surfTypes": {"gone": {}, "soft": {"sinkage": 1}, "firm": {"sinkage": 0.1}}}
+    (tmp_path / "soils.json").write_text(json.dumps(soils), encoding="utf-8")
+    track = {"path": [[1, 1], [9, 5]], "width": 0.5, "depth": {"soft": 0.3, "firm": 0.2}}
+    site, out = tmp_path / "site.json", tmp_path / "out.json"
+    text = {
+        "size": [10, 6], "use": ["soils.json"], "elemTypes": {"floor": {"x": [1]}},
+        "tracks": [track], "elemTree": {"type": "floor", "surface": "firm"},
+    }  # fmt: skip
+    site.write_text(json.dumps(text), encoding="utf-8")
+    for options in ((), ("--expand",)):
+        ran = call("bundle", *options, site, out, "--overwrite")
+        assert ran.code == 0, ran.err
+        one, other = load(site), load(out)
+        assert one.surfaces == other.surfaces == ("soft", "firm")
+
+
 def test_an_expansion_has_neither_parts_nor_copies(site: Path, tmp_path: Path) -> None:
     out = tmp_path / "expanded.json"
     ran = call("bundle", "--expand", site, out, "--library-root", tmp_path)

@@ -180,6 +180,58 @@ def test_copies_on_each_other_keep_their_order() -> None:
         compare_pixels(shared, plain)
 
 
+@pytest.mark.parametrize("beyond", [0.0, 5e-10, -5e-10, 2e-9])
+def test_at_the_rim_of_a_turned_element_points_together_are_as_one_by_one(beyond: float) -> None:
+    """Its edges are closed, with a tolerance; the steep curve does not end at 0 there."""
+    inner = {"cellX": 0, "cellY": 0, "type": "steep", "turnDeg": 30, "vScale": 1}
+    copies = {"cellX": 0, "cellY": 0, "repeat": {"count": [4, 4], "step": [1, 1]}, "part": "p"}
+    shared, plain = both(
+        {
+            "size": 12,
+            "elemTypes": {"flat": {"x": [1]}, "steep": {"x": [0, 1, 3]}},
+            "parts": {"p": {"type": "flat", "vScale": 0, "cells": 1, "children": [inner]}},
+            "elemTree": {"type": "flat", "vScale": 0, "cells": 4, "children": [copies]},
+        }
+    )
+    a, b = math.cos(math.radians(30)), math.sin(math.radians(30))
+    along, out = np.linspace(-0.85, 0.39, 12), 1.5 + beyond
+    x, y = 1.5 + out * a + along * b, 1.5 - out * b + along * a  # all in one cell
+    assert ((x > 0) & (x < 3) & (y > 0) & (y < 3)).all()
+    np.testing.assert_array_equal(shared.height(x, y), plain.height(x, y))
+    singly = [float(shared.height(*point)) for point in zip(x, y, strict=True)]
+    np.testing.assert_array_equal(shared.height(x, y), singly)
+
+
+@pytest.mark.parametrize("last", [(28, 27), (28, 29), (30, 30), (32, 32)])
+def test_grids_that_are_nearly_empty_are_of_leaves_as_where_they_are_written_out(
+    last: tuple[int, int],
+) -> None:
+    """As many cells as may be together, and more: slopes of leaves round otherwise."""
+    leaves = [
+        {"cellX": 1, "cellY": 1, "type": "one", "vScale": 0.3},
+        {"cellX": 1, "cellY": 1, "type": "other", "vScale": 0.7},
+    ]
+    part = {"type": "flat", "vScale": 1, "children": leaves}
+    parts = {f"p{k}": {**part, "cells": [32, 32] if k < 64 else [*last]} for k in range(65)}
+    children = [{"cellX": k % 13, "cellY": k // 13, "part": f"p{k}"} for k in range(65)]
+    shared, plain = both(
+        {
+            "size": [13.1, 5.3],
+            "elemTypes": {
+                "flat": {"x": [1, 2]},
+                "one": {"x": [0, 0.7, 0.1], "y": [1, 0.3]},
+                "other": {"x": [0.1, 0.9, 0.3], "y": [0.2, 0.7]},
+            },
+            "parts": parts,
+            "elemTree": {"type": "flat", "vScale": 1, "cells": [13, 5], "children": children},
+        }
+    )
+    rng, k = np.random.default_rng(1), np.arange(65).repeat(50)
+    u, v = rng.uniform(1 / 32, 1.2 / 32, (2, k.size))
+    x, y = (k % 13 + u) * 13.1 / 13, (k // 13 + v) * 5.3 / 5
+    np.testing.assert_array_equal(shared.sample(x, y).normal, plain.sample(x, y).normal)
+
+
 def test_scattered_copies_are_shared() -> None:
     """Parts strewn over a free cell, in a part that is turned."""
     shared, plain = both(

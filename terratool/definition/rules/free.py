@@ -332,6 +332,8 @@ def overlapping_copies(subject: Subject) -> Iterator[Remark]:
     """Copies of an element overlap one another.
 
     Their heights add up where they do. That can be meant; it can also be a step that is too short.
+    Neighbours in a row are looked at, but not those of an element at a free place that is turned by
+    no multiple of 90.
 
     Fails:
 
@@ -363,9 +365,6 @@ def overlapping_copies(subject: Subject) -> Iterator[Remark]:
         if tree.value("at", index) is UNSET:
             sides: Pair = tree.block(index)[2:]
         else:
-            primitive = subject.primitives.get(tree.value("type", index))
-            if primitive is not None and primitive.combine == "radial":
-                continue  # discs may lie closer than their boxes
             turn = tree.value("turn_deg", index)
             turn = 0.0 if turn is UNSET else turn
             if turn % 90 != 0:

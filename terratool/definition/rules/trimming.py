@@ -74,12 +74,12 @@ def _in_sight(subject: Subject) -> Iterator[Remark]:
     if _is_aligned(tree):
         return
     cells = _Cells(subject)
-    parts, places, scatters = (tree.column(key) for key in ("part", "at", "scatter"))
+    elsewhere = [tree.column(key) for key in ("part", "at", "extent", "scatter")]
     types, scales, parents = tree.column("type"), tree.column("v_scale"), tree.parents
     for index, turn in enumerate(tree.column("turn_deg")):
         if turn is UNSET or turn % 180 == 0:
             continue
-        whole = not (parts[index] is places[index] is scatters[index] is UNSET)
+        whole = any(column[index] is not UNSET for column in elsewhere)
         if whole or parents[index] < 0 or (subject.uses.has_root and tree.root_of[index]):
             continue
         cell = cells.of(index)
