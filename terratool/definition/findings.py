@@ -36,8 +36,8 @@ class Remark(Struct, frozen=True, gc=False):
     """
 
     pointer: str
-    message: str = ""
-    hint: str = ""
+    message: str
+    hint: str
     on_key: bool = False
     element: int = -1
     occurrence: int = 1

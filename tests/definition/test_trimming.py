@@ -316,6 +316,23 @@ def test_a_part_is_trimmed_where_it_lies_in_an_oblong_cell(
         assert f"loses {100 * (1 - kept):.3g} %" in finding.message
 
 
+@pytest.mark.parametrize(
+    ("more", "trimmed"),
+    [({}, False), ({"vOffset": 0.5}, True), ({"surface": "s"}, True), ({"vScale": 2}, False)],
+)
+def test_what_its_user_adds_to_the_root_of_a_part_is_trimmed_with_it(
+    more: dict[str, Any], trimmed: bool
+) -> None:
+    """The shape alone is 0 where the cell cuts it off; in the terrain written out it is so, too."""
+    value: dict[str, Any] = definition({**OBLONG, "turnDeg": 90, "part": "p", **more})
+    bump = {"x": [1], "y": [0, 0, 0, 1, 0, 0, 0]}
+    value |= {"elemTypes": {**TYPES, "bump": bump}, "surfTypes": {"s": {}}}
+    value |= {"parts": {"p": {"type": "bump", "vScale": 1}}}
+    assert bool(found(value)) == trimmed
+    checked = check(Source("t.json", json.dumps(value).encode()))
+    assert bool(found(json.loads(bundle(checked, expanded=True)))) == trimmed
+
+
 def test_a_part_of_a_library_is_told_of_where_it_stands(tmp_path: Path) -> None:
     """But for what is turned in the library, and so is trimmed wherever it stands."""
     slanted = {**BOARD, "children": [{**BOARD["children"][0], "turnDeg": 45}]}

@@ -20,7 +20,7 @@ from terratool.definition.sides import Sides, sides
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
 from terratool.definition.turning import CLOSE, Point, Turned, turned
-from terratool.definition.uses import elements_of
+from terratool.definition.uses import Uses, elements_of
 from terratool.text.display import shown
 
 _STEPS = 128
@@ -92,7 +92,8 @@ def _in_sight(subject: Subject) -> Iterator[Remark]:
         flat = scales[index] == 0
         if _may_be_bare(tree, index) and (flat or (primitive and _is_bare(primitive, shape))):
             continue
-        yield Remark("/turnDeg", element=index, tell=partial(_told, tree, index, shape, cells))
+        tell = partial(_told, tree, index, shape, cells)
+        yield Remark("/turnDeg", "", "", element=index, tell=tell)
 
 
 def _told(tree: Tree, index: int, shape: Turned, cells: _Cells) -> tuple[str, str]:
@@ -189,7 +190,8 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
         lengths, cell = (each.turned(size.lies).lengths for each in (alike.sides, size.sides))
         turn = math.fmod(kind.turn + 90 * size.lies, 360.0)
         shape = turned(lengths, turn, primitive.combine == "radial")
-        if not shape.is_trimmed or (kind.may_be_bare and _is_bare(primitive, shape)):
+        bare = kind.may_be_bare and not (kind.is_root and _is_added_to(uses, sizes.found[size]))
+        if not shape.is_trimmed or (bare and _is_bare(primitive, shape)):
             continue
         told.add(mark)
         lost = shape.sentence()[:-1]
@@ -208,6 +210,15 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
                 users.add(user)
                 hint = "Give the part a square cell or a free place, or turn it by 180."
                 yield Remark("/part", f"in {place}, {lost}, {where}.", hint, element=user)
+
+
+def _is_added_to(uses: Uses, users: list[tuple[PartSize, list[int]]]) -> bool:
+    """Whether an element that stands for a part gives its root a surface or an offset."""
+    return any(
+        not _may_be_bare((uses.part(user.part) if user.part else uses.root).tree, element)
+        for user, elements in users
+        for element in elements
+    )
 
 
 _LIMITS = Limits(1_000, 20_000)
