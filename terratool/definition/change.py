@@ -79,6 +79,12 @@ class Target:
         """
         text = value_at(self.source.data, pointer) if _pointer(pointer) else None
         if text is None:
+            file, _, own = pointer.rpartition(">")[2].rpartition("#")
+            if ">" in pointer:
+                raise RequestError(
+                    f"{self.source.name}: the element {shown(pointer)} is one of a part.",
+                    f"Add to the part in all its places: {file or 'this file'}, --parent {own}.",
+                )
             example = f"{ROOT}/children/0"
             if value_at(self.source.data, ROOT) is None:
                 example = "/parts/NAME, as this is a library"

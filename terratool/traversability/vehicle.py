@@ -290,9 +290,10 @@ def load_vehicle(path: str | Path) -> Vehicle:
     source = read_source(path)
     checked = check(source, CheckOptions(warnings=False), kind="vehicle")
     if checked.vehicle is None:
-        if document_kind(source.data) == "terrain":
+        kind = document_kind(source.data)
+        if kind in ("terrain", "library"):
             raise DefinitionError(
-                f"{source.name}: is a terrain, where a vehicle is wanted.",
+                f"{source.name}: is a {kind}, where a vehicle is wanted.",
                 "Name a vehicle file here, such as samples/vehicles/husky-a200.json.",
             )
         raise refusal(checked)

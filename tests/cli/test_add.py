@@ -221,3 +221,12 @@ def test_a_file_that_cannot_be_added_to(tmp_path: Path, text: str, code: int, wo
 def test_standard_input_is_not_changed() -> None:
     ran = call("add", "-", *PLATE, "--cell", 0, 0, stdin=json.dumps(PLATED))
     assert ran.code == 2 and "Standard input" in ran.err
+
+
+@pytest.mark.parametrize("kit", ["", "../kit.json"])
+def test_the_name_of_an_element_in_a_part_leads_to_the_part(site: Path, kit: str) -> None:
+    """As `query` names it; what is added there is added wherever the part stands."""
+    name = f"/elemTree/children/0>{kit}{'#' if kit else ''}/parts/stand/children/1"
+    ran = call("add", site, *PLATE, "--cell", 0, 0, "--parent", name)
+    assert ran.code == 2 and "is one of a part." in ran.err
+    assert f"{kit or 'this file'}, --parent /parts/stand/children/1." in ran.err

@@ -236,6 +236,20 @@ def test_no_primitives_at_all_are_no_excuse(tmp_path: Path, site: dict[str, Any]
     assert ("/elemTree/type" in told) is ("use" in site)
 
 
+def test_a_name_of_another_kind_is_told_as_what_it_is() -> None:
+    """A part as type, a primitive as part: the finding says which key it belongs to."""
+    parts = {"parts": {"crate": {"type": "box"}}}
+    for key, name, message, hint in (
+        ("type", "crate", "is a part, where a primitive belongs", 'Write "part": "crate"'),
+        ("part", "box", "is a primitive, where a part belongs", 'Write "type": "box"'),
+    ):
+        value = {"size": 10, "elemTypes": BOX, **parts, "elemTree": tree({**CELL, key: name})}
+        options = CheckOptions(warnings=False)
+        (finding,) = check(Source("t.json", json.dumps(value).encode()), options).findings
+        assert finding.pointer == f"/elemTree/children/0/{key}"
+        assert message in finding.message and finding.hint.startswith(hint)
+
+
 def test_a_part_that_is_none_is_named() -> None:
     text = json.dumps({"size": 10, "elemTypes": BOX, "parts": {"a/b": 5}, "elemTree": tree()})
     checked = check(Source("t.json", text.encode()), CheckOptions(warnings=False))

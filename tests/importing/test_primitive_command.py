@@ -321,3 +321,20 @@ def test_a_wall_of_a_mesh_becomes_a_vertical_step(tmp_path: Path) -> None:
     assert report["primitives"] == {"slab": {"x": [[0, 0], [0.37, 0], [0.37, 1], [1, 1]]}}
     (element,) = report["elements"]
     assert (element["vScale"], element["vOffset"]) == pytest.approx((3, 1), abs=1e-5)
+
+
+def test_a_primitive_of_a_library_is_hidden_only_if_that_is_meant(
+    dem: Path, tmp_path: Path
+) -> None:
+    """It would take the place of the other everywhere in the file."""
+    kit = {"elemTypes": {"plate": {"x": [1]}}}
+    (tmp_path / "kit.json").write_text(json.dumps(kit), encoding="utf-8")
+    path = tmp_path / "site.json"
+    tree = {"type": "plate", "vScale": 1}
+    path.write_text(json.dumps({"size": 9, "use": ["kit.json"], "elemTree": tree}))
+    before = path.read_bytes()
+    words = ("import-primitive", dem, *WINDOW, "--name", "plate", "--into", path)
+    ran = run(*words)
+    assert ran.code == 2 and 'has a primitive "plate"' in ran.err and path.read_bytes() == before
+    assert run(*words, "--overwrite").code == 0
+    assert "plate" in json.loads(path.read_bytes())["elemTypes"]

@@ -185,7 +185,9 @@ def library_circle(subject: Subject) -> Iterator[Remark]:
     for index, library in enumerate(document.uses):
         if library is None:
             continue
-        if document in (library, *library.reached):
+        if document is library:
+            yield Remark(f"/use/{index}", "the library uses itself.", "Remove this path.")
+        elif document in library.reached:
             yield Remark(
                 f"/use/{index}",
                 f"the library {shown(library.source.name)} uses this file, which uses it.",

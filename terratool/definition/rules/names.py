@@ -52,6 +52,9 @@ def unknown_primitive(subject: Subject) -> Iterator[Remark]:
         if name in surfaces:
             message = f"{shown(name)} is a surface, where a primitive belongs."
             hint, fix = f'Write the primitive as "type" and "surface": {shown(name)}.', ""
+        elif name in subject.uses.names.parts:
+            message = f"{shown(name)} is a part, where a primitive belongs."
+            hint, fix = f'Write "part": {shown(name)} in place of "type".', ""
         else:
             message, (hint, fix) = f"no primitive is called {shown(name)}.", hints[name]
         yield Remark("/type", message, hint, element=index, fix=fix)

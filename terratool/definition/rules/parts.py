@@ -51,8 +51,12 @@ def unknown_part(subject: Subject) -> Iterator[Remark]:
     missing = subject.tree.distinct("part") - parts.keys() - {UNSET}
     hints = NameHints(parts, "parts")
     for index, name in subject.tree.having("part", missing):
-        hint, fix = hints[name]
-        yield Remark("/part", f"no part is called {shown(name)}.", hint, element=index, fix=fix)
+        if name in subject.primitives:
+            message = f"{shown(name)} is a primitive, where a part belongs."
+            hint, fix = f'Write "type": {shown(name)} in place of "part".', ""
+        else:
+            message, (hint, fix) = f"no part is called {shown(name)}.", hints[name]
+        yield Remark("/part", message, hint, element=index, fix=fix)
 
 
 @rule("TT708", "part-circle")

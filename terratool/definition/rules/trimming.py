@@ -203,12 +203,14 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
             for index in alike.elements:
                 yield Remark("", f"{lost}, {where}.", hint, element=index)
             continue
+        hint = 'Place it by "at" and "extent" in its part, or turn the part by 180.'
+        if kind.is_root:
+            hint = "Give the part a square cell or a free place, or turn it by 180."
         library = path_between(subject.document, alike.root.home)
         place = f"{library}#{alike.root.tree.pointer(alike.elements[0])}"
         for user in sizes.leading_to(size, seen):
             if user not in users:
                 users.add(user)
-                hint = "Give the part a square cell or a free place, or turn it by 180."
                 yield Remark("/part", f"in {place}, {lost}, {where}.", hint, element=user)
 
 

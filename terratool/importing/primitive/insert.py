@@ -99,6 +99,15 @@ def target_of(
             f"{path}: already has a primitive called {shown(taken[0])}.",
             "Choose another --name, or add --overwrite to replace it.",
         )
+    document = target.checked.document
+    for library in () if document is None else document.reached:
+        hidden = [name for name in names if name in library.entries["elemTypes"]]
+        if hidden and not overwrite:
+            raise RequestError(
+                f"{path}: its library {library.source.name} has a primitive {shown(hidden[0])}, "
+                "which the new one would hide.",
+                "Choose another --name, or add --overwrite to have the new one in its place.",
+            )
     if place is not None:
         _refuse_outside(path, target.parent(place.parent).grid, place)
     return PrimitiveTarget(target, place)
