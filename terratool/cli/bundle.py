@@ -51,5 +51,6 @@ def command(file: str, output: str, expanded: bool, overwrite: bool) -> None:
     if shown:
         click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
         return
-    used = counted(len(checked.libraries), "library")
-    say(f"{output}: {len(text.encode()):,} bytes, {used} taken in")
+    count = len(checked.libraries)
+    used = f", {counted(count, 'library')} taken in" if count else ""
+    say(f"{output}: {Path(output).stat().st_size:,} bytes{used}")

@@ -82,7 +82,7 @@ def _from_arguments(coordinates: tuple[str, ...]) -> list[Point]:
             what = "option" if text.startswith("--") else "coordinate"
             raise click.UsageError(f'"{text}" is no {what}.')
     if len(coordinates) % 2:
-        raise click.UsageError(f"{len(coordinates)} coordinates make no pairs; give X Y for each.")
+        raise click.UsageError("The last coordinate stands alone. Give X Y for each point.")
     numbers = [float(text) for text in coordinates]
     return list(zip(numbers[::2], numbers[1::2], strict=True))
 

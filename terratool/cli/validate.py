@@ -407,8 +407,8 @@ class _Job:
                 files = counted(len(found.files) + len(found.unreadable), "file")
                 say(f"terratool: watching {files}; Ctrl-C ends it.", err=True)
                 watched = True
-            for name in watch.wait():
-                say(f"terratool: {name}: has changed.", err=True)
+            for name, became in watch.wait().items():
+                say(f"terratool: {name}: {became}.", err=True)
 
 
 def _refuse_watching(names: tuple[str, ...], fix: bool, update_baseline: bool) -> None:

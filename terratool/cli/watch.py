@@ -67,11 +67,11 @@ class Watch:
         seen.checked = _without_model(checked)
         return seen.checked
 
-    def wait(self) -> list[str]:
+    def wait(self) -> dict[str, str]:
         """Wait until some of the files differ from what was looked at, and then for one pause.
 
         Returns:
-            their names: files that changed, that use a library that did, that are new or gone.
+            what became of each of them, libraries included, by its name.
         """
         before: dict[str, dict[str, State]] = {}
         while True:
@@ -88,10 +88,20 @@ class Watch:
             gone = self._seen.keys() - set(listed)
             # what is still being written is left to be finished
             if (changed or gone) and now == before:
+                told = dict.fromkeys(sorted(gone), "is gone")
+                for name in changed:
+                    old = self._seen[name].states if name in self._seen else {}
+                    for file, state in now[name].items():
+                        if state != old.get(file):
+                            told[file] = _became(old.get(file), state)
                 for name in gone:
                     del self._seen[name]
-                return [*changed, *sorted(gone)]
+                return told
             before = now
+
+
+def _became(old: State, new: State) -> str:
+    return "is gone" if new is None else "is new" if old is None else "has changed"
 
 
 def _without_model(checked: Checked) -> Checked:

@@ -112,6 +112,10 @@ def test_files_come_and_go(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> N
     ran = watched(monkeypatch, steps, tmp_path, "--format", "json")
     assert reports(ran) == [[], ["TT106"], ["TT106"], []]
     assert f"{tmp_path}: has no *.json" in ran.err
+    assert [line for line in ran.err.split("\n") if " is " in line] == [
+        f"terratool: {second}: is new.", f"terratool: {first}: is gone.",
+        f"terratool: {second}: is gone.",
+    ]  # fmt: skip
 
 
 def test_a_file_that_is_not_there_yet(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -158,6 +162,10 @@ def test_a_library_is_watched_wherever_it_is_used(
     assert "TT202" in renamed
     assert "TT701" in gone
     assert checked == ["site.json", "other.json", "site.json", "site.json", "site.json"]
+    told = [
+        line.rsplit("/", 1)[1] for line in ran.err.split("\n") if " is " in line or "has " in line
+    ]
+    assert told == ["far.json: is new.", "far.json: has changed.", "near.json: is gone."]
 
 
 def test_a_link_to_a_library_that_changes_its_target(
