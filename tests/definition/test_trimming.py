@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from terratool.definition.bundle import bundle
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check
-from terratool.definition.turning import turned
+from terratool.definition.turning import is_slanted, turned
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
 
@@ -187,6 +187,30 @@ def test_an_extent_without_a_place_is_no_crash(size: int | None) -> None:
         text = json.dumps({"elemTypes": {"f": {"x": [1]}}, **value}).encode()
         counts = check(Source("t.json", text), kind=None).counts
         assert counts["TT711"] and not counts["TT213"]
+
+
+@pytest.mark.parametrize(
+    "cell", [{"cellY": 0}, {"cellX": -1, "cellY": 0}, {"cellX": 99, "cellY": 0}]
+)
+@pytest.mark.parametrize("turn", [30, 90])
+def test_an_element_without_its_cell_is_no_crash(cell: dict[str, int], turn: int) -> None:
+    """What stands beside it is told of as ever; a block that is not in the grid has sides, too."""
+    more = {"type": "flat", "turnDeg": turn, "surface": "soil", "span": [1, 2], "vScale": 1}
+    value = definition({"cellX": 2, "cellY": 3, **more})
+    value["elemTree"]["children"].append({**cell, **more})
+    checked = check(Source("t.json", json.dumps(value).encode()))
+    trimmed = [f.pointer for f in checked.findings if f.code == "TT213"]
+    assert checked.terrain is None and "/elemTree/children/0/turnDeg" in trimmed
+
+
+@given(
+    turn=st.floats(-720, 720) | st.floats(-1e-5, 1e-5) | st.floats(90 - 1e-5, 90 + 1e-5),
+    ratio=st.floats(-140, 140),
+)
+def test_a_slanted_rectangle_leaves_its_cell_whatever_its_sides(turn: float, ratio: float) -> None:
+    sides = (10.0**ratio, 1.0)
+    assert turned(sides, turn, False).is_trimmed or not is_slanted(turn)
+    assert is_slanted(turn) or min(turn % 90, 90 - turn % 90) <= 1e-6
 
 
 def test_copies_keep_their_steps() -> None:

@@ -19,7 +19,7 @@ from terratool.definition.rules.base import Subject, rule
 from terratool.definition.sides import Sides, sides
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.turning import CLOSE, Point, Turned, turned
+from terratool.definition.turning import CLOSE, Point, Turned, is_slanted, turned
 from terratool.definition.uses import Uses, elements_of
 from terratool.text.display import shown
 
@@ -76,45 +76,70 @@ def _in_sight(subject: Subject) -> Iterator[Remark]:
     cells = _Cells(subject)
     elsewhere = [tree.column(key) for key in ("part", "at", "extent", "scatter")]
     types, scales, parents = tree.column("type"), tree.column("v_scale"), tree.parents
+    cornered = {name for name, p in subject.primitives.items() if p.combine != "radial"}
     for index, turn in enumerate(tree.column("turn_deg")):
         if turn is UNSET or turn % 180 == 0:
             continue
         whole = any(column[index] is not UNSET for column in elsewhere)
         if whole or parents[index] < 0 or (subject.uses.has_root and tree.root_of[index]):
             continue
-        cell = cells.of(index)
-        if cell is None:
-            continue
-        primitive = subject.primitives.get(types[index])
-        shape = turned(cell.lengths, turn, primitive is not None and primitive.combine == "radial")
-        if not shape.is_trimmed:
-            continue
-        flat = scales[index] == 0
-        if _may_be_bare(tree, index) and (flat or (primitive and _is_bare(primitive, shape))):
-            continue
-        tell = partial(_told, tree, index, shape, cells)
-        yield Remark("/turnDeg", "", "", element=index, tell=tell)
+        may_be_bare = _may_be_bare(tree, index)
+        slanted = is_slanted(turn) and types[index] in cornered
+        if may_be_bare or not slanted or not cells.has_one(index):
+            shape = cells.shape(index)
+            if shape is None or not shape.is_trimmed:
+                continue
+            primitive = subject.primitives.get(types[index])
+            flat = scales[index] == 0
+            if may_be_bare and (flat or (primitive and _is_bare(primitive, shape))):
+                continue
+        yield Remark("/turnDeg", "", "", element=index, tell=partial(_told, cells, index))
 
 
-def _told(tree: Tree, index: int, shape: Turned, cells: _Cells) -> tuple[str, str]:
-    around = cells.of(tree.parents[index])
-    assert around is not None
+def _told(cells: _Cells, index: int) -> tuple[str, str]:
+    tree = cells.subject.tree
+    shape, around = cells.shape(index), cells.of(tree.parents[index])
+    assert shape is not None and around is not None
     return shape.sentence(), _hint(tree, index, shape, around)
 
 
 class _Cells:
-    """The sides of cells, as far as they are known: in parts they may not be."""
+    """The sides of cells, as far as they are known: in parts they may not be.
+
+    Attributes:
+        subject: whose elements they are of.
+    """
 
     def __init__(self, subject: Subject) -> None:
-        self._subject = subject
+        self.subject = subject
         self._known: dict[int, Sides | None] = {}
         self._blocks: dict[tuple[int, int, int], Sides] = {}  # by parent and span
         self._extents = subject.tree.column("extent")
+        self._divided: dict[int, bool] = {}  # whether blocks of it are known, and have an area
+
+    def has_one(self, index: int) -> bool:
+        """Whether an element is certain to stand in a cell that is known and has an area."""
+        tree, parent = self.subject.tree, self.subject.tree.parents[index]
+        if parent not in self._divided:
+            around = None if self.subject.unfit else self.of(parent)
+            self._divided[parent] = around is not None and (
+                min(around.lengths) > 1e-140 * max(around.lengths)
+            )
+        return self._divided[parent] and min(tree.block(index)) >= 0
+
+    def shape(self, index: int) -> Turned | None:
+        """The shape of an element as it is turned in its cell; None if that is not known."""
+        cell, tree = self.of(index), self.subject.tree
+        if cell is None:
+            return None
+        primitive = self.subject.primitives.get(tree.value("type", index))
+        is_round = primitive is not None and primitive.combine == "radial"
+        return turned(cell.lengths, tree.value("turn_deg", index), is_round)
 
     def of(self, index: int) -> Sides | None:
         """The sides of an element's cell."""
         known, path = self._known, []
-        parents, extents = self._subject.tree.parents, self._extents
+        parents, extents = self.subject.tree.parents, self._extents
         while index not in known:
             path.append(index)
             if parents[index] < 0 or extents[index] is not UNSET:
@@ -129,7 +154,7 @@ class _Cells:
 
     def _begin(self, index: int) -> Sides | None:
         """Of an element whose cell has sides of its own."""
-        subject, tree = self._subject, self._subject.tree
+        subject, tree = self.subject, self.subject.tree
         extent = tree.value("extent", index)
         if tree.parents[index] >= 0:
             return sides(pair_of(extent, math.nan))
@@ -141,7 +166,7 @@ class _Cells:
 
     def _within(self, index: int, around: Sides | None) -> Sides | None:
         """Of an element in a cell of the grid of one with these sides."""
-        subject, tree = self._subject, self._subject.tree
+        subject, tree = self.subject, self.subject.tree
         (x, y, w, h), parent = tree.block(index), tree.parents[index]
         if around is None or x < 0 or y < 0 or w < 0 or h < 0:
             return None
