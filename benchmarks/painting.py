@@ -5,6 +5,7 @@ And what slopes, labels and the statement of loss cost beside them.
 
 from __future__ import annotations
 
+import math
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -114,28 +115,29 @@ def compare_losses(name: str, terrain: Terrain, pixels: int, runs: int) -> None:
     )
 
 
-def compare_shared(pixels: int, runs: int) -> None:
-    """Time a pixel of 10^12 elements in parts over that of S3, where pixels are as large as cells.
-
-    Close up, pixels are as large as the cells of a lower level, or far smaller.
-    """
-    shared, plain = (
-        Terrain(check(Source(name, terrains.text(getattr(terrains, name)()))))
-        for name in ("shared", "s3")
+def compare_shared(runs: int) -> None:
+    """Parts that are shared against the same 10^6 elements written out, and 10^12 alone."""
+    checked, many = (
+        check(Source("shared", terrains.text(terrains.shared(count)))) for count in (10, 100)
     )
-    cells = 60.0 / pixels / 0.01  # of "row", by pixel
-    few = int(100 / (cells * 0.1))
-    for zoom in (1, 100, 10_000):
+    shared, plain = Terrain(checked, share_above=0), Terrain(checked, share_above=math.inf)
+    for pixels in (256, 1024, 4096):
+        grid = grid_over(shared, 100 / pixels)
         tasks = {}
-        for name, terrain, grid in (
-            ("shared", shared, Grid(37.0, 21.0, 60.0 / zoom / pixels, pixels, pixels)),
-            ("s3", plain, Grid(0.0, 0.0, cells * 0.1, few, few)),
-        ):
+        for name, terrain in (("shared", shared), ("plain", plain)):
             painter = Painter(terrain, grid)
             tasks[name] = partial(painter.paint, grid.whole, painter.blank(grid.whole))
         seconds = medians(tasks, runs)
-        ratio = (seconds["shared"] / pixels**2) / (seconds["s3"] / few**2)
-        line(f"10^12 shared elements, {zoom} times as large: a pixel over S3's", ratio, "none")
+        ratio = seconds["shared"] / seconds["plain"]
+        line(f"10^6 shared elements, {pixels}²: time over that written out", ratio, "<= 1.5")
+    terrain = Terrain(many)
+    for zoom in (1, 100, 10_000):
+        grid = Grid(37.0, 21.0, 60.0 / zoom / 4096, 4096, 4096)
+        painter = Painter(terrain, grid)
+        paint = partial(painter.paint, grid.whole, painter.blank(grid.whole))
+        seconds = medians({"paint": paint}, 1)
+        speed = 4096**2 / seconds["paint"] / 1e6
+        line(f"10^12 shared elements, {zoom} times as large: Mpixel/s", speed, "none")
 
 
 if __name__ == "__main__":
@@ -146,4 +148,4 @@ if __name__ == "__main__":
         for pixels in sizes:
             compare(name, terrain, pixels, runs=7)
         compare_losses(name, terrain, sizes[0], runs=3)
-    compare_shared(sizes[0], runs=3)
+    compare_shared(runs=3)
