@@ -164,11 +164,13 @@ def open_target(
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it has an error, or is a vehicle.
-        RequestError: it is standard input.
+        RequestError: it is standard input, or the output would be standard output.
         WriteError: the output exists.
     """
     if path == "-":
         raise RequestError("Standard input cannot be changed.", "Give the name of a file.")
+    if output == "-":
+        raise RequestError("The result cannot go to standard output.", "Give the name of a file.")
     source = read_source(path)
     if document_kind(source.data) == "vehicle":
         raise DefinitionError(

@@ -230,3 +230,13 @@ def test_the_name_of_an_element_in_a_part_leads_to_the_part(site: Path, kit: str
     ran = call("add", site, *PLATE, "--cell", 0, 0, "--parent", name)
     assert ran.code == 2 and "is one of a part." in ran.err
     assert f"{kit or 'this file'}, --parent /parts/stand/children/1." in ran.err
+
+
+def test_standard_output_is_no_file(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No file of that name comes to be."""
+    monkeypatch.chdir(tmp_path)
+    ran = call("add", site, *PLATE, "--cell", 0, 0, "--output", "-")
+    assert ran.code == 2 and "standard output" in ran.err
+    assert [path.name for path in tmp_path.iterdir()] == ["site.json"]
