@@ -50,7 +50,6 @@ class Document(Struct, eq=False, dict=True):
         broken: the error of syntax, if it has one.
         kind: what it was read as.
         linked: whether its libraries were looked for.
-        looked_at: what rules found in it, kept by the reader.
     """
 
     source: Source
@@ -62,7 +61,6 @@ class Document(Struct, eq=False, dict=True):
     broken: JsonSyntaxError | None = None
     kind: Kind = "library"
     linked: bool = False
-    looked_at: object = None
 
     @property
     def model(self) -> Library:

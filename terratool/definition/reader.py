@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec import Struct, structs
@@ -363,8 +363,10 @@ class _LookedAt(Struct, frozen=True):
 
 def _looked_at(document: Document, options: CheckOptions) -> _LookedAt:
     """What rules find in a text, which is not looked at twice."""
-    if document.looked_at is not None:
-        return cast(_LookedAt, document.looked_at)
+    # no field of the document, as a terrain that travels leaves it behind
+    known: _LookedAt | None = document.__dict__.get("_looked_at")
+    if known is not None:
+        return known
     found, decoded = document.found.copied(), document.decoded
     if document.broken is not None:
         looked = _LookedAt(found, _unreadable(document.source, document.broken))
@@ -379,7 +381,7 @@ def _looked_at(document: Document, options: CheckOptions) -> _LookedAt:
                 looked.checked, vehicle=decoded.vehicle, terrain=decoded.definition,
                 tree=decoded.tree, document=None if decoded.vehicle else document,
             ))  # fmt: skip
-    document.looked_at = looked
+    document.__dict__["_looked_at"] = looked
     return looked
 
 
