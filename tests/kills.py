@@ -95,7 +95,8 @@ def jobs() -> list[Job]:
     output = ("import-primitive", "@dem.tif", *new, "--output", "@p.json", "--overwrite")
     found.append(Job("primitive", output, dems))
     element = ("--type", "bench", "--at", "10", "10", "--extent", "2", "1", "--turn", "30")
-    found.append(Job("add", ("add", "@a.json", *element), definition))
+    added = ("--output", "@b.json", "--overwrite")  # in place, a second run would add another
+    found.append(Job("add", ("add", "@a.json", *element, *added), definition))
     kit_user = ("bundle", "samples/warehouse.json", "@a.json", "--overwrite")
     found.append(Job("bundle", kit_user, before="samples/obstacle-course.json"))
     found.append(Job("format", ("format", "@a.json"), (("a.json", "minified"),)))
