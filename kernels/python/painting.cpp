@@ -142,6 +142,7 @@ template <> struct Argument<WallFinder> : KnownArgument<KeptFinder> {
 };
 
 void bind_painting(nb::module_ m) {
+    m.attr("WHATEVER_SCALE") = WHATEVER_SCALE;
     nb::class_<Painter>(m, "Painter", "Paints windows of a field; each thread needs its own.")
         .def(
             nb::init<nb::handle, nb::handle, bool, nb::handle>(), "field"_a, "voids"_a, "slopes"_a,

@@ -29,6 +29,8 @@ from terratool.text.source import Source, read_source, real_path, write_source
 
 _pointer = re.compile(rf"(?:{ROOT}|/parts/[^/]*)(?:/children/(?:0|[1-9][0-9]*))*").fullmatch
 
+_copy = re.compile(r"\[[0-9,]+\]").sub
+
 
 class Parent(Struct):
     """What an element's text says of its cell and of what stands in it.
@@ -79,11 +81,13 @@ class Target:
         """
         text = value_at(self.source.data, pointer) if _pointer(pointer) else None
         if text is None:
-            file, _, own = pointer.rpartition(">")[2].rpartition("#")
-            if ">" in pointer:
+            file, _, own = _copy("", pointer.rpartition(">")[2]).rpartition("#")
+            if own != pointer:
+                at = spelled(str(Path(self.source.name).parent), file) if file else self.source.name
                 raise RequestError(
-                    f"{self.source.name}: the element {shown(pointer)} is one of a part.",
-                    f"Add to the part in all its places: {file or 'this file'}, --parent {own}.",
+                    f"{self.source.name}: the element {shown(pointer)} is one of a part or of "
+                    "copies, which stand in the text once.",
+                    f"To add to all of them, name the file {at} and --parent {own}.",
                 )
             example = f"{ROOT}/children/0"
             if value_at(self.source.data, ROOT) is None:

@@ -9,7 +9,7 @@ from terratool.definition.model import Pair
 
 CLOSE = 1e-9
 """Of a side: nothing is said of so little."""
-_THINNEST = 1e-150
+THINNEST = 1e-150
 """Of the other side: what is narrower has no area, and its ratio may be beyond doubles."""
 _CORNERS = (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)
 
@@ -51,7 +51,7 @@ class Turned(NamedTuple):
     def is_trimmed(self) -> bool:
         """Whether anything of it lies outside its cell."""
         (w, h), (across, along) = self.lengths, self.reach
-        if min(w, h) <= _THINNEST * max(w, h):
+        if min(w, h) <= THINNEST * max(w, h):
             return False
         return across - w / 2 > CLOSE * w or along - h / 2 > CLOSE * h
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from terratool.field.records import COMBINE, FieldArrays
 from terratool.field.relief import worn_reliefs
+from terratool.kernels import field as kernels
 
 _LEVEL = 1e-12
 """A value at the end of a curve that counts as 0, in parts of its largest value."""
@@ -82,10 +83,6 @@ def _curve_sizes(arrays: FieldArrays, end: bool) -> Floats:
     return sizes
 
 
-WHATEVER_SCALE = 2
-"""In the place of a truth value: there may be a wall even where the element adds no height."""
-
-
 def largest_depths(arrays: FieldArrays) -> Floats:
     """Depth of the deepest rut that each track makes by itself on what is worn, (tracks,)."""
     tracks = arrays.tracks
@@ -98,7 +95,7 @@ def largest_depths(arrays: FieldArrays) -> Floats:
 def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
     """For each kind, whether there may be a wall on the edge of its whole footprint.
 
-    It is other than 0 somewhere there, or a relief ends.
+    It is other than 0 somewhere there, or a relief ends: then `WHATEVER_SCALE` in place of 1.
     """
     out = np.ones(len(arrays.kinds), np.uint8)
     worn = worn_reliefs(arrays)
@@ -106,7 +103,7 @@ def nonzero_edges(arrays: FieldArrays) -> NDArray[np.uint8]:
     filled = arrays.kinds["combine"][root["kind"]] != COMBINE["radial"]
     filled = filled and not arrays.poses["turned"][root["pose"]]
     if len(worn) > 1 or (len(worn) and not filled):  # where one ends, another or none begins
-        return out * np.uint8(WHATEVER_SCALE)
+        return out * np.uint8(kernels.WHATEVER_SCALE)
     for k, kind in enumerate(arrays.kinds):
         x, y = (_ends(arrays, kind, axis) for axis in "xy")
         level = x.start == x.end == y.start == y.end == 0.0

@@ -198,6 +198,8 @@ def segment_holds(
     Shapes: segment[1], x[n], y[n], out[n].
     """
 
+WHATEVER_SCALE: int = 2
+
 class Painter:
     """Paints windows of a field; each thread needs its own."""
 

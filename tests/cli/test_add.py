@@ -223,13 +223,21 @@ def test_standard_input_is_not_changed() -> None:
     assert ran.code == 2 and "Standard input" in ran.err
 
 
-@pytest.mark.parametrize("kit", ["", "../kit.json"])
-def test_the_name_of_an_element_in_a_part_leads_to_the_part(site: Path, kit: str) -> None:
-    """As `query` names it; what is added there is added wherever the part stands."""
-    name = f"/elemTree/children/0>{kit}{'#' if kit else ''}/parts/stand/children/1"
+@pytest.mark.parametrize(
+    ("name", "file", "own"),
+    [
+        ("/elemTree/children/0>/parts/stand/children/1", "site.json", "/parts/stand/children/1"),
+        ("/elemTree/children/0>kit.json#/parts/stand[2,0]", "kit.json", "/parts/stand"),
+        ("/elemTree/children/0[12,3]", "site.json", "/elemTree/children/0"),
+    ],
+)
+def test_the_name_of_an_element_leads_to_the_text_that_has_it(
+    site: Path, name: str, file: str, own: str
+) -> None:
+    """As `query` names it; what is added there is added to all parts or copies."""
     ran = call("add", site, *PLATE, "--cell", 0, 0, "--parent", name)
-    assert ran.code == 2 and "is one of a part." in ran.err
-    assert f"{kit or 'this file'}, --parent /parts/stand/children/1." in ran.err
+    assert ran.code == 2 and "stand in the text once." in ran.err
+    assert f"name the file {site.parent / file} and --parent {own}." in ran.err
 
 
 def test_standard_output_is_no_file(

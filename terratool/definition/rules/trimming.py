@@ -19,7 +19,7 @@ from terratool.definition.rules.base import Subject, rule
 from terratool.definition.sides import Sides, sides
 from terratool.definition.summaries import combine_values, curve_values
 from terratool.definition.tree import ROOT, Tree
-from terratool.definition.turning import CLOSE, Point, Turned, is_slanted, turned
+from terratool.definition.turning import CLOSE, THINNEST, Point, Turned, is_slanted, turned
 from terratool.definition.uses import Uses, elements_of
 from terratool.text.display import shown
 
@@ -123,7 +123,7 @@ class _Cells:
         if parent not in self._divided:
             around = None if self.subject.unfit else self.of(parent)
             self._divided[parent] = around is not None and (
-                min(around.lengths) > 1e-140 * max(around.lengths)
+                min(around.lengths) > 1e10 * THINNEST * max(around.lengths)  # so are its cells
             )
         return self._divided[parent] and min(tree.block(index)) >= 0
 
@@ -221,16 +221,13 @@ def _in_parts(subject: Subject) -> Iterator[Remark]:
         told.add(mark)
         lost = shape.sentence()[:-1]
         where = f"where the part {shown(size.part)} stands in {cell[0]:.6g} × {cell[1]:.6g}"
+        hint = 'Place it by "at" and "extent" in its part, or turn the part by 180.'
+        if kind.is_root:
+            hint = "Give the part a square cell or a free place there, or turn it by 180."
         if own:
-            hint = 'Place it by "at" and "extent", which turn it whole.'
-            if kind.is_root:
-                hint = "Give the part a square cell or a free place there, or turn it by 180."
             for index in alike.elements:
                 yield Remark("", f"{lost}, {where}.", hint, element=index)
             continue
-        hint = 'Place it by "at" and "extent" in its part, or turn the part by 180.'
-        if kind.is_root:
-            hint = "Give the part a square cell or a free place, or turn it by 180."
         library = path_between(subject.document, alike.root.home)
         place = f"{library}#{alike.root.tree.pointer(alike.elements[0])}"
         for user in sizes.leading_to(size, seen):
