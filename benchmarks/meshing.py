@@ -45,6 +45,7 @@ def hills(side: int, surfaces: int) -> Mesh:
         np.zeros(3),
         tuple(f"surface {n}" for n in range(surfaces)),
         rng.integers(0, 256, (surfaces, 3), np.uint8),
+        np.full(surfaces, 0.5),
     )
 
 

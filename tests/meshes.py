@@ -201,6 +201,7 @@ def read(path: Path) -> Mesh:
         origin=np.array([float(word) for word in origin.split()]),
         names=(),
         colors=np.zeros((0, 3), np.uint8),
+        frictions=np.zeros(0),
     )
 
 

@@ -63,6 +63,7 @@ def oblong() -> Mesh:
         np.array([500000.25, 4649776.5, 812]),
         ("sand", NASTY, "unused"),
         np.array([[230, 180, 81], [100, 3, 255], [1, 2, 3]], np.uint8),
+        np.array([0.55, np.nan, 0.25]),
     )
 
 

@@ -134,3 +134,13 @@ def property_of(surface: Surface, attribute: str) -> Any:
         "sinkage": 0.0 if preset.is_hard else UNSET,
     }
     return known.get(attribute, UNSET)
+
+
+def friction_of(surface: Surface) -> float:
+    """The coefficient of friction tan φ of a surface; NaN where its angle φ is not known.
+
+    It is what Coulomb's law leaves of the shear strength c + σ tan φ under a large load; cohesion c
+    comes on top of it and depends on the area of contact.
+    """
+    angle = property_of(surface, "fric_angle")
+    return math.nan if angle is UNSET else math.tan(math.radians(angle))

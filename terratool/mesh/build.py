@@ -10,6 +10,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
+from terratool.definition.presets import friction_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
@@ -229,6 +230,7 @@ def assemble(
             ],
             np.uint8,
         ).reshape(-1, 3),
+        frictions=np.array([friction_of(s) for s in terrain.surface_types.values()], np.float64),
     )
     return mesh, len(faces) - len(skirt), found["moved"]
 

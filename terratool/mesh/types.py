@@ -30,6 +30,7 @@ class Mesh:
         origin: (3,) float64 world position of the local zero.
         names: names of the surfaces.
         colors: (k, 3) uint8 colours of the names.
+        frictions: (k,) float64 coefficients of friction of the names, NaN where it is not known.
     """
 
     vertices: NDArray[np.float64]
@@ -39,6 +40,7 @@ class Mesh:
     origin: NDArray[np.float64]
     names: tuple[str, ...]
     colors: NDArray[np.uint8]
+    frictions: NDArray[np.float64]
 
 
 class RutLoss(Struct, frozen=True, rename={"wall_offset": "beside"}):

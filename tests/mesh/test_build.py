@@ -330,3 +330,20 @@ def test_a_thousand_boxes_are_lean() -> None:
     check_faces(mesh)
     check_closed(mesh, terrain)
     assert len(mesh.faces) < 16 * 1000
+
+
+def test_surfaces_bring_their_friction() -> None:
+    """Tan φ: of a range that of its middle; what a surface says goes before its preset."""
+    surfaces = {
+        "smooth": {"fricAngle": 0},
+        "even": {"fricAngle": 45},
+        "range": {"fricAngle": [20, 40]},
+        "preset": {"preset": "concrete"},
+        "both": {"preset": "concrete", "fricAngle": 45},
+        "unknown": {"color": [1, 2, 3]},
+    }
+    mesh = meshed(terrain_of(one({"x": [1]}) | {"surfTypes": surfaces}), 0.1)
+    assert mesh.names == tuple(surfaces)
+    wanted = [0, 1, 3**-0.5, 0.75, 1, np.nan]
+    # a preset keeps the angle to a tenth of a degree
+    assert mesh.frictions == pytest.approx(wanted, abs=2e-3, nan_ok=True)

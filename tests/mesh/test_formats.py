@@ -261,7 +261,14 @@ def test_strange_texts(suffix: str, tmp_path: Path) -> None:
     names = ("\x00\x1f\ud800\u2028", "", "-->]]>} Shape {", "\nend_header\nv 1 2 3")
     mesh = oblong()
     surfaces = np.arange(12, dtype=np.int32) % 4
-    mesh = replace(mesh, names=names, surfaces=surfaces, colors=mesh.colors[[0, 1, 2, 0]])
+    four = [0, 1, 2, 0]
+    mesh = replace(
+        mesh,
+        names=names,
+        surfaces=surfaces,
+        colors=mesh.colors[four],
+        frictions=mesh.frictions[four],
+    )
     path = written(mesh, tmp_path, suffix, "\x00\ud800\u2028end_header\n--> } Shape {")
     for reader in READERS[suffix]:
         try:
@@ -277,7 +284,11 @@ def test_one_surface_and_no_surfaces(tmp_path: Path) -> None:
     """A mesh without any name is written, too."""
     mesh = oblong()
     bare = replace(
-        mesh, names=(), colors=np.zeros((0, 3), np.uint8), surfaces=np.full(12, -1, np.int32)
+        mesh,
+        names=(),
+        colors=np.zeros((0, 3), np.uint8),
+        frictions=np.zeros(0),
+        surfaces=np.full(12, -1, np.int32),
     )
     for suffix in FORMATS:
         path = written(bare, tmp_path, suffix)
