@@ -300,11 +300,10 @@ def by_usd(path: Path) -> Read:
         assert set(mesh.GetFaceVertexCountsAttr().Get()) == {3}
         points = np.array(mesh.GetPointsAttr().Get())
         faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
-        for subset in UsdGeom.Subset.GetAllGeomSubsets(mesh):
-            material, _ = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()
-            shader, _, _ = material.ComputeSurfaceSource()
-            color = _srgb(shader.GetInput("diffuseColor").Get())
-            found += _triangles(points, faces[list(subset.GetIndicesAttr().Get())], color)
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        shader, _, _ = material.ComputeSurfaceSource()
+        color = _srgb(shader.GetInput("diffuseColor").Get())
+        found += _triangles(points, faces, color)
     return Read(found)
 
 

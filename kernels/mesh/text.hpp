@@ -174,6 +174,24 @@ inline i64 put_faces(
     return text.count();
 }
 
+// Lines of faces whose corners have normals, vertex//normal; otherwise the same.
+inline i64 put_corners(
+    Span<u8> out, Matrix<const i32> faces, Matrix<const i32> normals, i64 first,
+    Span<const u8> before, Span<const u8> after
+) {
+    TextWriter text(out);
+    auto put = [&](i64 n, i64 k) {
+        text.put_integer(u64(faces(n, k) + first)), text.put('/'), text.put('/');
+        text.put_integer(u64(normals(n, k) + first));
+    };
+    for (i64 n = 0; n < faces.rows(); ++n) {
+        text.put_bytes(before);
+        put(n, 0), text.put(' '), put(n, 1), text.put(' '), put(n, 2);
+        text.put_bytes(after);
+    }
+    return text.count();
+}
+
 // Faces in the order of their surfaces, otherwise as they were.
 // `places` say of each which of the surfaces it has, `counts` how many faces each of these has.
 inline Rows<i32, 3> sort_faces(

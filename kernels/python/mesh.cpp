@@ -1,6 +1,7 @@
 // What Python sees of kernels/mesh.
 #include "field.hpp"
 
+#include "../mesh/normals.hpp"
 #include "../mesh/refining.hpp"
 #include "../mesh/regions.hpp"
 #include "../mesh/seams.hpp"
@@ -230,6 +231,11 @@ void bind_mesh(nb::module_ m) {
         {"triangulation", "corners[m,3]", "begins", "faces[f,3]", "owners[f]", "below[_,3]"}
     );
 
+    def<&corner_normals>(
+        m, "corner_normals", "Different normals, and that of each corner of faces.",
+        {"points[_,3]", "faces[m,3]", "walls[m]", "error"}
+    );
+
     def<&put_points>(
         m, "put_points", "Lines of points; returns where they end.",
         {"out", "points[_,3]", "before", "after"}
@@ -237,6 +243,10 @@ void bind_mesh(nb::module_ m) {
     def<&put_faces>(
         m, "put_faces", "Lines of faces; returns where they end.",
         {"out", "faces[_,3]", "first", "before", "after"}
+    );
+    def<&put_corners>(
+        m, "put_corners", "Lines of faces with normals; returns where they end.",
+        {"out", "faces[m,3]", "normals[m,3]", "first", "before", "after"}
     );
     def<&sort_faces>(
         m, "sort_faces", "Faces in the order of their surfaces.",

@@ -68,6 +68,11 @@ _OPTIONS = (
     click.option("--overwrite", is_flag=True, help="Replace files that exist."),
     click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON."),
 )
+_NORMALS_OPTION = click.option(
+    "--no-normals",
+    is_flag=True,
+    help="Leave out the normals of an .obj: it is smaller, and viewers shade it flat.",
+)
 _GRID_OPTIONS = (
     click.option(
         "--elevation-grid",
@@ -99,7 +104,7 @@ def _options(*options: Callable[[_Function], _Function]) -> Callable[[_Function]
     "export-mesh",
     epilog="Example: terratool export-mesh samples/warehouse.json out.glb --max-error 0.02",
 )
-@_options(*_OPTIONS[:-2], *_GRID_OPTIONS, *_OPTIONS[-2:])
+@_options(*_OPTIONS[:-2], *_GRID_OPTIONS, _NORMALS_OPTION, *_OPTIONS[-2:])
 def command(**options: Any) -> None:
     """Write FILE as a mesh of triangles with upright walls.
 
@@ -114,7 +119,7 @@ def command(**options: Any) -> None:
     "export-obj",
     epilog="Example: terratool export-obj samples/stairs-and-kerbs.json out.obj --origin world",
 )
-@_options(*_OPTIONS)
+@_options(*_OPTIONS[:-2], _NORMALS_OPTION, *_OPTIONS[-2:])
 def obj(**options: Any) -> None:
     """Write FILE as Wavefront OBJ, with materials in an .mtl beside it.
 
@@ -155,6 +160,7 @@ class _Request:
     as_json: bool
     elevation_grid: bool = False
     resolution: float | None = None
+    no_normals: bool = False
 
     @property
     def world(self) -> bool:
@@ -165,12 +171,19 @@ class _Request:
         from terratool.mesh.export import MeshOptions
 
         return MeshOptions(
-            self.max_error, self.max_faces, self.bounds, self.solid, self.base, self.world
+            self.max_error,
+            self.max_faces,
+            self.bounds,
+            self.solid,
+            self.base,
+            self.world,
+            not self.no_normals,
         )
 
     def check(self) -> None:
         """Refuse another format than the command is for, and options that do not go together."""
         from terratool.errors import RequestError
+        from terratool.mesh.formats.table import mesh_format
 
         if self.suffix and Path(self.output).suffix.lower() != self.suffix:
             name = {".obj": "export-obj", ".wrl": "export-vrml"}[self.suffix]
@@ -190,6 +203,7 @@ class _Request:
             "--base": self.base is not None,
             "--origin world": self.world,
             "--tile-faces": self.tile_faces is not None,
+            "--no-normals": self.no_normals,
         }
         for name in filter(given.get, given):
             if self.elevation_grid:
@@ -197,6 +211,11 @@ class _Request:
                     f"{name} is about a mesh, but a grid of heights is asked for.",
                     f"Leave out {name} or --elevation-grid.",
                 )
+        if self.no_normals and not mesh_format(Path(self.output)).normals:
+            raise RequestError(
+                f"{self.output}: has no normals anyway.",
+                "Leave out --no-normals, which is about an .obj.",
+            )
         self.options().check(tiles=self.tile_faces is not None)
         if self.tile_faces is not None and self.tile_faces < 1:
             raise RequestError(

@@ -187,6 +187,15 @@ def separate_wedges(
     Shapes: corners[m,3], faces[f,3], owners[f], below[_,3].
     """
 
+def corner_normals(
+    points: NDArray[np.float64], faces: NDArray[np.int32], walls: NDArray[np.bool_], error: float
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """
+    Different normals, and that of each corner of faces.
+
+    Shapes: points[_,3], faces[m,3], walls[m].
+    """
+
 def put_points(
     out: NDArray[np.uint8],
     points: NDArray[np.float32] | NDArray[np.float64],
@@ -210,6 +219,20 @@ def put_faces(
     Lines of faces; returns where they end.
 
     Shapes: faces[_,3].
+    """
+
+def put_corners(
+    out: NDArray[np.uint8],
+    faces: NDArray[np.int32],
+    normals: NDArray[np.int32],
+    first: int,
+    before: NDArray[np.uint8],
+    after: NDArray[np.uint8],
+) -> int:
+    """
+    Lines of faces with normals; returns where they end.
+
+    Shapes: faces[m,3], normals[m,3].
     """
 
 def sort_faces(

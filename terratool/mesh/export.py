@@ -24,6 +24,7 @@ from terratool.mesh.build import build
 from terratool.mesh.formats.common import points_of
 from terratool.mesh.formats.table import MeshFormat, mesh_format
 from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
+from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 from terratool.text.display import counted, length, plain
@@ -79,6 +80,7 @@ class MeshOptions:
         solid: whether to close it by sides and a bottom.
         base: height of the bottom; somewhat below the lowest ground, if not said.
         world: whether coordinates are those of the world rather than near 0.
+        normals: whether a format that has a place for normals gets them.
     """
 
     max_error: float | None = None
@@ -87,6 +89,7 @@ class MeshOptions:
     solid: bool = False
     base: float | None = None
     world: bool = False
+    normals: bool = True
 
     def check(self, tiles: bool = False) -> None:
         """Refuse numbers that make no sense for any terrain, and for tiles what is about one mesh.
@@ -212,7 +215,7 @@ def export_mesh(
     """
     path = Path(path)
     terrain = terrain.written_out
-    check_request(path, overwrite, options.world)
+    form = check_request(path, overwrite, options.world)
     options.check()
     bounds = options.bounds
     if bounds is not None:
@@ -246,6 +249,8 @@ def export_mesh(
             "Give other --bounds." if bounds else "Ask terratool info what the terrain is.",
         )
     say(f"writing {counted(len(mesh.faces), 'face')}")
+    if form.normals and options.normals:
+        mesh = with_normals(fit.built)
     files = write_mesh(mesh, path, overwrite, terrain.descr, options.world)
     if not path.is_symlink():  # then they are where the user says
         files = path, *(path.with_name(file.name) for file in files[1:])

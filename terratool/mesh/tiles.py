@@ -30,6 +30,7 @@ from terratool.mesh.export import (
 )
 from terratool.mesh.formats.table import FORMATS, mesh_format
 from terratool.mesh.loss import MeshLoss, OmittedElements, WallSummary, joined_walls, wall_summary
+from terratool.mesh.normals import with_normals
 from terratool.mesh.plan import plan_of
 from terratool.mesh.seams import Seam, boundary_of, cut_segments, lay_seams
 from terratool.mesh.types import BuiltMesh, MeshPlan, PlanLoss
@@ -276,7 +277,7 @@ def export_tiles(
     folder = Path(folder).absolute()
     if options.bounds is not None:
         check_bounds(options.bounds, terrain)
-    mesh_format(Path(f"mesh{suffix}"), options.world)
+    form = mesh_format(Path(f"mesh{suffix}"), options.world)
     _refuse(folder, overwrite)
     wanted, chosen = options.error_for(terrain)
     layout = lay_out(terrain, wanted, count, options.bounds)
@@ -293,6 +294,8 @@ def export_tiles(
                 rounding = max(rounding, rounding_of(mesh))
                 standing = joined_walls(standing, wall_summary(mesh))
                 path = folder / f"mesh_{row:02}_{column:02}{suffix}"
+                if form.normals and options.normals:
+                    mesh = with_normals(built)
                 written = write_mesh(mesh, path, overwrite, terrain.descr, options.world)
             limits = tuple(layout.bounds(row, column).tolist())
             names = tuple(path.name for path in written)

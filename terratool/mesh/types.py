@@ -19,6 +19,19 @@ _LOW = 0.01
 
 
 @dataclass(frozen=True, slots=True)
+class CornerNormals:
+    """Which way the surface faces at the corners of faces.
+
+    Attributes:
+        directions: (n, 3) float32 different unit vectors, to three decimals.
+        corners: (m, 3) int32 index of that of each corner of each face.
+    """
+
+    directions: NDArray[np.float32]
+    corners: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True)
 class Mesh:
     """Triangles with shared vertices.
 
@@ -31,6 +44,7 @@ class Mesh:
         names: names of the surfaces.
         colors: (k, 3) uint8 colours of the names.
         frictions: (k,) float64 coefficients of friction of the names, NaN where it is not known.
+        normals: those of its corners; None leaves them to whoever shows it.
     """
 
     vertices: NDArray[np.float64]
@@ -41,6 +55,7 @@ class Mesh:
     names: tuple[str, ...]
     colors: NDArray[np.uint8]
     frictions: NDArray[np.float64]
+    normals: CornerNormals | None = None
 
 
 class RutLoss(Struct, frozen=True, rename={"wall_offset": "beside"}):

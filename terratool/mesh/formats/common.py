@@ -32,6 +32,7 @@ class SurfacePart:
         word: the name in characters that a format allows; different from those of other parts.
         color: of the surface.
         faces: (m, 3) int32 indices of vertices of the mesh.
+        normals: (m, 3) int32 indices of normals of the mesh, if that has any.
     """
 
     surface: int
@@ -39,6 +40,7 @@ class SurfacePart:
     word: str
     color: tuple[int, int, int]
     faces: NDArray[np.int32]
+    normals: NDArray[np.int32] | None
 
 
 def points_of(mesh: Mesh) -> NDArray[np.float32]:
@@ -69,19 +71,24 @@ def surface_parts(mesh: Mesh, allowed: Callable[[str], bool] = ascii_word) -> li
     counts = np.bincount(places, minlength=count + 1)
     ends = np.cumsum(counts)
     faces = mesh.faces
+    normals = mesh.normals.corners if mesh.normals else None
     if np.count_nonzero(counts) > 1:
         faces = kernels.sort_faces(faces, places, counts)
+        if normals is not None:
+            normals = kernels.sort_faces(normals, places, counts)
     used = np.flatnonzero(counts).tolist()
     names = [*mesh.names, NO_NAME]
     colors = [*map(tuple, mesh.colors.tolist()), NO_COLOR]
     words = plain_names([names[place] for place in used], allowed, "surface")
+    own = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
     return [
         SurfacePart(
             surface=place if place < count else -1,
             name=names[place],
             word=word,
             color=colors[place],
-            faces=faces[ends[place] - counts[place] : ends[place]],
+            faces=faces[own[place]],
+            normals=None if normals is None else normals[own[place]],
         )
         for place, word in zip(used, words, strict=True)
     ]
@@ -115,7 +122,7 @@ def write_points(
 
     Each float32 is the shortest number that reads back as the same, each float64 has 15 digits.
     """
-    _write(file, points, kernels.put_points, (), before, after)
+    _write(file, (points,), kernels.put_points, (), before, after)
 
 
 def write_faces(
@@ -124,25 +131,34 @@ def write_faces(
     first: int = 0,
     before: bytes = b"",
     after: bytes = b"\n",
+    normals: NDArray[np.int32] | None = None,
 ) -> None:
-    """Write faces, (m, 3), as lines; the first vertex has the number `first`."""
-    _write(file, faces, kernels.put_faces, (first,), before, after)
+    """Write faces, (m, 3), as lines; the first vertex has the number `first`.
+
+    With normals, (m, 3), each corner is vertex//normal, and the first normal has that number, too.
+    """
+    if normals is None:
+        _write(file, (faces,), kernels.put_faces, (first,), before, after)
+    else:
+        _write(file, (faces, normals), kernels.put_corners, (first,), before, after)
 
 
 def _write(
     file: BinaryIO,
-    rows: NDArray[Any],
+    arrays: tuple[NDArray[Any], ...],
     put: Callable[..., int],
     extra: tuple[Any, ...],
     before: bytes,
     after: bytes,
 ) -> None:
-    rows = np.ascontiguousarray(rows)
+    arrays = tuple(np.ascontiguousarray(rows) for rows in arrays)
+    count = len(arrays[0])
+    # a number has room for two of int32 and what stands between them
     size = 3 * kernels.NUMBER_BYTES + 2 + len(before) + len(after)
-    out = np.empty(min(_BLOCK, len(rows)) * size, np.uint8)
+    out = np.empty(min(_BLOCK, count) * size, np.uint8)
     texts = [np.frombuffer(text, np.uint8) for text in (before, after)]
-    for begin in range(0, len(rows), _BLOCK):
-        end = put(out, rows[begin : begin + _BLOCK], *extra, *texts)
+    for begin in range(0, count, _BLOCK):
+        end = put(out, *(rows[begin : begin + _BLOCK] for rows in arrays), *extra, *texts)
         file.write(out[:end].data)
 
 

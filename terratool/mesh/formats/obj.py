@@ -19,7 +19,7 @@ from terratool.mesh.types import Mesh
 
 
 def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
-    """Write an OBJ and its MTL: one group and one material per surface, z up.
+    """Write an OBJ and its MTL: one group and one material per surface, z up, normals if any.
 
     Names are words of letters, digits, `_`, `-` and `.`, since neither file can quote; the true
     ones stand in comments. In coordinates of the `world` numbers have 15 digits.
@@ -32,11 +32,13 @@ def write_obj(mesh: Mesh, path: Path, descr: str, world: bool = False) -> None:
         file.write(f"# origin {'0 0 0' if world else origin_of(mesh)}\n# z is up\n".encode())
         file.write(f"mtllib {materials.name}\n".encode())
         write_points(file, world_points_of(mesh) if world else points_of(mesh), b"v ")
+        if mesh.normals:
+            write_points(file, mesh.normals.directions, b"vn ")
         for part in parts:
             if part.surface >= 0:
                 file.write(f"# surface {quoted(part.name)}\n".encode())
             file.write(f"g {part.word}\nusemtl {part.word}\n".encode())
-            write_faces(file, part.faces, 1, b"f ")
+            write_faces(file, part.faces, 1, b"f ", normals=part.normals)
     with open(materials, "wb") as file:
         for part in parts:
             if part.surface >= 0:

@@ -28,6 +28,7 @@ class MeshFormat:
         write_world: the same in coordinates of the world, where float64 can be kept.
         companions: suffixes of files that it puts beside.
         surfaces: whether a file says which faces belong to which surface.
+        normals: whether a file has the normals of a mesh, if that has any.
         module, package, extra: what has to be installed for it, as it is imported, as it is called,
             and the extra of terratool that has it; empty for nothing.
     """
@@ -36,6 +37,7 @@ class MeshFormat:
     write_world: Callable[[Mesh, Path, str], None] | None = None
     companions: tuple[str, ...] = ()
     surfaces: bool = True
+    normals: bool = False
     module: str = ""
     package: str = ""
     extra: str = ""
@@ -44,7 +46,9 @@ class MeshFormat:
 _USD = MeshFormat(write_usd, module="pxr", package="usd-core", extra="usd")
 
 FORMATS = {
-    ".obj": MeshFormat(write_obj, partial(write_obj, world=True), companions=(".mtl",)),
+    ".obj": MeshFormat(
+        write_obj, partial(write_obj, world=True), companions=(".mtl",), normals=True
+    ),
     ".wrl": MeshFormat(write_vrml),
     ".glb": MeshFormat(write_glb),
     ".stl": MeshFormat(write_stl, surfaces=False),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -10,70 +11,77 @@ import numpy as np
 from terratool.errors import WriteError
 from terratool.mesh.formats.common import (
     encodable,
-    face_colors,
     linear,
     points_of,
+    shape_of,
     surface_parts,
 )
 from terratool.mesh.types import Mesh
 
 
 def write_usd(mesh: Mesh, path: Path, descr: str) -> None:
-    """Write a .usda or .usdc: one Mesh with a subset and a material per surface, z up, in metres.
+    """Write a .usda or .usdc: a Mesh and a Material per surface, z up, in metres and kilograms.
 
     Prims are named after the surfaces, in letters, digits and `_` of ASCII; their display names are
     the true ones. The origin stands in the layer's custom data.
 
+    Bodies collide with the triangles of each Mesh as they are. A surface whose friction is known
+    has it as static and dynamic friction, without restitution, in its Material, which is bound for
+    physics, too. There is no PhysicsScene: that belongs to the stage that refers to the terrain.
+
     Raises:
         WriteError: the file cannot be written.
     """
-    from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
+    from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
     root = UsdGeom.Xform.Define(stage, "/Terrain").GetPrim()
     stage.SetDefaultPrim(root)
     layer = stage.GetRootLayer()
     layer.customLayerData = {"terratool": {"origin": Gf.Vec3d(*mesh.origin.tolist())}}
     layer.documentation = encodable(descr)
 
-    points = points_of(mesh)
-    prim = UsdGeom.Mesh.Define(stage, "/Terrain/Mesh")
-    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
-    prim.CreateFaceVertexIndicesAttr(
-        Vt.IntArray.FromNumpy(np.ascontiguousarray(mesh.faces.ravel(), np.int32))
-    )
-    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    prim.CreateDoubleSidedAttr(True)
-    prim.CreateExtentAttr(
-        Vt.Vec3fArray.FromNumpy(np.stack([points.min(axis=0), points.max(axis=0)]))
-    )
-    light = np.array([linear((shade, 0, 0))[0] for shade in range(256)], np.float32)
-    prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(
-        Vt.Vec3fArray.FromNumpy(light[face_colors(mesh)])
-    )
-    UsdGeom.Subset.SetFamilyType(prim, UsdShade.Tokens.materialBind, UsdGeom.Tokens.partition)
     UsdGeom.Scope.Define(stage, "/Terrain/Materials")
+    points = points_of(mesh)
     for part in surface_parts(mesh):
-        word = part.word
-        material = UsdShade.Material.Define(stage, f"/Terrain/Materials/Material_{word}")
+        color = Gf.Vec3f(*linear(part.color))
+        material = UsdShade.Material.Define(stage, f"/Terrain/Materials/Material_{part.word}")
         shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Preview"))
         shader.CreateIdAttr("UsdPreviewSurface")
-        shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(
-            Gf.Vec3f(*linear(part.color))
-        )
+        shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(color)
         shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(1.0)
         material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-        subset = UsdGeom.Subset.Define(stage, f"/Terrain/Mesh/Faces_{word}")
-        subset.CreateElementTypeAttr(UsdGeom.Tokens.face)
-        subset.CreateFamilyNameAttr(UsdShade.Tokens.materialBind)
-        own = np.flatnonzero(mesh.surfaces == part.surface).astype(np.int32)
-        subset.CreateIndicesAttr(Vt.IntArray.FromNumpy(own))
-        UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(material)
+
+        own, faces = shape_of(points, part)
+        shape = UsdGeom.Mesh.Define(stage, f"/Terrain/Surface_{part.word}")
+        shape.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(own))
+        shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)))
+        shape.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.ravel()))
+        shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        shape.CreateDoubleSidedAttr(True)
+        shape.CreateExtentAttr(
+            Vt.Vec3fArray.FromNumpy(np.stack([own.min(axis=0), own.max(axis=0)]))
+        )
+        shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([color])
+        UsdPhysics.CollisionAPI.Apply(shape.GetPrim())
+        # the triangles themselves, not their hull
+        UsdPhysics.MeshCollisionAPI.Apply(shape.GetPrim()).CreateApproximationAttr(
+            UsdPhysics.Tokens.none
+        )
+        binding = UsdShade.MaterialBindingAPI.Apply(shape.GetPrim())
+        binding.Bind(material)
+        friction = mesh.frictions[part.surface] if part.surface >= 0 else math.nan
+        if not math.isnan(friction):
+            physics = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+            physics.CreateStaticFrictionAttr(friction)
+            physics.CreateDynamicFrictionAttr(friction)
+            physics.CreateRestitutionAttr(0.0)
+            binding.Bind(material, UsdShade.Tokens.weakerThanDescendants, "physics")
         if part.surface >= 0:
-            for named in (material, subset):
+            for named in (material, shape):
                 named.GetPrim().SetDisplayName(encodable(part.name))
     try:
         layer.Export(str(path))
