@@ -239,7 +239,7 @@ def test_lines_of_an_obj(tmp_path: Path) -> None:
 
 
 def test_tiles_have_normals(tmp_path: Path) -> None:
-    """All of them, unless they are not wanted."""
+    """All of them."""
     exported_tiles(terrain("cosbell", [0, 1, 0.3]), tmp_path / "t", ".obj", 0.01, 1, 2)
     for path in sorted((tmp_path / "t").glob("*.obj")):
         assert path.read_text().count("\nvn ") >= 5
