@@ -50,6 +50,16 @@ class Curriculum:
         return tuple(kind.name for kind in self.spec.kinds)
 
     @property
+    def counts(self) -> Mapping[str, int]:
+        """How many tiles there are of each kind, by the spec's names."""
+        counts = np.bincount(self.assignment.kinds.ravel(), minlength=len(self.spec.kinds))
+        return dict(zip(self.kind_names, counts.tolist(), strict=True))
+
+    def tiles_without(self, name: str) -> int:
+        """On how many tiles fewer level places of a name were found than wanted."""
+        return int(np.isnan(self.patches[name][..., -1, 2]).sum())
+
+    @property
     def missing(self) -> Mapping[str, int]:
         """Level places that were wanted and not found, by name."""
         return {name: int(np.isnan(at[..., 2]).sum()) for name, at in self.patches.items()}

@@ -133,7 +133,10 @@ KINDS: dict[str, dict[str, Parameter]] = {
             choices=("choice", "fixed"),
         ),
         "width": Parameter(
-            "range", (1.0, 2.0), "Sides of the obstacles, m: the first, up to below the second.", 0.1
+            "range",
+            (1.0, 2.0),
+            "Sides of obstacles, m: the first, up to below the second.",
+            0.1,
         ),
         "count": Parameter("whole", 20, "Obstacles; later ones replace earlier ones.", 0, 1000),
         "platform": _platform(3.0),

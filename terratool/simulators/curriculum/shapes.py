@@ -362,7 +362,7 @@ def pyramid_slope(name: str, tile: Rectangle, border: int, platform: float) -> S
         {"cellX": 0, "cellY": 0, "type": primitive, "vScale": scale} for primitive in primitives
     ]
     element = {
-        "descr": "Slopes of 1 on four sides: what is lower than the platform is X times Y, all add up",
+        "descr": "Slopes of 1 on four sides: X times Y up to the platform, all add up",
         "type": "ground",
         "vScale": 1,
         "cells": 1,

@@ -170,7 +170,8 @@ def spec_of(source: Source | Mapping[str, Any]) -> Spec:
             source = Source("the spec", msgspec.json.encode(source))
         except (TypeError, ValueError, RecursionError) as error:
             raise DefinitionError(
-                f"The spec cannot be written as JSON ({error}).", "Give a dictionary of JSON values."
+                f"The spec cannot be written as JSON ({error}).",
+                "Give a dictionary of JSON values.",
             ) from error
     try:
         value = read_values(source.data)
@@ -220,7 +221,6 @@ def _refusal(source: Source, faults: list[_Fault]) -> DefinitionError:
         first.hint + (f" {counted(more, 'more thing')} to correct." if more else ""),
         tuple(findings),
     )
-
 
 
 class _Reading:
@@ -386,7 +386,8 @@ class _Reading:
         for finding in check(Source("the spec", msgspec.json.encode(text))).findings:
             rest = finding.pointer.removeprefix("/surfTypes/floor")
             self.wrong(f"/surface{rest}", finding.message, finding.hint)
-        return value
+        surface: Mapping[str, Any] = value
+        return surface
 
     def _patches(self, value: Any, tile: tuple[float, float]) -> Iterator[PatchSpec]:
         if not isinstance(value, dict):
@@ -473,9 +474,7 @@ class _Reading:
             for index, one in enumerate(value)
         )
         if first > second:
-            self.wrong(
-                pointer, f'"{key}" begins above its end.', "Write the smaller number first."
-            )
+            self.wrong(pointer, f'"{key}" begins above its end.', "Write the smaller number first.")
         return first, second
 
     def _pair(

@@ -94,7 +94,7 @@ class Plot:
 
     @property
     def border(self) -> int:
-        """mm."""
+        """Its width, mm."""
         return mm(self.spec.number("border"))
 
     @property
@@ -406,7 +406,7 @@ def _strewn(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
     if (room <= 0).any():
         return []
     low = np.array([platform.x, platform.y])
-    high = low + [platform.w, platform.h]
+    high = low + np.array([platform.w, platform.h])
     found = np.empty((count, 2), np.int64)
     placed = 0
     for _ in range(count):
