@@ -76,8 +76,9 @@ def command(
     if as_json:
         click.echo(json.dumps(as_dict(made, output, str(origins)), indent=2, ensure_ascii=False))
         return
-    for line in as_text(made, output, str(origins)):
-        say(line)
+    for line in lacking(made):
+        say(line, err=True)
+    say(as_text(made, output, str(origins)))
 
 
 def as_dict(made: Curriculum, output: str, origins: str) -> dict[str, Any]:
@@ -105,9 +106,8 @@ def as_dict(made: Curriculum, output: str, origins: str) -> dict[str, Any]:
     }
 
 
-def as_text(made: Curriculum, output: str, origins: str) -> Iterator[str]:
-    """What was made, in lines for people."""
-    spec = made.spec
+def lacking(made: Curriculum) -> Iterator[str]:
+    """Level places that were not found, in lines for people."""
     for name, missing in made.missing.items():
         if missing:
             tiles = counted(made.tiles_without(name), "tile")
@@ -115,8 +115,13 @@ def as_text(made: Curriculum, output: str, origins: str) -> Iterator[str]:
                 f"{shown(name)}: {missing:,} of {made.patches[name].size // 3:,} level places were "
                 f"not found, on {tiles}; they are NaN."
             )
+
+
+def as_text(made: Curriculum, output: str, origins: str) -> str:
+    """What was made, in a line for people."""
+    spec = made.spec
     kinds = listed([f"{count:,} {name}" for name, count in made.counts.items() if count])
-    yield (
+    return (
         f"{output}: {counted(spec.rows * spec.columns, 'tile')} ({kinds}), "
         f"{counted(made.terrain.elements, 'element')}, {len(made.text.encode()):,} bytes; "
         f"{origins}: {listed(list(made.arrays))}"

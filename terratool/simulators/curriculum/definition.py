@@ -59,7 +59,7 @@ def assign(spec: Spec) -> Assignment:
         share = column / spec.columns + 0.001 if spec.curriculum else one
         way = (row + spec.jitter * other) / spec.rows if spec.curriculum else other
         kinds[row, column] = np.searchsorted(upto, share, side="right")
-        difficulty[row, column] = round(first + (last - first) * way, 6)
+        difficulty[row, column] = first + (last - first) * way
     return Assignment(kinds, difficulty)
 
 

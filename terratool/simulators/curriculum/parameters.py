@@ -42,7 +42,7 @@ THINNEST = 0.001
 
 
 def _platform(side: float) -> Parameter:
-    return Parameter("number", side, "Side of the level square in the middle, m.")
+    return Parameter("number", side, "Side of the level square in the middle, m.", 0.01)
 
 
 def _border(width: float) -> Parameter:

@@ -24,7 +24,7 @@ MM = 1000
 """mm in a metre."""
 DIGITS = 4
 """Heights are rounded to so many digits behind the point, in metres."""
-HYPERBOLA_ROWS = 16
+HYPERBOLA_ROWS = 32
 """Stretches by which the curved rim of a slope's platform is drawn."""
 
 
@@ -235,8 +235,9 @@ def relief(
     last = len(heights) - 1
     primitives: dict[str, Members] = {}
     items = []
+    there: NDArray[np.bool_] = np.asarray(heights.any(axis=1))
     for row, values in enumerate(heights.tolist()):
-        if not any(values):
+        if not there[row]:
             continue
         curve = [1, 0] if row == 0 else [0, 1] if row == last else "tent"
         own = f"{name} row {row}"
@@ -254,10 +255,11 @@ def relief(
         "vOffset": lowest,
         "cells": [1, last],
         "children": Lines(tuple(items)),
-        "x-ignore": ["TT208"],
     }
     if not lowest:
         del element["vOffset"]
+    if (there[1:] & there[:-1]).any():  # neighbours share a cell
+        element["x-ignore"] = ["TT208"]
     return Shape(element, primitives)
 
 
@@ -316,13 +318,13 @@ def stairs(tile: Rectangle, border: int, width: int, steps: int) -> Members:
         # without a border the first riser is the tile's edge
         return _curve(_mirrored(points if border else points[1:]))
 
-    return {
-        "descr": f"{steps} steps on four sides, in steps",
+    primitive = {
+        "descr": f"Steps on four sides: the height is counted in steps, of which there are {steps}",
         "x": across(tile.w),
         "y": [] if tile.w == tile.h else across(tile.h),
         "combine": "min",
-        "x-ignore": ["TT306"],
     }
+    return {**primitive, "x-ignore": ["TT306"]} if steps > 1 else primitive
 
 
 def pyramid_slope(name: str, tile: Rectangle, border: int, platform: float) -> Shape:
@@ -367,6 +369,7 @@ def pyramid_slope(name: str, tile: Rectangle, border: int, platform: float) -> S
         "vScale": 1,
         "cells": 1,
         "children": children,
-        "x-ignore": ["TT208"],
     }
+    if len(children) > 1:
+        element["x-ignore"] = ["TT208"]
     return Shape(element, primitives)

@@ -48,7 +48,7 @@ def origins(spec: Spec, terrain: Terrain) -> Floats:
     """
     centre = middles(spec)
     steps = np.arange(-round(_AROUND / _APART), round(_AROUND / _APART)) * _APART
-    near = [steps[np.abs(steps) <= side / 2] for side in spec.tile]
+    near = [steps[(steps >= -side / 2) & (steps < side / 2 - _SLACK)] for side in spec.tile]
     x = centre[..., 0, np.newaxis, np.newaxis] + near[0][:, np.newaxis]
     y = centre[..., 1, np.newaxis, np.newaxis] + near[1]
     heights = terrain.height(x, y)

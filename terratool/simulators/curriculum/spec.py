@@ -253,14 +253,14 @@ class _Reading:
             rows=int(self._number(value, "rows", Parameter("whole", 1, "", 1, MOST_TILES))),
             columns=int(self._number(value, "columns", Parameter("whole", 1, "", 1, MOST_TILES))),
             kinds=tuple(self._kinds(value.get("kinds", {}), tile)),
-            tile=tile,
+            tile=tile or (1.0, 1.0),
             seed=int(self._number(value, "seed", Parameter("whole", 0, "", 0, _LAST_SEED))),
             curriculum=self._flag(value, "curriculum", True),
             difficulty=self._range(value, "difficulty", Parameter("range", (0.0, 1.0), "", 0, 1)),
             jitter=self._number(value, "jitter", Parameter("number", 1.0, "", 0, 1)),
-            border=self._number(value, "border", Parameter("number", 0.0, "", 0, 1000)),
+            border=round(self._number(value, "border", Parameter("number", 0.0, "", 0, 1000)), 3),
             origin=self._pair("/origin", value.get("origin", [0, 0]), -1e9, 1e9) or (0.0, 0.0),
-            surface=self._surface(value.get("surface", FLOOR)),
+            surface=self._surface(value["surface"]) if "surface" in value else FLOOR,
             patches=tuple(self._patches(value.get("patches", {}), tile)),
             descr=str(value.get("descr", "")),
         )
@@ -289,19 +289,19 @@ class _Reading:
             if key not in value:
                 self.wrong(pointer, f'"{key}" is missing.', "Add it.")
 
-    def _tile(self, value: Any) -> tuple[float, float]:
+    def _tile(self, value: Any) -> tuple[float, float] | None:
+        """Sides of a tile; None if they are wrong."""
+        before = len(self.faults)
         sides = self._pair("/tile", [value, value] if _is_number(value) else value, 0.5, LONGEST)
-        if sides is None:
-            return 8.0, 8.0
-        if any(side != round(side, 3) for side in sides):
+        if sides is not None and any(side != round(side, 3) for side in sides):
             self.wrong(
                 "/tile",
                 "a side of a tile is no whole number of millimetres.",
                 "Round it to three digits behind the point.",
             )
-        return sides
+        return sides if len(self.faults) == before else None
 
-    def _kinds(self, value: Any, tile: tuple[float, float]) -> Iterator[KindSpec]:
+    def _kinds(self, value: Any, tile: tuple[float, float] | None) -> Iterator[KindSpec]:
         if not isinstance(value, dict) or not value:
             self.wrong(
                 "/kinds",
@@ -330,7 +330,7 @@ class _Reading:
                 for key, parameter in KINDS[kind].items()
             }
             read = KindSpec(name, kind, share, values)
-            if len(self.faults) == before:
+            if tile and len(self.faults) == before:
                 for key, message, hint in misfits(read, tile):
                     self.wrong(f"{pointer}/{key}", message, hint)
             yield read
@@ -372,8 +372,6 @@ class _Reading:
             )
 
     def _surface(self, value: Any) -> Mapping[str, Any]:
-        if value is FLOOR:
-            return FLOOR
         if not isinstance(value, dict):
             self.wrong("/surface", '"surface" is no object.', 'Write {"preset": "concrete"}.')
             return FLOOR
@@ -389,7 +387,7 @@ class _Reading:
         surface: Mapping[str, Any] = value
         return surface
 
-    def _patches(self, value: Any, tile: tuple[float, float]) -> Iterator[PatchSpec]:
+    def _patches(self, value: Any, tile: tuple[float, float] | None) -> Iterator[PatchSpec]:
         if not isinstance(value, dict):
             self.wrong("/patches", '"patches" is no object.', 'Write {"spawn": {"radius": 0.5}}.')
             return
@@ -403,7 +401,7 @@ class _Reading:
                 self.wrong(pointer, "it is no object.", 'Write {"radius": 0.5}.')
                 continue
             self._keys(pointer, members, known, ("radius",))
-            most = min(tile) / 2
+            most = min(tile or (LONGEST,)) / 2
             yield PatchSpec(
                 name,
                 int(self._number(members, "count", Parameter("whole", 10, "", 1, 1000), pointer)),
