@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import terratool
 from terratool.definition.layout import canonical
 from terratool.definition.reader import check
-from terratool.errors import DefinitionError, RequestError, WriteError
+from terratool.errors import DefinitionError, ReadError, RequestError, WriteError
 from terratool.simulators.curriculum import build
 from terratool.simulators.curriculum.build import curriculum, write_curriculum
 from terratool.simulators.curriculum.parameters import KINDS
@@ -386,16 +386,17 @@ def test_rails_are_two_rings() -> None:
 
 
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
-def test_a_star_has_its_bars(difficulty: float) -> None:
-    made = one("star", difficulty, tile=[8, 8], bars=5)
+@pytest.mark.parametrize("bars", [4, 5])
+def test_a_star_has_its_bars(bars: int, difficulty: float) -> None:
+    made = one("star", difficulty, bars=bars)
     width, height = 1.0 - 0.5 * difficulty, 0.05 + 0.15 * difficulty
-    x, y = strewn(20_000, (8, 8))
-    dx, dy = x - 4, y - 4
+    x, y = strewn(20_000)
+    dx, dy = x - 5, y - 4
     up = np.hypot(dx, dy) < 0.75
-    for k in range(5):
-        angle = np.pi * k / 5
+    for k in range(bars):
+        angle = np.pi * k / bars
         up |= np.abs(dy * np.cos(angle) - dx * np.sin(angle)) < width / 2
-    up |= np.minimum(np.minimum(x, 8 - x), np.minimum(y, 8 - y)) < width
+    up |= np.minimum(np.minimum(x, 10 - x), np.minimum(y, 8 - y)) < width
     heights = made.terrain.height(x, y)
     assert set(np.round(heights, 4)) == {0.0, round(-height, 4)}
     # bars are drawn by pixels of 5 cm
@@ -829,7 +830,10 @@ def test_other_names_are_refused(tmp_path: Any) -> None:
     spec.write_text(json.dumps(kind_with("flat")))
     done = run("curriculum", spec, spec, "--overwrite")
     assert done.code == 2 and "same file" in done.err
-    assert run("curriculum", tmp_path / "none.json", tmp_path / "out.json").code == 3
+    with pytest.raises(ReadError):
+        curriculum(tmp_path / "none.json")
+    with pytest.raises(RequestError, match="seed"):
+        curriculum(spec, seed=-1)
 
 
 # --- the schema ----------------------------------------------------------------------------------

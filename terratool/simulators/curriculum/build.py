@@ -130,10 +130,12 @@ def write_curriculum(made: Curriculum, path: str | Path, overwrite: bool = False
         WriteError: the files are there already, or cannot be written.
     """
     check_name(path)
+    path = Path(path)
+    path = path.resolve() if path.is_symlink() else path  # the origins stand beside the file itself
     with whole_file(path, overwrite, (ORIGINS,)) as part:
         part.write_text(made.text, encoding="utf-8", newline="\n")
         _write_arrays(part.with_suffix(ORIGINS), made.arrays)
-    return Path(path).with_suffix(ORIGINS)
+    return path.with_suffix(ORIGINS)
 
 
 def _write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

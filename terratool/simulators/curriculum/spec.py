@@ -13,7 +13,7 @@ import msgspec
 
 from terratool.definition.findings import Finding
 from terratool.definition.reader import check, refusal
-from terratool.errors import DefinitionError
+from terratool.errors import DefinitionError, RequestError
 from terratool.simulators.curriculum.parameters import KINDS, Parameter, Value
 from terratool.text.display import counted, escape, listed, shown
 from terratool.text.locate import Address, locate
@@ -153,7 +153,10 @@ def load_spec(path: str | Path, seed: int | None = None) -> Spec:
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: it is no JSON, or no spec; `findings` has all that is wrong.
+        RequestError: the seed is out of its range.
     """
+    if seed is not None and not 0 <= seed <= _LAST_SEED:
+        raise RequestError(f"The seed is {seed}.", f"Give one from 0 to {_LAST_SEED:,}.")
     source = read_source(path, _MOST_BYTES, "A spec is a short text; check the path.")
     spec = spec_of(source)
     return spec if seed is None else replace(spec, seed=seed)
