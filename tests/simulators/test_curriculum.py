@@ -406,10 +406,12 @@ def test_a_star_has_its_bars(bars: int, difficulty: float) -> None:
 
 def test_holes_leave_arms_as_wide_as_the_platform() -> None:
     for kind, more in (("pyramidStairs", {"border": 0.5}), ("randomGrid", {})):
+        nothing = {"stepHeight" if kind == "pyramidStairs" else "height": [0, 1]}
         made = one(kind, platform=2.0, holes=True, **more)
         x, y = strewn(4000)
         arms = (np.abs(x - 5) < 1) | (np.abs(y - 4) < 1)
         inside = (np.abs(x - 5) < 4.5) & (np.abs(y - 4) < 3.5)
+        assert "hole" in one(kind, 0, platform=2.0, holes=True, **more, **nothing).text
         there = ~np.isnan(made.terrain.height(x, y))
         assert (there == (arms & inside if kind == "pyramidStairs" else arms)).all()
 
@@ -777,6 +779,11 @@ WRONG = {
         kind_with("pyramidStairs", stepWidth=3.5),
         "/kinds/a/stepWidth",
         "more than half",
+    ),
+    "thick rails": (
+        kind_with("rails", thickness=[0.1, 0.9], platform=5),
+        "/kinds/a/thickness",
+        "more than 0.6 m",
     ),
     "no proportion": (kind_with("box", proportion=0), "/kinds", "all proportions are 0"),
     "a soil": (spec_with(surface={"preset": "dry-sandd"}), "/surface/preset", "dry-sandd"),

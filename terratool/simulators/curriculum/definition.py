@@ -17,9 +17,6 @@ from terratool.simulators.curriculum.spec import MOST_PIECES, Spec
 from terratool.simulators.curriculum.tiles import MAKERS, Draw, Plot, pieces
 from terratool.text.format import WIDTH
 
-_TILES, _PATCHES = 0, 1
-"""What random numbers of a tile are for."""
-
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
@@ -34,8 +31,15 @@ class Assignment:
     difficulty: NDArray[np.float64]
 
 
-def draw_of(spec: Spec, row: int, column: int, purpose: int = _TILES) -> Draw:
-    """Random numbers of one tile, which do not depend on what other tiles are."""
+def draw_of(spec: Spec, row: int, column: int, purpose: int = 0) -> Draw:
+    """Random numbers of one tile, which do not depend on what other tiles are.
+
+    Args:
+        spec: whose seed counts.
+        row: of the tile.
+        column: the same.
+        purpose: 0 for what the tile is, others for what is looked for on it.
+    """
     seeds = np.random.SeedSequence((spec.seed, row, column, purpose))
     return Draw(np.random.Generator(np.random.PCG64(seeds)))
 

@@ -517,6 +517,12 @@ def misfits(kind: KindSpec, tile: tuple[float, float]) -> Iterator[tuple[str, st
                 f'"{key}" is more than half of the {side - taken:g} m that the tile has for it.',
                 "Make it smaller, or the tile larger.",
             )
+    if kind.kind == "rails" and kind.range("thickness")[1] > (side - platform) / 5:
+        yield (
+            "thickness",
+            f'"thickness" is more than {(side - platform) / 5:g} m, a fifth of the way across.',
+            "Make it smaller, or the platform.",
+        )
     if kind.kind == "discreteObstacles" and kind.range("width")[1] > side:
         yield "width", f'"width" is more than the tile\'s {side:g} m.', "Make it smaller."
     if "noiseStep" in has:

@@ -171,8 +171,7 @@ def _rough_slope(plot: Plot) -> Tile:
     rough, even = _noise(plot), _pyramid_slope(plot)
     part = dict(rough.parts[plot.name])
     if even.element:
-        whole = Rectangle(0, 0, plot.plan.w, plot.plan.h).place
-        part["children"] = [{**whole, **even.element}, *part["children"]]
+        part["children"] = [{**plot.plan.place, **even.element}, *part["children"]]
         part["x-ignore"] = ["TT208"]
     return Tile(
         rough.element, {**even.parts, plot.name: part}, {**even.primitives, **rough.primitives}
@@ -215,14 +214,12 @@ def _stairs(plot: Plot) -> Tile:
     steps = min(steps, (min(plan.w, plan.h) - 2 * border - 1) // (2 * width) + 1)
     part: Members = {"type": name, "vScale": 1}
     if plot.holes:
-        beyond = [hole for hole in _rim(plot) if hole.w and hole.h]
-        part |= {
-            "cells": [plan.w, plan.h],
-            "children": hole_lines([*plot.holes, *beyond]),
-        }
+        holes = hole_lines([*plot.holes, *(rim for rim in _rim(plot) if rim.w and rim.h)])
+        part |= {"cells": [plan.w, plan.h], "children": holes}
     tile = _scaled(plot, part, _sign(plot) * plot.at("stepHeight"))
-    primitives = {name: stairs(plan, border, width, steps)} if tile.element else {}
-    return Tile(tile.element, tile.parts, primitives)
+    if tile.element:
+        return Tile(tile.element, tile.parts, {name: stairs(plan, border, width, steps)})
+    return _own(plot, grounded(plan, part["children"])) if plot.holes else tile
 
 
 def _rim(plot: Plot) -> list[Rectangle]:
@@ -357,9 +354,8 @@ def _star(plot: Plot) -> Tile:
 def _repeated(plot: Plot) -> Tile:
     spec, plan = plot.spec, plot.plan
     height = plot.at("height")
-    count = int(spec.range("count")[0] + math.floor(
-        plot.difficulty * (spec.range("count")[1] - spec.range("count")[0])
-    ))  # fmt: skip
+    fewest, most = spec.range("count")
+    count = int(fewest) + math.floor(plot.difficulty * (most - fewest))
     platform_height = spec.number("platformHeight")
     half_platform = (height if platform_height < 0.0 else platform_height) / 2
     kind, sides, share = _object(plot)
@@ -410,7 +406,8 @@ def _strewn(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
     found = np.empty((count, 2), np.int64)
     placed = 0
     for _ in range(count):
-        tries = radius + plot.draw.whole(1 << 30, 2 * _TRIES).reshape(_TRIES, 2) % (room + 1)
+        shares = plot.draw.uniform(0.0, 1.0, 2 * _TRIES).reshape(_TRIES, 2)
+        tries = radius + (shares * (room + 1)).astype(np.int64)
         beside = np.maximum(np.maximum(low - tries, tries - high), 0)
         good = (beside**2).sum(axis=1) > radius**2
         apart = ((tries[:, np.newaxis] - found[:placed]) ** 2).sum(axis=2) > 4 * radius**2
