@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         WriteError,
     )
     from terratool.field.terrain import Terrain, load
+    from terratool.simulators.curriculum.build import curriculum
     from terratool.traversability.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
@@ -29,6 +30,7 @@ _HOMES = {
     "check": "terratool.definition.reader",
     "load_definition": "terratool.definition.reader",
     "schema": "terratool.definition.schemas",
+    "curriculum": "terratool.simulators.curriculum.build",
     "TerratoolError": "terratool.errors",
     "DefinitionError": "terratool.errors",
     "ReadError": "terratool.errors",
@@ -45,6 +47,7 @@ __all__ = [
     "Vehicle",
     "WriteError",
     "check",
+    "curriculum",
     "load",
     "load_definition",
     "load_vehicle",

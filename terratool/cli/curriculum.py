@@ -1,0 +1,128 @@
+"""`terratool curriculum`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.terminal import Status, called, say
+from terratool.text.display import counted, listed, shown
+
+if TYPE_CHECKING:
+    from terratool.simulators.curriculum.build import Curriculum
+
+
+@click.command(
+    epilog="Example: terratool curriculum samples/curricula/rough.json course.json --seed 7"
+)
+@click.argument("spec")
+@click.argument("output")
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**53),
+    metavar="N",
+    help="What all that is random follows from, instead of the spec's own.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
+@click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+@click.pass_context
+def command(
+    ctx: click.Context, spec: str, output: str, seed: int | None, overwrite: bool, as_json: bool
+) -> None:
+    """Make a grid of training tiles of SPEC: a definition, OUTPUT, and origins beside it.
+
+    Tiles stand in rows along x, which get more difficult, and in columns along y, each of a kind.
+    OUTPUT ends in .json; what ends in .origins.npz instead holds where robots begin on each tile,
+    level places on it, its kind and its difficulty. The same SPEC and seed give the same bytes.
+    """
+    from pathlib import Path
+
+    from terratool.errors import DefinitionError, RequestError
+    from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
+    from terratool.simulators.curriculum.build import (
+        ORIGINS,
+        check_name,
+        curriculum,
+        write_curriculum,
+    )
+    from terratool.simulators.curriculum.spec import load_spec
+
+    check_name(output)
+    if is_same_file(spec, output):
+        raise RequestError(
+            f"{output}: is the same file as {spec}.", "Give the definition another name."
+        )
+    refuse_existing(Path(output), overwrite, (ORIGINS,))
+    refuse_missing_folder(Path(output))
+    with Status(f"reading {called(spec)}") as status:
+        try:
+            read = load_spec(spec, seed)
+        except DefinitionError as error:
+            if not error.findings:
+                raise
+            status.clear()
+            for finding in error.findings:
+                place = f"{finding.file}:{finding.line}:{finding.column}"
+                say(f"{place}: {finding.message}", err=True)
+                say(f"  {finding.hint}", err=True)
+            ctx.exit(error.exit_code)
+        status.say("making tiles")
+        made = curriculum(read)
+        status.say(f"writing {called(output)}")
+        origins = write_curriculum(made, output, overwrite)
+    if as_json:
+        click.echo(json.dumps(as_dict(made, output, str(origins)), indent=2, ensure_ascii=False))
+        return
+    for line in lacking(made):
+        say(line, err=True)
+    say(as_text(made, output, str(origins)))
+
+
+def as_dict(made: Curriculum, output: str, origins: str) -> dict[str, Any]:
+    """What was made, ready for JSON."""
+    spec = made.spec
+    return {
+        "format_version": 1,
+        "file": output,
+        "origins": origins,
+        "bytes": len(made.text.encode()),
+        "rows": spec.rows,
+        "columns": spec.columns,
+        "tile": list(spec.tile),
+        "seed": spec.seed,
+        "bounds": list(made.terrain.bounds),
+        "elements": made.terrain.elements,
+        "kinds": made.counts,
+        "patches": {
+            patch.name: {
+                "wanted": spec.rows * spec.columns * patch.count,
+                "missing": made.missing[patch.name],
+            }
+            for patch in spec.patches
+        },
+    }
+
+
+def lacking(made: Curriculum) -> Iterator[str]:
+    """Level places that were not found, in lines for people."""
+    for name, missing in made.missing.items():
+        if missing:
+            tiles = counted(made.tiles_without(name), "tile")
+            yield (
+                f"{shown(name)}: {missing:,} of {made.patches[name].size // 3:,} level places were "
+                f"not found, on {tiles}; they are NaN."
+            )
+
+
+def as_text(made: Curriculum, output: str, origins: str) -> str:
+    """What was made, in a line for people."""
+    spec = made.spec
+    kinds = listed([f"{count:,} {name}" for name, count in made.counts.items() if count])
+    return (
+        f"{output}: {counted(spec.rows * spec.columns, 'tile')} ({kinds}), "
+        f"{counted(made.terrain.elements, 'element')}, {len(made.text.encode()):,} bytes; "
+        f"{origins}: {listed(list(made.arrays))}"
+    )

@@ -1,0 +1,1 @@
+"""Grids of training tiles: a spec becomes one definition, and origins beside it."""

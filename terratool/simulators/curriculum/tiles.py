@@ -1,0 +1,462 @@
+"""A tile of each kind: what a definition has for it, at a difficulty.
+
+Formulas are those of Isaac Lab's `terrains/height_field/hf_terrains.py` and
+`terrains/trimesh/mesh_terrains.py`, and of legged_gym's `utils/terrain.py` with the
+`terrain_utils` of Isaac Gym. What differs is said in docs/curriculum.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.simulators.curriculum.shapes import (
+    DIGITS,
+    MM,
+    Box,
+    Members,
+    Rectangle,
+    box_lines,
+    corners,
+    frame,
+    grounded,
+    hole_lines,
+    merged,
+    mm,
+    outside,
+    pyramid_slope,
+    ratio_within,
+    relief,
+    square,
+    stairs,
+)
+from terratool.simulators.curriculum.spec import KindSpec
+
+PIXEL = 100
+"""mm: the generators' horizontal scale, by which obstacles are placed."""
+_STAR_PIXEL = 50
+"""mm, of the raster that a star is drawn by."""
+_TRIES = 50
+"""For a place where an object touches no other."""
+_RINGS = 0.6
+"""Where the outer of two rings, or of two levels, ends: a share of the way to the tile's edge."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """Random numbers that are the same on every machine: only uniform ones from [0, 1) are drawn.
+
+    Attributes:
+        generator: whose `random` is asked.
+    """
+
+    generator: np.random.Generator
+
+    def uniform(self, low: float, high: float, count: int = 1) -> NDArray[np.float64]:
+        """Numbers from `low` to below `high`, (count,) float64."""
+        return low + (high - low) * self.generator.random(count)
+
+    def whole(self, end: int, count: int = 1) -> NDArray[np.int64]:
+        """Whole numbers from 0 to below `end`, (count,) int64."""
+        return (self.generator.random(count) * end).astype(np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """What a tile is made for.
+
+    Attributes:
+        spec: its kind.
+        plan: the whole tile.
+        difficulty: from 0 to 1.
+        name: for what is this tile's alone.
+        draw: random numbers of its own.
+    """
+
+    spec: KindSpec
+    plan: Rectangle
+    difficulty: float
+    name: str
+    draw: Draw
+
+    def at(self, key: str) -> float:
+        """The value of a range at this difficulty."""
+        return self.spec.at(key, self.difficulty)
+
+    @property
+    def platform(self) -> Rectangle:
+        """The square in the middle."""
+        return square(self.plan, self.spec.number("platform"))
+
+    @property
+    def border(self) -> int:
+        """Its width, mm."""
+        return mm(self.spec.number("border"))
+
+    @property
+    def holes(self) -> list[Rectangle]:
+        """The corners, if there is no ground there."""
+        return corners(self.plan, self.spec.number("platform")) if self.spec.flag("holes") else []
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """What a definition has for a tile.
+
+    Attributes:
+        element: members of its element, but for the place; empty for level ground.
+        parts: what it needs of them, by name.
+        primitives: the same.
+    """
+
+    element: Members = field(default_factory=dict)
+    parts: Mapping[str, Members] = field(default_factory=dict)
+    primitives: Mapping[str, Members] = field(default_factory=dict)
+
+
+def _scaled(plot: Plot, part: Members, factor: float) -> Tile:
+    """A part that all tiles of the kind share, its heights times a factor."""
+    factor = round(factor, 6)
+    if not factor:
+        return Tile()
+    return Tile({"part": plot.spec.name, "vScale": factor}, {plot.spec.name: part})
+
+
+def _own(plot: Plot, part: Members) -> Tile:
+    """A part of this tile alone."""
+    return Tile({"part": plot.name}, {plot.name: part})
+
+
+# --- slopes and relief ---------------------------------------------------------------------------
+
+
+def _sign(plot: Plot) -> int:
+    return -1 if plot.spec.flag("inverted") else 1
+
+
+def _pyramid_slope(plot: Plot) -> Tile:
+    name = plot.spec.name
+    shape = pyramid_slope(name, plot.plan, plot.border, plot.spec.number("platform"))
+    tile = _scaled(plot, shape.element, _sign(plot) * plot.at("slope"))
+    return Tile(tile.element, tile.parts, shape.primitives if tile.element else {})
+
+
+def nodes_of(spec: KindSpec, plan: Rectangle) -> tuple[int, int]:
+    """Rows and columns of random heights, those at the rim included."""
+    inner = plan.inset(mm(spec.number("border")))
+    spacing = spec.number("spacing") * MM
+    rows, columns = (max(1, math.floor(side / spacing + 0.5)) + 1 for side in (inner.h, inner.w))
+    return rows, columns
+
+
+def _noise(plot: Plot) -> Tile:
+    spec = plot.spec
+    (low, high), step = spec.range("noise"), spec.number("noiseStep")
+    rows, columns = nodes_of(spec, plot.plan)
+    levels = math.floor((high - low) / step + 1e-9) + 1
+    heights = plot.draw.whole(levels, rows * columns).reshape(rows, columns)
+    shape = relief(plot.name, plot.plan.inset(plot.border), heights, step, low)
+    return Tile(
+        {"part": plot.name},
+        {plot.name: grounded(plot.plan, [shape.element])},
+        shape.primitives,
+    )
+
+
+def _rough_slope(plot: Plot) -> Tile:
+    rough, even = _noise(plot), _pyramid_slope(plot)
+    part = dict(rough.parts[plot.name])
+    if even.element:
+        part["children"] = [{**plot.plan.place, **even.element}, *part["children"]]
+        part["x-ignore"] = ["TT208"]
+    return Tile(
+        rough.element, {**even.parts, plot.name: part}, {**even.primitives, **rough.primitives}
+    )
+
+
+def _waves(plot: Plot) -> Tile:
+    spec, plan = plot.spec, plot.plan
+    inner = plan.inset(plot.border)
+    name, count = spec.name, int(spec.number("count"))
+    # as many radians along x as make waves as long as those along y
+    turns = f"{2 * count}*pi*t" if inner.w == inner.h else f"{2 * count}*{inner.w}/{inner.h}*pi*t"
+    primitive = {
+        "descr": f"{count} waves along y and others as long along x, added",
+        "x": f"0.5 + 0.5*sin({turns})",
+        "y": f"0.5 + 0.5*cos({2 * count}*pi*t)",
+        "combine": "sum",
+    }
+    wave = {"type": name, "vScale": 1, "vOffset": -1}
+    part = wave if inner == plan else grounded(plan, [{**inner.place, **wave}])
+    # half the amplitude to each side
+    tile = _scaled(plot, part, plot.at("amplitude"))
+    return Tile(tile.element, tile.parts, {name: primitive} if tile.element else {})
+
+
+# --- steps and boxes of one plan -----------------------------------------------------------------
+
+
+def risers(spec: KindSpec, plan: Rectangle) -> int:
+    """Steps from the border up to the platform."""
+    room = min(plan.w, plan.h) - 2 * mm(spec.number("border")) - mm(spec.number("platform"))
+    return room // (2 * mm(spec.number("stepWidth"))) + 2
+
+
+def _stairs(plot: Plot) -> Tile:
+    name, plan = plot.spec.name, plot.plan
+    width, border = mm(plot.spec.number("stepWidth")), plot.border
+    steps = risers(plot.spec, plan)
+    # so many as leave a platform
+    steps = min(steps, (min(plan.w, plan.h) - 2 * border - 1) // (2 * width) + 1)
+    part: Members = {"type": name, "vScale": 1}
+    if plot.holes:
+        holes = hole_lines([*plot.holes, *(rim for rim in _rim(plot) if rim.w and rim.h)])
+        part |= {"cells": [plan.w, plan.h], "children": holes}
+    tile = _scaled(plot, part, _sign(plot) * plot.at("stepHeight"))
+    if tile.element:
+        return Tile(tile.element, tile.parts, {name: stairs(plan, border, width, steps)})
+    return _own(plot, grounded(plan, part["children"])) if plot.holes else tile
+
+
+def _rim(plot: Plot) -> list[Rectangle]:
+    """Where the border crosses the arms beside the corners."""
+    plan, middle, border = plot.plan, plot.platform, plot.border
+    return [
+        Rectangle(middle.x, 0, middle.w, border),
+        Rectangle(middle.x, plan.h - border, middle.w, border),
+        Rectangle(0, middle.y, border, middle.h),
+        Rectangle(plan.w - border, middle.y, border, middle.h),
+    ]
+
+
+def _levels(plot: Plot, height: float) -> Tile:
+    """One or two levels on top of each other, or below."""
+    whole, inner = plot.plan, plot.platform
+    level: Members = {"type": "level", "vScale": 1}
+    if plot.spec.flag("double"):
+        outer = ratio_within(whole, inner, _RINGS)
+        within = Rectangle(inner.x - outer.x, inner.y - outer.y, inner.w, inner.h)
+        upper = {**within.place, **level}
+        element = {**outer.place, **level, "cells": [outer.w, outer.h], "children": [upper]}
+    else:
+        element = {**inner.place, **level}
+    return _scaled(plot, grounded(whole, [element]), height)
+
+
+def _rails(plot: Plot) -> Tile:
+    inner = plot.platform
+    first, second = (mm(thickness) for thickness in plot.spec.range("thickness"))
+    outer = ratio_within(plot.plan, inner, _RINGS)
+    boxes = [*frame(inner.inset(-first), first, 1.0), *frame(outer.inset(-second), second, 1.0)]
+    return _scaled(plot, grounded(plot.plan, box_lines(boxes)), plot.at("height"))
+
+
+def _gap(plot: Plot) -> Tile:
+    inner = plot.platform
+    outer = inner.inset(-mm(plot.at("gapWidth")))
+    if outer == inner:
+        return Tile()
+    void = plot.spec.flag("holes")
+    depth = 0.0 if void else round(plot.spec.number("depth"), DIGITS)
+    if not depth and not void:
+        return Tile()
+    gap = frame(outer, inner.x - outer.x, -depth)
+    lines = hole_lines(plan for plan, _ in gap) if void else box_lines(gap)
+    return _own(plot, grounded(plot.plan, lines))
+
+
+# --- random boxes and objects --------------------------------------------------------------------
+
+
+def _random_grid(plot: Plot) -> Tile:
+    plan, width, height = plot.plan, mm(plot.spec.number("gridWidth")), plot.at("height")
+    columns, rows = plan.w // width, plan.h // width
+    west, south = (plan.w - columns * width) // 2, (plan.h - rows * width) // 2
+    heights = plot.draw.uniform(-height, height, rows * columns).tolist()
+    boxes = [
+        Box(Rectangle(west + i % columns * width, south + i // columns * width, width, width), z)
+        for i, z in enumerate(heights)
+    ]
+    holes, platform = plot.holes, plot.platform
+    boxes = [*outside(boxes, [platform, *holes]), Box(platform, height)]
+    return _own(plot, grounded(plan, box_lines(boxes) + hole_lines(holes)))
+
+
+def _discrete_obstacles(plot: Plot) -> Tile:
+    spec, plan, draw = plot.spec, plot.plan, plot.draw
+    columns, rows = plan.w // PIXEL, plan.h // PIXEL
+    least, end = (mm(side) // PIXEL for side in spec.range("width"))
+    sizes = np.arange(least, max(end, least + 1), 4)
+    levels = np.zeros((rows, columns), np.int64)
+    fixed = spec.values["mode"] == "fixed"
+    for _ in range(int(spec.number("count"))):
+        w, h = (int(sizes[draw.whole(len(sizes))[0]]) for _ in "xy")
+        x = min(4 * int(draw.whole(-(-columns // 4))[0]), columns - w)
+        y = min(4 * int(draw.whole(-(-rows // 4))[0]), rows - h)
+        level = (-2, -1, 1, 2)[int(draw.whole(4)[0])]
+        levels[y : y + h, x : x + w] = 2 if fixed else level
+    height, platform = plot.at("height"), plot.platform
+    boxes = [Box(rectangle, level * height / 2) for rectangle, level in merged(levels, PIXEL)]
+    return _own(plot, grounded(plan, box_lines(outside(boxes, [platform]))))
+
+
+def _stepping_stones(plot: Plot) -> Tile:
+    spec, plan = plot.spec, plot.plan
+    least, most = spec.range("stoneWidth")
+    width = max(1, mm(most - plot.difficulty * (most - least)))
+    distance, highest = mm(plot.at("stoneDistance")), spec.number("stoneHeight")
+    depth = spec.number("depth")
+    # rows lie across the longer side
+    across = plan.h >= plan.w
+    along, length = (plan.h, plan.w) if across else (plan.w, plan.h)
+    boxes = []
+    for begin in range(0, along, width + distance):
+        first = int(plot.draw.whole(width)[0])
+        starts = [first, *range(first + width + distance, length, width + distance)]
+        spans = [(0, first - distance), *((at, min(length, at + width)) for at in starts)]
+        heights = plot.draw.uniform(-highest, highest, len(spans)).tolist()
+        for (low, high), z in zip(spans, heights, strict=True):
+            if low < high:
+                place = (low, begin, high - low, min(width, along - begin))
+                if not across:
+                    place = place[1], place[0], place[3], place[2]
+                boxes.append(Box(Rectangle(*place), z))
+    boxes = [*outside(boxes, [plot.platform]), Box(plot.platform, 0.0)]
+    part = grounded(plan, box_lines(boxes, depth))
+    return _own(plot, {**part, "type": "level", "vScale": -round(depth, DIGITS)} if depth else part)
+
+
+def _star(plot: Plot) -> Tile:
+    spec, plan = plot.spec, plot.plan
+    least, most = spec.range("width")
+    width, height = most - plot.difficulty * (most - least), plot.at("height")
+    columns, rows = plan.w // _STAR_PIXEL, plan.h // _STAR_PIXEL
+    x = (np.arange(columns) + 0.5) * _STAR_PIXEL / MM
+    y = ((np.arange(rows) + 0.5) * _STAR_PIXEL / MM)[:, np.newaxis]
+    # what is on an edge to within rounding counts as inside, on every machine
+    near = width / 2 + 1e-9
+    dx, dy = x - plan.w / 2 / MM, y - plan.h / 2 / MM
+    star = dx * dx + dy * dy <= (spec.number("platform") / 2 + 1e-9) ** 2
+    for k in range(int(spec.number("bars"))):
+        angle = math.pi * k / spec.number("bars")
+        star |= np.abs(dx * math.sin(angle) - dy * math.cos(angle)) <= near
+    rim = width + 1e-9
+    star |= (x < rim) | (x > plan.w / MM - rim) | (y < rim) | (y > plan.h / MM - rim)
+    # the ground between the bars; a rest along the edges that is no pixel stays up
+    boxes = [Box(hole, -height) for hole, _ in merged((~star).astype(np.int64), _STAR_PIXEL)]
+    return _own(plot, grounded(plan, box_lines(boxes)))
+
+
+def _repeated(plot: Plot) -> Tile:
+    spec, plan = plot.spec, plot.plan
+    height = plot.at("height")
+    fewest, most = spec.range("count")
+    count = int(fewest) + math.floor(plot.difficulty * (most - fewest))
+    platform_height = spec.number("platformHeight")
+    half_platform = (height if platform_height < 0.0 else platform_height) / 2
+    kind, sides, share = _object(plot)
+    radius = math.ceil(mm(math.hypot(*sides) if kind != "column" else sides[0]) / 2)
+    places = _strewn(plot, count, radius)
+    absolute = plot.draw.uniform(*spec.range("noise"), len(places)).tolist()
+    factors = plot.draw.uniform(*spec.range("relativeNoise"), len(places)).tolist()
+    turns = plot.draw.uniform(0.0, 360.0, len(places)).tolist()
+    elements: list[Members] = []
+    for (x, y), add, factor, turn in zip(places, absolute, factors, turns, strict=True):
+        z = round((height * factor + add) * share, DIGITS)
+        if z <= 0.0:
+            continue
+        extent = sides[0] if sides[0] == sides[1] else list(sides)
+        element = {"at": [x / MM, y / MM], "extent": extent, "type": kind, "vScale": z}
+        if kind != "column":
+            element["turnDeg"] = round(turn, 1)
+        elements.append(element)
+    z = round(half_platform, DIGITS)
+    if z:
+        elements.append({**plot.platform.place, "type": "level", "vScale": z})
+    descr = f"{len(places)} of {count} places found, {len(elements) - bool(z)} objects"
+    return _own(plot, {"descr": descr, **grounded(plan, elements)})
+
+
+def _object(plot: Plot) -> tuple[str, tuple[float, float], float]:
+    """The primitive of an object, its sides, m, and what share of its height is above ground."""
+    match plot.spec.kind:
+        case "repeatedBoxes":
+            # the generators have the middles of boxes and cylinders on the ground
+            return "level", (round(plot.at("length"), 3), round(plot.at("width"), 3)), 0.5
+        case "repeatedCylinders":
+            side = round(2 * plot.at("radius"), 3)
+            return "column", (side, side), 0.5
+        case _:
+            side = round(math.sqrt(2.0) * plot.at("radius"), 3)
+            return "pyramid", (side, side), 1.0
+
+
+def _strewn(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
+    """Places of discs, mm, that touch neither each other nor the platform nor the tile's edge."""
+    plan, platform = plot.plan, plot.platform
+    room = np.array([plan.w, plan.h]) - 2 * radius
+    if (room <= 0).any():
+        return []
+    low = np.array([platform.x, platform.y])
+    high = low + np.array([platform.w, platform.h])
+    found = np.empty((count, 2), np.int64)
+    placed = 0
+    for _ in range(count):
+        shares = plot.draw.uniform(0.0, 1.0, 2 * _TRIES).reshape(_TRIES, 2)
+        tries = radius + (shares * (room + 1)).astype(np.int64)
+        beside = np.maximum(np.maximum(low - tries, tries - high), 0)
+        good = (beside**2).sum(axis=1) > radius**2
+        apart = ((tries[:, np.newaxis] - found[:placed]) ** 2).sum(axis=2) > 4 * radius**2
+        good &= apart.all(axis=1)
+        if good.any():
+            found[placed] = tries[good.argmax()]
+            placed += 1
+    return [(int(x), int(y)) for x, y in found[:placed]]
+
+
+MAKERS: dict[str, Callable[[Plot], Tile]] = {
+    "flat": lambda _: Tile(),
+    "pyramidSlope": _pyramid_slope,
+    "roughSlope": _rough_slope,
+    "pyramidStairs": _stairs,
+    "randomRough": _noise,
+    "randomGrid": _random_grid,
+    "discreteObstacles": _discrete_obstacles,
+    "waves": _waves,
+    "steppingStones": _stepping_stones,
+    "gap": _gap,
+    "pit": lambda plot: _levels(plot, -plot.at("depth")),
+    "box": lambda plot: _levels(plot, plot.at("height")),
+    "rails": _rails,
+    "star": _star,
+    "repeatedBoxes": _repeated,
+    "repeatedPyramids": _repeated,
+    "repeatedCylinders": _repeated,
+}
+"""What makes a tile of each kind."""
+
+
+def pieces(spec: KindSpec, plan: Rectangle) -> int:
+    """About how many elements and random heights a tile comes to, at most."""
+    match spec.kind:
+        case "randomRough" | "roughSlope":
+            rows, columns = nodes_of(spec, plan)
+            return rows * columns
+        case "randomGrid":
+            width = mm(spec.number("gridWidth"))
+            return (plan.w // width) * (plan.h // width)
+        case "steppingStones":
+            across = [mm(spec.range(key)[0]) for key in ("stoneWidth", "stoneDistance")]
+            return (plan.w // sum(across) + 2) * (plan.h // sum(across) + 1)
+        case "discreteObstacles":
+            return 4 * int(spec.number("count"))
+        case "star":
+            return (plan.h // _STAR_PIXEL) * 2 * int(spec.number("bars") + 1)
+        case "repeatedBoxes" | "repeatedPyramids" | "repeatedCylinders":
+            return int(spec.range("count")[1])
+        case _:
+            return 20
