@@ -1,0 +1,479 @@
+"""A compiled field on a device: heights, normals, surfaces and friction under many robots at once.
+
+`Terrain.to_torch` and `Terrain.to_warp` make it; both ask one kernel of NVIDIA Warp
+(`terratool.field.warp_kernels`), which does in float64 what the terrain's own kernels do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.definition.presets import property_of
+from terratool.errors import RequestError
+from terratool.field.records import FieldArrays
+
+if TYPE_CHECKING:
+    import torch
+    import warp as wp
+
+    from terratool.field.terrain import Terrain
+
+_LARGEST = 2**31 - 1
+"""Devices index by int32."""
+_ROOMS = (8, 32, 128, 512, 2048)
+"""So many grids may wait in a descent; the kernel is compiled for each that is wanted."""
+
+
+class WarpSample(NamedTuple):
+    """What is at points; arrays in the points' shape.
+
+    Attributes:
+        height: (…) float32, from the origin's; NaN outside and in the void.
+        normal: (…) vec3f, upward unit normals, of the east and north side on an edge; NaN likewise.
+        surface: (…) int32, index into `surfaces`; -1 for none.
+        friction: (…) float32, its coefficient, tan φ; NaN where there is no ground.
+    """
+
+    height: wp.array[Any]
+    normal: wp.array[Any]
+    surface: wp.array[Any]
+    friction: wp.array[Any]
+
+
+class TorchSample(NamedTuple):
+    """What is at points; tensors in the points' shape, on their device.
+
+    Attributes:
+        height: (…) float32, from the origin's; NaN outside and in the void.
+        normal: (…, 3) float32, upward unit normals, of the east and north side on an edge; NaN
+            likewise.
+        surface: (…) int32, index into `surfaces`; -1 for none.
+        friction: (…) float32, its coefficient, tan φ; NaN where there is no ground.
+    """
+
+    height: torch.Tensor
+    normal: torch.Tensor
+    surface: torch.Tensor
+    friction: torch.Tensor
+
+
+class WarpField:
+    """A terrain on a device, for arrays of Warp.
+
+    Attributes:
+        surfaces: names of the surfaces, in the order of their indices.
+        origin: world position of the zero of points and heights.
+        device: of Warp.
+        field: the struct `terratool.field.warp_kernels.Field`, for kernels of your own.
+        ground_at: the function of Warp for them: `ground_at(field, x, y)`, world coordinates in
+            float64, gives a `terratool.field.warp_kernels.Ground`.
+    """
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        device: str | None = None,
+        *,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        default_friction: float = math.nan,
+    ) -> None:
+        """Bring a terrain to a device; see `Terrain.to_warp`."""
+        wp = _package("warp", "warp-lang", "warp")
+        with _quiet(wp):
+            wp.init()
+            try:
+                self.device: wp.Device = wp.get_device(device)
+            except (ValueError, RuntimeError) as error:
+                known = ", ".join(map(str, wp.get_devices()))
+                raise RequestError(
+                    f"There is no device {device!r} here.", f"Take one of: {known}."
+                ) from error
+        from terratool.field.warp_kernels import compiled
+
+        self.surfaces = terrain.surfaces
+        self.origin = _origin(origin)
+        arrays = terrain.written_out.arrays
+        self.field = _field(arrays, self.origin, friction_of(terrain, default_friction), self.device)
+        room = next((room for room in _ROOMS if room >= arrays.pending), None)
+        if room is None:
+            raise RequestError(
+                f"Over one point of the terrain lie up to {arrays.pending} elements with children, "
+                f"more than the {_ROOMS[-1]} that a device can take.",
+                "Give them fewer children, or ask terrain.height.",
+            )
+        self.ground_at, self._kernel = compiled(room)
+
+    def height(self, points: wp.array[Any]) -> wp.array[Any]:
+        """Heights at points, (…) float32 from the origin's; NaN outside and in the void.
+
+        Args:
+            points: (…) vec2f or vec2d on the device, from the origin.
+
+        Raises:
+            RequestError: they are not.
+        """
+        import warp as wp
+
+        points = self._checked(points)
+        height = wp.empty(points.shape, dtype=wp.float32, device=self.device)
+        self.launch(points, height)
+        return height
+
+    def sample(self, points: wp.array[Any]) -> WarpSample:
+        """Height, normal, surface and friction at points.
+
+        Args:
+            points: (…) vec2f or vec2d on the device, from the origin.
+
+        Raises:
+            RequestError: they are not.
+        """
+        import warp as wp
+
+        points = self._checked(points)
+        types = wp.float32, wp.vec3f, wp.int32, wp.float32
+        out = WarpSample(*(wp.empty(points.shape, dtype=t, device=self.device) for t in types))
+        self.launch(points, *out)
+        return out
+
+    def launch(
+        self,
+        points: wp.array[Any],
+        height: wp.array[Any],
+        normal: wp.array[Any] | None = None,
+        surface: wp.array[Any] | None = None,
+        friction: wp.array[Any] | None = None,
+    ) -> None:
+        """The same into contiguous arrays that are there; what is None is not computed."""
+        import warp as wp
+
+        is_exact = points.dtype == wp.vec2d
+        flat = [
+            array if array is None or array.ndim == 1 else array.flatten()
+            for array in (points, height, normal, surface, friction)
+        ]
+        inputs = [self.field, None if is_exact else flat[0], flat[0] if is_exact else None]
+        with _quiet(wp):
+            wp.launch(
+                self._kernel,
+                dim=points.size,
+                inputs=inputs,
+                outputs=flat[1:],
+                device=self.device,
+                record_tape=False,
+            )
+
+    def _checked(self, points: wp.array[Any]) -> wp.array[Any]:
+        import warp as wp
+
+        if points.dtype not in (wp.vec2f, wp.vec2d):
+            raise RequestError(
+                f"The points are an array of {points.dtype.__name__}.", "Give vec2f or vec2d."
+            )
+        if points.device != self.device:
+            raise RequestError(
+                f"The points are on {points.device}, the terrain is on {self.device}.",
+                "Bring the one to the other.",
+            )
+        return points if points.is_contiguous else points.contiguous()
+
+
+class TorchField:
+    """A terrain on a device, for tensors of PyTorch.
+
+    Nothing is copied but points that are not contiguous. There are no gradients.
+
+    Attributes:
+        surfaces: names of the surfaces, in the order of their indices.
+        origin: world position of the zero of points and heights.
+        device: of PyTorch.
+        warp: the same for arrays of Warp, and for kernels of your own.
+    """
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        device: str | torch.device = "cpu",
+        *,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        default_friction: float = math.nan,
+    ) -> None:
+        """Bring a terrain to a device; see `Terrain.to_torch`."""
+        torch = _package("torch", "torch", "torch")
+        _package("warp", "warp-lang", "torch")
+        try:
+            self.device = torch.empty(0, device=device).device  # with its number
+        except (RuntimeError, AssertionError) as error:
+            raise RequestError(f"PyTorch has no device {str(device)!r} here.") from error
+        self.warp = WarpField(
+            terrain, str(self.device), origin=origin, default_friction=default_friction
+        )
+        self.surfaces, self.origin = self.warp.surfaces, self.warp.origin
+
+    def height(self, points: torch.Tensor) -> torch.Tensor:
+        """Heights at points, (…) float32 from the origin's; NaN outside and in the void.
+
+        Args:
+            points: (…, 2) float32 or float64 on the device, x and y from the origin.
+
+        Raises:
+            RequestError: they are not.
+        """
+        import torch
+
+        points = self._checked(points)
+        height = torch.empty(points.shape[:-1], dtype=torch.float32, device=self.device)
+        self._launch(points, height)
+        return height
+
+    def sample(self, points: torch.Tensor) -> TorchSample:
+        """Height, normal, surface and friction at points.
+
+        Args:
+            points: (…, 2) float32 or float64 on the device, x and y from the origin.
+
+        Raises:
+            RequestError: they are not.
+        """
+        import torch
+
+        points = self._checked(points)
+        shape = points.shape[:-1]
+        out = TorchSample(
+            torch.empty(shape, dtype=torch.float32, device=self.device),
+            torch.empty((*shape, 3), dtype=torch.float32, device=self.device),
+            torch.empty(shape, dtype=torch.int32, device=self.device),
+            torch.empty(shape, dtype=torch.float32, device=self.device),
+        )
+        self._launch(points, *out)
+        return out
+
+    def _launch(
+        self,
+        points: torch.Tensor,
+        height: torch.Tensor,
+        normal: torch.Tensor | None = None,
+        *others: torch.Tensor,
+    ) -> None:
+        import torch
+        import warp as wp
+
+        if not height.numel():
+            return
+        pairs = wp.vec2d if points.dtype == torch.float64 else wp.vec2f
+        arrays = [wp.from_torch(points.view(-1, 2), dtype=pairs), wp.from_torch(height.view(-1))]
+        if normal is not None:
+            arrays.append(wp.from_torch(normal.view(-1, 3), dtype=wp.vec3f))
+        arrays += [wp.from_torch(other.view(-1)) for other in others]
+        if self.device.type == "cuda":  # in the order of what PyTorch does
+            with wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(self.device))):
+                self.warp.launch(*arrays)
+        else:
+            self.warp.launch(*arrays)
+
+    def _checked(self, points: torch.Tensor) -> torch.Tensor:
+        import torch
+
+        if points.dtype not in (torch.float32, torch.float64) or points.shape[-1:] != (2,):
+            raise RequestError(
+                f"The points are {tuple(points.shape)} {points.dtype}.",
+                "Give (…, 2) float32 or float64, x and y.",
+            )
+        if points.device != self.device:
+            raise RequestError(
+                f"The points are on {points.device}, the terrain is on {self.device}.",
+                "Bring the one to the other.",
+            )
+        return points.detach().contiguous()
+
+
+def friction_of(terrain: Terrain, default: float = math.nan) -> NDArray[np.float32]:
+    """The coefficient of friction of each surface: tan φ of its friction angle.
+
+    Of a range the middle counts, and a preset stands in for what a surface does not say.
+
+    Args:
+        terrain: whose surfaces.
+        default: where a surface has no friction angle, and for ground without a surface.
+
+    Returns:
+        (surfaces + 1,) float32, by the index of the surface and one; first is that of none.
+    """
+    angles = [property_of(surface, "fric_angle") for surface in terrain.surface_types.values()]
+    tans = [default if angle is UNSET else math.tan(math.radians(angle)) for angle in angles]
+    return np.array([default, *tans], np.float32)
+
+
+def _package(module: str, package: str, extra: str) -> Any:
+    """A package that an extra brings."""
+    if find_spec(module) is None:
+        raise RequestError(
+            f"{package} is not installed.", f"Install it by: pip install 'terratool[{extra}]'"
+        )
+    return __import__(module)
+
+
+@contextmanager
+def _quiet(wp: Any) -> Iterator[None]:
+    """Warp prints nothing of what it does, only what goes wrong."""
+    before = wp.config.log_level
+    wp.config.log_level = max(before, wp.LOG_WARNING)
+    try:
+        yield
+    finally:
+        wp.config.log_level = before
+
+
+def _origin(origin: ArrayLike) -> tuple[float, float, float]:
+    numbers = np.asarray(origin, np.float64)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise RequestError(f"The origin is {origin!r}.", "Give three finite numbers: x, y and z.")
+    x, y, z = numbers.tolist()
+    return x, y, z
+
+
+def _field(
+    arrays: FieldArrays,
+    origin: tuple[float, float, float],
+    friction: NDArray[np.float32],
+    device: wp.Device,
+) -> Any:
+    """The struct of the kernels, its arrays on a device."""
+    import warp as wp
+
+    from terratool.field import warp_kernels as kernels
+
+    curves, tracks = arrays.curves, arrays.tracks
+    most = max(map(len, (arrays.offsets, arrays.entries, curves.pieces, tracks.entries)))
+    if most > _LARGEST:
+        raise RequestError(
+            f"The terrain has {most} entries, more than the {_LARGEST} that a device can index.",
+            "Take a part of it.",
+        )
+
+    def array(values: NDArray[Any], dtype: Any) -> Any:
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+
+    def records(struct: Any, count: int, /, **columns: NDArray[Any]) -> Any:
+        values = np.zeros(count, struct.numpy_dtype())
+        for name, column in columns.items():
+            values[name] = column
+        return array(values, struct)
+
+    def own(struct: Any, records_: NDArray[Any], *names: str) -> dict[str, Any]:
+        return {name: records_[name] for name in names}
+
+    field = kernels.Field()
+    field.bounds, field.origin = wp.vec4d(*arrays.bounds), wp.vec3d(*origin)
+    elements = arrays.elements
+    is_free = arrays.poses["free"][elements["pose"]] != 0
+    halves = elements["cell"].astype(np.int64)
+    field.elements = records(
+        kernels.Element,
+        len(elements),
+        **{name: elements[name] for name in ("scale", "offset", "pose", "kind", "grid")},
+        cell_x=halves[:, 0],
+        cell_y=halves[:, 1],
+        place=np.where(is_free, halves[:, 0] + (halves[:, 1] << 16), -1),
+    )
+    grids = arrays.grids
+    field.axes = records(
+        kernels.Axis,
+        2 * len(grids),
+        **{name: grids[name].ravel() for name in ("per", "clear", "count", "near")},
+        corner=grids["corner"][..., 0].ravel(),
+        rest=grids["corner"][..., 1].ravel(),
+        pitch=grids["pitch"][..., 0].ravel(),
+        pitch_rest=grids["pitch"][..., 1].ravel(),
+    )
+    field.grids = records(
+        kernels.Grid,
+        len(grids),
+        **{name: grids[name] for name in ("table", "row", "listed", "local", "more")},
+        shift_x=grids["shift"][:, 0],
+        shift_y=grids["shift"][:, 1],
+        bins=np.where(grids["standing"] != 0, grids["free"].astype(np.int64), -1),
+    )
+    bins = arrays.free_bins
+    field.bins = records(
+        kernels.Bins,
+        len(bins),
+        **{name: bins[name] for name in ("corner", "per", "slack")},
+        last=bins["shape"] - 1.0,
+    )
+    field.offsets = array(arrays.offsets.astype(np.int32), wp.int32)
+    field.entries = array(arrays.entries.astype(np.int32), wp.int32)
+    poses = arrays.poses
+    field.poses = records(
+        kernels.Pose,
+        len(poses),
+        **{name: poses[name] for name in ("size", "cos", "sin_v", "sin_u", "turned")},
+        cells_x=poses["cells"][:, 0],
+        cells_y=poses["cells"][:, 1],
+    )
+    places = arrays.places
+    field.places = records(
+        kernels.Place,
+        len(places),
+        at=places["at"],
+        extent=places["extent"],
+        pitch=_leading(places["extent"]),
+    )
+    kinds = arrays.kinds
+    field.kinds = records(
+        kernels.Kind,
+        len(kinds),
+        **{name: kinds[name] for name in ("surface", "combine", "is_void", "special")},
+    )
+    field.curves = records(
+        kernels.Curve,
+        2 * len(kinds),
+        count=kinds["count"].ravel(),
+        first=kinds["pieces"][..., 0].ravel(),
+        last=kinds["pieces"][..., 1].ravel(),
+        knot=kinds["knots"][..., 0].ravel(),
+        bin=kinds["knots"][..., 1].ravel(),
+        knotted=kinds["knotted"].ravel(),
+    )
+    field.pieces = array(curves.pieces.reshape(-1, 4), wp.vec4d)
+    field.knots = array(curves.knots, wp.float64)
+    field.curve_bins = array(curves.bins.astype(np.int32), wp.int32)
+    field.tracks = records(
+        kernels.Track,
+        len(tracks.passes),
+        **{name: getattr(tracks, name) for name in ("passes", "power", "surface", "law")},
+    )
+    segments = tracks.segments
+    field.segments = records(
+        kernels.Segment,
+        len(segments),
+        start=np.column_stack([segments["x"], segments["y"]]),
+        end=np.column_stack([segments["end_x"], segments["end_y"]]),
+        way=np.column_stack([segments["dx"], segments["dy"]]),
+        **{name: segments[name] for name in ("square", "reach_square", "track")},
+    )
+    field.depths = array(tracks.depths, wp.float64)
+    field.track_frame, field.track_shape = wp.vec4d(*tracks.frame), wp.vec2i(*tracks.shape)
+    field.track_masks = array(tracks.masks, wp.uint64)
+    field.track_offsets = array(tracks.offsets.astype(np.int32), wp.int32)
+    field.track_entries = array(tracks.entries.astype(np.int32), wp.int32)
+    reliefs = arrays.reliefs
+    field.reliefs = records(
+        kernels.Relief, len(reliefs), **{name: reliefs[name] for name in ("per", "scale", "key")}
+    )
+    field.friction = array(friction, wp.float32)
+    return field
+
+
+def _leading(sides: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The leading 36 bits of each number, as `split` of the kernels has them."""
+    mantissa, exponent = np.frexp(sides)
+    return np.ldexp(np.floor(mantissa * 2.0**36), exponent - 36)
