@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 _LARGEST = 2**31 - 1
 """Devices index by int32."""
+_EACH = 1024
+"""So many points a thread takes on a CPU, as each copies the struct of the field first."""
 _ROOMS = (8, 32, 128, 512, 2048)
 """So many grids may wait in a descent; the kernel is compiled for each that is wanted."""
 
@@ -101,7 +103,7 @@ class WarpField:
         self.surfaces = terrain.surfaces
         self.origin = _origin(origin)
         arrays = terrain.written_out.arrays
-        self.field = _field(arrays, self.origin, friction_of(terrain, default_friction), self.device)
+        self._kept, self.field = _field(arrays, self.origin, friction_of(terrain, default_friction), self.device)
         room = next((room for room in _ROOMS if room >= arrays.pending), None)
         if room is None:
             raise RequestError(
@@ -160,11 +162,12 @@ class WarpField:
             array if array is None or array.ndim == 1 else array.flatten()
             for array in (points, height, normal, surface, friction)
         ]
-        inputs = [self.field, None if is_exact else flat[0], flat[0] if is_exact else None]
+        each = 1 if self.device.is_cuda else _EACH
+        inputs = [self.field, each, None if is_exact else flat[0], flat[0] if is_exact else None]
         with _quiet(wp):
             wp.launch(
                 self._kernel,
-                dim=points.size,
+                dim=-(-points.size // each),
                 inputs=inputs,
                 outputs=flat[1:],
                 device=self.device,
@@ -470,7 +473,7 @@ def _field(
         kernels.Relief, len(reliefs), **{name: reliefs[name] for name in ("per", "scale", "key")}
     )
     field.friction = array(friction, wp.float32)
-    return field
+    return field, wp.array([field], dtype=kernels.Field, device=device)
 
 
 def _leading(sides: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -328,15 +328,15 @@ def is_past_step(
 
 
 @wp.func
-def piece_at(field: Field, row: wp.int32, s: wp.float64):
+def piece_at(field: wp.array(dtype=Field), row: wp.int32, s: wp.float64):
     """Value and slope of a piece at `s` in it."""
-    c = field.pieces[row]
+    c = field[0].pieces[row]
     value = c[0] + s * (c[1] + s * (c[2] + s * c[3]))
     return value, c[1] + s * (TWO * c[2] + s * (THREE * c[3]))
 
 
 @wp.func
-def even_curve(field: Field, curve: Curve, t: wp.float64):
+def even_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
     """Value and slope of a curve of evenly spaced pieces, in [0, 1] or EDGE beyond."""
     s = t * curve.count
     i = wp.int32(s)
@@ -345,17 +345,17 @@ def even_curve(field: Field, curve: Curve, t: wp.float64):
 
 
 @wp.func
-def find_piece(field: Field, curve: Curve, t: wp.float64):
+def find_piece(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
     """The last piece of a knotted curve that begins at or before `t`."""
     bin = wp.min(wp.int32(t * (wp.float64(curve.last) + ONE)), curve.last)
-    i = field.curve_bins[curve.bin + bin]
-    while t >= field.knots[curve.knot + i + 1]:
+    i = field[0].curve_bins[curve.bin + bin]
+    while t >= field[0].knots[curve.knot + i + 1]:
         i += 1
     return i
 
 
 @wp.func
-def any_curve(field: Field, curve: Curve, t: wp.float64):
+def any_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
     """Value and slope of any curve, where no edge in the world decides about steps."""
     row = curve.first
     s = t * curve.count
@@ -365,7 +365,7 @@ def any_curve(field: Field, curve: Curve, t: wp.float64):
         if curve.knotted == STEPPED:
             ahead = STEP
         i = find_piece(field, curve, wp.min(t + ahead, ONE))
-        knot = field.knots[curve.knot + i]
+        knot = field[0].knots[curve.knot + i]
         row += i
         s = wp.max(t, knot) - knot
         factor = ONE
@@ -379,7 +379,7 @@ def any_curve(field: Field, curve: Curve, t: wp.float64):
 
 @wp.func
 def placed_curve(
-    field: Field,
+    field: wp.array(dtype=Field),
     curve: Curve,
     axis: Axis,
     cell: wp.float64,
@@ -390,23 +390,23 @@ def placed_curve(
     """Value and slope of a curve with steps of an unturned element at `t`, `x` in the world."""
     begin = curve.knot
     here = begin + find_piece(field, curve, t)
-    while field.knots[here + 1] - t < axis.near:
-        if not is_past_step(x, axis, cell, width, field.knots[here + 1]):
+    while field[0].knots[here + 1] - t < axis.near:
+        if not is_past_step(x, axis, cell, width, field[0].knots[here + 1]):
             break
         here += 1
-    while here > begin and t - field.knots[here] < axis.near:
-        if is_past_step(x, axis, cell, width, field.knots[here]):
+    while here > begin and t - field[0].knots[here] < axis.near:
+        if is_past_step(x, axis, cell, width, field[0].knots[here]):
             break
         here -= 1
-    knot = field.knots[here]
-    s = wp.clamp(t, knot, field.knots[here + 1]) - knot
+    knot = field[0].knots[here]
+    s = wp.clamp(t, knot, field[0].knots[here + 1]) - knot
     value, slope = piece_at(field, curve.first + here - begin, s)
     return value, slope
 
 
 @wp.func
 def curve_at(
-    field: Field,
+    field: wp.array(dtype=Field),
     curve: Curve,
     axis: Axis,
     cell: wp.float64,
@@ -440,7 +440,7 @@ def combined(
 
 
 @wp.func
-def radial(field: Field, curve: Curve, at: wp.vec2d):
+def radial(field: wp.array(dtype=Field), curve: Curve, at: wp.vec2d):
     """Whether a point lies in the disc, and value and slopes there of the turned curve."""
     a = TWO * at[0] - ONE
     b = TWO * at[1] - ONE
@@ -529,15 +529,15 @@ def free_bin(bins: Bins, axis: wp.int32, from_corner: wp.float64):
 
 
 @wp.func
-def is_inside(field: Field, x: wp.float64, y: wp.float64):
+def is_inside(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
     """Whether a point is on the terrain, its edges included."""
-    b = field.bounds
+    b = field[0].bounds
     return b[0] <= x and x <= b[2] and b[1] <= y and y <= b[3]
 
 
 @wp.func
 def free_cell_holds(
-    field: Field, place: Place, local: wp.int32, x: wp.float64, y: wp.float64, above: wp.vec2d,
+    field: wp.array(dtype=Field), place: Place, local: wp.int32, x: wp.float64, y: wp.float64, above: wp.vec2d,
     at: wp.vec2d, axis_x: Axis, axis_y: Axis,
 ):
     """Whether a cell of a free grid holds a point, by the doubles that its edges stand at."""
@@ -545,7 +545,7 @@ def free_cell_holds(
         return position_holds(at[0], above[0]) and position_holds(at[1], above[1])
     along_x = free_axis(axis_x, place.at[0], place.extent[0], place.pitch[0])
     along_y = free_axis(axis_y, place.at[1], place.extent[1], place.pitch[1])
-    return holds_along(along_x, x, field.bounds[2]) and holds_along(along_y, y, field.bounds[3])
+    return holds_along(along_x, x, field[0].bounds[2]) and holds_along(along_y, y, field[0].bounds[3])
 
 
 # Reliefs and tracks
@@ -608,12 +608,12 @@ def segment_holds(segment: Segment, x: wp.float64, y: wp.float64):
 
 
 @wp.func
-def cell_near(field: Field, x: wp.float64, y: wp.float64):
+def cell_near(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
     """The cell of the index of tracks that a point lies in; -1 if no track is near."""
-    u = (x - field.track_frame[0]) * field.track_frame[2]
-    v = (y - field.track_frame[1]) * field.track_frame[3]
-    columns = field.track_shape[0]
-    rows = field.track_shape[1]
+    u = (x - field[0].track_frame[0]) * field[0].track_frame[2]
+    v = (y - field[0].track_frame[1]) * field[0].track_frame[3]
+    columns = field[0].track_shape[0]
+    rows = field[0].track_shape[1]
     if u < ZERO or u >= wp.float64(columns) or v < ZERO or v >= wp.float64(rows):
         return -1
     i = wp.int32(u)
@@ -621,13 +621,13 @@ def cell_near(field: Field, x: wp.float64, y: wp.float64):
     cell = j * columns + i
     row = wp.int32((v - wp.float64(j)) * PARTS)
     part = row * 8 + wp.int32((u - wp.float64(i)) * PARTS)
-    if ((field.track_masks[cell] >> wp.uint64(part)) & wp.uint64(1)) == wp.uint64(0):
+    if ((field[0].track_masks[cell] >> wp.uint64(part)) & wp.uint64(1)) == wp.uint64(0):
         return -1
     return cell
 
 
 @wp.func
-def rut_at(field: Field, x: wp.float64, y: wp.float64, ground: wp.int32):
+def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: wp.int32):
     """Depth of the rut at a point, and the track that decides the surface there, -1 for none."""
     cell = cell_near(field, x, y)
     if cell < 0:
@@ -637,16 +637,16 @@ def rut_at(field: Field, x: wp.float64, y: wp.float64, ground: wp.int32):
     surface_track = int(-1)
     first = wp.float64(0.0)
     passes = wp.float64(0.0)
-    for k in range(field.track_offsets[cell], field.track_offsets[cell + 1]):
-        segment = field.segments[field.track_entries[k]]
+    for k in range(field[0].track_offsets[cell], field[0].track_offsets[cell + 1]):
+        segment = field[0].segments[field[0].track_entries[k]]
         track = segment.track
         if track == last:
             continue
         if not segment_holds(segment, x, y):
             continue
         last = track
-        own = field.tracks[track]
-        depth = field.depths[own.law, ground + 1]
+        own = field[0].tracks[track]
+        depth = field[0].depths[own.law, ground + 1]
         if wp.isnan(depth):
             return ZERO, -1
         passes += own.passes
@@ -658,31 +658,31 @@ def rut_at(field: Field, x: wp.float64, y: wp.float64, ground: wp.int32):
     if deepest < 0:
         return ZERO, surface_track
     if passes > ONE:
-        first = first * wp.pow(passes, field.tracks[deepest].power)
+        first = first * wp.pow(passes, field[0].tracks[deepest].power)
     return first, surface_track
 
 
 @wp.func
-def settled(field: Field, found: Found, x: wp.float64, y: wp.float64):
+def settled(field: wp.array(dtype=Field), found: Found, x: wp.float64, y: wp.float64):
     """What tracks, reliefs and the void leave of what elements add up to."""
     ground = Ground(found.z, wp.vec2d(found.slope_x, found.slope_y), -1, wp.float32(NAN))
     if found.top >= 0:
-        kind = field.kinds[field.elements[found.top].kind]
+        kind = field[0].kinds[field[0].elements[found.top].kind]
         ground.surface = kind.surface
         if kind.is_void != 0:
             ground.height = NAN
             ground.gradient = wp.vec2d(NAN, NAN)
             return ground
-    if field.track_masks.shape[0] > 0:
+    if field[0].track_masks.shape[0] > 0:
         depth, track = rut_at(field, x, y, ground.surface)
         ground.height -= depth
         if track >= 0:
-            ground.surface = field.tracks[track].surface
-    if field.reliefs.shape[0] > 0:
-        z, slope_x, slope_y = relief_at(field.reliefs[ground.surface + 1], x, y)
+            ground.surface = field[0].tracks[track].surface
+    if field[0].reliefs.shape[0] > 0:
+        z, slope_x, slope_y = relief_at(field[0].reliefs[ground.surface + 1], x, y)
         ground.height += z
         ground.gradient += wp.vec2d(slope_x, slope_y)
-    ground.friction = field.friction[ground.surface + 1]
+    ground.friction = field[0].friction[ground.surface + 1]
     return ground
 
 
@@ -705,7 +705,7 @@ def compiled(room: int) -> Compiled:
     places_type: Any = wp.types.matrix(shape=(room, 2), dtype=wp.float64)
 
     @wp.func
-    def descend(field: Field, x: wp.float64, y: wp.float64):
+    def descend(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
         """Height, gradient and top element at a point inside the bounds, tracks apart."""
         waiting = grids_type()
         places = places_type()
@@ -714,9 +714,9 @@ def compiled(room: int) -> Compiled:
         g = int(0)
         above = wp.vec2d(ZERO, ZERO)
         while g >= 0:
-            grid = field.grids[g]
-            axis_x = field.axes[2 * g]
-            axis_y = field.axes[2 * g + 1]
+            grid = field[0].grids[g]
+            axis_x = field[0].axes[2 * g]
+            axis_y = field[0].axes[2 * g + 1]
             i = int(0)
             j = int(0)
             at = wp.vec2d(ZERO, ZERO)
@@ -727,7 +727,7 @@ def compiled(room: int) -> Compiled:
                     from_parent(axis_x, grid.local, x, above[0]),
                     from_parent(axis_y, grid.local, y, above[1]),
                 )
-                bins = field.bins[grid.bins]
+                bins = field[0].bins[grid.bins]
                 slack = bins.slack
                 slot += free_bin(bins, 1, at[1]) * grid.row + free_bin(bins, 0, at[0])
             else:
@@ -742,12 +742,12 @@ def compiled(room: int) -> Compiled:
                     j, in_y = locate_cell(y, axis_y, grid.local, above[1])
                 at = wp.vec2d(in_x, in_y)
                 slot += (j >> grid.shift_y) * grid.row + (i >> grid.shift_x)
-            for k in range(field.offsets[slot], field.offsets[slot + 1]):
+            for k in range(field[0].offsets[slot], field[0].offsets[slot + 1]):
                 index = k
                 if grid.listed != 0:
-                    index = field.entries[k]
-                element = field.elements[index]
-                pose = field.poses[element.pose]
+                    index = field[0].entries[k]
+                element = field[0].elements[index]
+                pose = field[0].poses[element.pose]
                 uv = at
                 sin_u = pose.sin_u
                 sin_v = pose.sin_v
@@ -757,7 +757,7 @@ def compiled(room: int) -> Compiled:
                 along_x = axis_x
                 along_y = axis_y
                 if element.place >= 0:
-                    place = field.places[element.place]
+                    place = field[0].places[element.place]
                     dx = at[0] - place.at[0]
                     dy = at[1] - place.at[1]
                     per = wp.vec2d(ONE / place.extent[0], ONE / place.extent[1])
@@ -805,15 +805,15 @@ def compiled(room: int) -> Compiled:
                     cell = wp.vec2d(wp.float64(element.cell_x), wp.float64(element.cell_y))
                     width = pose.size
                     per = wp.vec2d(per[0] / pose.size[0], per[1] / pose.size[1])
-                kind = field.kinds[element.kind]
+                kind = field[0].kinds[element.kind]
                 if pose.turned != 0:
                     uv = turned(pose, uv, sin_u, sin_v)
-                curve_x = field.curves[2 * element.kind]
+                curve_x = field[0].curves[2 * element.kind]
                 shape = Shape(False, ZERO, ZERO, ZERO)
                 if kind.combine == RADIAL:
                     shape = radial(field, curve_x, uv)
                 elif pose.turned == 0 or not is_beyond(uv):
-                    curve_y = field.curves[2 * element.kind + 1]
+                    curve_y = field[0].curves[2 * element.kind + 1]
                     if pose.turned != 0:
                         if kind.special != 0 or element.place >= 0:
                             uv = within(uv)
@@ -846,7 +846,7 @@ def compiled(room: int) -> Compiled:
         return found
 
     @wp.func
-    def ground_at(field: Field, x: wp.float64, y: wp.float64):
+    def ground_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
         """The ground at a point of the world."""
         if is_inside(field, x, y):
             found = descend(field, x, y)
@@ -855,7 +855,8 @@ def compiled(room: int) -> Compiled:
 
     @wp.kernel
     def sample(
-        field: Field,
+        field: wp.array(dtype=Field),
+        each: wp.int32,
         points: wp.array(dtype=wp.vec2f),
         exact: wp.array(dtype=wp.vec2d),
         height: wp.array(dtype=wp.float32),
@@ -863,28 +864,29 @@ def compiled(room: int) -> Compiled:
         surface: wp.array(dtype=wp.int32),
         friction: wp.array(dtype=wp.float32),
     ):
-        """The ground at each of the points, in float32 or float64; what is wanted of it."""
-        n = wp.tid()
-        x = wp.float64(0.0)
-        y = wp.float64(0.0)
-        if exact:
-            x = exact[n][0]
-            y = exact[n][1]
-        else:
-            x = wp.float64(points[n][0])
-            y = wp.float64(points[n][1])
-        ground = ground_at(field, x + field.origin[0], y + field.origin[1])
-        height[n] = wp.float32(ground.height - field.origin[2])
-        if normal:
-            a = ZERO - ground.gradient[0]
-            b = ZERO - ground.gradient[1]
-            long = wp.sqrt(a * a + b * b + ONE)
-            normal[n] = wp.vec3f(
-                wp.float32(a / long), wp.float32(b / long), wp.float32(ONE / long)
-            )
-        if surface:
-            surface[n] = ground.surface
-        if friction:
-            friction[n] = ground.friction
+        """The ground at points in float32 or float64, `each` to a thread; what is wanted of it."""
+        begin = wp.tid() * each
+        for n in range(begin, wp.min(begin + each, height.shape[0])):
+            x = wp.float64(0.0)
+            y = wp.float64(0.0)
+            if exact:
+                x = exact[n][0]
+                y = exact[n][1]
+            else:
+                x = wp.float64(points[n][0])
+                y = wp.float64(points[n][1])
+            ground = ground_at(field, x + field[0].origin[0], y + field[0].origin[1])
+            height[n] = wp.float32(ground.height - field[0].origin[2])
+            if normal:
+                a = ZERO - ground.gradient[0]
+                b = ZERO - ground.gradient[1]
+                long = wp.sqrt(a * a + b * b + ONE)
+                normal[n] = wp.vec3f(
+                    wp.float32(a / long), wp.float32(b / long), wp.float32(ONE / long)
+                )
+            if surface:
+                surface[n] = ground.surface
+            if friction:
+                friction[n] = ground.friction
 
     return Compiled(ground_at, sample)
