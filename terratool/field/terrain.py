@@ -27,7 +27,8 @@ from terratool.kernels import field as kernels
 if TYPE_CHECKING:
     import torch
 
-    from terratool.field.tensors import TorchField, WarpField
+    from terratool.field.torch_field import TorchField
+    from terratool.field.warp_field import WarpField
 
 OUTSIDE = -2
 """In place of an element, at points outside of the terrain."""
@@ -309,8 +310,11 @@ class Terrain:
             kernels.shared_samples(self.field, x, y, height, element, number, gradient)
             surface = self._field_surface(element)
             element = self._numbered(element, number)
-        normal = np.column_stack([0.0 - gradient, np.where(np.isnan(height), np.nan, 1.0)])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        slope_x, slope_y = gradient.T
+        length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
+        normal = np.empty((len(x), 3))
+        for axis, part in enumerate((0.0 - slope_x, 0.0 - slope_y, 1.0)):
+            normal[:, axis] = part / length
         return PointSamples(
             height.reshape(shape),
             element.reshape(shape),
@@ -336,7 +340,7 @@ class Terrain:
             RequestError: PyTorch or Warp is not installed, there is no such device, or the terrain
                 is too large for any.
         """
-        from terratool.field.tensors import TorchField
+        from terratool.field.torch_field import TorchField
 
         return TorchField(self, device, origin=origin, default_friction=default_friction)
 
@@ -358,7 +362,7 @@ class Terrain:
             RequestError: Warp is not installed, there is no such device, or the terrain is too
                 large for any.
         """
-        from terratool.field.tensors import WarpField
+        from terratool.field.warp_field import WarpField
 
         return WarpField(self, device, origin=origin, default_friction=default_friction)
 

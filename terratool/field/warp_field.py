@@ -1,7 +1,6 @@
-"""A compiled field on a device: heights, normals, surfaces and friction under many robots at once.
+"""A compiled field for NVIDIA Warp: heights, normals, surfaces and friction under many robots.
 
-`Terrain.to_torch` and `Terrain.to_warp` make it; both ask one kernel of NVIDIA Warp
-(`terratool.field.warp_kernels`), which does in float64 what the terrain's own kernels do.
+`terratool.field.warp_kernels` has the descent; here its arrays are made and its kernel is launched.
 """
 
 from __future__ import annotations
@@ -9,19 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
-from terratool.definition.presets import property_of
 from terratool.errors import RequestError
-from terratool.field.records import FieldArrays
+from terratool.field.friction import friction_of
+from terratool.field.records import IN_CELLS, FieldArrays
 
 if TYPE_CHECKING:
-    import torch
     import warp as wp
 
     from terratool.field.terrain import Terrain
@@ -50,23 +48,6 @@ class WarpSample(NamedTuple):
     friction: wp.array[Any]
 
 
-class TorchSample(NamedTuple):
-    """What is at points; tensors in the points' shape, on their device.
-
-    Attributes:
-        height: (…) float32, from the origin's; NaN outside and in the void.
-        normal: (…, 3) float32, upward unit normals, of the east and north side on an edge; NaN
-            likewise.
-        surface: (…) int32, index into `surfaces`; -1 for none.
-        friction: (…) float32, its coefficient, tan φ; NaN where there is no ground.
-    """
-
-    height: torch.Tensor
-    normal: torch.Tensor
-    surface: torch.Tensor
-    friction: torch.Tensor
-
-
 class WarpField:
     """A terrain on a device, for arrays of Warp.
 
@@ -74,7 +55,7 @@ class WarpField:
         surfaces: names of the surfaces, in the order of their indices.
         origin: world position of the zero of points and heights.
         device: of Warp.
-        field: the struct `terratool.field.warp_kernels.Field`, for kernels of your own.
+        field: (1,) of the struct `terratool.field.warp_kernels.Field`, for kernels of your own.
         ground_at: the function of Warp for them: `ground_at(field, x, y)`, world coordinates in
             float64, gives a `terratool.field.warp_kernels.Ground`.
     """
@@ -88,29 +69,30 @@ class WarpField:
         default_friction: float = math.nan,
     ) -> None:
         """Bring a terrain to a device; see `Terrain.to_warp`."""
-        wp = _package("warp", "warp-lang", "warp")
-        with _quiet(wp):
+        wp = required("warp", "NVIDIA Warp", "warp")
+        with _quiet(wp, wp.LOG_ERROR):  # that there is no GPU is no warning to who asks for none
             wp.init()
-            try:
-                self.device: wp.Device = wp.get_device(device)
-            except (ValueError, RuntimeError) as error:
-                known = ", ".join(map(str, wp.get_devices()))
-                raise RequestError(
-                    f"There is no device {device!r} here.", f"Take one of: {known}."
-                ) from error
+        try:
+            self.device: wp.Device = wp.get_device(device)
+        except (ValueError, RuntimeError) as error:
+            raise RequestError(
+                f"Warp has no device {device!r} here.",
+                f"Take {' or '.join(str(known) for known in wp.get_devices())}.",
+            ) from error
         from terratool.field.warp_kernels import compiled
 
-        self.surfaces = terrain.surfaces
-        self.origin = _origin(origin)
         arrays = terrain.written_out.arrays
-        self._kept, self.field = _field(arrays, self.origin, friction_of(terrain, default_friction), self.device)
         room = next((room for room in _ROOMS if room >= arrays.pending), None)
         if room is None:
             raise RequestError(
-                f"Over one point of the terrain lie up to {arrays.pending} elements with children, "
-                f"more than the {_ROOMS[-1]} that a device can take.",
-                "Give them fewer children, or ask terrain.height.",
+                f"Up to {arrays.pending} elements with children lie near one point of the terrain, "
+                f"and the kernels of Warp have room for {_ROOMS[-1]}.",
+                "Ask terrain.height, or have fewer elements with children overlap.",
             )
+        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
+        friction = friction_of(terrain, default_friction)
+        self._struct = _struct_of(arrays, self.origin, friction, self.device)
+        self.field = wp.array([self._struct], dtype=type(self._struct), device=self.device)
         self.ground_at, self._kernel = compiled(room)
 
     def height(self, points: wp.array[Any]) -> wp.array[Any]:
@@ -126,7 +108,7 @@ class WarpField:
 
         points = self._checked(points)
         height = wp.empty(points.shape, dtype=wp.float32, device=self.device)
-        self.launch(points, height)
+        self.launch(points.flatten(), height.flatten())
         return height
 
     def sample(self, points: wp.array[Any]) -> WarpSample:
@@ -143,7 +125,7 @@ class WarpField:
         points = self._checked(points)
         types = wp.float32, wp.vec3f, wp.int32, wp.float32
         out = WarpSample(*(wp.empty(points.shape, dtype=t, device=self.device) for t in types))
-        self.launch(points, *out)
+        self.launch(points.flatten(), *(array.flatten() for array in out))
         return out
 
     def launch(
@@ -153,24 +135,31 @@ class WarpField:
         normal: wp.array[Any] | None = None,
         surface: wp.array[Any] | None = None,
         friction: wp.array[Any] | None = None,
+        *,
+        stream: wp.Stream | None = None,
     ) -> None:
-        """The same into contiguous arrays that are there; what is None is not computed."""
+        """The same into arrays that are there, and may be part of a graph of CUDA.
+
+        Args:
+            points: (n,) vec2f or vec2d on the device, from the origin; contiguous, as all others.
+            height: (n,) float32.
+            normal: (n,) vec3f; what is None is not written.
+            surface: (n,) int32.
+            friction: (n,) float32.
+            stream: of CUDA; None for that of the device.
+        """
         import warp as wp
 
-        is_exact = points.dtype == wp.vec2d
-        flat = [
-            array if array is None or array.ndim == 1 else array.flatten()
-            for array in (points, height, normal, surface, friction)
-        ]
         each = 1 if self.device.is_cuda else _EACH
-        inputs = [self.field, each, None if is_exact else flat[0], flat[0] if is_exact else None]
-        with _quiet(wp):
+        both = (None, points) if points.dtype == wp.vec2d else (points, None)
+        with _quiet(wp, wp.LOG_WARNING):
             wp.launch(
                 self._kernel,
                 dim=-(-points.size // each),
-                inputs=inputs,
-                outputs=flat[1:],
-                device=self.device,
+                inputs=[self.field, each, *both],
+                outputs=[height, normal, surface, friction],
+                device=None if stream else self.device,
+                stream=stream,
                 record_tape=False,
             )
 
@@ -189,153 +178,25 @@ class WarpField:
         return points if points.is_contiguous else points.contiguous()
 
 
-class TorchField:
-    """A terrain on a device, for tensors of PyTorch.
+def required(module: str, package: str, extra: str) -> Any:
+    """A package that an extra brings.
 
-    Nothing is copied but points that are not contiguous. There are no gradients.
-
-    Attributes:
-        surfaces: names of the surfaces, in the order of their indices.
-        origin: world position of the zero of points and heights.
-        device: of PyTorch.
-        warp: the same for arrays of Warp, and for kernels of your own.
+    Raises:
+        RequestError: it is not installed.
     """
-
-    def __init__(
-        self,
-        terrain: Terrain,
-        device: str | torch.device = "cpu",
-        *,
-        origin: ArrayLike = (0.0, 0.0, 0.0),
-        default_friction: float = math.nan,
-    ) -> None:
-        """Bring a terrain to a device; see `Terrain.to_torch`."""
-        torch = _package("torch", "torch", "torch")
-        _package("warp", "warp-lang", "torch")
-        try:
-            self.device = torch.empty(0, device=device).device  # with its number
-        except (RuntimeError, AssertionError) as error:
-            raise RequestError(f"PyTorch has no device {str(device)!r} here.") from error
-        self.warp = WarpField(
-            terrain, str(self.device), origin=origin, default_friction=default_friction
-        )
-        self.surfaces, self.origin = self.warp.surfaces, self.warp.origin
-
-    def height(self, points: torch.Tensor) -> torch.Tensor:
-        """Heights at points, (…) float32 from the origin's; NaN outside and in the void.
-
-        Args:
-            points: (…, 2) float32 or float64 on the device, x and y from the origin.
-
-        Raises:
-            RequestError: they are not.
-        """
-        import torch
-
-        points = self._checked(points)
-        height = torch.empty(points.shape[:-1], dtype=torch.float32, device=self.device)
-        self._launch(points, height)
-        return height
-
-    def sample(self, points: torch.Tensor) -> TorchSample:
-        """Height, normal, surface and friction at points.
-
-        Args:
-            points: (…, 2) float32 or float64 on the device, x and y from the origin.
-
-        Raises:
-            RequestError: they are not.
-        """
-        import torch
-
-        points = self._checked(points)
-        shape = points.shape[:-1]
-        out = TorchSample(
-            torch.empty(shape, dtype=torch.float32, device=self.device),
-            torch.empty((*shape, 3), dtype=torch.float32, device=self.device),
-            torch.empty(shape, dtype=torch.int32, device=self.device),
-            torch.empty(shape, dtype=torch.float32, device=self.device),
-        )
-        self._launch(points, *out)
-        return out
-
-    def _launch(
-        self,
-        points: torch.Tensor,
-        height: torch.Tensor,
-        normal: torch.Tensor | None = None,
-        *others: torch.Tensor,
-    ) -> None:
-        import torch
-        import warp as wp
-
-        if not height.numel():
-            return
-        pairs = wp.vec2d if points.dtype == torch.float64 else wp.vec2f
-        arrays = [wp.from_torch(points.view(-1, 2), dtype=pairs), wp.from_torch(height.view(-1))]
-        if normal is not None:
-            arrays.append(wp.from_torch(normal.view(-1, 3), dtype=wp.vec3f))
-        arrays += [wp.from_torch(other.view(-1)) for other in others]
-        if self.device.type == "cuda":  # in the order of what PyTorch does
-            with wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(self.device))):
-                self.warp.launch(*arrays)
-        else:
-            self.warp.launch(*arrays)
-
-    def _checked(self, points: torch.Tensor) -> torch.Tensor:
-        import torch
-
-        if points.dtype not in (torch.float32, torch.float64) or points.shape[-1:] != (2,):
-            raise RequestError(
-                f"The points are {tuple(points.shape)} {points.dtype}.",
-                "Give (…, 2) float32 or float64, x and y.",
-            )
-        if points.device != self.device:
-            raise RequestError(
-                f"The points are on {points.device}, the terrain is on {self.device}.",
-                "Bring the one to the other.",
-            )
-        return points.detach().contiguous()
-
-
-def friction_of(terrain: Terrain, default: float = math.nan) -> NDArray[np.float32]:
-    """The coefficient of friction of each surface: tan φ of its friction angle.
-
-    Of a range the middle counts, and a preset stands in for what a surface does not say.
-
-    Args:
-        terrain: whose surfaces.
-        default: where a surface has no friction angle, and for ground without a surface.
-
-    Returns:
-        (surfaces + 1,) float32, by the index of the surface and one; first is that of none.
-    """
-    angles = [property_of(surface, "fric_angle") for surface in terrain.surface_types.values()]
-    tans = [default if angle is UNSET else math.tan(math.radians(angle)) for angle in angles]
-    return np.array([default, *tans], np.float32)
-
-
-def _package(module: str, package: str, extra: str) -> Any:
-    """A package that an extra brings."""
     if find_spec(module) is None:
         raise RequestError(
             f"{package} is not installed.", f"Install it by: pip install 'terratool[{extra}]'"
         )
-    return __import__(module)
+    return import_module(module)
 
 
-@contextmanager
-def _quiet(wp: Any) -> Iterator[None]:
-    """Warp prints nothing of what it does, only what goes wrong."""
-    before = wp.config.log_level
-    wp.config.log_level = max(before, wp.LOG_WARNING)
-    try:
-        yield
-    finally:
-        wp.config.log_level = before
+def checked_origin(origin: ArrayLike) -> tuple[float, float, float]:
+    """An origin as numbers.
 
-
-def _origin(origin: ArrayLike) -> tuple[float, float, float]:
+    Raises:
+        RequestError: it is not three finite numbers.
+    """
     numbers = np.asarray(origin, np.float64)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise RequestError(f"The origin is {origin!r}.", "Give three finite numbers: x, y and z.")
@@ -343,7 +204,18 @@ def _origin(origin: ArrayLike) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _field(
+@contextmanager
+def _quiet(wp: Any, least: int) -> Iterator[None]:
+    """Warp says nothing below a level, as that it compiles."""
+    before = wp.config.log_level
+    wp.config.log_level = max(before, least)
+    try:
+        yield
+    finally:
+        wp.config.log_level = before
+
+
+def _struct_of(
     arrays: FieldArrays,
     origin: tuple[float, float, float],
     friction: NDArray[np.float32],
@@ -370,9 +242,6 @@ def _field(
         for name, column in columns.items():
             values[name] = column
         return array(values, struct)
-
-    def own(struct: Any, records_: NDArray[Any], *names: str) -> dict[str, Any]:
-        return {name: records_[name] for name in names}
 
     field = kernels.Field()
     field.bounds, field.origin = wp.vec4d(*arrays.bounds), wp.vec3d(*origin)
@@ -403,7 +272,7 @@ def _field(
         **{name: grids[name] for name in ("table", "row", "listed", "local", "more")},
         shift_x=grids["shift"][:, 0],
         shift_y=grids["shift"][:, 1],
-        bins=np.where(grids["standing"] != 0, grids["free"].astype(np.int64), -1),
+        bins=np.where(grids["standing"] != IN_CELLS, grids["free"].astype(np.int64), -1),
     )
     bins = arrays.free_bins
     field.bins = records(
@@ -473,7 +342,7 @@ def _field(
         kernels.Relief, len(reliefs), **{name: reliefs[name] for name in ("per", "scale", "key")}
     )
     field.friction = array(friction, wp.float32)
-    return field, wp.array([field], dtype=kernels.Field, device=device)
+    return field
 
 
 def _leading(sides: NDArray[np.float64]) -> NDArray[np.float64]:
