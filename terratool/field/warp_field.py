@@ -28,7 +28,7 @@ _LARGEST = 2**31 - 1
 """Devices index by int32."""
 _EACH = 1024
 """So many points a thread takes on a CPU, as each copies the struct of the field first."""
-_ROOMS = (8, 32, 128, 512, 2048)
+_ROOMS = (32, 256, 2048)
 """So many grids may wait in a descent; the kernel is compiled for each that is wanted."""
 
 
@@ -70,7 +70,7 @@ class WarpField:
     ) -> None:
         """Bring a terrain to a device; see `Terrain.to_warp`."""
         wp = required("warp", "NVIDIA Warp", "warp")
-        with _quiet(wp, wp.LOG_ERROR):  # that there is no GPU is no warning to who asks for none
+        with _quiet(wp):
             wp.init()
         try:
             self.device: wp.Device = wp.get_device(device)
@@ -79,7 +79,7 @@ class WarpField:
                 f"Warp has no device {device!r} here.",
                 f"Take {' or '.join(str(known) for known in wp.get_devices())}.",
             ) from error
-        from terratool.field.warp_kernels import compiled
+        from terratool.field.warp_kernels import Field, compiled
 
         arrays = terrain.written_out.arrays
         room = next((room for room in _ROOMS if room >= arrays.pending), None)
@@ -92,7 +92,7 @@ class WarpField:
         self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
         friction = friction_of(terrain, default_friction)
         self._struct = _struct_of(arrays, self.origin, friction, self.device)
-        self.field = wp.array([self._struct], dtype=type(self._struct), device=self.device)
+        self.field = wp.array([self._struct], dtype=Field, device=self.device)
         self.ground_at, self._kernel = compiled(room)
 
     def height(self, points: wp.array[Any]) -> wp.array[Any]:
@@ -152,7 +152,7 @@ class WarpField:
 
         each = 1 if self.device.is_cuda else _EACH
         both = (None, points) if points.dtype == wp.vec2d else (points, None)
-        with _quiet(wp, wp.LOG_WARNING):
+        with _quiet(wp):
             wp.launch(
                 self._kernel,
                 dim=-(-points.size // each),
@@ -205,10 +205,10 @@ def checked_origin(origin: ArrayLike) -> tuple[float, float, float]:
 
 
 @contextmanager
-def _quiet(wp: Any, least: int) -> Iterator[None]:
-    """Warp says nothing below a level, as that it compiles."""
+def _quiet(wp: Any) -> Iterator[None]:
+    """Warp says what goes wrong, but not what it does."""
     before = wp.config.log_level
-    wp.config.log_level = max(before, least)
+    wp.config.log_level = max(before, wp.LOG_WARNING)
     try:
         yield
     finally:

@@ -14,8 +14,6 @@ import warp as wp
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 """No gradients; and no fused sums, as edges are computed to more digits than a double has."""
 
-wp.set_module_options(OPTIONS)
-
 ZERO, HALF, ONE, TWO, THREE = (wp.constant(wp.float64(n)) for n in (0.0, 0.5, 1.0, 2.0, 3.0))
 NAN = wp.constant(wp.float64(float("nan")))
 EDGE = wp.constant(wp.float64(1e-9))
@@ -798,13 +796,13 @@ def compiled(room: int) -> Compiled:
                             wp.min((wp.float64(right) + at[0]) / pose.size[0], ONE),
                             wp.min((wp.float64(up) + at[1]) / pose.size[1], ONE),
                         )
+                        width = pose.size
+                        per = wp.vec2d(per[0] / width[0], per[1] / width[1])
                     if element.grid > 0:
                         waiting[pending] = element.grid
                         places[pending] = uv
                         pending += 1
                     cell = wp.vec2d(wp.float64(element.cell_x), wp.float64(element.cell_y))
-                    width = pose.size
-                    per = wp.vec2d(per[0] / pose.size[0], per[1] / pose.size[1])
                 kind = field[0].kinds[element.kind]
                 if pose.turned != 0:
                     uv = turned(pose, uv, sin_u, sin_v)
@@ -853,7 +851,7 @@ def compiled(room: int) -> Compiled:
             return settled(field, found, x, y)
         return Ground(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
 
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def sample(
         field: wp.array(dtype=Field),
         each: wp.int32,
