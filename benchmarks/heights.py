@@ -101,7 +101,11 @@ def compare(name: str, robots: int) -> None:
     print(name, *(f"{task} {time * 1e3:.1f} ms," for task, time in seconds.items()))
     height = seconds["height"]
     line(f"{name}: field.height over terrain.height", height / seconds["terrain.height"], "<= 1")
-    line(f"{name}: field.sample over terrain.sample", seconds["sample"] / seconds["terrain.sample"], "<= 1")
+    line(
+        f"{name}: field.sample over terrain.sample",
+        seconds["sample"] / seconds["terrain.sample"],
+        "<= 1",
+    )
     line(f"{name}: rays over field.height", seconds["rays"] / height, ">= 1")
     line(f"{name}: bilinear over field.height", seconds["bilinear"] / height, "> 0")
     truth = terrain.height(x, y)

@@ -272,6 +272,7 @@ def _struct_of(
         **{name: grids[name] for name in ("table", "row", "listed", "local", "more")},
         shift_x=grids["shift"][:, 0],
         shift_y=grids["shift"][:, 1],
+        leaves=np.where(grids["standing"] == IN_CELLS, grids["leaves"], 0),
         bins=np.where(grids["standing"] != IN_CELLS, grids["free"].astype(np.int64), -1),
     )
     bins = arrays.free_bins

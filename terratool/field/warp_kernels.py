@@ -55,7 +55,7 @@ class Axis:
 
 @wp.struct
 class Grid:
-    """What both axes of a grid have in common; `bins` is -1 for one in cells."""
+    """What both axes of a grid have in common; `bins` is -1 for one in cells, `leaves` 0 for others."""
 
     table: wp.int32
     row: wp.int32
@@ -64,6 +64,7 @@ class Grid:
     bins: wp.int32
     listed: wp.int32
     local: wp.int32
+    leaves: wp.int32
     more: wp.int32
 
 
@@ -302,9 +303,7 @@ def locate_cell(x: wp.float64, axis: Axis, local: wp.int32, above: wp.float64):
 
 
 @wp.func
-def is_past_step(
-    x: wp.float64, axis: Axis, cell: wp.float64, width: wp.float64, t: wp.float64
-):
+def is_past_step(x: wp.float64, axis: Axis, cell: wp.float64, width: wp.float64, t: wp.float64):
     """Whether `x` has reached the double nearest to `t` of a block of cells."""
     high, low = edge_position(axis, cell)
     side = width * axis.pitch
@@ -424,9 +423,7 @@ def curve_at(
 
 
 @wp.func
-def combined(
-    how: wp.int32, x: wp.float64, slope_x: wp.float64, y: wp.float64, slope_y: wp.float64
-):
+def combined(how: wp.int32, x: wp.float64, slope_x: wp.float64, y: wp.float64, slope_y: wp.float64):
     """Value of two curves combined, and its slopes in u and v."""
     if how == SUM:
         return Shape(True, x + y, slope_x, slope_y)
@@ -535,15 +532,24 @@ def is_inside(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
 
 @wp.func
 def free_cell_holds(
-    field: wp.array(dtype=Field), place: Place, local: wp.int32, x: wp.float64, y: wp.float64, above: wp.vec2d,
-    at: wp.vec2d, axis_x: Axis, axis_y: Axis,
+    field: wp.array(dtype=Field),
+    place: Place,
+    local: wp.int32,
+    x: wp.float64,
+    y: wp.float64,
+    above: wp.vec2d,
+    at: wp.vec2d,
+    axis_x: Axis,
+    axis_y: Axis,
 ):
     """Whether a cell of a free grid holds a point, by the doubles that its edges stand at."""
     if local != 0:
         return position_holds(at[0], above[0]) and position_holds(at[1], above[1])
     along_x = free_axis(axis_x, place.at[0], place.extent[0], place.pitch[0])
     along_y = free_axis(axis_y, place.at[1], place.extent[1], place.pitch[1])
-    return holds_along(along_x, x, field[0].bounds[2]) and holds_along(along_y, y, field[0].bounds[3])
+    return holds_along(along_x, x, field[0].bounds[2]) and holds_along(
+        along_y, y, field[0].bounds[3]
+    )
 
 
 # Reliefs and tracks
@@ -780,12 +786,8 @@ def compiled(room: int) -> Compiled:
                         sin_u = sin_u * (place.extent[0] * per[1])
                     else:
                         uv = within(uv)
-                        along_x = free_axis(
-                            axis_x, place.at[0], place.extent[0], place.pitch[0]
-                        )
-                        along_y = free_axis(
-                            axis_y, place.at[1], place.extent[1], place.pitch[1]
-                        )
+                        along_x = free_axis(axis_x, place.at[0], place.extent[0], place.pitch[0])
+                        along_y = free_axis(axis_y, place.at[1], place.extent[1], place.pitch[1])
                 else:
                     if grid.listed != 0:
                         right = i - element.cell_x
@@ -804,7 +806,7 @@ def compiled(room: int) -> Compiled:
                         pending += 1
                     cell = wp.vec2d(wp.float64(element.cell_x), wp.float64(element.cell_y))
                 kind = field[0].kinds[element.kind]
-                if pose.turned != 0:
+                if pose.turned != 0 or grid.leaves != 0:  # rounding is that of the other kernels
                     uv = turned(pose, uv, sin_u, sin_v)
                 curve_x = field[0].curves[2 * element.kind]
                 shape = Shape(False, ZERO, ZERO, ZERO)
