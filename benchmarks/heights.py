@@ -56,7 +56,6 @@ def ray_caster(terrain: Terrain, points: torch.Tensor) -> Any:
     """A function that casts rays down on a mesh of the terrain."""
     import torch
     import warp as wp
-
     from rays import cast
 
     built = build(terrain, ERROR).mesh

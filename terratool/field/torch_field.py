@@ -39,14 +39,17 @@ class TorchSample(NamedTuple):
 class TorchField:
     """A terrain on a device, for tensors of PyTorch.
 
-    On a CPU it asks the terrain's own kernels, which are quicker there than those of Warp and give
+    On a CPU it asks the terrain's own kernels, which are quicker there than that of Warp and give
     the same. There are no gradients.
 
     Attributes:
         surfaces: names of the surfaces, in the order of their indices.
         origin: world position of the zero of points and heights.
         device: of PyTorch.
+        asks_terrain: whether it asks the terrain's own kernels rather than that of Warp.
     """
+
+    device: torch.device
 
     def __init__(
         self,
@@ -59,7 +62,7 @@ class TorchField:
         """Bring a terrain to a device; see `Terrain.to_torch`."""
         torch = required("torch", "PyTorch", "torch")
         try:
-            self.device: torch.device = torch.empty(0, device=device).device  # with its number
+            self.device = torch.empty(0, device=device).device  # with its number
         except (RuntimeError, AssertionError, NotImplementedError) as error:
             raise RequestError(
                 f"PyTorch has no device {str(device)!r} here.",
@@ -68,7 +71,8 @@ class TorchField:
         self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
         self._terrain, self._default_friction = terrain, default_friction
         self._friction = friction_of(terrain, default_friction)
-        if self.device.type != "cpu":
+        self.asks_terrain = self.device.type == "cpu"
+        if not self.asks_terrain:
             _ = self.warp
 
     @cached_property
@@ -97,7 +101,7 @@ class TorchField:
         import torch
 
         points = self._checked(points)
-        if self.device.type == "cpu":
+        if self.asks_terrain:
             height = self._terrain.height(*self._world(points))
             return torch.from_numpy(self._from_origin(height))
         height = torch.empty(points.shape[:-1], dtype=torch.float32, device=self.device)
@@ -116,7 +120,7 @@ class TorchField:
         import torch
 
         points = self._checked(points)
-        if self.device.type == "cpu":
+        if self.asks_terrain:
             at = self._terrain.sample(*self._world(points))
             friction = self._friction[at.surface + 1]
             friction = np.where(np.isnan(at.height), np.float32(np.nan), friction)
@@ -149,7 +153,7 @@ class TorchField:
 
     def _world(self, points: torch.Tensor) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World coordinates of points on a CPU."""
-        x, y = points.to("cpu").numpy()[..., 0], points.numpy()[..., 1]
+        x, y = np.moveaxis(points.numpy(), -1, 0)
         return x.astype(np.float64) + self.origin[0], y.astype(np.float64) + self.origin[1]
 
     def _from_origin(self, height: Any) -> NDArray[np.float32]:
@@ -161,6 +165,7 @@ class TorchField:
         import torch
         import warp as wp
 
+        field = self.warp
         if not points.numel():
             return
         pairs = wp.vec2d if points.dtype == torch.float64 else wp.vec2f
@@ -171,4 +176,4 @@ class TorchField:
         stream = None
         if self.device.type == "cuda":
             stream = wp.stream_from_torch(torch.cuda.current_stream(self.device))
-        self.warp.launch(*arrays, stream=stream)
+        field.launch(*arrays, stream=stream)

@@ -60,6 +60,8 @@ class WarpField:
             float64, gives a `terratool.field.warp_kernels.Ground`.
     """
 
+    device: wp.Device
+
     def __init__(
         self,
         terrain: Terrain,
@@ -73,7 +75,7 @@ class WarpField:
         with _quiet(wp):
             wp.init()
         try:
-            self.device: wp.Device = wp.get_device(device)
+            self.device = wp.get_device(device)
         except (ValueError, RuntimeError) as error:
             raise RequestError(
                 f"Warp has no device {device!r} here.",
@@ -227,7 +229,8 @@ def _struct_of(
     from terratool.field import warp_kernels as kernels
 
     curves, tracks = arrays.curves, arrays.tracks
-    most = max(map(len, (arrays.offsets, arrays.entries, curves.pieces, tracks.entries)))
+    indexed = arrays.offsets, arrays.entries, curves.pieces, tracks.entries, arrays.elements
+    most = max(array.size for array in indexed)
     if most > _LARGEST:
         raise RequestError(
             f"The terrain has {most} entries, more than the {_LARGEST} that a device can index.",
@@ -349,4 +352,5 @@ def _struct_of(
 def _leading(sides: NDArray[np.float64]) -> NDArray[np.float64]:
     """The leading 36 bits of each number, as `split` of the kernels has them."""
     mantissa, exponent = np.frexp(sides)
-    return np.ldexp(np.floor(mantissa * 2.0**36), exponent - 36)
+    leading: NDArray[np.float64] = np.ldexp(np.floor(mantissa * 2.0**36), exponent - 36)
+    return leading

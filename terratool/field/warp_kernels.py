@@ -6,10 +6,11 @@ Warp compiles this at the first launch; Python only reads the annotations.
 """
 
 import functools
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import warp as wp
+
+from terratool.field.records import COMBINE, STEPPED
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 """No gradients; and no fused sums, as edges are computed to more digits than a double has."""
@@ -21,8 +22,9 @@ STEP = wp.constant(wp.float64(1e-12))
 FREE_NOISE = wp.constant(wp.float64(2.0**-50))
 SPLITTER = wp.constant(wp.float64(134217729.0))
 NEAR_MIDDLE = wp.constant(wp.float64(2.0**-28))
-SUM, MIN, MAX, RADIAL = (wp.constant(n) for n in (1, 2, 3, 4))
-STEPPED = wp.constant(2)
+PRODUCT, SUM, MIN, RADIAL = (
+    wp.constant(COMBINE[how]) for how in ("product", "sum", "min", "radial")
+)
 
 PARTS = wp.constant(wp.float64(8.0))
 BUMP_REACH, BUMP_SQUARE = wp.constant(wp.float64(1.5)), wp.constant(wp.float64(2.25))
@@ -55,7 +57,10 @@ class Axis:
 
 @wp.struct
 class Grid:
-    """What both axes of a grid have in common; `bins` is -1 for one in cells, `leaves` 0 for others."""
+    """What both axes of a grid have in common.
+
+    For one in cells `bins` is -1; for all others `leaves` is 0.
+    """
 
     table: wp.int32
     row: wp.int32
@@ -344,8 +349,8 @@ def even_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
 @wp.func
 def find_piece(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
     """The last piece of a knotted curve that begins at or before `t`."""
-    bin = wp.min(wp.int32(t * (wp.float64(curve.last) + ONE)), curve.last)
-    i = field[0].curve_bins[curve.bin + bin]
+    slot = wp.min(wp.int32(t * (wp.float64(curve.last) + ONE)), curve.last)
+    i = field[0].curve_bins[curve.bin + slot]
     while t >= field[0].knots[curve.knot + i + 1]:
         i += 1
     return i
@@ -425,13 +430,13 @@ def curve_at(
 @wp.func
 def combined(how: wp.int32, x: wp.float64, slope_x: wp.float64, y: wp.float64, slope_y: wp.float64):
     """Value of two curves combined, and its slopes in u and v."""
+    if how == PRODUCT:
+        return Shape(True, x * y, slope_x * y, x * slope_y)
     if how == SUM:
         return Shape(True, x + y, slope_x, slope_y)
-    if how == MIN or how == MAX:
-        if (x <= y) == (how == MIN):
-            return Shape(True, x, slope_x, ZERO)
-        return Shape(True, y, ZERO, slope_y)
-    return Shape(True, x * y, slope_x * y, x * slope_y)
+    if (x <= y) == (how == MIN):
+        return Shape(True, x, slope_x, ZERO)
+    return Shape(True, y, ZERO, slope_y)
 
 
 @wp.func
@@ -443,10 +448,7 @@ def radial(field: wp.array(dtype=Field), curve: Curve, at: wp.vec2d):
     if rho > ONE + EDGE:
         return Shape(False, ZERO, ZERO, ZERO)
     value, slope = any_curve(field, curve, wp.min(HALF + HALF * rho, ONE))
-    if rho > ZERO:
-        slope = slope / rho
-    else:
-        slope = ZERO
+    slope = slope / rho if rho > ZERO else ZERO
     return Shape(True, value, slope * a, slope * b)
 
 
@@ -484,9 +486,9 @@ def from_parent(axis: Axis, local: wp.int32, x: wp.float64, above: wp.float64):
 @wp.func
 def exact_sum(a: wp.float64, b: wp.float64):
     """The sum of two doubles, exactly."""
-    sum = a + b
-    back = sum - a
-    return sum, (a - (sum - back)) + (b - back)
+    total = a + b
+    back = total - a
+    return total, (a - (total - back)) + (b - back)
 
 
 @wp.func
@@ -636,9 +638,9 @@ def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: w
     cell = cell_near(field, x, y)
     if cell < 0:
         return ZERO, -1
-    last = int(-1)
-    deepest = int(-1)
-    surface_track = int(-1)
+    last = wp.int32(-1)
+    deepest = wp.int32(-1)
+    surface_track = wp.int32(-1)
     first = wp.float64(0.0)
     passes = wp.float64(0.0)
     for k in range(field[0].track_offsets[cell], field[0].track_offsets[cell + 1]):
@@ -714,15 +716,15 @@ def compiled(room: int) -> Compiled:
         waiting = grids_type()
         places = places_type()
         found = Found(ZERO, ZERO, ZERO, -1)
-        pending = int(0)
-        g = int(0)
+        pending = wp.int32(0)
+        g = wp.int32(0)
         above = wp.vec2d(ZERO, ZERO)
         while g >= 0:
             grid = field[0].grids[g]
             axis_x = field[0].axes[2 * g]
             axis_y = field[0].axes[2 * g + 1]
-            i = int(0)
-            j = int(0)
+            i = wp.int32(0)
+            j = wp.int32(0)
             at = wp.vec2d(ZERO, ZERO)
             slack = wp.float64(0.0)
             slot = grid.table
