@@ -2,6 +2,8 @@
 
 import warp as wp
 
+wp.config.log_level = wp.LOG_WARNING
+
 
 @wp.kernel
 def cast(

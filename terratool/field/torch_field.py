@@ -154,11 +154,14 @@ class TorchField:
     def _world(self, points: torch.Tensor) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World coordinates of points on a CPU."""
         x, y = np.moveaxis(points.numpy(), -1, 0)
-        return x.astype(np.float64) + self.origin[0], y.astype(np.float64) + self.origin[1]
+        west, south, _ = self.origin
+        return np.add(x, west, dtype=np.float64), np.add(y, south, dtype=np.float64)
 
     def _from_origin(self, height: Any) -> NDArray[np.float32]:
         """Heights from that of the origin."""
-        return np.asarray(height - self.origin[2], np.float32)
+        found = np.empty(np.shape(height), np.float32)
+        np.subtract(height, self.origin[2], out=found, casting="same_kind")
+        return found
 
     def _launch(self, points: torch.Tensor, *out: torch.Tensor) -> None:
         """Have the kernel of Warp fill tensors, in the order of what PyTorch does on the device."""
