@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -27,6 +28,7 @@ from tests.conftest import terrain_of, text_of
 from tests.strategies import SURFACES, definitions, landmarks, points, rims
 
 wp = pytest.importorskip("warp", reason="warp-lang is not installed")
+kernels = pytest.importorskip("terratool.field.warp_kernels")
 
 EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "150"))
 SAMPLES = sorted((ROOT / "samples").glob("*.json"))
@@ -233,6 +235,19 @@ class TestKnown:
         assert on_device(terrain, x, [1, 1]).height.tolist() == [2, 0]
         assert on_device(terrain, x, [1, 1], np.float32).height.tolist() == [0, 0]
 
+    def test_edges_between_two_doubles(self) -> None:
+        """An edge that is as near to both stands at the even one; whole numbers end at 2^53."""
+        boxes = [
+            {"cellX": 1, "cellY": 0, "type": "box", "vScale": 1},
+            {"cellX": 3, "cellY": 0, "type": "box", "vScale": 2},
+        ]
+        tree = {"type": "flat", "cells": [4, 1], "children": boxes}
+        side = 10**9 + 1
+        place = {"size": [4 * side, 20], "origin": [2**53, 0]}
+        terrain = terrain_of({**OBLONG, **place, "elemTree": tree})
+        x = 2.0**53 + np.array([side - 3, side - 1, side + 1, 3 * side - 1, 3 * side + 1])
+        assert on_device(terrain, x, 1.0).height.tolist() == [0, 1, 1, 0, 2]
+
     def test_normals(self) -> None:
         """On the ramp, one in ten, and on level ground; none in the void and outside."""
         found = on_device(terrain_of(OBLONG), [27.5, 1, 38, 99], [5, 1, 9, 9])
@@ -264,6 +279,42 @@ class TestKnown:
         heights = (near.height - 1).astype(np.float32)
         assert np.array_equal(found.height, heights, equal_nan=True)
         assert np.array_equal(found.surface, near.surface)
+
+
+class TestKernels:
+    """The function for kernels of others, and what a GPU would run."""
+
+    def test_a_kernel_of_ones_own(self) -> None:
+        """It asks for the ground at world coordinates, and gets slopes in float64."""
+        field = terrain_of({**OBLONG, "origin": [300, -20]}).to_warp("cpu", origin=(1, 2, 3))
+        ground_at = field.ground_at
+
+        @wp.kernel(module="unique", module_options=kernels.OPTIONS)
+        def ask(
+            field: wp.array(dtype=kernels.Field),
+            points: wp.array(dtype=wp.vec2d),
+            heights: wp.array(dtype=wp.float64),
+            slopes: wp.array(dtype=wp.float64),
+        ):  # type: ignore[no-untyped-def]
+            n = wp.tid()
+            ground = ground_at(field, points[n][0], points[n][1])
+            heights[n] = ground.height
+            slopes[n] = ground.gradient[0]
+
+        points = wp.array([(327.5, -15.0), (305.0, -20.0)], dtype=wp.vec2d, device="cpu")
+        out = [wp.empty(2, dtype=wp.float64, device="cpu") for _ in range(2)]
+        wp.launch(ask, dim=2, inputs=[field.field, points, *out], device="cpu")
+        assert [each.numpy().tolist() for each in out] == [[0.25, 2.0], [0.1, 0.0]]
+
+    def test_it_compiles_for_cuda(self, tmp_path: Path) -> None:
+        """Without a GPU, by NVRTC; sums and products are rounded each by itself, as edges want."""
+        wp.init()
+        kernel = kernels.compiled(warp_field._ROOMS[0]).sample
+        wp.compile_aot_module(kernel.module, arch=86, module_dir=tmp_path, use_ptx=True)
+        (code,) = (path.read_text("utf-8", "replace") for path in tmp_path.glob("*.ptx"))
+        assert ".visible .entry" in code
+        assert len(re.findall(r"\b(?:add|sub|mul)\.rn\.f64", code)) > 500
+        assert not re.search(r"\b(?:add|sub|mul)\.f64", code)
 
 
 class TestArrays:
