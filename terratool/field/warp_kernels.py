@@ -240,6 +240,37 @@ class Shape:
     dv: wp.float64
 
 
+@wp.struct
+class Spot:
+    """Where a point is in an element.
+
+    Attributes:
+        in_cell: whether the element's cell, or block, holds it …
+        beyond_cell: … and whether its footprint may hold it all the same.
+        above: its place in the cell, for the grids below.
+        uv: its place in the primitive, before that is turned.
+        sin_u: of the turn, as in `Pose`.
+        sin_v: likewise.
+        per: what slopes in `uv` count for in the world.
+        axis_x: the grid that the block is in, along x …
+        axis_y: … and along y.
+        cell: first cell of the block.
+        width: its cells.
+    """
+
+    in_cell: wp.bool
+    beyond_cell: wp.bool
+    above: wp.vec2d
+    uv: wp.vec2d
+    sin_u: wp.float64
+    sin_v: wp.float64
+    per: wp.vec2d
+    axis_x: Axis
+    axis_y: Axis
+    cell: wp.vec2d
+    width: wp.vec2d
+
+
 # Edges
 
 
@@ -534,24 +565,149 @@ def is_inside(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
 
 @wp.func
 def free_cell_holds(
-    field: wp.array(dtype=Field),
-    place: Place,
-    local: wp.int32,
-    x: wp.float64,
-    y: wp.float64,
-    above: wp.vec2d,
-    at: wp.vec2d,
-    axis_x: Axis,
-    axis_y: Axis,
+    field: wp.array(dtype=Field), place: Place, axis_x: Axis, axis_y: Axis, point: wp.vec2d
 ):
     """Whether a cell of a free grid holds a point, by the doubles that its edges stand at."""
-    if local != 0:
-        return position_holds(at[0], above[0]) and position_holds(at[1], above[1])
     along_x = free_axis(axis_x, place.at[0], place.extent[0], place.pitch[0])
     along_y = free_axis(axis_y, place.at[1], place.extent[1], place.pitch[1])
-    return holds_along(along_x, x, field[0].bounds[2]) and holds_along(
-        along_y, y, field[0].bounds[3]
-    )
+    end = field[0].bounds
+    return holds_along(along_x, point[0], end[2]) and holds_along(along_y, point[1], end[3])
+
+
+@wp.func
+def slot_of(field: wp.array(dtype=Field), g: wp.int32, above: wp.vec2d, point: wp.vec2d):
+    """The bin of a grid that holds a point, its cell, and its place in the cell.
+
+    In a grid of free elements the place is measured from the corner of the parent's cell.
+    """
+    grid = field[0].grids[g]
+    axis_x = field[0].axes[2 * g]
+    axis_y = field[0].axes[2 * g + 1]
+    if grid.bins >= 0:
+        bins = field[0].bins[grid.bins]
+        x = from_parent(axis_x, grid.local, point[0], above[0])
+        y = from_parent(axis_y, grid.local, point[1], above[1])
+        slot = grid.table + free_bin(bins, 1, y) * grid.row + free_bin(bins, 0, x)
+        return slot, wp.vec2i(0, 0), wp.vec2d(x, y)
+    s = cells_from_corner(axis_x, point[0])
+    t = cells_from_corner(axis_y, point[1])
+    i = wp.int32(s)
+    j = wp.int32(t)
+    in_x = s - wp.float64(i)
+    in_y = t - wp.float64(j)
+    if wp.abs(in_x - HALF) > axis_x.clear or wp.abs(in_y - HALF) > axis_y.clear:
+        i, in_x = locate_cell(point[0], axis_x, grid.local, above[0])
+        j, in_y = locate_cell(point[1], axis_y, grid.local, above[1])
+    slot = grid.table + (j >> grid.shift_y) * grid.row + (i >> grid.shift_x)
+    return slot, wp.vec2i(i, j), wp.vec2d(in_x, in_y)
+
+
+@wp.func
+def spot_at_place(
+    field: wp.array(dtype=Field),
+    g: wp.int32,
+    element: Element,
+    at: wp.vec2d,
+    above: wp.vec2d,
+    point: wp.vec2d,
+):
+    """Where a point is in a free element; `at` is measured from the corner of the parent's cell."""
+    grid = field[0].grids[g]
+    axis_x = field[0].axes[2 * g]
+    axis_y = field[0].axes[2 * g + 1]
+    place = field[0].places[element.place]
+    pose = field[0].poses[element.pose]
+    spot = Spot()
+    dx = at[0] - place.at[0]
+    dy = at[1] - place.at[1]
+    spot.per = wp.vec2d(ONE / place.extent[0], ONE / place.extent[1])
+    spot.uv = wp.vec2d(HALF + dx * spot.per[0], HALF + dy * spot.per[1])
+    if pose.turned == 0 or element.grid > 0:
+        depth = wp.min(HALF * place.extent[0] - wp.abs(dx), HALF * place.extent[1] - wp.abs(dy))
+        spot.in_cell = depth > ZERO
+        if wp.abs(depth) <= field[0].bins[grid.bins].slack:
+            if grid.local != 0:
+                in_x = position_holds(spot.uv[0], above[0])
+                spot.in_cell = in_x and position_holds(spot.uv[1], above[1])
+            else:
+                spot.in_cell = free_cell_holds(field, place, axis_x, axis_y, point)
+    spot.above = within(spot.uv)
+    if pose.turned != 0:
+        spot.beyond_cell = True
+        spot.sin_v = pose.sin_v * (place.extent[1] * spot.per[0])
+        spot.sin_u = pose.sin_u * (place.extent[0] * spot.per[1])
+    else:
+        spot.uv = spot.above
+        spot.axis_x = free_axis(axis_x, place.at[0], place.extent[0], place.pitch[0])
+        spot.axis_y = free_axis(axis_y, place.at[1], place.extent[1], place.pitch[1])
+        spot.width = wp.vec2d(ONE, ONE)
+    return spot
+
+
+@wp.func
+def spot_in_cell(
+    field: wp.array(dtype=Field), g: wp.int32, element: Element, cell: wp.vec2i, at: wp.vec2d
+):
+    """Where a point is in an element that stands in cells; `at` is its place in one of them."""
+    pose = field[0].poses[element.pose]
+    spot = Spot()
+    spot.axis_x = field[0].axes[2 * g]
+    spot.axis_y = field[0].axes[2 * g + 1]
+    spot.cell = wp.vec2d(wp.float64(element.cell_x), wp.float64(element.cell_y))
+    spot.width = wp.vec2d(ONE, ONE)
+    spot.per = wp.vec2d(spot.axis_x.per, spot.axis_y.per)
+    spot.sin_u = pose.sin_u
+    spot.sin_v = pose.sin_v
+    spot.uv = at
+    spot.in_cell = True
+    if field[0].grids[g].listed != 0:
+        i = cell[0] - element.cell_x
+        j = cell[1] - element.cell_y
+        spot.in_cell = i >= 0 and j >= 0 and i < pose.cells_x and j < pose.cells_y
+        spot.width = pose.size
+        spot.per = wp.vec2d(spot.per[0] / pose.size[0], spot.per[1] / pose.size[1])
+        u = (wp.float64(i) + at[0]) / pose.size[0]
+        v = (wp.float64(j) + at[1]) / pose.size[1]
+        spot.uv = wp.vec2d(wp.min(u, ONE), wp.min(v, ONE))
+    spot.above = spot.uv
+    return spot
+
+
+@wp.func
+def shape_at(
+    field: wp.array(dtype=Field), element: Element, spot: Spot, is_leaf: wp.bool, point: wp.vec2d
+):
+    """Whether a footprint holds a point, and the primitive's value and slopes along the cell there.
+
+    Of a leaf in cells the place is rounded as the other kernels round it, turned or not.
+    """
+    pose = field[0].poses[element.pose]
+    kind = field[0].kinds[element.kind]
+    curve_x = field[0].curves[2 * element.kind]
+    curve_y = field[0].curves[2 * element.kind + 1]
+    uv = spot.uv
+    if pose.turned != 0 or is_leaf:
+        uv = turned(pose, uv, spot.sin_u, spot.sin_v)
+    shape = Shape(False, ZERO, ZERO, ZERO)
+    if kind.combine == RADIAL:
+        shape = radial(field, curve_x, uv)
+    elif pose.turned == 0:
+        cell = spot.cell
+        width = spot.width
+        a, da = curve_at(field, curve_x, spot.axis_x, cell[0], width[0], uv[0], point[0])
+        b, db = curve_at(field, curve_y, spot.axis_y, cell[1], width[1], uv[1], point[1])
+        shape = combined(kind.combine, a, da, b, db)
+    elif not is_beyond(uv):
+        if kind.special != 0 or element.place >= 0:
+            uv = within(uv)
+        a, da = any_curve(field, curve_x, uv[0])
+        b, db = any_curve(field, curve_y, uv[1])
+        shape = combined(kind.combine, a, da, b, db)
+    if pose.turned != 0:
+        du = shape.du * pose.cos + shape.dv * spot.sin_u
+        shape.dv = shape.dv * pose.cos - shape.du * spot.sin_v
+        shape.du = du
+    return shape
 
 
 # Reliefs and tracks
@@ -711,132 +867,39 @@ def compiled(room: int) -> Compiled:
     places_type: Any = wp.types.matrix(shape=(room, 2), dtype=wp.float64)
 
     @wp.func
-    def descend(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
+    def descend(field: wp.array(dtype=Field), point: wp.vec2d):
         """Height, gradient and top element at a point inside the bounds, tracks apart."""
         waiting = grids_type()
         places = places_type()
-        found = Found(ZERO, ZERO, ZERO, -1)
         pending = wp.int32(0)
+        found = Found(ZERO, ZERO, ZERO, -1)
         g = wp.int32(0)
         above = wp.vec2d(ZERO, ZERO)
         while g >= 0:
             grid = field[0].grids[g]
-            axis_x = field[0].axes[2 * g]
-            axis_y = field[0].axes[2 * g + 1]
-            i = wp.int32(0)
-            j = wp.int32(0)
-            at = wp.vec2d(ZERO, ZERO)
-            slack = wp.float64(0.0)
-            slot = grid.table
-            if grid.bins >= 0:
-                at = wp.vec2d(
-                    from_parent(axis_x, grid.local, x, above[0]),
-                    from_parent(axis_y, grid.local, y, above[1]),
-                )
-                bins = field[0].bins[grid.bins]
-                slack = bins.slack
-                slot += free_bin(bins, 1, at[1]) * grid.row + free_bin(bins, 0, at[0])
-            else:
-                s = cells_from_corner(axis_x, x)
-                t = cells_from_corner(axis_y, y)
-                i = wp.int32(s)
-                j = wp.int32(t)
-                in_x = s - wp.float64(i)
-                in_y = t - wp.float64(j)
-                if wp.abs(in_x - HALF) > axis_x.clear or wp.abs(in_y - HALF) > axis_y.clear:
-                    i, in_x = locate_cell(x, axis_x, grid.local, above[0])
-                    j, in_y = locate_cell(y, axis_y, grid.local, above[1])
-                at = wp.vec2d(in_x, in_y)
-                slot += (j >> grid.shift_y) * grid.row + (i >> grid.shift_x)
+            slot, cell, at = slot_of(field, g, above, point)
             for k in range(field[0].offsets[slot], field[0].offsets[slot + 1]):
                 index = k
                 if grid.listed != 0:
                     index = field[0].entries[k]
                 element = field[0].elements[index]
-                pose = field[0].poses[element.pose]
-                uv = at
-                sin_u = pose.sin_u
-                sin_v = pose.sin_v
-                cell = wp.vec2d(ZERO, ZERO)
-                width = wp.vec2d(ONE, ONE)
-                per = wp.vec2d(axis_x.per, axis_y.per)
-                along_x = axis_x
-                along_y = axis_y
+                spot = Spot()
                 if element.place >= 0:
-                    place = field[0].places[element.place]
-                    dx = at[0] - place.at[0]
-                    dy = at[1] - place.at[1]
-                    per = wp.vec2d(ONE / place.extent[0], ONE / place.extent[1])
-                    uv = wp.vec2d(HALF + dx * per[0], HALF + dy * per[1])
-                    if pose.turned == 0 or element.grid > 0:
-                        depth = wp.min(
-                            HALF * place.extent[0] - wp.abs(dx), HALF * place.extent[1] - wp.abs(dy)
-                        )
-                        held = depth > ZERO
-                        if wp.abs(depth) <= slack:
-                            held = free_cell_holds(
-                                field, place, grid.local, x, y, above, uv, axis_x, axis_y
-                            )
-                        if held and element.grid > 0:
-                            waiting[pending] = element.grid
-                            places[pending] = within(uv)
-                            pending += 1
-                        if not held and pose.turned == 0:
-                            continue
-                    if pose.turned != 0:
-                        sin_v = sin_v * (place.extent[1] * per[0])
-                        sin_u = sin_u * (place.extent[0] * per[1])
-                    else:
-                        uv = within(uv)
-                        along_x = free_axis(axis_x, place.at[0], place.extent[0], place.pitch[0])
-                        along_y = free_axis(axis_y, place.at[1], place.extent[1], place.pitch[1])
+                    spot = spot_at_place(field, g, element, at, above, point)
                 else:
-                    if grid.listed != 0:
-                        right = i - element.cell_x
-                        up = j - element.cell_y
-                        if right < 0 or up < 0 or right >= pose.cells_x or up >= pose.cells_y:
-                            continue
-                        uv = wp.vec2d(
-                            wp.min((wp.float64(right) + at[0]) / pose.size[0], ONE),
-                            wp.min((wp.float64(up) + at[1]) / pose.size[1], ONE),
-                        )
-                        width = pose.size
-                        per = wp.vec2d(per[0] / width[0], per[1] / width[1])
-                    if element.grid > 0:
-                        waiting[pending] = element.grid
-                        places[pending] = uv
-                        pending += 1
-                    cell = wp.vec2d(wp.float64(element.cell_x), wp.float64(element.cell_y))
-                kind = field[0].kinds[element.kind]
-                if pose.turned != 0 or grid.leaves != 0:  # rounding is that of the other kernels
-                    uv = turned(pose, uv, sin_u, sin_v)
-                curve_x = field[0].curves[2 * element.kind]
-                shape = Shape(False, ZERO, ZERO, ZERO)
-                if kind.combine == RADIAL:
-                    shape = radial(field, curve_x, uv)
-                elif pose.turned == 0 or not is_beyond(uv):
-                    curve_y = field[0].curves[2 * element.kind + 1]
-                    if pose.turned != 0:
-                        if kind.special != 0 or element.place >= 0:
-                            uv = within(uv)
-                        a, slope_a = any_curve(field, curve_x, uv[0])
-                        b, slope_b = any_curve(field, curve_y, uv[1])
-                        shape = combined(kind.combine, a, slope_a, b, slope_b)
-                    else:
-                        a, slope_a = curve_at(field, curve_x, along_x, cell[0], width[0], uv[0], x)
-                        b, slope_b = curve_at(field, curve_y, along_y, cell[1], width[1], uv[1], y)
-                        shape = combined(kind.combine, a, slope_a, b, slope_b)
-                if not shape.holds:
+                    spot = spot_in_cell(field, g, element, cell, at)
+                if spot.in_cell and element.grid > 0:
+                    waiting[pending] = element.grid
+                    places[pending] = spot.above
+                    pending += 1
+                if not (spot.in_cell or spot.beyond_cell):
                     continue
-                found.z += element.scale * shape.value + element.offset
-                found.top = wp.max(found.top, index)
-                du = shape.du
-                dv = shape.dv
-                if pose.turned != 0:
-                    du = shape.du * pose.cos + shape.dv * sin_u
-                    dv = shape.dv * pose.cos - shape.du * sin_v
-                found.slope_x += element.scale * du * per[0]
-                found.slope_y += element.scale * dv * per[1]
+                shape = shape_at(field, element, spot, grid.leaves != 0, point)
+                if shape.holds:
+                    found.z += element.scale * shape.value + element.offset
+                    found.slope_x += element.scale * shape.du * spot.per[0]
+                    found.slope_y += element.scale * shape.dv * spot.per[1]
+                    found.top = wp.max(found.top, index)
             if grid.more != 0:
                 g += 1
             elif pending > 0:
@@ -851,7 +914,7 @@ def compiled(room: int) -> Compiled:
     def ground_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
         """The ground at a point of the world."""
         if is_inside(field, x, y):
-            found = descend(field, x, y)
+            found = descend(field, wp.vec2d(x, y))
             return settled(field, found, x, y)
         return Ground(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
 
