@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
 from terratool.field.friction import friction_of
-from terratool.field.records import IN_CELLS, FieldArrays
+from terratool.field.records import IN_CELLS, FieldArrays, TrackArrays
 
 if TYPE_CHECKING:
     import warp as wp
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 _LARGEST = 2**31 - 1
 """Devices index by int32."""
 _EACH = 1024
-"""So many points a thread takes on a CPU, as each copies the struct of the field first."""
+"""So many points a thread takes on a CPU, as each copies all arguments first."""
 _ROOMS = (32, 256, 2048)
-"""So many grids may wait in a descent; the kernel is compiled for each that is wanted."""
+"""So many grids may wait in a descent: the kernel with the least that is enough is compiled."""
 
 
 class WarpSample(NamedTuple):
@@ -83,6 +83,7 @@ class WarpField:
             ) from error
         from terratool.field.warp_kernels import Field, compiled
 
+        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
         arrays = terrain.written_out.arrays
         room = next((room for room in _ROOMS if room >= arrays.pending), None)
         if room is None:
@@ -91,7 +92,6 @@ class WarpField:
                 f"and the kernels of Warp have room for {_ROOMS[-1]}.",
                 "Ask terrain.height, or have fewer elements with children overlap.",
             )
-        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
         friction = friction_of(terrain, default_friction)
         self._struct = _struct_of(arrays, self.origin, friction, self.device)
         self.field = wp.array([self._struct], dtype=Field, device=self.device)
@@ -140,7 +140,7 @@ class WarpField:
         *,
         stream: wp.Stream | None = None,
     ) -> None:
-        """The same into arrays that are there, and may be part of a graph of CUDA.
+        """The same into arrays that are there.
 
         Args:
             points: (n,) vec2f or vec2d on the device, from the origin; contiguous, as all others.
@@ -217,6 +217,30 @@ def _quiet(wp: Any) -> Iterator[None]:
         wp.config.log_level = before
 
 
+class _Maker(NamedTuple):
+    """Makes arrays on a device."""
+
+    device: wp.Device
+
+    def array(self, values: NDArray[Any], dtype: Any) -> Any:
+        """An array of scalars or vectors; of whole numbers by their values."""
+        import warp as wp
+
+        if dtype == wp.int32:
+            values = values.astype(np.int32)
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+    def structs(
+        self, struct: Any, records: NDArray[Any], same: str = "", **others: NDArray[Any]
+    ) -> Any:
+        """An array of structs: members of the same name as those of records, and others."""
+        columns = {name: records[name] for name in same.split()} | others
+        values = np.zeros(len(next(iter(columns.values()))), struct.numpy_dtype())
+        for name, column in columns.items():
+            values[name] = column
+        return self.array(values, struct)
+
+
 def _struct_of(
     arrays: FieldArrays,
     origin: tuple[float, float, float],
@@ -226,92 +250,91 @@ def _struct_of(
     """The struct of the kernels, its arrays on a device."""
     import warp as wp
 
-    from terratool.field import warp_kernels as kernels
+    from terratool.field.warp_kernels import Field, Relief
 
     curves, tracks = arrays.curves, arrays.tracks
-    indexed = arrays.offsets, arrays.entries, curves.pieces, tracks.entries, arrays.elements
+    indexed = arrays.elements, arrays.offsets, arrays.entries, curves.pieces, tracks.entries
     most = max(array.size for array in indexed)
     if most > _LARGEST:
         raise RequestError(
-            f"The terrain has {most} entries, more than the {_LARGEST} that a device can index.",
+            f"The terrain has tables of {most} entries, and devices count to {_LARGEST}.",
             "Take a part of it.",
         )
-
-    def array(values: NDArray[Any], dtype: Any) -> Any:
-        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
-
-    def records(struct: Any, count: int, /, **columns: NDArray[Any]) -> Any:
-        values = np.zeros(count, struct.numpy_dtype())
-        for name, column in columns.items():
-            values[name] = column
-        return array(values, struct)
-
-    field = kernels.Field()
+    make, field = _Maker(device), Field()
     field.bounds, field.origin = wp.vec4d(*arrays.bounds), wp.vec3d(*origin)
-    elements = arrays.elements
-    is_free = arrays.poses["free"][elements["pose"]] != 0
-    halves = elements["cell"].astype(np.int64)
-    field.elements = records(
-        kernels.Element,
-        len(elements),
-        **{name: elements[name] for name in ("scale", "offset", "pose", "kind", "grid")},
-        cell_x=halves[:, 0],
-        cell_y=halves[:, 1],
-        place=np.where(is_free, halves[:, 0] + (halves[:, 1] << 16), -1),
+    _add_elements(make, field, arrays)
+    _add_grids(make, field, arrays)
+    _add_primitives(make, field, arrays)
+    _add_tracks(make, field, tracks)
+    field.reliefs = make.structs(Relief, arrays.reliefs, "per scale key")
+    field.friction = make.array(friction, wp.float32)
+    return field
+
+
+def _add_elements(make: _Maker, field: Any, arrays: FieldArrays) -> None:
+    from terratool.field.warp_kernels import Element, Place, Pose
+
+    elements, poses, places = arrays.elements, arrays.poses, arrays.places
+    cells = elements["cell"].astype(np.int64)
+    is_free = poses["free"][elements["pose"]] != 0
+    field.elements = make.structs(
+        Element,
+        elements,
+        "scale offset pose kind grid",
+        cell_x=cells[:, 0],
+        cell_y=cells[:, 1],
+        place=np.where(is_free, cells[:, 0] + (cells[:, 1] << 16), -1),
     )
-    grids = arrays.grids
-    field.axes = records(
-        kernels.Axis,
-        2 * len(grids),
-        **{name: grids[name].ravel() for name in ("per", "clear", "count", "near")},
+    sides = poses["cells"]
+    field.poses = make.structs(
+        Pose, poses, "size cos sin_v sin_u turned", cells_x=sides[:, 0], cells_y=sides[:, 1]
+    )
+    field.places = make.structs(Place, places, "at extent", pitch=_leading(places["extent"]))
+
+
+def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
+    import warp as wp
+
+    from terratool.field.warp_kernels import Axis, Bins, Grid
+
+    grids, bins = arrays.grids, arrays.free_bins
+    in_cells = grids["standing"] == IN_CELLS
+    field.axes = make.structs(
+        Axis,
+        grids,
+        per=grids["per"].ravel(),
+        clear=grids["clear"].ravel(),
+        count=grids["count"].ravel(),
+        near=grids["near"].ravel(),
         corner=grids["corner"][..., 0].ravel(),
         rest=grids["corner"][..., 1].ravel(),
         pitch=grids["pitch"][..., 0].ravel(),
         pitch_rest=grids["pitch"][..., 1].ravel(),
     )
-    field.grids = records(
-        kernels.Grid,
-        len(grids),
-        **{name: grids[name] for name in ("table", "row", "listed", "local", "more")},
+    field.grids = make.structs(
+        Grid,
+        grids,
+        "table row listed local more",
         shift_x=grids["shift"][:, 0],
         shift_y=grids["shift"][:, 1],
-        leaves=np.where(grids["standing"] == IN_CELLS, grids["leaves"], 0),
-        bins=np.where(grids["standing"] != IN_CELLS, grids["free"].astype(np.int64), -1),
+        leaves=np.where(in_cells, grids["leaves"], 0),
+        bins=np.where(in_cells, -1, grids["free"].astype(np.int64)),
     )
-    bins = arrays.free_bins
-    field.bins = records(
-        kernels.Bins,
-        len(bins),
-        **{name: bins[name] for name in ("corner", "per", "slack")},
-        last=bins["shape"] - 1.0,
-    )
-    field.offsets = array(arrays.offsets.astype(np.int32), wp.int32)
-    field.entries = array(arrays.entries.astype(np.int32), wp.int32)
-    poses = arrays.poses
-    field.poses = records(
-        kernels.Pose,
-        len(poses),
-        **{name: poses[name] for name in ("size", "cos", "sin_v", "sin_u", "turned")},
-        cells_x=poses["cells"][:, 0],
-        cells_y=poses["cells"][:, 1],
-    )
-    places = arrays.places
-    field.places = records(
-        kernels.Place,
-        len(places),
-        at=places["at"],
-        extent=places["extent"],
-        pitch=_leading(places["extent"]),
-    )
-    kinds = arrays.kinds
-    field.kinds = records(
-        kernels.Kind,
-        len(kinds),
-        **{name: kinds[name] for name in ("surface", "combine", "is_void", "special")},
-    )
-    field.curves = records(
-        kernels.Curve,
-        2 * len(kinds),
+    field.bins = make.structs(Bins, bins, "corner per slack", last=bins["shape"] - 1.0)
+    field.offsets = make.array(arrays.offsets, wp.int32)
+    field.entries = make.array(arrays.entries, wp.int32)
+
+
+def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
+    import warp as wp
+
+    from terratool.field.warp_kernels import Curve, Kind
+
+    kinds, curves = arrays.kinds, arrays.curves
+    field.kinds = make.structs(Kind, kinds, "surface combine is_void special")
+    field.curves = make.structs(
+        Curve,
+        kinds,
         count=kinds["count"].ravel(),
         first=kinds["pieces"][..., 0].ravel(),
         last=kinds["pieces"][..., 1].ravel(),
@@ -319,34 +342,38 @@ def _struct_of(
         bin=kinds["knots"][..., 1].ravel(),
         knotted=kinds["knotted"].ravel(),
     )
-    field.pieces = array(curves.pieces.reshape(-1, 4), wp.vec4d)
-    field.knots = array(curves.knots, wp.float64)
-    field.curve_bins = array(curves.bins.astype(np.int32), wp.int32)
-    field.tracks = records(
-        kernels.Track,
-        len(tracks.passes),
-        **{name: getattr(tracks, name) for name in ("passes", "power", "surface", "law")},
-    )
+    field.pieces = make.array(curves.pieces.reshape(-1, 4), wp.vec4d)
+    field.knots = make.array(curves.knots, wp.float64)
+    field.curve_bins = make.array(curves.bins, wp.int32)
+
+
+def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
+    import warp as wp
+
+    from terratool.field.warp_kernels import Segment, Track
+
     segments = tracks.segments
-    field.segments = records(
-        kernels.Segment,
-        len(segments),
+    field.tracks = make.structs(
+        Track,
+        tracks.passes,
+        passes=tracks.passes,
+        power=tracks.power,
+        surface=tracks.surface,
+        law=tracks.law,
+    )
+    field.segments = make.structs(
+        Segment,
+        segments,
+        "square reach_square track",
         start=np.column_stack([segments["x"], segments["y"]]),
         end=np.column_stack([segments["end_x"], segments["end_y"]]),
         way=np.column_stack([segments["dx"], segments["dy"]]),
-        **{name: segments[name] for name in ("square", "reach_square", "track")},
     )
-    field.depths = array(tracks.depths, wp.float64)
+    field.depths = make.array(tracks.depths, wp.float64)
     field.track_frame, field.track_shape = wp.vec4d(*tracks.frame), wp.vec2i(*tracks.shape)
-    field.track_masks = array(tracks.masks, wp.uint64)
-    field.track_offsets = array(tracks.offsets.astype(np.int32), wp.int32)
-    field.track_entries = array(tracks.entries.astype(np.int32), wp.int32)
-    reliefs = arrays.reliefs
-    field.reliefs = records(
-        kernels.Relief, len(reliefs), **{name: reliefs[name] for name in ("per", "scale", "key")}
-    )
-    field.friction = array(friction, wp.float32)
-    return field
+    field.track_masks = make.array(tracks.masks, wp.uint64)
+    field.track_offsets = make.array(tracks.offsets, wp.int32)
+    field.track_entries = make.array(tracks.entries, wp.int32)
 
 
 def _leading(sides: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -812,7 +812,7 @@ def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: w
         if wp.isnan(depth):
             return ZERO, -1
         passes += own.passes
-        if deepest < 0 or depth > first or (depth == first and track < deepest):
+        if deepest < 0 or depth > first:  # tracks come in their order
             first = depth
             deepest = track
         if own.surface >= 0:
