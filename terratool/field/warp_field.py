@@ -289,7 +289,7 @@ def _add_elements(make: _Maker, field: Any, arrays: FieldArrays) -> None:
     field.poses = make.structs(
         Pose, poses, "size cos sin_v sin_u turned", cells_x=sides[:, 0], cells_y=sides[:, 1]
     )
-    field.places = make.structs(Place, places, "at extent", pitch=_leading(places["extent"]))
+    field.places = make.structs(Place, places, "at extent")
 
 
 def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
@@ -374,10 +374,3 @@ def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
     field.track_masks = make.array(tracks.masks, wp.uint64)
     field.track_offsets = make.array(tracks.offsets, wp.int32)
     field.track_entries = make.array(tracks.entries, wp.int32)
-
-
-def _leading(sides: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The leading 36 bits of each number, as `split` of the kernels has them."""
-    mantissa, exponent = np.frexp(sides)
-    leading: NDArray[np.float64] = np.ldexp(np.floor(mantissa * 2.0**36), exponent - 36)
-    return leading

@@ -112,11 +112,10 @@ class Pose:
 
 @wp.struct
 class Place:
-    """Where a free element stands; its sides in 36 bits, and the rest of them."""
+    """Where a free element stands."""
 
     at: wp.vec2d
     extent: wp.vec2d
-    pitch: wp.vec2d
 
 
 @wp.struct
@@ -523,7 +522,7 @@ def exact_sum(a: wp.float64, b: wp.float64):
 
 
 @wp.func
-def free_axis(parent: Axis, at: wp.float64, extent: wp.float64, pitch: wp.float64):
+def free_axis(parent: Axis, at: wp.float64, extent: wp.float64):
     """An axis of the grid of one cell that a free place is in its parent's cell."""
     middle, lost = exact_sum(parent.corner, at)
     low, lost_too = exact_sum(middle, -HALF * extent)
@@ -531,7 +530,7 @@ def free_axis(parent: Axis, at: wp.float64, extent: wp.float64, pitch: wp.float6
     per = ONE / extent
     noise = FREE_NOISE * wp.max(wp.abs(at) + extent, wp.abs(corner))
     near = wp.max(EDGE, noise * per)
-    return Axis(corner, rest, per, HALF - near, ONE, near, pitch, extent - pitch)
+    return Axis(corner, rest, per, HALF - near, ONE, near, extent, ZERO)
 
 
 @wp.func
@@ -568,8 +567,8 @@ def free_cell_holds(
     field: wp.array(dtype=Field), place: Place, axis_x: Axis, axis_y: Axis, point: wp.vec2d
 ):
     """Whether a cell of a free grid holds a point, by the doubles that its edges stand at."""
-    along_x = free_axis(axis_x, place.at[0], place.extent[0], place.pitch[0])
-    along_y = free_axis(axis_y, place.at[1], place.extent[1], place.pitch[1])
+    along_x = free_axis(axis_x, place.at[0], place.extent[0])
+    along_y = free_axis(axis_y, place.at[1], place.extent[1])
     end = field[0].bounds
     return holds_along(along_x, point[0], end[2]) and holds_along(along_y, point[1], end[3])
 
@@ -638,8 +637,8 @@ def spot_at_place(
         spot.sin_u = pose.sin_u * (place.extent[0] * spot.per[1])
     else:
         spot.uv = spot.above
-        spot.axis_x = free_axis(axis_x, place.at[0], place.extent[0], place.pitch[0])
-        spot.axis_y = free_axis(axis_y, place.at[1], place.extent[1], place.pitch[1])
+        spot.axis_x = free_axis(axis_x, place.at[0], place.extent[0])
+        spot.axis_y = free_axis(axis_y, place.at[1], place.extent[1])
         spot.width = wp.vec2d(ONE, ONE)
     return spot
 
@@ -799,7 +798,7 @@ def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: w
     surface_track = wp.int32(-1)
     first = wp.float64(0.0)
     passes = wp.float64(0.0)
-    for k in range(field[0].track_offsets[cell], field[0].track_offsets[cell + 1]):
+    for k in range(field[0].track_offsets[cell], field[0].track_offsets[cell + 1]):  # in order
         segment = field[0].segments[field[0].track_entries[k]]
         track = segment.track
         if track == last:
@@ -812,11 +811,11 @@ def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: w
         if wp.isnan(depth):
             return ZERO, -1
         passes += own.passes
-        if deepest < 0 or depth > first:  # tracks come in their order
+        if deepest < 0 or depth > first:
             first = depth
             deepest = track
         if own.surface >= 0:
-            surface_track = wp.max(surface_track, track)
+            surface_track = track
     if deepest < 0:
         return ZERO, surface_track
     if passes > ONE:

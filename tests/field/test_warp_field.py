@@ -127,6 +127,39 @@ class TestEquality:
         x, y = np.array(landmarks(definition)[:200] + rims(definition) + drawn).T
         assert_same(terrain_of(definition), x, y)
 
+    @pytest.mark.parametrize("place", [{"at": [20, 30]}, {"cellX": 0, "cellY": 0}], ids=str)
+    def test_just_beyond_a_turned_rectangle(self, place: Any) -> None:
+        """Its edges are closed, by a billionth of its sides; there a ramp begins at 0 or below."""
+        sides = {"extent": [8, 4]} if "at" in place else {}
+        ramp = {"type": "ramp", "vScale": 1, "turnDeg": 25, **place, **sides}
+        tree = {"type": "flat", "cells": [1, 1], "children": [ramp]}
+        terrain = terrain_of({**OBLONG, "size": [30, 70], "elemTree": tree})
+        middle, (wide, tall) = ((20, 30), (8, 4)) if sides else ((15, 35), (30, 70))
+        u = np.array([-2e-9, -4e-10, -1e-12, 0.25, 1 + 1e-12, 1 + 4e-10, 1 + 2e-9])[:, None]
+        across, along = (u - 0.5) * wide, (np.array([0.45, 0.5, 0.6]) - 0.5) * tall
+        cos, sin = math.cos(math.radians(25)), math.sin(math.radians(25))
+        x, y = across * cos + along * sin, along * cos - across * sin
+        assert_same(terrain, middle[0] + x.ravel(), middle[1] + y.ravel())
+
+    def test_a_double_beside_the_corner_of_a_leaf(self) -> None:
+        """Places in leaves are rounded as places of what may be turned."""
+        definition = {"size": 1, "origin": [0, 0.001], "elemTypes": {"p": {"y": "ramp"}}}
+        terrain = terrain_of({**definition, "elemTree": {"type": "p"}})
+        assert_same(terrain, [0.0, 0.5], np.nextafter(0.001, [1.0, 1.0]))
+
+    def test_crossing_tracks(self) -> None:
+        """The deepest first pass, the passes of all, and the last surface count."""
+        tracks = [
+            {"path": [[2, 5], [30, 5]], "width": 1, "depth": 0.25, "passes": 1},
+            {"path": [[8, 2], [8, 8]], "width": 1, "depth": 0.25, "surface": "loose"},
+            {"path": [[12, 2], [12, 8]], "width": 1, "depth": 0.5, "passes": 2, "multipass": 3},
+            {"path": [[12, 2], [12.5, 8]], "width": 2, "depth": 0.125, "surface": "sand"},
+        ]
+        terrain = terrain_of({**OBLONG, "tracks": tracks})
+        x, y = np.random.default_rng(4).uniform((5, 1), (15, 9), (2000, 2)).T
+        assert_same(terrain, x, y)
+        assert len(np.unique(terrain.height(x, y))) > 8
+
     def test_grids_finer_than_doubles(self) -> None:
         """Where positions come down from the parent's cell."""
         tree: dict[str, Any] = {"type": "ramp", "vScale": 1}
