@@ -107,7 +107,7 @@ def compare(name: str, robots: int) -> None:
     def compared(one: str, other: str, target: str) -> None:
         line(f"{name}: {one} over {other}", seconds[one] / seconds[other], target)
 
-    compared("torch height", "terrain.height", "<= 1.2")
+    compared("torch height", "terrain.height", "<= 1.5")
     compared("torch sample", "terrain.sample", "<= 1.2")
     compared("warp height", "terrain.height", "<= 5")
     compared("rays", "torch height", ">= 3")
