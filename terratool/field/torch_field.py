@@ -66,7 +66,7 @@ class TorchField:
         except (RuntimeError, AssertionError, NotImplementedError) as error:
             raise RequestError(
                 f"PyTorch has no device {str(device)!r} here.",
-                'Take "cpu", or what torch.cuda.is_available() speaks for.',
+                'Take "cpu"; "cuda" needs a GPU, and a build of PyTorch for it.',
             ) from error
         self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
         self._terrain, self._default_friction = terrain, default_friction

@@ -30,7 +30,7 @@ from tests.strategies import SURFACES, definitions, landmarks, points, rims
 wp = pytest.importorskip("warp", reason="warp-lang is not installed")
 kernels = pytest.importorskip("terratool.field.warp_kernels")
 
-EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "150"))
+EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "100"))
 SAMPLES = sorted((ROOT / "samples").glob("*.json"))
 ULP = 2.0**-24
 """Half the spacing of float32 below 1, twice: normals may be rounded the other way."""
