@@ -227,8 +227,8 @@ inline void fill_tables(
 }
 
 // The most grids that wait on the stack of a descent: an upper bound, at least 1.
-// At the grids of an element wait the elements of one bin of each that have grids, while one of
-// them is descended.
+// At the grids of an element wait the elements of one bin of each that have grids, and one less
+// while one of them is descended.
 inline i64 count_pending(
     Span<const Grid> grids, Span<const u32> offsets, Span<const u32> entries,
     Span<const u32> grid_of
@@ -251,7 +251,7 @@ inline i64 count_pending(
             more_deepest = max(more_deepest, deepest);
         }
         more_waiting += most_waiting;
-        need[g] = max(i64(1), more_waiting + more_deepest);
+        need[g] = max(i64(1), max(more_waiting, more_waiting - 1 + more_deepest));
     }
     return need[0];
 }

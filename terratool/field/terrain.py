@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec import UNSET
@@ -23,6 +23,12 @@ from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import FieldArrays, aligned
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
 from terratool.kernels import field as kernels
+
+if TYPE_CHECKING:
+    import torch
+
+    from terratool.field.torch_field import TorchField
+    from terratool.field.warp_field import WarpField
 
 OUTSIDE = -2
 """In place of an element, at points outside of the terrain."""
@@ -304,14 +310,61 @@ class Terrain:
             kernels.shared_samples(self.field, x, y, height, element, number, gradient)
             surface = self._field_surface(element)
             element = self._numbered(element, number)
-        normal = np.column_stack([0.0 - gradient, np.where(np.isnan(height), np.nan, 1.0)])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        slope_x, slope_y = gradient.T
+        length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
+        normal = np.empty((len(x), 3))
+        for axis, part in enumerate((0.0 - slope_x, 0.0 - slope_y, 1.0)):
+            normal[:, axis] = part / length
         return PointSamples(
             height.reshape(shape),
             element.reshape(shape),
             surface.reshape(shape),
             normal.reshape(*shape, 3),
         )
+
+    def to_torch(
+        self,
+        device: str | torch.device = "cpu",
+        *,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        default_friction: float = math.nan,
+    ) -> TorchField:
+        """The terrain on a device, for tensors of PyTorch; see docs/tensors.md.
+
+        Args:
+            device: "cpu", "cuda", "cuda:1" …
+            origin: world position x, y, z of the zero of points and heights.
+            default_friction: coefficient of friction where the ground has no friction angle.
+
+        Raises:
+            RequestError: PyTorch or Warp is not installed, there is no such device, or the terrain
+                is too large for any.
+        """
+        from terratool.field.torch_field import TorchField
+
+        return TorchField(self, device, origin=origin, default_friction=default_friction)
+
+    def to_warp(
+        self,
+        device: str | None = None,
+        *,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        default_friction: float = math.nan,
+    ) -> WarpField:
+        """The terrain on a device, for arrays of NVIDIA Warp; see docs/tensors.md.
+
+        Args:
+            device: "cpu", "cuda:0" …; None for the one that Warp takes by itself.
+            origin: world position x, y, z of the zero of points and heights.
+            default_friction: coefficient of friction where the ground has no friction angle.
+
+        Raises:
+            RequestError: Warp is not installed, there is no such device, or the terrain is too
+                large for any.
+        """
+        from terratool.field.warp_field import WarpField
+
+        return WarpField(self, device, origin=origin, default_friction=default_friction)
 
     def surface_of(self, element: NDArray[np.int64]) -> NDArray[np.int32]:
         """Surface indices of elements and tracks, -1 for none; int32 in their shape."""

@@ -1,0 +1,182 @@
+"""A compiled field for PyTorch: heights, normals, surfaces and friction under many robots."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.errors import RequestError
+from terratool.field.friction import friction_of
+from terratool.field.warp_field import WarpField, checked_origin, required
+
+if TYPE_CHECKING:
+    import torch
+
+    from terratool.field.terrain import Terrain
+
+
+class TorchSample(NamedTuple):
+    """What is at points; tensors in the points' shape, on their device.
+
+    Attributes:
+        height: (…) float32, from the origin's; NaN outside and in the void.
+        normal: (…, 3) float32, upward unit normals, of the east and north side on an edge; NaN
+            likewise.
+        surface: (…) int32, index into `surfaces`; -1 for none.
+        friction: (…) float32, its coefficient, tan φ; NaN where there is no ground.
+    """
+
+    height: torch.Tensor
+    normal: torch.Tensor
+    surface: torch.Tensor
+    friction: torch.Tensor
+
+
+class TorchField:
+    """A terrain on a device, for tensors of PyTorch.
+
+    On a CPU it asks the terrain's own kernels, which are quicker there than that of Warp and give
+    the same. There are no gradients.
+
+    Attributes:
+        surfaces: names of the surfaces, in the order of their indices.
+        origin: world position of the zero of points and heights.
+        device: of PyTorch.
+        asks_terrain: whether it asks the terrain's own kernels rather than that of Warp.
+    """
+
+    device: torch.device
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        device: str | torch.device = "cpu",
+        *,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        default_friction: float = math.nan,
+    ) -> None:
+        """Bring a terrain to a device; see `Terrain.to_torch`."""
+        torch = required("torch", "PyTorch", "torch")
+        try:
+            self.device = torch.empty(0, device=device).device  # with its number
+        except (RuntimeError, AssertionError, NotImplementedError) as error:
+            raise RequestError(
+                f"PyTorch has no device {str(device)!r} here.",
+                'Take "cpu"; "cuda" needs a GPU, and a build of PyTorch for it.',
+            ) from error
+        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
+        self._terrain, self._default_friction = terrain, default_friction
+        self._friction = friction_of(terrain, default_friction)
+        self.asks_terrain = self.device.type == "cpu"
+        if not self.asks_terrain:
+            _ = self.warp
+
+    @cached_property
+    def warp(self) -> WarpField:
+        """The same for arrays of Warp, and for kernels of your own.
+
+        Raises:
+            RequestError: Warp is not installed, or the terrain is too large for a device.
+        """
+        return WarpField(
+            self._terrain,
+            str(self.device),
+            origin=self.origin,
+            default_friction=self._default_friction,
+        )
+
+    def height(self, points: torch.Tensor) -> torch.Tensor:
+        """Heights at points, (…) float32 from the origin's; NaN outside and in the void.
+
+        Args:
+            points: (…, 2) float32 or float64 on the device, x and y from the origin.
+
+        Raises:
+            RequestError: they are not.
+        """
+        import torch
+
+        points = self._checked(points)
+        if self.asks_terrain:
+            height = self._terrain.height(*self._world(points))
+            return torch.from_numpy(self._from_origin(height))
+        height = torch.empty(points.shape[:-1], dtype=torch.float32, device=self.device)
+        self._launch(points, height)
+        return height
+
+    def sample(self, points: torch.Tensor) -> TorchSample:
+        """Height, normal, surface and friction at points.
+
+        Args:
+            points: (…, 2) float32 or float64 on the device, x and y from the origin.
+
+        Raises:
+            RequestError: they are not.
+        """
+        import torch
+
+        points = self._checked(points)
+        if self.asks_terrain:
+            at = self._terrain.sample(*self._world(points))
+            friction = self._friction[at.surface + 1]
+            friction = np.where(np.isnan(at.height), np.float32(np.nan), friction)
+            found = self._from_origin(at.height), at.normal.astype(np.float32), at.surface, friction
+            return TorchSample(*(torch.from_numpy(np.asarray(each)) for each in found))
+        shape, device = points.shape[:-1], self.device
+        out = TorchSample(
+            torch.empty(shape, dtype=torch.float32, device=device),
+            torch.empty((*shape, 3), dtype=torch.float32, device=device),
+            torch.empty(shape, dtype=torch.int32, device=device),
+            torch.empty(shape, dtype=torch.float32, device=device),
+        )
+        self._launch(points, *out)
+        return out
+
+    def _checked(self, points: torch.Tensor) -> torch.Tensor:
+        import torch
+
+        if points.dtype not in (torch.float32, torch.float64) or points.shape[-1:] != (2,):
+            raise RequestError(
+                f"The points are {tuple(points.shape)} of {points.dtype}.",
+                "Give (…, 2) float32 or float64, x and y.",
+            )
+        if points.device != self.device:
+            raise RequestError(
+                f"The points are on {points.device}, the terrain is on {self.device}.",
+                "Bring the one to the other.",
+            )
+        return points.detach()
+
+    def _world(self, points: torch.Tensor) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World coordinates of points on a CPU."""
+        x, y = np.moveaxis(points.numpy(), -1, 0)
+        west, south, _ = self.origin
+        return np.add(x, west, dtype=np.float64), np.add(y, south, dtype=np.float64)
+
+    def _from_origin(self, height: Any) -> NDArray[np.float32]:
+        """Heights from that of the origin."""
+        found = np.empty(np.shape(height), np.float32)
+        np.subtract(height, self.origin[2], out=found, casting="same_kind")
+        return found
+
+    def _launch(self, points: torch.Tensor, *out: torch.Tensor) -> None:
+        """Have the kernel of Warp fill tensors, in the order of what PyTorch does on the device."""
+        import torch
+        import warp as wp
+
+        field = self.warp
+        if not points.numel():
+            return
+        pairs = wp.vec2d if points.dtype == torch.float64 else wp.vec2f
+        arrays = [wp.from_torch(points.reshape(-1, 2).contiguous(), dtype=pairs)]
+        for tensor, width in zip(out, (1, 3, 1, 1), strict=False):
+            flat = tensor.view(-1) if width == 1 else tensor.view(-1, width)
+            arrays.append(wp.from_torch(flat, dtype=wp.vec3f if width == 3 else None))
+        stream = None
+        if self.device.type == "cuda":
+            stream = wp.stream_from_torch(torch.cuda.current_stream(self.device))
+        field.launch(*arrays, stream=stream)

@@ -1,0 +1,376 @@
+"""A compiled field for NVIDIA Warp: heights, normals, surfaces and friction under many robots.
+
+`terratool.field.warp_kernels` has the descent; here its arrays are made and its kernel is launched.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.errors import RequestError
+from terratool.field.friction import friction_of
+from terratool.field.records import IN_CELLS, FieldArrays, TrackArrays
+
+if TYPE_CHECKING:
+    import warp as wp
+
+    from terratool.field.terrain import Terrain
+
+_LARGEST = 2**31 - 1
+"""Devices index by int32."""
+_EACH = 1024
+"""So many points a thread takes on a CPU, as each copies all arguments first."""
+_ROOMS = (32, 256, 2048)
+"""So many grids may wait in a descent: the kernel with the least that is enough is compiled."""
+
+
+class WarpSample(NamedTuple):
+    """What is at points; arrays in the points' shape.
+
+    Attributes:
+        height: (…) float32, from the origin's; NaN outside and in the void.
+        normal: (…) vec3f, upward unit normals, of the east and north side on an edge; NaN likewise.
+        surface: (…) int32, index into `surfaces`; -1 for none.
+        friction: (…) float32, its coefficient, tan φ; NaN where there is no ground.
+    """
+
+    height: wp.array[Any]
+    normal: wp.array[Any]
+    surface: wp.array[Any]
+    friction: wp.array[Any]
+
+
+class WarpField:
+    """A terrain on a device, for arrays of Warp.
+
+    Attributes:
+        surfaces: names of the surfaces, in the order of their indices.
+        origin: world position of the zero of points and heights.
+        device: of Warp.
+        field: (1,) of the struct `terratool.field.warp_kernels.Field`, for kernels of your own.
+        ground_at: the function of Warp for them: `ground_at(field, x, y)`, world coordinates in
+            float64, gives a `terratool.field.warp_kernels.Ground`.
+    """
+
+    device: wp.Device
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        device: str | None = None,
+        *,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        default_friction: float = math.nan,
+    ) -> None:
+        """Bring a terrain to a device; see `Terrain.to_warp`."""
+        wp = required("warp", "NVIDIA Warp", "warp")
+        with _quiet(wp):
+            wp.init()
+        try:
+            self.device = wp.get_device(device)
+        except (ValueError, RuntimeError) as error:
+            raise RequestError(
+                f"Warp has no device {device!r} here.",
+                f"Take {' or '.join(str(known) for known in wp.get_devices())}.",
+            ) from error
+        from terratool.field.warp_kernels import Field, compiled
+
+        self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
+        arrays = terrain.written_out.arrays
+        room = next((room for room in _ROOMS if room >= arrays.pending), None)
+        if room is None:
+            raise RequestError(
+                f"Up to {arrays.pending} elements with children lie near one point of the terrain, "
+                f"and the kernels of Warp have room for {_ROOMS[-1]}.",
+                "Ask terrain.height, or have fewer elements with children overlap.",
+            )
+        friction = friction_of(terrain, default_friction)
+        self._struct = _struct_of(arrays, self.origin, friction, self.device)
+        self.field = wp.array([self._struct], dtype=Field, device=self.device)
+        self.ground_at, self._kernel = compiled(room)
+
+    def height(self, points: wp.array[Any]) -> wp.array[Any]:
+        """Heights at points, (…) float32 from the origin's; NaN outside and in the void.
+
+        Args:
+            points: (…) vec2f or vec2d on the device, from the origin.
+
+        Raises:
+            RequestError: they are not.
+        """
+        import warp as wp
+
+        points = self._checked(points)
+        height = wp.empty(points.shape, dtype=wp.float32, device=self.device)
+        self.launch(points.flatten(), height.flatten())
+        return height
+
+    def sample(self, points: wp.array[Any]) -> WarpSample:
+        """Height, normal, surface and friction at points.
+
+        Args:
+            points: (…) vec2f or vec2d on the device, from the origin.
+
+        Raises:
+            RequestError: they are not.
+        """
+        import warp as wp
+
+        points = self._checked(points)
+        types = wp.float32, wp.vec3f, wp.int32, wp.float32
+        out = WarpSample(*(wp.empty(points.shape, dtype=t, device=self.device) for t in types))
+        self.launch(points.flatten(), *(array.flatten() for array in out))
+        return out
+
+    def launch(
+        self,
+        points: wp.array[Any],
+        height: wp.array[Any],
+        normal: wp.array[Any] | None = None,
+        surface: wp.array[Any] | None = None,
+        friction: wp.array[Any] | None = None,
+        *,
+        stream: wp.Stream | None = None,
+    ) -> None:
+        """The same into arrays that are there.
+
+        Args:
+            points: (n,) vec2f or vec2d on the device, from the origin; contiguous, as all others.
+            height: (n,) float32.
+            normal: (n,) vec3f; what is None is not written.
+            surface: (n,) int32.
+            friction: (n,) float32.
+            stream: of CUDA; None for that of the device.
+        """
+        import warp as wp
+
+        each = 1 if self.device.is_cuda else _EACH
+        both = (None, points) if points.dtype == wp.vec2d else (points, None)
+        with _quiet(wp):
+            wp.launch(
+                self._kernel,
+                dim=-(-points.size // each),
+                inputs=[self.field, each, *both],
+                outputs=[height, normal, surface, friction],
+                device=None if stream else self.device,
+                stream=stream,
+                record_tape=False,
+            )
+
+    def _checked(self, points: wp.array[Any]) -> wp.array[Any]:
+        import warp as wp
+
+        if points.dtype not in (wp.vec2f, wp.vec2d):
+            raise RequestError(
+                f"The points are an array of {points.dtype.__name__}.", "Give vec2f or vec2d."
+            )
+        if points.device != self.device:
+            raise RequestError(
+                f"The points are on {points.device}, the terrain is on {self.device}.",
+                "Bring the one to the other.",
+            )
+        return points if points.is_contiguous else points.contiguous()
+
+
+def required(module: str, package: str, extra: str) -> Any:
+    """A package that an extra brings.
+
+    Raises:
+        RequestError: it is not installed.
+    """
+    if find_spec(module) is None:
+        raise RequestError(
+            f"{package} is not installed.", f"Install it by: pip install 'terratool[{extra}]'"
+        )
+    return import_module(module)
+
+
+def checked_origin(origin: ArrayLike) -> tuple[float, float, float]:
+    """An origin as numbers.
+
+    Raises:
+        RequestError: it is not three finite numbers.
+    """
+    numbers = np.asarray(origin, np.float64)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise RequestError(f"The origin is {origin!r}.", "Give three finite numbers: x, y and z.")
+    x, y, z = numbers.tolist()
+    return x, y, z
+
+
+@contextmanager
+def _quiet(wp: Any) -> Iterator[None]:
+    """Warp says what goes wrong, but not what it does."""
+    before = wp.config.log_level
+    wp.config.log_level = max(before, wp.LOG_WARNING)
+    try:
+        yield
+    finally:
+        wp.config.log_level = before
+
+
+class _Maker(NamedTuple):
+    """Makes arrays on a device."""
+
+    device: wp.Device
+
+    def array(self, values: NDArray[Any], dtype: Any) -> Any:
+        """An array of scalars or vectors; of whole numbers by their values."""
+        import warp as wp
+
+        if dtype == wp.int32:
+            values = values.astype(np.int32)
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+    def structs(
+        self, struct: Any, records: NDArray[Any], same: str = "", **others: NDArray[Any]
+    ) -> Any:
+        """An array of structs: members of the same name as those of records, and others."""
+        columns = {name: records[name] for name in same.split()} | others
+        values = np.zeros(len(next(iter(columns.values()))), struct.numpy_dtype())
+        for name, column in columns.items():
+            values[name] = column
+        return self.array(values, struct)
+
+
+def _struct_of(
+    arrays: FieldArrays,
+    origin: tuple[float, float, float],
+    friction: NDArray[np.float32],
+    device: wp.Device,
+) -> Any:
+    """The struct of the kernels, its arrays on a device."""
+    import warp as wp
+
+    from terratool.field.warp_kernels import Field, Relief
+
+    curves, tracks = arrays.curves, arrays.tracks
+    indexed = arrays.elements, arrays.offsets, arrays.entries, curves.pieces, tracks.entries
+    most = max(array.size for array in indexed)
+    if most > _LARGEST:
+        raise RequestError(
+            f"The terrain has tables of {most} entries, and devices count to {_LARGEST}.",
+            "Take a part of it.",
+        )
+    make, field = _Maker(device), Field()
+    field.bounds, field.origin = wp.vec4d(*arrays.bounds), wp.vec3d(*origin)
+    _add_elements(make, field, arrays)
+    _add_grids(make, field, arrays)
+    _add_primitives(make, field, arrays)
+    _add_tracks(make, field, tracks)
+    field.reliefs = make.structs(Relief, arrays.reliefs, "per scale key")
+    field.friction = make.array(friction, wp.float32)
+    return field
+
+
+def _add_elements(make: _Maker, field: Any, arrays: FieldArrays) -> None:
+    from terratool.field.warp_kernels import Element, Place, Pose
+
+    elements, poses, places = arrays.elements, arrays.poses, arrays.places
+    cells = elements["cell"].astype(np.int64)
+    is_free = poses["free"][elements["pose"]] != 0
+    field.elements = make.structs(
+        Element,
+        elements,
+        "scale offset pose kind grid",
+        cell_x=cells[:, 0],
+        cell_y=cells[:, 1],
+        place=np.where(is_free, cells[:, 0] + (cells[:, 1] << 16), -1),
+    )
+    sides = poses["cells"]
+    field.poses = make.structs(
+        Pose, poses, "size cos sin_v sin_u turned", cells_x=sides[:, 0], cells_y=sides[:, 1]
+    )
+    field.places = make.structs(Place, places, "at extent")
+
+
+def _add_grids(make: _Maker, field: Any, arrays: FieldArrays) -> None:
+    import warp as wp
+
+    from terratool.field.warp_kernels import Axis, Bins, Grid
+
+    grids, bins = arrays.grids, arrays.free_bins
+    in_cells = grids["standing"] == IN_CELLS
+    field.axes = make.structs(
+        Axis,
+        grids,
+        per=grids["per"].ravel(),
+        clear=grids["clear"].ravel(),
+        count=grids["count"].ravel(),
+        near=grids["near"].ravel(),
+        corner=grids["corner"][..., 0].ravel(),
+        rest=grids["corner"][..., 1].ravel(),
+        pitch=grids["pitch"][..., 0].ravel(),
+        pitch_rest=grids["pitch"][..., 1].ravel(),
+    )
+    field.grids = make.structs(
+        Grid,
+        grids,
+        "table row listed local more",
+        shift_x=grids["shift"][:, 0],
+        shift_y=grids["shift"][:, 1],
+        leaves=np.where(in_cells, grids["leaves"], 0),
+        bins=np.where(in_cells, -1, grids["free"].astype(np.int64)),
+    )
+    field.bins = make.structs(Bins, bins, "corner per slack", last=bins["shape"] - 1.0)
+    field.offsets = make.array(arrays.offsets, wp.int32)
+    field.entries = make.array(arrays.entries, wp.int32)
+
+
+def _add_primitives(make: _Maker, field: Any, arrays: FieldArrays) -> None:
+    import warp as wp
+
+    from terratool.field.warp_kernels import Curve, Kind
+
+    kinds, curves = arrays.kinds, arrays.curves
+    field.kinds = make.structs(Kind, kinds, "surface combine is_void special")
+    field.curves = make.structs(
+        Curve,
+        kinds,
+        count=kinds["count"].ravel(),
+        first=kinds["pieces"][..., 0].ravel(),
+        last=kinds["pieces"][..., 1].ravel(),
+        knot=kinds["knots"][..., 0].ravel(),
+        bin=kinds["knots"][..., 1].ravel(),
+        knotted=kinds["knotted"].ravel(),
+    )
+    field.pieces = make.array(curves.pieces.reshape(-1, 4), wp.vec4d)
+    field.knots = make.array(curves.knots, wp.float64)
+    field.curve_bins = make.array(curves.bins, wp.int32)
+
+
+def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
+    import warp as wp
+
+    from terratool.field.warp_kernels import Segment, Track
+
+    segments = tracks.segments
+    field.tracks = make.structs(
+        Track,
+        tracks.passes,
+        passes=tracks.passes,
+        power=tracks.power,
+        surface=tracks.surface,
+        law=tracks.law,
+    )
+    field.segments = make.structs(
+        Segment,
+        segments,
+        "square reach_square track",
+        start=np.column_stack([segments["x"], segments["y"]]),
+        end=np.column_stack([segments["end_x"], segments["end_y"]]),
+        way=np.column_stack([segments["dx"], segments["dy"]]),
+    )
+    field.depths = make.array(tracks.depths, wp.float64)
+    field.track_frame, field.track_shape = wp.vec4d(*tracks.frame), wp.vec2i(*tracks.shape)
+    field.track_masks = make.array(tracks.masks, wp.uint64)
+    field.track_offsets = make.array(tracks.offsets, wp.int32)
+    field.track_entries = make.array(tracks.entries, wp.int32)

@@ -1,0 +1,956 @@
+"""The descent in the language of NVIDIA Warp, for GPUs and for the kernels of others.
+
+It does what `kernels/field/query.hpp` and what that includes do, in float64 and in the same order,
+so that heights are the same to the last bit. Names are the same, too; the reasons stand there.
+Warp compiles this at the first launch; Python only reads the annotations.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from terratool.field.records import COMBINE, STEPPED
+
+OPTIONS = {"enable_backward": False, "fuse_fp": False}
+"""No gradients; and no fused sums, as edges are computed to more digits than a double has."""
+
+ZERO, HALF, ONE, TWO, THREE = (wp.constant(wp.float64(n)) for n in (0.0, 0.5, 1.0, 2.0, 3.0))
+NAN = wp.constant(wp.float64(float("nan")))
+EDGE = wp.constant(wp.float64(1e-9))
+STEP = wp.constant(wp.float64(1e-12))
+FREE_NOISE = wp.constant(wp.float64(2.0**-50))
+SPLITTER = wp.constant(wp.float64(134217729.0))
+NEAR_MIDDLE = wp.constant(wp.float64(2.0**-28))
+PRODUCT, SUM, MIN, RADIAL = (
+    wp.constant(COMBINE[how]) for how in ("product", "sum", "min", "radial")
+)
+
+PARTS = wp.constant(wp.float64(8.0))
+BUMP_REACH, BUMP_SQUARE = wp.constant(wp.float64(1.5)), wp.constant(wp.float64(2.25))
+BUMP_CELLS = wp.constant(4)
+FARTHEST_CELL = wp.constant(wp.float64(2.0**50))
+STEEPNESS = wp.constant(wp.float64(-6.0))
+
+HASH_1 = wp.constant(wp.uint64(0x9E3779B97F4A7C15))
+HASH_2 = wp.constant(wp.uint64(0xBF58476D1CE4E5B9))
+HASH_3 = wp.constant(wp.uint64(0x94D049BB133111EB))
+LOW_21 = wp.constant(wp.uint64(0x1FFFFF))
+LOW_22 = wp.constant(wp.uint64(0x3FFFFF))
+FINE = wp.constant(wp.float64(2.0**-21))
+FINER = wp.constant(wp.float64(2.0**-22))
+
+
+@wp.struct
+class Axis:
+    """One axis of a grid: `GridAxis`, and how near to a cell's middle no edge is near."""
+
+    corner: wp.float64
+    rest: wp.float64
+    per: wp.float64
+    clear: wp.float64
+    count: wp.float64
+    near: wp.float64
+    pitch: wp.float64
+    pitch_rest: wp.float64
+
+
+@wp.struct
+class Grid:
+    """What both axes of a grid have in common.
+
+    For one in cells `bins` is -1; for all others `leaves` is 0.
+    """
+
+    table: wp.int32
+    row: wp.int32
+    shift_x: wp.int32
+    shift_y: wp.int32
+    bins: wp.int32
+    listed: wp.int32
+    local: wp.int32
+    leaves: wp.int32
+    more: wp.int32
+
+
+@wp.struct
+class Bins:
+    """The bins of a grid of free elements."""
+
+    corner: wp.vec2d
+    per: wp.vec2d
+    last: wp.vec2d
+    slack: wp.float64
+
+
+@wp.struct
+class Element:
+    """An element; `place` is that of a free one, of others -1."""
+
+    scale: wp.float64
+    offset: wp.float64
+    cell_x: wp.int32
+    cell_y: wp.int32
+    pose: wp.int32
+    kind: wp.int32
+    grid: wp.int32
+    place: wp.int32
+
+
+@wp.struct
+class Pose:
+    """Span and turn."""
+
+    size: wp.vec2d
+    cos: wp.float64
+    sin_v: wp.float64
+    sin_u: wp.float64
+    turned: wp.int32
+    cells_x: wp.int32
+    cells_y: wp.int32
+
+
+@wp.struct
+class Place:
+    """Where a free element stands."""
+
+    at: wp.vec2d
+    extent: wp.vec2d
+
+
+@wp.struct
+class Kind:
+    """A primitive with a surface; its curves are two of the field's, from twice its index on."""
+
+    surface: wp.int32
+    combine: wp.int32
+    is_void: wp.int32
+    special: wp.int32
+
+
+@wp.struct
+class Curve:
+    """Where the pieces of a curve are."""
+
+    count: wp.float64
+    first: wp.int32
+    last: wp.int32
+    knot: wp.int32
+    bin: wp.int32
+    knotted: wp.int32
+
+
+@wp.struct
+class Segment:
+    """A straight piece of a track."""
+
+    start: wp.vec2d
+    end: wp.vec2d
+    way: wp.vec2d
+    square: wp.float64
+    reach_square: wp.float64
+    track: wp.int32
+
+
+@wp.struct
+class Track:
+    """What all segments of a track have in common."""
+
+    passes: wp.float64
+    power: wp.float64
+    surface: wp.int32
+    law: wp.int32
+
+
+@wp.struct
+class Relief:
+    """The relief of a rough surface."""
+
+    per: wp.float64
+    scale: wp.float64
+    key: wp.uint64
+
+
+@wp.struct
+class Field:
+    """A compiled field on a device: `FieldArrays`, friction by surface, and the origin."""
+
+    bounds: wp.vec4d
+    origin: wp.vec3d
+    elements: wp.array(dtype=Element)
+    axes: wp.array(dtype=Axis)
+    grids: wp.array(dtype=Grid)
+    bins: wp.array(dtype=Bins)
+    offsets: wp.array(dtype=wp.int32)
+    entries: wp.array(dtype=wp.int32)
+    poses: wp.array(dtype=Pose)
+    places: wp.array(dtype=Place)
+    kinds: wp.array(dtype=Kind)
+    curves: wp.array(dtype=Curve)
+    pieces: wp.array(dtype=wp.vec4d)
+    knots: wp.array(dtype=wp.float64)
+    curve_bins: wp.array(dtype=wp.int32)
+    tracks: wp.array(dtype=Track)
+    segments: wp.array(dtype=Segment)
+    depths: wp.array2d(dtype=wp.float64)
+    track_frame: wp.vec4d
+    track_shape: wp.vec2i
+    track_masks: wp.array(dtype=wp.uint64)
+    track_offsets: wp.array(dtype=wp.int32)
+    track_entries: wp.array(dtype=wp.int32)
+    reliefs: wp.array(dtype=Relief)
+    friction: wp.array(dtype=wp.float32)
+
+
+@wp.struct
+class Found:
+    """What the elements at a point add up to; `top` is -1 where there is none."""
+
+    z: wp.float64
+    slope_x: wp.float64
+    slope_y: wp.float64
+    top: wp.int32
+
+
+@wp.struct
+class Ground:
+    """The ground at a point.
+
+    Attributes:
+        height: NaN outside and in the void.
+        gradient: of the height, of the east and north side on an edge; NaN likewise.
+        surface: index into the surfaces of the terrain; -1 for none.
+        friction: its coefficient; NaN where there is no ground.
+    """
+
+    height: wp.float64
+    gradient: wp.vec2d
+    surface: wp.int32
+    friction: wp.float32
+
+
+@wp.struct
+class Shape:
+    """Whether a footprint holds a point, and value and slopes of the primitive there."""
+
+    holds: wp.bool
+    value: wp.float64
+    du: wp.float64
+    dv: wp.float64
+
+
+@wp.struct
+class Spot:
+    """Where a point is in an element.
+
+    Attributes:
+        in_cell: whether the element's cell, or block, holds it …
+        beyond_cell: … and whether its footprint may hold it all the same.
+        above: its place in the cell, for the grids below.
+        uv: its place in the primitive, before that is turned.
+        sin_u: of the turn, as in `Pose`.
+        sin_v: likewise.
+        per: what slopes in `uv` count for in the world.
+        axis_x: the grid that the block is in, along x …
+        axis_y: … and along y.
+        cell: first cell of the block.
+        width: its cells.
+    """
+
+    in_cell: wp.bool
+    beyond_cell: wp.bool
+    above: wp.vec2d
+    uv: wp.vec2d
+    sin_u: wp.float64
+    sin_v: wp.float64
+    per: wp.vec2d
+    axis_x: Axis
+    axis_y: Axis
+    cell: wp.vec2d
+    width: wp.vec2d
+
+
+# Edges
+
+
+@wp.func
+def nearest_double(high: wp.float64, low: wp.float64):
+    """The double nearest to a sum of two."""
+    total = high + low
+    if total == ZERO:
+        return total
+    rest = low - (total - high)
+    bits = wp.cast(total, wp.int64)
+    neighbour = bits - wp.int64(1)
+    if (rest > ZERO) == (total > ZERO):
+        neighbour = bits + wp.int64(1)
+    other = wp.cast(neighbour, wp.float64)
+    gap = wp.abs(other - total)
+    if wp.abs(wp.abs(rest) - HALF * gap) > gap * NEAR_MIDDLE:
+        return total
+    if (bits & wp.int64(1)) != wp.int64(0):
+        return other
+    return total
+
+
+@wp.func
+def edge_position(axis: Axis, k: wp.float64):
+    """World position of edge `k` of a grid, as a sum of two doubles."""
+    step = k * axis.pitch
+    high = axis.corner + step
+    back = high - axis.corner
+    low = ((axis.corner - (high - back)) + (step - back)) + axis.rest + k * axis.pitch_rest
+    total = high + low
+    return total, low - (total - high)
+
+
+@wp.func
+def edge_double(axis: Axis, k: wp.float64):
+    """The double at which edge `k` of a grid stands."""
+    high, low = edge_position(axis, k)
+    return nearest_double(high, low)
+
+
+@wp.func
+def cells_from_corner(axis: Axis, x: wp.float64):
+    """How far a world coordinate is from the corner of a grid, in cells."""
+    return ((x - axis.corner) - axis.rest) * axis.per
+
+
+@wp.func
+def locate_cell(x: wp.float64, axis: Axis, local: wp.int32, above: wp.float64):
+    """Cell of a grid that holds `x`, and the position in it, where an edge's double decides."""
+    s = above * axis.count
+    cell = wp.floor(s)
+    if local == 0:
+        s = cells_from_corner(axis, x)
+        cell = wp.floor(s)
+        if s - cell < axis.near or s - cell > ONE - axis.near:
+            k = wp.floor(s + HALF)
+            at = edge_double(axis, k)
+            cell = k - ONE
+            if x >= at:
+                cell = k
+            if x == at and wp.abs(s - k) < EDGE:
+                s = k
+    cell = wp.clamp(cell, ZERO, axis.count - ONE)
+    return wp.int32(cell), wp.clamp(s - cell, ZERO, ONE)
+
+
+@wp.func
+def is_past_step(x: wp.float64, axis: Axis, cell: wp.float64, width: wp.float64, t: wp.float64):
+    """Whether `x` has reached the double nearest to `t` of a block of cells."""
+    high, low = edge_position(axis, cell)
+    side = width * axis.pitch
+    product = t * side
+    t_high = t * SPLITTER - (t * SPLITTER - t)
+    side_high = side * SPLITTER - (side * SPLITTER - side)
+    t_low = t - t_high
+    side_low = side - side_high
+    error = t_low * side_low - (
+        ((product - t_high * side_high) - t_low * side_high) - t_high * side_low
+    )
+    total = high + product
+    back = total - high
+    low += ((high - (total - back)) + (product - back)) + error + t * (width * axis.pitch_rest)
+    return x >= nearest_double(total, low)
+
+
+# Curves
+
+
+@wp.func
+def piece_at(field: wp.array(dtype=Field), row: wp.int32, s: wp.float64):
+    """Value and slope of a piece at `s` in it."""
+    c = field[0].pieces[row]
+    value = c[0] + s * (c[1] + s * (c[2] + s * c[3]))
+    return value, c[1] + s * (TWO * c[2] + s * (THREE * c[3]))
+
+
+@wp.func
+def even_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
+    """Value and slope of a curve of evenly spaced pieces, in [0, 1] or EDGE beyond."""
+    s = t * curve.count
+    i = wp.int32(s)
+    value, slope = piece_at(field, curve.first + i, s - wp.float64(i))
+    return value, slope * curve.count
+
+
+@wp.func
+def find_piece(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
+    """The last piece of a knotted curve that begins at or before `t`."""
+    slot = wp.min(wp.int32(t * (wp.float64(curve.last) + ONE)), curve.last)
+    i = field[0].curve_bins[curve.bin + slot]
+    while t >= field[0].knots[curve.knot + i + 1]:
+        i += 1
+    return i
+
+
+@wp.func
+def any_curve(field: wp.array(dtype=Field), curve: Curve, t: wp.float64):
+    """Value and slope of any curve, where no edge in the world decides about steps."""
+    row = curve.first
+    s = t * curve.count
+    factor = curve.count
+    if curve.knotted != 0:
+        ahead = ZERO
+        if curve.knotted == STEPPED:
+            ahead = STEP
+        i = find_piece(field, curve, wp.min(t + ahead, ONE))
+        knot = field[0].knots[curve.knot + i]
+        row += i
+        s = wp.max(t, knot) - knot
+        factor = ONE
+    else:
+        i = wp.int32(s)
+        row += i
+        s -= wp.float64(i)
+    value, slope = piece_at(field, row, s)
+    return value, slope * factor
+
+
+@wp.func
+def placed_curve(
+    field: wp.array(dtype=Field),
+    curve: Curve,
+    axis: Axis,
+    cell: wp.float64,
+    width: wp.float64,
+    t: wp.float64,
+    x: wp.float64,
+):
+    """Value and slope of a curve with steps of an unturned element at `t`, `x` in the world."""
+    begin = curve.knot
+    here = begin + find_piece(field, curve, t)
+    while field[0].knots[here + 1] - t < axis.near:
+        if not is_past_step(x, axis, cell, width, field[0].knots[here + 1]):
+            break
+        here += 1
+    while here > begin and t - field[0].knots[here] < axis.near:
+        if is_past_step(x, axis, cell, width, field[0].knots[here]):
+            break
+        here -= 1
+    knot = field[0].knots[here]
+    s = wp.clamp(t, knot, field[0].knots[here + 1]) - knot
+    value, slope = piece_at(field, curve.first + here - begin, s)
+    return value, slope
+
+
+@wp.func
+def curve_at(
+    field: wp.array(dtype=Field),
+    curve: Curve,
+    axis: Axis,
+    cell: wp.float64,
+    width: wp.float64,
+    t: wp.float64,
+    x: wp.float64,
+):
+    """Value and slope of any curve of an unturned element."""
+    if curve.knotted == STEPPED:
+        value, slope = placed_curve(field, curve, axis, cell, width, t, x)
+        return value, slope
+    value, slope = any_curve(field, curve, t)
+    return value, slope
+
+
+# Primitives
+
+
+@wp.func
+def combined(how: wp.int32, x: wp.float64, slope_x: wp.float64, y: wp.float64, slope_y: wp.float64):
+    """Value of two curves combined, and its slopes in u and v."""
+    if how == PRODUCT:
+        return Shape(True, x * y, slope_x * y, x * slope_y)
+    if how == SUM:
+        return Shape(True, x + y, slope_x, slope_y)
+    if (x <= y) == (how == MIN):
+        return Shape(True, x, slope_x, ZERO)
+    return Shape(True, y, ZERO, slope_y)
+
+
+@wp.func
+def radial(field: wp.array(dtype=Field), curve: Curve, at: wp.vec2d):
+    """Whether a point lies in the disc, and value and slopes there of the turned curve."""
+    a = TWO * at[0] - ONE
+    b = TWO * at[1] - ONE
+    rho = wp.sqrt(a * a + b * b)
+    if rho > ONE + EDGE:
+        return Shape(False, ZERO, ZERO, ZERO)
+    value, slope = any_curve(field, curve, wp.min(HALF + HALF * rho, ONE))
+    slope = slope / rho if rho > ZERO else ZERO
+    return Shape(True, value, slope * a, slope * b)
+
+
+@wp.func
+def turned(pose: Pose, at: wp.vec2d, sin_u: wp.float64, sin_v: wp.float64):
+    """Position in the turned rectangle of a point of the cell."""
+    a = at[0] - HALF
+    b = at[1] - HALF
+    return wp.vec2d(HALF + (a * pose.cos - b * sin_v), HALF + (a * sin_u + b * pose.cos))
+
+
+@wp.func
+def is_beyond(at: wp.vec2d):
+    """Whether a point lies outside of the rectangle, which is closed."""
+    return wp.max(wp.abs(at[0] - HALF), wp.abs(at[1] - HALF)) > HALF + EDGE
+
+
+@wp.func
+def within(at: wp.vec2d):
+    """A point that rounding put a little beyond the rectangle, on its edge."""
+    return wp.vec2d(wp.clamp(at[0], ZERO, ONE), wp.clamp(at[1], ZERO, ONE))
+
+
+# The descent
+
+
+@wp.func
+def from_parent(axis: Axis, local: wp.int32, x: wp.float64, above: wp.float64):
+    """How far a point is from the corner of the cell that a free grid is in."""
+    if local != 0:
+        return above * (axis.pitch + axis.pitch_rest)
+    return (x - axis.corner) - axis.rest
+
+
+@wp.func
+def exact_sum(a: wp.float64, b: wp.float64):
+    """The sum of two doubles, exactly."""
+    total = a + b
+    back = total - a
+    return total, (a - (total - back)) + (b - back)
+
+
+@wp.func
+def free_axis(parent: Axis, at: wp.float64, extent: wp.float64):
+    """An axis of the grid of one cell that a free place is in its parent's cell."""
+    middle, lost = exact_sum(parent.corner, at)
+    low, lost_too = exact_sum(middle, -HALF * extent)
+    corner, rest = exact_sum(low, (lost + lost_too) + parent.rest)
+    per = ONE / extent
+    noise = FREE_NOISE * wp.max(wp.abs(at) + extent, wp.abs(corner))
+    near = wp.max(EDGE, noise * per)
+    return Axis(corner, rest, per, HALF - near, ONE, near, extent, ZERO)
+
+
+@wp.func
+def holds_along(axis: Axis, x: wp.float64, terrain_end: wp.float64):
+    """Whether a cell holds a coordinate: half-open, but for the terrain's own far edge."""
+    if x < edge_double(axis, ZERO):
+        return False
+    end = edge_double(axis, ONE)
+    return x < end or (x == end and end >= terrain_end)
+
+
+@wp.func
+def position_holds(at: wp.float64, above: wp.float64):
+    """The same by the position in the cell, where cells are finer than doubles."""
+    return at >= ZERO and (at < ONE or above == ONE)
+
+
+@wp.func
+def free_bin(bins: Bins, axis: wp.int32, from_corner: wp.float64):
+    """Which bin of a free grid holds a point so far from the corner of its parent's cell."""
+    s = (from_corner - bins.corner[axis]) * bins.per[axis]
+    return wp.int32(wp.min(wp.max(s, ZERO), bins.last[axis]))
+
+
+@wp.func
+def is_inside(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
+    """Whether a point is on the terrain, its edges included."""
+    b = field[0].bounds
+    return b[0] <= x and x <= b[2] and b[1] <= y and y <= b[3]
+
+
+@wp.func
+def free_cell_holds(
+    field: wp.array(dtype=Field), place: Place, axis_x: Axis, axis_y: Axis, point: wp.vec2d
+):
+    """Whether a cell of a free grid holds a point, by the doubles that its edges stand at."""
+    along_x = free_axis(axis_x, place.at[0], place.extent[0])
+    along_y = free_axis(axis_y, place.at[1], place.extent[1])
+    end = field[0].bounds
+    return holds_along(along_x, point[0], end[2]) and holds_along(along_y, point[1], end[3])
+
+
+@wp.func
+def slot_of(field: wp.array(dtype=Field), g: wp.int32, above: wp.vec2d, point: wp.vec2d):
+    """The bin of a grid that holds a point, its cell, and its place in the cell.
+
+    In a grid of free elements the place is measured from the corner of the parent's cell.
+    """
+    grid = field[0].grids[g]
+    axis_x = field[0].axes[2 * g]
+    axis_y = field[0].axes[2 * g + 1]
+    if grid.bins >= 0:
+        bins = field[0].bins[grid.bins]
+        x = from_parent(axis_x, grid.local, point[0], above[0])
+        y = from_parent(axis_y, grid.local, point[1], above[1])
+        slot = grid.table + free_bin(bins, 1, y) * grid.row + free_bin(bins, 0, x)
+        return slot, wp.vec2i(0, 0), wp.vec2d(x, y)
+    s = cells_from_corner(axis_x, point[0])
+    t = cells_from_corner(axis_y, point[1])
+    i = wp.int32(s)
+    j = wp.int32(t)
+    in_x = s - wp.float64(i)
+    in_y = t - wp.float64(j)
+    if wp.abs(in_x - HALF) > axis_x.clear or wp.abs(in_y - HALF) > axis_y.clear:
+        i, in_x = locate_cell(point[0], axis_x, grid.local, above[0])
+        j, in_y = locate_cell(point[1], axis_y, grid.local, above[1])
+    slot = grid.table + (j >> grid.shift_y) * grid.row + (i >> grid.shift_x)
+    return slot, wp.vec2i(i, j), wp.vec2d(in_x, in_y)
+
+
+@wp.func
+def spot_at_place(
+    field: wp.array(dtype=Field),
+    g: wp.int32,
+    element: Element,
+    at: wp.vec2d,
+    above: wp.vec2d,
+    point: wp.vec2d,
+):
+    """Where a point is in a free element; `at` is measured from the corner of the parent's cell."""
+    grid = field[0].grids[g]
+    axis_x = field[0].axes[2 * g]
+    axis_y = field[0].axes[2 * g + 1]
+    place = field[0].places[element.place]
+    pose = field[0].poses[element.pose]
+    spot = Spot()
+    dx = at[0] - place.at[0]
+    dy = at[1] - place.at[1]
+    spot.per = wp.vec2d(ONE / place.extent[0], ONE / place.extent[1])
+    spot.uv = wp.vec2d(HALF + dx * spot.per[0], HALF + dy * spot.per[1])
+    if pose.turned == 0 or element.grid > 0:
+        depth = wp.min(HALF * place.extent[0] - wp.abs(dx), HALF * place.extent[1] - wp.abs(dy))
+        spot.in_cell = depth > ZERO
+        if wp.abs(depth) <= field[0].bins[grid.bins].slack:
+            if grid.local != 0:
+                in_x = position_holds(spot.uv[0], above[0])
+                spot.in_cell = in_x and position_holds(spot.uv[1], above[1])
+            else:
+                spot.in_cell = free_cell_holds(field, place, axis_x, axis_y, point)
+    spot.above = within(spot.uv)
+    if pose.turned != 0:
+        spot.beyond_cell = True
+        spot.sin_v = pose.sin_v * (place.extent[1] * spot.per[0])
+        spot.sin_u = pose.sin_u * (place.extent[0] * spot.per[1])
+    else:
+        spot.uv = spot.above
+        spot.axis_x = free_axis(axis_x, place.at[0], place.extent[0])
+        spot.axis_y = free_axis(axis_y, place.at[1], place.extent[1])
+        spot.width = wp.vec2d(ONE, ONE)
+    return spot
+
+
+@wp.func
+def spot_in_cell(
+    field: wp.array(dtype=Field), g: wp.int32, element: Element, cell: wp.vec2i, at: wp.vec2d
+):
+    """Where a point is in an element that stands in cells; `at` is its place in one of them."""
+    pose = field[0].poses[element.pose]
+    spot = Spot()
+    spot.axis_x = field[0].axes[2 * g]
+    spot.axis_y = field[0].axes[2 * g + 1]
+    spot.cell = wp.vec2d(wp.float64(element.cell_x), wp.float64(element.cell_y))
+    spot.width = wp.vec2d(ONE, ONE)
+    spot.per = wp.vec2d(spot.axis_x.per, spot.axis_y.per)
+    spot.sin_u = pose.sin_u
+    spot.sin_v = pose.sin_v
+    spot.uv = at
+    spot.in_cell = True
+    if field[0].grids[g].listed != 0:
+        i = cell[0] - element.cell_x
+        j = cell[1] - element.cell_y
+        spot.in_cell = i >= 0 and j >= 0 and i < pose.cells_x and j < pose.cells_y
+        spot.width = pose.size
+        spot.per = wp.vec2d(spot.per[0] / pose.size[0], spot.per[1] / pose.size[1])
+        u = (wp.float64(i) + at[0]) / pose.size[0]
+        v = (wp.float64(j) + at[1]) / pose.size[1]
+        spot.uv = wp.vec2d(wp.min(u, ONE), wp.min(v, ONE))
+    spot.above = spot.uv
+    return spot
+
+
+@wp.func
+def shape_at(
+    field: wp.array(dtype=Field), element: Element, spot: Spot, is_leaf: wp.bool, point: wp.vec2d
+):
+    """Whether a footprint holds a point, and the primitive's value and slopes along the cell there.
+
+    Of a leaf in cells the place is rounded as the other kernels round it, turned or not.
+    """
+    pose = field[0].poses[element.pose]
+    kind = field[0].kinds[element.kind]
+    curve_x = field[0].curves[2 * element.kind]
+    curve_y = field[0].curves[2 * element.kind + 1]
+    uv = spot.uv
+    if pose.turned != 0 or is_leaf:
+        uv = turned(pose, uv, spot.sin_u, spot.sin_v)
+    shape = Shape(False, ZERO, ZERO, ZERO)
+    if kind.combine == RADIAL:
+        shape = radial(field, curve_x, uv)
+    elif pose.turned == 0:
+        cell = spot.cell
+        width = spot.width
+        a, da = curve_at(field, curve_x, spot.axis_x, cell[0], width[0], uv[0], point[0])
+        b, db = curve_at(field, curve_y, spot.axis_y, cell[1], width[1], uv[1], point[1])
+        shape = combined(kind.combine, a, da, b, db)
+    elif not is_beyond(uv):
+        if kind.special != 0 or element.place >= 0:
+            uv = within(uv)
+        a, da = any_curve(field, curve_x, uv[0])
+        b, db = any_curve(field, curve_y, uv[1])
+        shape = combined(kind.combine, a, da, b, db)
+    if pose.turned != 0:
+        du = shape.du * pose.cos + shape.dv * spot.sin_u
+        shape.dv = shape.dv * pose.cos - shape.du * spot.sin_v
+        shape.du = du
+    return shape
+
+
+# Reliefs and tracks
+
+
+@wp.func
+def hash64(key: wp.uint64):
+    """The hash of the kernels."""
+    key = key * HASH_1
+    key = (key ^ (key >> wp.uint64(30))) * HASH_2
+    key = (key ^ (key >> wp.uint64(27))) * HASH_3
+    return key ^ (key >> wp.uint64(31))
+
+
+@wp.func
+def relief_at(relief: Relief, x: wp.float64, y: wp.float64):
+    """Height and gradient of a relief at a point."""
+    s = x * relief.per
+    t = y * relief.per
+    z = wp.float64(0.0)
+    along = wp.float64(0.0)
+    across = wp.float64(0.0)
+    if relief.scale != ZERO and wp.abs(s) < FARTHEST_CELL and wp.abs(t) < FARTHEST_CELL:
+        west = wp.floor(s - BUMP_REACH)
+        south = wp.floor(t - BUMP_REACH)
+        for j in range(BUMP_CELLS):
+            row = south + wp.float64(j)
+            key = hash64(relief.key ^ wp.uint64(wp.int64(row)))
+            for i in range(BUMP_CELLS):
+                column = west + wp.float64(i)
+                bits = hash64(key ^ wp.uint64(wp.int64(column)))
+                bump_x = wp.float64(bits >> wp.uint64(43)) * FINE
+                bump_y = wp.float64((bits >> wp.uint64(22)) & LOW_21) * FINE
+                height = wp.float64(wp.uint64(2) * (bits & LOW_22) + wp.uint64(1)) * FINER - ONE
+                dx = (s - column) - bump_x
+                dy = (t - row) - bump_y
+                rest = wp.max(BUMP_SQUARE - (dx * dx + dy * dy), ZERO)
+                part = height * (rest * rest)
+                z += part * rest
+                along += part * dx
+                across += part * dy
+    slope = STEEPNESS * relief.scale * relief.per
+    return relief.scale * z, slope * along, slope * across
+
+
+@wp.func
+def segment_holds(segment: Segment, x: wp.float64, y: wp.float64):
+    """Whether a point is no farther from a segment than half the width of its track."""
+    ex = x - segment.start[0]
+    ey = y - segment.start[1]
+    along = ex * segment.way[0] + ey * segment.way[1]
+    if along <= ZERO:
+        return ex * ex + ey * ey <= segment.reach_square
+    if along >= segment.square:
+        ex = x - segment.end[0]
+        ey = y - segment.end[1]
+        return ex * ex + ey * ey <= segment.reach_square
+    across = ex * segment.way[1] - ey * segment.way[0]
+    return across * across <= segment.reach_square * segment.square
+
+
+@wp.func
+def cell_near(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
+    """The cell of the index of tracks that a point lies in; -1 if no track is near."""
+    u = (x - field[0].track_frame[0]) * field[0].track_frame[2]
+    v = (y - field[0].track_frame[1]) * field[0].track_frame[3]
+    columns = field[0].track_shape[0]
+    rows = field[0].track_shape[1]
+    if u < ZERO or u >= wp.float64(columns) or v < ZERO or v >= wp.float64(rows):
+        return -1
+    i = wp.int32(u)
+    j = wp.int32(v)
+    cell = j * columns + i
+    row = wp.int32((v - wp.float64(j)) * PARTS)
+    part = row * 8 + wp.int32((u - wp.float64(i)) * PARTS)
+    if ((field[0].track_masks[cell] >> wp.uint64(part)) & wp.uint64(1)) == wp.uint64(0):
+        return -1
+    return cell
+
+
+@wp.func
+def rut_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64, ground: wp.int32):
+    """Depth of the rut at a point, and the track that decides the surface there, -1 for none."""
+    cell = cell_near(field, x, y)
+    if cell < 0:
+        return ZERO, -1
+    last = wp.int32(-1)
+    deepest = wp.int32(-1)
+    surface_track = wp.int32(-1)
+    first = wp.float64(0.0)
+    passes = wp.float64(0.0)
+    for k in range(field[0].track_offsets[cell], field[0].track_offsets[cell + 1]):  # in order
+        segment = field[0].segments[field[0].track_entries[k]]
+        track = segment.track
+        if track == last:
+            continue
+        if not segment_holds(segment, x, y):
+            continue
+        last = track
+        own = field[0].tracks[track]
+        depth = field[0].depths[own.law, ground + 1]
+        if wp.isnan(depth):
+            return ZERO, -1
+        passes += own.passes
+        if deepest < 0 or depth > first:
+            first = depth
+            deepest = track
+        if own.surface >= 0:
+            surface_track = track
+    if deepest < 0:
+        return ZERO, surface_track
+    if passes > ONE:
+        first = first * wp.pow(passes, field[0].tracks[deepest].power)
+    return first, surface_track
+
+
+@wp.func
+def settled(field: wp.array(dtype=Field), found: Found, x: wp.float64, y: wp.float64):
+    """What tracks, reliefs and the void leave of what elements add up to."""
+    ground = Ground(found.z, wp.vec2d(found.slope_x, found.slope_y), -1, wp.float32(NAN))
+    if found.top >= 0:
+        kind = field[0].kinds[field[0].elements[found.top].kind]
+        ground.surface = kind.surface
+        if kind.is_void != 0:
+            ground.height = NAN
+            ground.gradient = wp.vec2d(NAN, NAN)
+            return ground
+    if field[0].track_masks.shape[0] > 0:
+        depth, track = rut_at(field, x, y, ground.surface)
+        ground.height -= depth
+        if track >= 0:
+            ground.surface = field[0].tracks[track].surface
+    if field[0].reliefs.shape[0] > 0:
+        z, slope_x, slope_y = relief_at(field[0].reliefs[ground.surface + 1], x, y)
+        ground.height += z
+        ground.gradient += wp.vec2d(slope_x, slope_y)
+    ground.friction = field[0].friction[ground.surface + 1]
+    return ground
+
+
+class Compiled(NamedTuple):
+    """What Warp compiles for descents that remember at most so many grids.
+
+    Attributes:
+        ground_at: the function `ground_at(field, x, y) -> Ground`, for any kernel.
+        sample: the kernel of batches.
+    """
+
+    ground_at: Any
+    sample: Any
+
+
+@functools.cache
+def compiled(room: int) -> Compiled:
+    """The functions whose stack has room for so many grids that wait in a descent."""
+    grids_type: Any = wp.types.vector(length=room, dtype=wp.int32)
+    places_type: Any = wp.types.matrix(shape=(room, 2), dtype=wp.float64)
+
+    @wp.func
+    def descend(field: wp.array(dtype=Field), point: wp.vec2d):
+        """Height, gradient and top element at a point inside the bounds, tracks apart."""
+        waiting = grids_type()
+        places = places_type()
+        pending = wp.int32(0)
+        found = Found(ZERO, ZERO, ZERO, -1)
+        g = wp.int32(0)
+        above = wp.vec2d(ZERO, ZERO)
+        while g >= 0:
+            grid = field[0].grids[g]
+            slot, cell, at = slot_of(field, g, above, point)
+            for k in range(field[0].offsets[slot], field[0].offsets[slot + 1]):
+                index = k
+                if grid.listed != 0:
+                    index = field[0].entries[k]
+                element = field[0].elements[index]
+                spot = Spot()
+                if element.place >= 0:
+                    spot = spot_at_place(field, g, element, at, above, point)
+                else:
+                    spot = spot_in_cell(field, g, element, cell, at)
+                if spot.in_cell and element.grid > 0:
+                    waiting[pending] = element.grid
+                    places[pending] = spot.above
+                    pending += 1
+                if not (spot.in_cell or spot.beyond_cell):
+                    continue
+                shape = shape_at(field, element, spot, grid.leaves != 0, point)
+                if shape.holds:
+                    found.z += element.scale * shape.value + element.offset
+                    found.slope_x += element.scale * shape.du * spot.per[0]
+                    found.slope_y += element.scale * shape.dv * spot.per[1]
+                    found.top = wp.max(found.top, index)
+            if grid.more != 0:
+                g += 1
+            elif pending > 0:
+                pending -= 1
+                g = waiting[pending]
+                above = places[pending]
+            else:
+                g = -1
+        return found
+
+    @wp.func
+    def ground_at(field: wp.array(dtype=Field), x: wp.float64, y: wp.float64):
+        """The ground at a point of the world."""
+        if is_inside(field, x, y):
+            found = descend(field, wp.vec2d(x, y))
+            return settled(field, found, x, y)
+        return Ground(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def sample(
+        field: wp.array(dtype=Field),
+        each: wp.int32,
+        points: wp.array(dtype=wp.vec2f),
+        exact: wp.array(dtype=wp.vec2d),
+        height: wp.array(dtype=wp.float32),
+        normal: wp.array(dtype=wp.vec3f),
+        surface: wp.array(dtype=wp.int32),
+        friction: wp.array(dtype=wp.float32),
+    ):
+        """The ground at points in float32 or float64, `each` to a thread; what is wanted of it."""
+        begin = wp.tid() * each
+        for n in range(begin, wp.min(begin + each, height.shape[0])):
+            x = wp.float64(0.0)
+            y = wp.float64(0.0)
+            if exact:
+                x = exact[n][0]
+                y = exact[n][1]
+            else:
+                x = wp.float64(points[n][0])
+                y = wp.float64(points[n][1])
+            ground = ground_at(field, x + field[0].origin[0], y + field[0].origin[1])
+            height[n] = wp.float32(ground.height - field[0].origin[2])
+            if normal:
+                a = ZERO - ground.gradient[0]
+                b = ZERO - ground.gradient[1]
+                long = wp.sqrt(a * a + b * b + ONE)
+                normal[n] = wp.vec3f(
+                    wp.float32(a / long), wp.float32(b / long), wp.float32(ONE / long)
+                )
+            if surface:
+                surface[n] = ground.surface
+            if friction:
+                friction[n] = ground.friction
+
+    return Compiled(ground_at, sample)

@@ -1,0 +1,127 @@
+"""What fields for PyTorch promise; tests/field/test_warp_field.py has the kernel that GPUs run."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from terratool.errors import RequestError
+from terratool.field import warp_field
+from tests.conftest import terrain_of
+
+torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+
+OBLONG: dict[str, Any] = {
+    "size": [40, 10],
+    "origin": [300, -20],
+    "surfTypes": {"sand": {"fricAngle": 28}, "ice": {}, "hole": {"void": True, "fricAngle": 30}},
+    "elemTypes": {"ramp": {"x": [0, 1]}, "kerb": {"x": [[0, 0], [0.3, 0], [0.3, 1], [1, 1]]}},
+    "elemTree": {
+        "type": "ramp",
+        "surface": "sand",
+        "vScale": 4,
+        "cells": [8, 5],
+        "children": [
+            {"cellX": 3, "cellY": 1, "type": "kerb", "vScale": 0.5, "surface": "ice"},
+            {"cellX": 6, "cellY": 3, "type": "ramp", "vScale": 1, "turnDeg": 20},
+            {"cellX": 7, "cellY": 4, "type": "ramp", "surface": "hole"},
+        ],
+    },
+}
+ORIGIN = (310, -15, 2)
+
+
+def scan(dtype: Any) -> torch.Tensor:
+    """Points of 300 robots, each in a grid of 4 × 5, some outside: (300, 4, 5, 2), on ORIGIN."""
+    rng = np.random.default_rng(2)
+    offsets = np.stack(np.meshgrid(np.arange(4) * 0.1, np.arange(5) * 0.1, indexing="ij"), -1)
+    robots = rng.uniform((-11, -6), (31, 6), (300, 2))
+    return torch.from_numpy(robots[:, None, None] + offsets).to(dtype)
+
+
+@pytest.fixture(params=["the terrain's own kernels", "the kernel of Warp"])
+def field(request: pytest.FixtureRequest) -> Any:
+    """A field on the CPU; and as it asks on a GPU, tried on the CPU."""
+    found = terrain_of(OBLONG).to_torch(origin=ORIGIN)
+    if "Warp" in request.param:
+        pytest.importorskip("warp", reason="warp-lang is not installed")
+        found.asks_terrain = False
+    return found
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
+def test_it_gives_what_the_terrain_gives(field: Any, dtype: Any) -> None:
+    """At points from the origin, in any shape, in float32."""
+    points = scan(dtype)
+    x, y = np.moveaxis(points.double().numpy() + ORIGIN[:2], -1, 0)
+    wanted, found = terrain_of(OBLONG).sample(x, y), field.sample(points)
+    heights = (wanted.height - ORIGIN[2]).astype(np.float32)
+    assert np.array_equal(found.height.numpy(), heights, equal_nan=True)
+    assert np.array_equal(field.height(points).numpy(), heights, equal_nan=True)
+    assert np.array_equal(found.surface.numpy(), wanted.surface)
+    normal = found.normal.numpy()
+    assert np.allclose(normal, wanted.normal, rtol=0, atol=2.0**-24, equal_nan=True)
+    assert [each.dtype for each in found] == [torch.float32] * 2 + [torch.int32, torch.float32]
+    tans = {"sand": math.tan(math.radians(28)), "ice": math.nan, "hole": math.nan}
+    names = [None if n < 0 else field.surfaces[n] for n in found.surface.ravel()]
+    assert {*names} == {"sand", "ice", "hole", None}
+    friction = [tans.get(str(name), math.nan) for name in names]
+    assert np.allclose(found.friction.ravel(), friction, rtol=1e-7, atol=0, equal_nan=True)
+
+
+def test_points_of_any_stride(field: Any) -> None:
+    """A part of a tensor, with gradients, is as good as a copy of it."""
+    points = scan(torch.float32)
+    wanted = field.height(points[::2, 1, 1:].clone())
+    wide = torch.cat([points, points], -1).requires_grad_()
+    found = field.height(wide[::2, 1, 1:, :2])
+    assert torch.equal(found.nan_to_num(99), wanted.nan_to_num(99))
+    assert not found.requires_grad
+
+
+def test_no_points(field: Any) -> None:
+    assert field.sample(torch.empty(0, 7, 2)).normal.shape == (0, 7, 3)
+    assert field.height(torch.zeros(2)).shape == ()
+
+
+@pytest.mark.parametrize(
+    "points", [torch.zeros(4, 3), torch.zeros(4, 2, dtype=torch.int64), torch.zeros(())], ids=str
+)
+def test_other_points_are_refused(field: Any, points: torch.Tensor) -> None:
+    with pytest.raises(RequestError, match=r"Give \(…, 2\) float32 or float64"):
+        field.height(points)
+
+
+def test_points_elsewhere_are_refused(field: Any) -> None:
+    with pytest.raises(RequestError, match="The points are on meta, the terrain is on cpu"):
+        field.height(torch.zeros(4, 2, device="meta"))
+
+
+@pytest.mark.parametrize("device", ["cuda:77", "nonsense"])
+def test_a_device_that_is_not_there(device: str) -> None:
+    with pytest.raises(RequestError, match=f"PyTorch has no device '{device}' here"):
+        terrain_of(OBLONG).to_torch(device)
+
+
+def test_a_device_that_warp_has_not() -> None:
+    pytest.importorskip("warp", reason="warp-lang is not installed")
+    with pytest.raises(RequestError, match="Warp has no device 'meta' here"):
+        terrain_of(OBLONG).to_torch("meta")
+
+
+def test_without_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a CPU it does without Warp, but for kernels of one's own."""
+    find = warp_field.find_spec
+    monkeypatch.setattr(
+        warp_field, "find_spec", lambda name: None if name == "warp" else find(name)
+    )
+    field = terrain_of(OBLONG).to_torch()
+    assert field.height(torch.tensor([302.5, -15.0])) == 0.25
+    with pytest.raises(RequestError, match=r"NVIDIA Warp is not installed.*terratool\[warp\]"):
+        _ = field.warp
+    monkeypatch.setattr(warp_field, "find_spec", lambda name: None)
+    with pytest.raises(RequestError, match=r"PyTorch is not installed.*terratool\[torch\]"):
+        terrain_of(OBLONG).to_torch()

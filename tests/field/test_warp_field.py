@@ -1,0 +1,391 @@
+"""What fields on a device promise: the kernel of Warp gives what the terrain gives, in float32.
+
+The terrain itself is held to the format elsewhere; a few answers are known by hand here, too.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from terratool.definition.reader import check
+from terratool.errors import RequestError
+from terratool.field import warp_field
+from terratool.field.terrain import Terrain, load
+from terratool.text.source import Source
+from tests.commands import ROOT
+from tests.conftest import terrain_of, text_of
+from tests.strategies import SURFACES, definitions, landmarks, points, rims
+
+wp = pytest.importorskip("warp", reason="warp-lang is not installed")
+kernels = pytest.importorskip("terratool.field.warp_kernels")
+
+EXAMPLES = int(os.environ.get("TERRATOOL_FUZZ", "100"))
+SAMPLES = sorted((ROOT / "samples").glob("*.json"))
+ULP = 2.0**-24
+"""Half the spacing of float32 below 1, twice: normals may be rounded the other way."""
+
+TAN = {
+    "grass": math.tan(math.radians(30)),
+    "sand": math.tan(math.radians(28.5)),
+    "moon": math.tan(math.radians(35)),  # of its preset
+    "loose": math.tan(math.radians(28.25)),  # the middle of its range
+}
+KERB = {"x": [[0, 0], [0.3, 0], [0.3, 1], [1, 1]]}
+OBLONG: dict[str, Any] = {
+    "size": [40, 10],
+    "surfTypes": SURFACES,
+    "elemTypes": {"flat": {"x": [0]}, "box": {"x": [1]}, "kerb": KERB, "ramp": {"x": [0, 1]}},
+    "elemTree": {
+        "type": "flat",
+        "surface": "grass",
+        "cells": [8, 5],
+        "children": [
+            {"cellX": 1, "cellY": 0, "type": "box", "vScale": 2, "surface": "rock"},
+            {"cellX": 3, "cellY": 1, "type": "kerb", "vScale": 0.5, "surface": "sand"},
+            {
+                "cellX": 5,
+                "cellY": 2,
+                "span": [2, 1],
+                "type": "ramp",
+                "vScale": 1,
+                "surface": "moon",
+            },
+            {"cellX": 7, "cellY": 4, "type": "box", "surface": "hole"},
+            {"at": [22, 8], "extent": [4, 1], "turnDeg": 30, "type": "box", "vScale": 3},
+            {"at": [12, 7.5], "extent": [2, 1], "type": "box", "vScale": 4, "surface": "loose"},
+        ],
+    },
+}
+
+
+def on_device(terrain: Terrain, x: Any, y: Any, dtype: Any = np.float64, **more: Any) -> Any:
+    """Samples of the kernel at points, as arrays of NumPy."""
+    field = terrain.to_warp("cpu", **more)
+    pairs = np.stack(np.broadcast_arrays(x, y), -1).astype(dtype)
+    kind = wp.vec2d if dtype == np.float64 else wp.vec2f
+    given = wp.array(pairs, dtype=kind, device="cpu")
+    found = field.sample(given)
+    assert np.array_equal(field.height(given).numpy(), found.height.numpy(), equal_nan=True)
+    return warp_field.WarpSample(*(each.numpy() for each in found))
+
+
+def assert_same(terrain: Terrain, x: Any, y: Any) -> None:
+    """The kernel gives what the terrain gives, at points in float64 and rounded to float32."""
+    for dtype in (np.float64, np.float32):
+        at_x, at_y = (np.asarray(each, dtype).astype(np.float64) for each in (x, y))
+        wanted, found = terrain.sample(at_x, at_y), on_device(terrain, at_x, at_y, dtype)
+        heights = wanted.height.astype(np.float32)
+        differ = ~((found.height == heights) | (np.isnan(found.height) & np.isnan(heights)))
+        assert not differ.any(), (at_x[differ][:3].tolist(), at_y[differ][:3].tolist())
+        assert np.array_equal(found.surface, wanted.surface)
+        assert np.allclose(found.normal, wanted.normal, rtol=0, atol=ULP, equal_nan=True)
+
+
+def around_edges(terrain: Terrain, limit: int = 1500) -> tuple[Any, Any]:
+    """Corners of cells, and the doubles beside them."""
+    west, south, east, north = terrain.written_out.cells()
+    x, y = np.concatenate([west, east, west, east]), np.concatenate([south, north, north, south])
+    some = slice(None, None, max(1, len(x) // limit))
+    x, y = x[some], y[some]
+    beside_x = [x, np.nextafter(x, np.inf), np.nextafter(x, -np.inf), x, x]
+    beside_y = [y, y, y, np.nextafter(y, np.inf), np.nextafter(y, -np.inf)]
+    return np.concatenate(beside_x), np.concatenate(beside_y)
+
+
+class TestEquality:
+    """One edge rule: where a wall stands, the kernel says what the terrain says."""
+
+    @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
+    def test_samples(self, path: Path) -> None:
+        """At random points, beyond the rim, too, and on and beside the corners of cells."""
+        terrain = load(path)
+        west, south, east, north = terrain.bounds
+        rng = np.random.default_rng(7)
+        x, y = rng.uniform(west - 1, east + 1, 4000), rng.uniform(south - 1, north + 1, 4000)
+        x[:1000], y[500:1500] = np.round(x[:1000] * 4) / 4, np.round(y[500:1500] * 4) / 4
+        assert_same(terrain, x, y)
+        assert_same(terrain, *around_edges(terrain))
+
+    @settings(max_examples=EXAMPLES)
+    @given(st.data())
+    def test_random_definitions(self, data: st.DataObject) -> None:
+        """On, beside and between edges of cells, steps, turned rectangles and rims of tracks."""
+        rutted, free = data.draw(st.booleans()), data.draw(st.booleans())
+        definition = data.draw(definitions(rutted=rutted, free=free))
+        drawn = data.draw(st.lists(points(definition), min_size=4, max_size=12))
+        x, y = np.array(landmarks(definition)[:200] + rims(definition) + drawn).T
+        assert_same(terrain_of(definition), x, y)
+
+    @pytest.mark.parametrize("place", [{"at": [20, 30]}, {"cellX": 0, "cellY": 0}], ids=str)
+    def test_just_beyond_a_turned_rectangle(self, place: Any) -> None:
+        """Its edges are closed, by a billionth of its sides; there a ramp begins at 0 or below."""
+        sides = {"extent": [8, 4]} if "at" in place else {}
+        ramp = {"type": "ramp", "vScale": 1, "turnDeg": 25, **place, **sides}
+        tree = {"type": "flat", "cells": [1, 1], "children": [ramp]}
+        terrain = terrain_of({**OBLONG, "size": [30, 70], "elemTree": tree})
+        middle, (wide, tall) = ((20, 30), (8, 4)) if sides else ((15, 35), (30, 70))
+        u = np.array([-2e-9, -4e-10, -1e-12, 0.25, 1 + 1e-12, 1 + 4e-10, 1 + 2e-9])[:, None]
+        across, along = (u - 0.5) * wide, (np.array([0.45, 0.5, 0.6]) - 0.5) * tall
+        cos, sin = math.cos(math.radians(25)), math.sin(math.radians(25))
+        x, y = across * cos + along * sin, along * cos - across * sin
+        assert_same(terrain, middle[0] + x.ravel(), middle[1] + y.ravel())
+
+    def test_a_double_beside_the_corner_of_a_leaf(self) -> None:
+        """Places in leaves are rounded as places of what may be turned."""
+        definition = {"size": 1, "origin": [0, 0.001], "elemTypes": {"p": {"y": "ramp"}}}
+        terrain = terrain_of({**definition, "elemTree": {"type": "p"}})
+        assert_same(terrain, [0.0, 0.5], np.nextafter(0.001, [1.0, 1.0]))
+
+    def test_crossing_tracks(self) -> None:
+        """The deepest first pass, the passes of all, and the last surface count."""
+        tracks = [
+            {"path": [[2, 5], [30, 5]], "width": 1, "depth": 0.25, "passes": 1},
+            {"path": [[8, 2], [8, 8]], "width": 1, "depth": 0.25, "surface": "loose"},
+            {"path": [[12, 2], [12, 8]], "width": 1, "depth": 0.5, "passes": 2, "multipass": 3},
+            {"path": [[12, 2], [12.5, 8]], "width": 2, "depth": 0.125, "surface": "sand"},
+        ]
+        terrain = terrain_of({**OBLONG, "tracks": tracks})
+        x, y = np.random.default_rng(4).uniform((5, 1), (15, 9), (2000, 2)).T
+        assert_same(terrain, x, y)
+        assert len(np.unique(terrain.height(x, y))) > 8
+
+    def test_grids_finer_than_doubles(self) -> None:
+        """Where positions come down from the parent's cell."""
+        tree: dict[str, Any] = {"type": "ramp", "vScale": 1}
+        for level in range(19):
+            place = {"cellX": 1 + level % 4, "cellY": 6 - level % 3}
+            tree = {"type": "ramp", "vScale": 1, "children": [{**tree, **place}]}
+        ramp = {"x": "ramp", "y": [0.5, 1]}
+        terrain = terrain_of({"size": [30, 70], "elemTypes": {"ramp": ramp}, "elemTree": tree})
+        west, south, east, north = terrain.cells()[:, -1]
+        x = np.nextafter(np.linspace(west, east, 9)[:, None], [-np.inf, 99, np.inf])
+        y = np.nextafter(np.linspace(south, north, 9)[:, None], [99, -np.inf, np.inf])
+        assert terrain.arrays.grids["local"].any()
+        assert_same(terrain, x.ravel(), y.ravel())
+
+    def test_shared_parts(self) -> None:
+        """They are written out for the device."""
+        pole = {
+            "type": "box",
+            "vScale": 1,
+            "cells": [2, 1],
+            "children": [{"cellX": 1, "cellY": 0, "type": "box"}],
+        }
+        copies = {
+            "cellX": 0,
+            "cellY": 0,
+            "part": "pole",
+            "repeat": {"count": [4, 3], "step": [2, 1]},
+        }
+        tree = {**OBLONG["elemTree"], "children": [copies]}
+        definition = {**OBLONG, "parts": {"pole": pole}, "elemTree": tree}
+        checked = check(Source("test.json", text_of(definition).encode()))
+        terrain = Terrain(checked, share_above=1)
+        assert terrain.is_shared
+        x, y = np.random.default_rng(3).uniform((0, 0), (40, 10), (500, 2)).T
+        assert_same(terrain, x, y)
+
+    def test_many_grids_over_a_point(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """So many wait in a descent that a kernel with more room is compiled, or it is refused."""
+        child = {"cellX": 0, "cellY": 0, "type": "ramp", "vScale": 0.1}
+        sibling = {**child, "cells": [2, 1], "children": [child, {**child, "cellX": 1}]}
+        tree = {"type": "ramp", "cells": [2, 1], "children": [sibling] * 60}
+        types = {"ramp": {"x": [0, 1]}}
+        terrain = terrain_of({"size": [30, 70], "elemTypes": types, "elemTree": tree})
+        x, y = np.random.default_rng(3).uniform((0, 0), (30, 70), (500, 2)).T
+        assert_same(terrain, x, y)
+        monkeypatch.setattr(warp_field, "_ROOMS", (32, 59))
+        with pytest.raises(RequestError, match="Up to 60 elements with children"):
+            terrain.to_warp("cpu")
+
+    def test_a_deep_chain_needs_no_room(self) -> None:
+        """What waits are siblings, not levels."""
+        tree: dict[str, Any] = {"type": "box"}
+        for _ in range(300):
+            tree = {"type": "box", "cells": [1, 1], "children": [{**tree, "cellX": 0, "cellY": 0}]}
+        terrain = terrain_of({"size": [3, 7], "elemTypes": {"box": {"x": [1]}}, "elemTree": tree})
+        assert terrain.arrays.pending == 1
+        assert on_device(terrain, [1.0], [6.0]).height.tolist() == [301.0]
+
+
+class TestKnown:
+    """Answers that are known by hand, on an oblong terrain without symmetry."""
+
+    @pytest.mark.parametrize("dtype", [np.float64, np.float32])
+    @pytest.mark.parametrize(
+        ("x", "y", "height", "surface"),
+        [
+            (5, 0, 2, "rock"),  # a cell is half-open: its west and south edges are its own
+            (10, 1, 0, "grass"),
+            (7, 2, 0, "grass"),
+            (16, 3, 0, "sand"),  # before and behind the step of the kerb at 15 + 0.3 · 5
+            (16.5, 3, 0.5, "sand"),
+            (27.5, 5, 0.25, "moon"),  # a ramp over two cells, from 25 to 35
+            (38, 9, math.nan, "hole"),
+            (40, 0, 0, "grass"),  # the terrain's own edges are closed
+            (40.5, 5, math.nan, None),
+            (-0.5, 5, math.nan, None),
+            (12, 7.5, 4, "loose"),
+            (11, 7, 4, "loose"),
+            (13, 7, 0, "grass"),
+            (23.5, 7.25, 3, "grass"),  # turned clockwise: its east end points to the south
+            (23.5, 8.75, 0, "grass"),
+        ],
+    )
+    def test_points(
+        self, x: float, y: float, height: float, surface: str | None, dtype: Any
+    ) -> None:
+        terrain = terrain_of(OBLONG)
+        found = on_device(terrain, [x], [y], dtype)
+        assert np.array_equal(found.height, [height], equal_nan=True)
+        name = None if found.surface[0] < 0 else terrain.surfaces[found.surface[0]]
+        assert name == surface
+        assert found.friction[0] == pytest.approx(
+            math.nan if math.isnan(height) else TAN.get(str(name), math.nan), nan_ok=True
+        )
+
+    def test_just_beside_an_edge(self) -> None:
+        """The doubles beside it are told apart; in float32 a point is where it is rounded to."""
+        terrain = terrain_of(OBLONG)
+        x = np.nextafter(10, [0, 99])
+        assert on_device(terrain, x, [1, 1]).height.tolist() == [2, 0]
+        assert on_device(terrain, x, [1, 1], np.float32).height.tolist() == [0, 0]
+
+    def test_edges_between_two_doubles(self) -> None:
+        """An edge that is as near to both stands at the even one; whole numbers end at 2^53."""
+        boxes = [
+            {"cellX": 1, "cellY": 0, "type": "box", "vScale": 1},
+            {"cellX": 3, "cellY": 0, "type": "box", "vScale": 2},
+        ]
+        tree = {"type": "flat", "cells": [4, 1], "children": boxes}
+        side = 10**9 + 1
+        place = {"size": [4 * side, 20], "origin": [2**53, 0]}
+        terrain = terrain_of({**OBLONG, **place, "elemTree": tree})
+        x = 2.0**53 + np.array([side - 3, side - 1, side + 1, 3 * side - 1, 3 * side + 1])
+        assert on_device(terrain, x, 1.0).height.tolist() == [0, 1, 1, 0, 2]
+
+    def test_normals(self) -> None:
+        """On the ramp, one in ten, and on level ground; none in the void and outside."""
+        found = on_device(terrain_of(OBLONG), [27.5, 1, 38, 99], [5, 1, 9, 9])
+        slope = np.array([-0.1, 0, 1]) / math.hypot(0.1, 1)
+        assert np.allclose(found.normal[:2], [slope, [0, 0, 1]], rtol=0, atol=ULP)
+        assert np.isnan(found.normal[2:]).all()
+
+    def test_default_friction(self) -> None:
+        """It counts on ground that says nothing of friction, and not where no ground is."""
+        found = on_device(terrain_of(OBLONG), [1, 6, 38, 99], [1, 1, 9, 9], default_friction=0.75)
+        assert found.friction.tolist() == pytest.approx(
+            [TAN["grass"], 0.75, math.nan, math.nan], nan_ok=True
+        )
+
+    def test_a_track_has_its_own_surface(self) -> None:
+        """Friction is that of the surface in the rut."""
+        track = {"path": [[2, 5], [30, 5]], "width": 1, "depth": 0.25, "surface": "loose"}
+        terrain = terrain_of({**OBLONG, "tracks": [track]})
+        found = on_device(terrain, [4, 4], [5, 5.75])
+        assert found.height.tolist() == [-0.25, 0]
+        assert found.friction.tolist() == pytest.approx([TAN["loose"], TAN["grass"]])
+
+    def test_an_origin(self) -> None:
+        """Float32 tells centimetres apart far from the world's zero if points count from nearby."""
+        far = {**OBLONG, "origin": [412345.5, 5712345.25]}
+        x, y = np.random.default_rng(5).uniform((0, 0), (40, 10), (500, 2)).astype(np.float32).T
+        found = on_device(terrain_of(far), x, y, np.float32, origin=(412345.5, 5712345.25, 1))
+        near = terrain_of(OBLONG).sample(x, y)
+        heights = (near.height - 1).astype(np.float32)
+        assert np.array_equal(found.height, heights, equal_nan=True)
+        assert np.array_equal(found.surface, near.surface)
+
+
+class TestKernels:
+    """The function for kernels of others, and what a GPU would run."""
+
+    def test_a_kernel_of_ones_own(self) -> None:
+        """It asks for the ground at world coordinates, and gets slopes in float64."""
+        field = terrain_of({**OBLONG, "origin": [300, -20]}).to_warp("cpu", origin=(1, 2, 3))
+        ground_at = field.ground_at
+
+        @wp.kernel(module="unique", module_options=kernels.OPTIONS)
+        def ask(
+            field: wp.array(dtype=kernels.Field),
+            points: wp.array(dtype=wp.vec2d),
+            heights: wp.array(dtype=wp.float64),
+            slopes: wp.array(dtype=wp.float64),
+        ):  # type: ignore[no-untyped-def]
+            n = wp.tid()
+            ground = ground_at(field, points[n][0], points[n][1])
+            heights[n] = ground.height
+            slopes[n] = ground.gradient[0]
+
+        points = wp.array([(327.5, -15.0), (305.0, -20.0)], dtype=wp.vec2d, device="cpu")
+        out = [wp.empty(2, dtype=wp.float64, device="cpu") for _ in range(2)]
+        wp.launch(ask, dim=2, inputs=[field.field, points, *out], device="cpu")
+        assert [each.numpy().tolist() for each in out] == [[0.25, 2.0], [0.1, 0.0]]
+
+    def test_it_compiles_for_cuda(self, tmp_path: Path) -> None:
+        """Without a GPU, by NVRTC; sums and products are rounded each by itself, as edges want."""
+        wp.init()
+        kernel = kernels.compiled(warp_field._ROOMS[0]).sample
+        wp.compile_aot_module(kernel.module, arch=86, module_dir=tmp_path, use_ptx=True)
+        (code,) = (path.read_text("utf-8", "replace") for path in tmp_path.glob("*.ptx"))
+        assert ".visible .entry" in code
+        assert len(re.findall(r"\b(?:add|sub|mul)\.rn\.f64", code)) > 500
+        assert not re.search(r"\b(?:add|sub|mul)\.f64", code)
+
+
+class TestArrays:
+    """Points come in any shape; what is wrong is said in a sentence."""
+
+    def test_shapes(self) -> None:
+        field = terrain_of(OBLONG).to_warp("cpu")
+        pairs = np.random.default_rng(1).uniform(0, 10, (2, 3, 5, 2))
+        whole = wp.array(pairs, dtype=wp.vec2d, device="cpu")
+        found = field.sample(whole)
+        assert [each.shape for each in found] == [(2, 3, 5)] * 4
+        some = field.height(whole[:, 1:, ::2])
+        assert np.array_equal(some.numpy(), found.height.numpy()[:, 1:, ::2], equal_nan=True)
+        none = wp.empty((0, 4), dtype=wp.vec2f, device="cpu")
+        assert field.sample(none).normal.shape == (0, 4)
+
+    def test_more_points_than_a_thread_takes(self) -> None:
+        x = np.linspace(-1, 41, 2 * warp_field._EACH + 77)
+        assert_same(terrain_of(OBLONG), x, x / 4)
+
+    def test_nothing_is_printed(self, capfd: pytest.CaptureFixture[str]) -> None:
+        on_device(terrain_of(OBLONG), [1], [1])
+        assert capfd.readouterr().out == ""
+
+    def test_other_types_are_refused(self) -> None:
+        points = wp.zeros(4, dtype=wp.vec3f, device="cpu")
+        with pytest.raises(RequestError, match="vec2f or vec2d"):
+            terrain_of(OBLONG).to_warp("cpu").height(points)
+
+    @pytest.mark.parametrize("origin", [(1, 2), 3, (0, math.nan, 0)])
+    def test_wrong_origins(self, origin: Any) -> None:
+        with pytest.raises(RequestError, match="three finite numbers"):
+            terrain_of(OBLONG).to_warp("cpu", origin=origin)
+
+    def test_a_device_that_is_not_there(self) -> None:
+        with pytest.raises(RequestError, match=r"no device 'cuda:77' here\. Take cpu"):
+            terrain_of(OBLONG).to_warp("cuda:77")
+
+    def test_without_the_package(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(warp_field, "find_spec", lambda name: None)
+        with pytest.raises(RequestError, match=r"pip install 'terratool\[warp\]'"):
+            terrain_of(OBLONG).to_warp()
+
+    def test_it_is_imported_when_it_is_wanted(self) -> None:
+        code = "import sys, terratool.field.terrain; print({'warp', 'torch'} & set(sys.modules))"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+        assert done.stdout.strip() == b"set()"
