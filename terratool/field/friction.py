@@ -6,16 +6,15 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from msgspec import UNSET
 from numpy.typing import NDArray
 
-from terratool.definition.presets import property_of
+from terratool.definition.presets import friction_of
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
 
 
-def friction_of(terrain: Terrain, default: float = math.nan) -> NDArray[np.float32]:
+def frictions_of(terrain: Terrain, default: float = math.nan) -> NDArray[np.float32]:
     """The coefficient of friction of each surface: tan φ of its friction angle.
 
     Of a range the middle counts, and a preset stands in for what a surface does not say.
@@ -27,6 +26,5 @@ def friction_of(terrain: Terrain, default: float = math.nan) -> NDArray[np.float
     Returns:
         (surfaces + 1,) float32, by the index of the surface and one; first is that of none.
     """
-    angles = [property_of(surface, "fric_angle") for surface in terrain.surface_types.values()]
-    tans = [default if angle is UNSET else math.tan(math.radians(angle)) for angle in angles]
-    return np.array([default, *tans], np.float32)
+    known = np.array([default, *map(friction_of, terrain.surface_types.values())], np.float32)
+    return np.where(np.isnan(known), np.float32(default), known)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
-from terratool.field.friction import friction_of
+from terratool.field.friction import frictions_of
 from terratool.field.warp_field import WarpField, checked_origin, required
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class TorchField:
             ) from error
         self.surfaces, self.origin = terrain.surfaces, checked_origin(origin)
         self._terrain, self._default_friction = terrain, default_friction
-        self._friction = friction_of(terrain, default_friction)
+        self._friction = frictions_of(terrain, default_friction)
         self.asks_terrain = self.device.type == "cpu"
         if not self.asks_terrain:
             _ = self.warp

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
-from terratool.field.friction import friction_of
+from terratool.field.friction import frictions_of
 from terratool.field.records import IN_CELLS, FieldArrays, TrackArrays
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class WarpField:
                 f"and the kernels of Warp have room for {_ROOMS[-1]}.",
                 "Ask terrain.height, or have fewer elements with children overlap.",
             )
-        friction = friction_of(terrain, default_friction)
+        friction = frictions_of(terrain, default_friction)
         self._struct = _struct_of(arrays, self.origin, friction, self.device)
         self.field = wp.array([self._struct], dtype=Field, device=self.device)
         self.ground_at, self._kernel = compiled(room)

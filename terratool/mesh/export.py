@@ -266,11 +266,11 @@ def export_mesh(
         surfaces=dict(zip(mesh.names, counts, strict=True)),
         base=float(mesh.vertices[:, 2].min()) if options.solid else None,
         chosen=chosen,
-        statement=_loss_of(terrain, fit, options, wanted),
+        statement=loss_of(terrain, fit, options, wanted),
     )
 
 
-def _loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: float) -> MeshLoss:
+def loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: float) -> MeshLoss:
     built = fit.built
     left = omitted_elements(terrain, built, fit.error, options.bounds, fit.least)
     return MeshLoss(

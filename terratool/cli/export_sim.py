@@ -1,0 +1,139 @@
+"""`terratool export-sim`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terratool.cli.options import library_root_option, roughness_option
+from terratool.cli.terminal import Status, load, say
+
+if TYPE_CHECKING:
+    from terratool.simulators.scene import Origin
+
+_NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
+
+
+@click.command(
+    "export-sim",
+    epilog="Example: terratool export-sim samples/warehouse.json out --target mujoco "
+    "--target gazebo",
+)
+@click.argument("file")
+@click.argument("folder", metavar="DIR")
+@click.option(
+    "--target",
+    "targets",
+    multiple=True,
+    required=True,
+    metavar=_NAMES,
+    help="What to write for; several times for several.",
+)
+@click.option(
+    "--max-error",
+    type=float,
+    default=0.002,
+    show_default=True,
+    metavar="E",
+    help="How far the ground may be from the terrain, along z, anywhere.",
+)
+@click.option(
+    "--origin",
+    default="local",
+    show_default=True,
+    metavar="local|center|world|X,Y,Z",
+    help="Where zero is: the south-west corner, the middle, the zero of the world, or a point of "
+    "the world.",
+)
+@click.option(
+    "--friction",
+    type=float,
+    default=0.7,
+    show_default=True,
+    metavar="MU",
+    help="The coefficient of surfaces without a fricAngle; others have the tangent of theirs.",
+)
+@click.option(
+    "--max-geoms",
+    type=int,
+    default=2000,
+    show_default=True,
+    metavar="N",
+    help="mujoco: At most so many solids and height fields collide; the error grows if need be.",
+)
+@click.option("--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex.")
+@click.option("--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls.")
+@click.option("--vehicle", metavar="V.json", help="nav2: The vehicle whose verdict decides.")
+@click.option(
+    "--max-slope", type=float, default=20.0, show_default=True, metavar="DEG",
+    help="nav2: The steepest slope, without a --vehicle.",
+)
+@click.option(
+    "--max-step", type=float, default=0.1, show_default=True, metavar="H",
+    help="nav2: The highest step, without a --vehicle.",
+)
+@click.option(
+    "--resolution", type=float, metavar="R",
+    help="nav2, grid-map: The side of a cell.  [default: 0.05, but 4,096 cells a side at most]",
+)
+@roughness_option
+@library_root_option
+@click.option("--overwrite", is_flag=True, help="Write folders of an earlier run again.")
+@click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+def command(
+    file: str, folder: str, targets: tuple[str, ...], overwrite: bool, as_json: bool, **options: Any
+) -> None:
+    """Write FILE for simulators: each gets a folder in DIR, with a README.md and a manifest.json.
+
+    The README.md says in a few lines how to load it, the manifest.json lists surfaces with their
+    friction, what is lost, and the files. The same FILE and options give the same bytes.
+    """
+    from terratool.simulators.export import check_folders, export_simulators
+    from terratool.simulators.scene import SceneOptions
+    from terratool.simulators.targets import chosen
+
+    vehicle = options.pop("vehicle")
+    wanted = SceneOptions(
+        origin=_origin(options.pop("origin")),
+        vehicle=None if vehicle is None else Path(vehicle),
+        **options,
+    )
+    wanted.check()
+    check_folders(Path(folder), tuple(chosen(targets)), overwrite)
+    terrain = load(file)
+    with Status("meshing") as status:
+        reports = export_simulators(
+            terrain,
+            folder,
+            targets,
+            wanted,
+            source=None if file == "-" else file,
+            overwrite=overwrite,
+            progress=status.say,
+        )
+    if as_json:
+        found = {one.manifest["target"]: {"folder": str(one.folder)} for one in reports}
+        click.echo(json.dumps({"format_version": 1, "targets": found}, indent=2))
+        return
+    for report in reports:
+        manifest = report.manifest
+        say(f"{report.folder}: {len(manifest['files']) + 2} files; {manifest['summary']}")
+        for line in manifest["losses"]:
+            say(f"  {line}")
+
+
+def _origin(text: str) -> Origin:
+    from terratool.errors import RequestError
+
+    if text in ("local", "center", "world"):
+        return text  # type: ignore[return-value]
+    try:
+        x, y, z = map(float, text.replace(",", " ").split())
+    except ValueError:
+        raise RequestError(
+            f"The origin is {text!r}.", "Give local, center, world, or three numbers: X,Y,Z."
+        ) from None
+    return x, y, z

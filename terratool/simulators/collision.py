@@ -1,0 +1,394 @@
+"""Ground as few convex solids and height fields, for simulators that collide only with such."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from terratool.field.terrain import Terrain
+from terratool.mesh.types import Mesh
+from terratool.simulators.prisms import Floats, Ground, Ints, Solid, cover, whole
+
+Bools = NDArray[np.bool_]
+
+_VALLEY = 0.3
+"""Ground is parted along valleys where its normal turns by more than this, a sine …"""
+_CREASE = 0.9
+"""… and a height field leaves out cells with such a crease."""
+_FACET = 0.03
+"""A plane has fewer than three triangles only where the normals around it are turned so much."""
+_CELLS = 96
+"""Cells of a height field along its longer side."""
+_SAMPLES = 4
+"""Each cell is held against the terrain at so many points a side."""
+_MARGIN = 0.3
+"""Cells are left out that are nearer than this part of their side to a wall."""
+_NODES = 4_000_000
+"""So many nodes all height fields have together, about."""
+_PLAIN = 4.0
+"""Plane ground of more than so many cells of the coarsest height field is one solid."""
+_GROUP = 20_000
+"""Ground that hangs together of more triangles is for height fields …"""
+_LEAN = 8
+"""… and so is that where a solid stands for fewer of them than this."""
+_SEAM = 0.02
+"""How far a solid may reach into another surface of the same height, in units of the terrain."""
+_SINK = 8.0
+"""What a height field leaves out lies so many reliefs below, so that its sides are steep."""
+_GROW = 1.5
+"""By this factor the error grows where there are too many solids."""
+
+
+@dataclass(frozen=True)
+class HeightPatch:
+    """A height field: heights at evenly spaced nodes, where it has any ground.
+
+    Attributes:
+        bounds: west, south, east, north of its nodes.
+        heights: (n, m) float64, rows from the south.
+        used: (n - 1, m - 1) bool, the cells that it stands for.
+        surfaces: (n - 1, m - 1) int32 of these, -1 for none.
+        error: how far it is from the terrain, as measured.
+    """
+
+    bounds: tuple[float, float, float, float]
+    heights: Floats
+    used: Bools
+    surfaces: Ints
+    error: float
+
+
+class Collision(NamedTuple):
+    """What stands for the ground.
+
+    Attributes:
+        solids: convex.
+        patches: height fields.
+        height: how far a roof of a solid may be from the mesh.
+    """
+
+    solids: list[Solid]
+    patches: list[HeightPatch]
+    height: float
+
+
+class _Sharp(NamedTuple):
+    """Where a height field cannot follow: (n, 2, 2) ends of walls, rims of the ground, creases."""
+
+    ends: Floats
+
+
+def collision_of(
+    terrain: Terrain,
+    mesh: Mesh,
+    max_error: float,
+    most: int,
+    say: Callable[[str], object] = lambda _: None,
+) -> Collision:
+    """Cover the ground of a mesh by at most so many solids and height fields, about.
+
+    Args:
+        terrain: the terrain.
+        mesh: of it, its coordinates relative to `mesh.origin`.
+        max_error: how far they may be from the mesh, along z.
+        most: so many.
+        say: is called with words that say how far it is.
+    """
+    upright = mesh.walls
+    faces = mesh.faces[~upright]
+    triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~upright]
+    joints = _joints(triangles, surfaces, faces)
+    low, high = mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)
+    extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    sharp = np.concatenate([joints.sharp, _wall_ends(mesh), _rims(mesh, extent)])
+    ground = Ground(triangles, surfaces, sharp)
+    coarsest = float((high - low).max()) / _CELLS
+
+    say("finding plane ground")
+    planes = _parts(_components(joints.pairs[joints.plane], len(faces)))
+    soft = np.zeros(len(faces), bool)
+    soft[joints.pairs[joints.soft]] = True
+    area = _areas(ground.triangles)
+    sizes = np.array([area[part].sum() for part in planes])
+    tilted = ground.triangles[:, :, 2].max(axis=1) > ground.triangles[:, :, 2].min(axis=1)
+    solids: list[Solid] = []
+    done = np.zeros(len(faces), bool)
+    for i in np.argsort(-sizes, kind="stable").tolist():
+        part = planes[i]
+        if tilted[part[0]] and len(part) < 3 and soft[part].any():
+            continue
+        if sizes[i] < _PLAIN * coarsest**2 and (len(part) < 2 or tilted[part[0]]):
+            continue
+        found = cover(ground, part, max_error, _SEAM, max(most // 2 - len(solids), 0))
+        if found is None:
+            continue
+        solids += found
+        done[part] = True
+    say("finding hills and ramps")
+    for part in _parts(_components(joints.pairs[joints.smooth], len(faces))):
+        room = most // 2 - len(solids)
+        if done[part].all() or len(part) > _GROUP:
+            continue
+        found = cover(ground, part, max_error, _SEAM, min(1 + len(part) // _LEAN, room))
+        if found is not None:
+            solids += found
+            done[part] = True
+    patches: list[HeightPatch] = []
+    if not done.all():
+        say("laying height fields")
+        held = shapely.union_all(shapely.polygons(ground.triangles[done][:, :, :2]))
+        held = held.buffer(1e-7, join_style="mitre")
+        patches = _patches(terrain, mesh, extent, sharp, held, max_error, most)
+        # what no cell of a height field holds
+        rest = _beside(ground, patches, done, held)
+        height = max_error
+        room = most - len(solids) - len(patches)
+        smooth = _components(joints.pairs[joints.smooth], len(faces))
+        while True:
+            more: list[Solid] | None = []
+            for part in _parts(np.where(rest, smooth, -1)):
+                found = cover(ground, part, height, _SEAM, room - len(more))
+                if found is None:
+                    more = None
+                    break
+                more += found
+            if more is not None:
+                return Collision(solids + more, patches, height)
+            height *= _GROW
+            say(f"height {height}")
+    return Collision(solids, patches, max_error)
+
+
+class _Joints(NamedTuple):
+    """Edges between two triangles of one surface, and what they are.
+
+    Attributes:
+        pairs: (n, 2) the two triangles.
+        plane: (n,) bool, whether they lie in one plane.
+        smooth: (n,) bool, whether there is no valley.
+        sharp: (k, 2, 2) ends of those with a crease, of any surface.
+    """
+
+    pairs: NDArray[np.int64]
+    plane: Bools
+    smooth: Bools
+    soft: Bools
+    sharp: Floats
+
+
+def _joints(triangles: Floats, surfaces: Ints, faces: Ints) -> _Joints:
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    key = edges.min(axis=1) << 32 | edges.max(axis=1)
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    one, other = order[same], order[same + 1]
+    first, second = one % len(faces), other % len(faces)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    turn = np.linalg.norm(np.cross(normals[first], normals[second]), axis=1)
+    # the corner of the second that is not on the edge, over the plane of the first
+    tip = triangles[second, (other // len(faces) + 2) % 3]
+    over = ((tip - triangles[first, 0]) * normals[first]).sum(axis=1)
+    alike = surfaces[first] == surfaces[second]
+    ends = np.stack(
+        [triangles[first, one // len(faces)], triangles[first, (one // len(faces) + 1) % 3]], axis=1
+    )
+    return _Joints(
+        np.column_stack([first, second]),
+        alike & (np.abs(over) < 1e-7) & (turn < 1e-5),
+        alike & ~((over > 0) & (turn > _VALLEY)),
+        alike & (turn > 1e-5) & (turn < _FACET),
+        ends[turn > _CREASE][:, :, :2],
+    )
+
+
+def _components(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """For each of so many things the least of those that it hangs together with."""
+    roots = np.arange(count)
+    first, second = pairs.T
+    while True:
+        before = roots.copy()
+        low = np.minimum(roots[first], roots[second])
+        for end in (roots[first], roots[second], first, second):
+            np.minimum.at(roots, end, low)
+        roots = roots[roots]
+        if np.array_equal(before, roots):
+            return roots
+
+
+def _parts(labels: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+    """The indices of each label that is not negative, in the order of their first."""
+    order = np.argsort(labels, kind="stable")
+    order = order[np.count_nonzero(labels < 0) :]
+    begins = np.flatnonzero(np.diff(labels[order])) + 1
+    return [part for part in np.split(order, begins) if len(part)]
+
+
+def _areas(triangles: Floats) -> Floats:
+    a, b = np.moveaxis(triangles[:, 1:, :2] - triangles[:, :1, :2], 1, 0)
+    return np.asarray(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+
+
+def _wall_ends(mesh: Mesh) -> Floats:
+    """(n, 2, 2) where the faces of walls stand."""
+    corners = mesh.vertices[mesh.faces[mesh.walls]][:, :, :2]
+    longest = np.argmax([((corners[:, k] - corners[:, k - 1]) ** 2).sum(1) for k in range(3)], 0)
+    at = np.arange(len(corners))
+    return np.stack([corners[at, longest], corners[at, longest - 1]], axis=1)
+
+
+def _rims(mesh: Mesh, extent: tuple[float, float, float, float]) -> Floats:
+    """(n, 2, 2) edges where the ground ends, but for the rim of the terrain."""
+    faces = mesh.faces.astype(np.int64)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    key = edges.min(axis=1) << 32 | edges.max(axis=1)
+    _, first, count = np.unique(key, return_index=True, return_counts=True)
+    ends = mesh.vertices[edges[first[count == 1]]][:, :, :2]
+    west, south, east, north = extent
+    x, y = ends[:, :, 0], ends[:, :, 1]
+    on = (x == west).all(1) | (x == east).all(1) | (y == south).all(1) | (y == north).all(1)
+    return np.asarray(ends[~on])
+
+
+# --- height fields -------------------------------------------------------------------------------
+
+
+def _patches(
+    terrain: Terrain,
+    mesh: Mesh,
+    extent: tuple[float, float, float, float],
+    sharp: Floats,
+    held: shapely.Geometry,
+    max_error: float,
+    most: int,
+) -> list[HeightPatch]:
+    """Height fields, split in four where they are worst, until they are good or too many."""
+    shapely.prepare(held)
+    queue: list[tuple[float, int, HeightPatch]] = []
+    number = 0
+    nodes = 0
+
+    def add(bounds: tuple[float, float, float, float]) -> None:
+        nonlocal number, nodes
+        patch = _patch(terrain, mesh, bounds, sharp, held)
+        if patch.used.any():
+            number += 1
+            nodes += patch.heights.size
+            heapq.heappush(queue, (-patch.error, number, patch))
+
+    add(extent)
+    while queue and -queue[0][0] > max_error:
+        if len(queue) > most // 3 or nodes > _NODES:
+            break
+        _, _, worst = heapq.heappop(queue)
+        nodes -= worst.heights.size
+        west, south, east, north = worst.bounds
+        x, y = 0.5 * (west + east), 0.5 * (south + north)
+        for part in ((west, south, x, y), (x, south, east, y), (west, y, x, north), (x, y, east, north)):
+            add(part)
+    return [patch for _, _, patch in sorted(queue, key=lambda one: one[1])]
+
+
+def _patch(
+    terrain: Terrain,
+    mesh: Mesh,
+    bounds: tuple[float, float, float, float],
+    sharp: Floats,
+    held: shapely.Geometry,
+) -> HeightPatch:
+    west, south, east, north = bounds
+    longer = max(east - west, north - south)
+    columns = max(4, round(_CELLS * (east - west) / longer))
+    rows = max(4, round(_CELLS * (north - south) / longer))
+    k = _SAMPLES
+    # at the nodes, and between them
+    x = west + (east - west) * np.arange(columns * k + 1) / (columns * k)
+    y = south + (north - south) * np.arange(rows * k + 1) / (rows * k)
+    x[-1], y[-1] = east, north
+    ox, oy = mesh.origin[:2]
+    z = terrain.height(x[None, :] + ox, y[:, None] + oy)
+    nodes = z[::k, ::k]
+    # two triangles a cell, parted from the south-west to the north-east
+    s = np.arange(k + 1) / k
+    u, v = s[None, :], s[:, None]
+    a, b = nodes[:-1, :-1, None, None], nodes[:-1, 1:, None, None]
+    c, d = nodes[1:, :-1, None, None], nodes[1:, 1:, None, None]
+    lower = a + u * (b - a) + v * (d - b)
+    upper = a + v * (c - a) + u * (d - c)
+    level = np.where(v <= u, lower, upper)
+    index = np.arange(k + 1)
+    fine = z[
+        (np.arange(rows) * k)[:, None, None, None] + index[None, None, :, None],
+        (np.arange(columns) * k)[None, :, None, None] + index[None, None, None, :],
+    ]
+    with np.errstate(invalid="ignore"):
+        miss = np.abs(fine - level).max(axis=(2, 3))
+    used = np.isfinite(miss)
+    cell = (east - west) / columns, (north - south) / rows
+    used &= ~_near(sharp, bounds, rows, columns, cell)
+    middles = np.stack(
+        np.meshgrid(x[k // 2 :: k][:columns], y[k // 2 :: k][:rows]), axis=-1
+    ).reshape(-1, 2)
+    boxes = shapely.box(
+        middles[:, 0] - 0.5 * cell[0], middles[:, 1] - 0.5 * cell[1],
+        middles[:, 0] + 0.5 * cell[0], middles[:, 1] + 0.5 * cell[1],
+    )
+    used &= ~shapely.covers(held, boxes).reshape(rows, columns)
+    surfaces = terrain.sample(middles[:, 0] + ox, middles[:, 1] + oy).surface.reshape(rows, columns)
+    error = float(miss[used].max(initial=0.0))
+    return HeightPatch(bounds, nodes, used, surfaces, error)
+
+
+def _near(
+    sharp: Floats, bounds: tuple[float, float, float, float], rows: int, columns: int,
+    cell: tuple[float, float],
+) -> Bools:
+    """(rows, columns) whether a cell is near to what a height field cannot follow."""
+    out = np.zeros((rows, columns), bool)
+    west, south, east, north = bounds
+    low, high = sharp.min(axis=1), sharp.max(axis=1)
+    margin = _MARGIN * np.array(cell)
+    here = ((low < [east, north] + margin) & (high > [west, south] - margin)).all(axis=1)
+    ends = sharp[here]
+    steps = np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (0.25 * min(cell)))
+    steps = np.maximum(steps.astype(np.int64), 1) + 1
+    which = np.repeat(np.arange(len(ends)), steps)
+    share = (np.arange(len(which)) - np.repeat(np.cumsum(steps) - steps, steps)) / np.maximum(
+        np.repeat(steps, steps) - 1, 1
+    )
+    points = ends[which, 0] + share[:, None] * (ends[which, 1] - ends[which, 0])
+    for dx in (-1, 0, 1):
+        for dy in (-1, 0, 1):
+            at = np.floor((points + margin * [dx, dy] - [west, south]) / cell).astype(np.int64)
+            inside = ((at >= 0) & (at < [columns, rows])).all(axis=1)
+            out[at[inside, 1], at[inside, 0]] = True
+    return out
+
+
+def _beside(
+    ground: Ground, patches: list[HeightPatch], done: Bools, solid: shapely.Geometry
+) -> Bools:
+    """Which triangles some part of is held by no cell of a height field and by no solid."""
+    rest = np.zeros(len(done), bool)
+    held = [np.array([solid])]
+    for patch in patches:
+        west, south, east, north = patch.bounds
+        rows, columns = patch.used.shape
+        i, j = np.nonzero(patch.used)
+        dx, dy = (east - west) / columns, (north - south) / rows
+        # runs of cells along x
+        begin = np.flatnonzero(np.append(True, (np.diff(i) != 0) | (np.diff(j) != 1)))
+        end = np.append(begin[1:], len(i)) - 1
+        held.append(shapely.box(west + j[begin] * dx, south + i[begin] * dy,
+                                west + (j[end] + 1) * dx, south + (i[end] + 1) * dy))
+    region = shapely.union_all(np.concatenate(held))
+    left = np.flatnonzero(~done)
+    inside = shapely.covers(region.buffer(1e-7, join_style="mitre"), shapely.polygons(ground.triangles[left][:, :, :2]))
+    rest[left[~inside]] = True
+    return rest

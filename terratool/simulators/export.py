@@ -1,0 +1,218 @@
+"""The one way from a terrain to the files of simulators: written, explained, and listed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from terratool import __version__
+from terratool.errors import ReadError, WriteError
+from terratool.field.terrain import Terrain
+from terratool.mesh.formats.common import plain_names
+from terratool.output import os_errors, part_folder, stop_on_signals
+from terratool.simulators.scene import Scene, SceneOptions
+from terratool.simulators.targets import Target, Written, chosen
+from terratool.text.display import plain
+
+MANIFEST = "manifest.json"
+README = "README.md"
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatorReport:
+    """What was written for one simulator.
+
+    Attributes:
+        folder: it is all in here.
+        manifest: what the manifest says.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+
+
+def export_simulators(
+    terrain: Terrain,
+    folder: str | Path,
+    targets: tuple[str, ...],
+    options: SceneOptions = SceneOptions(),
+    *,
+    source: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Callable[[str], object] | None = None,
+) -> tuple[SimulatorReport, ...]:
+    """Write a terrain for simulators, each into a folder of its own with a README and a manifest.
+
+    Args:
+        terrain: the terrain.
+        folder: of the folders; it is made where it is missing.
+        targets: names of the simulators, or "all".
+        options: what is wanted.
+        source: the definition; its name is that of the terrain in the files.
+        overwrite: whether folders that an earlier run has written are written again.
+        progress: is called with words that say how far it is.
+
+    Raises:
+        RequestError: a target is unknown or not installed, or what was asked for makes no sense.
+        WriteError: a folder is there already, holds something else, or cannot be written.
+    """
+    options.check()
+    wanted = chosen(targets)
+    folder = Path(folder)
+    check_folders(folder, tuple(wanted), overwrite)
+    stem = "terrain" if source is None else Path(source).stem
+    [name] = plain_names([stem], lambda letter: letter.isascii() and (letter.isalnum() or letter in "_-"), "terrain")
+    scene = Scene(terrain.written_out, name, options, progress or (lambda _: None))
+    reports = []
+    with os_errors(folder), stop_on_signals():
+        folder.mkdir(exist_ok=True)
+        for key, target in wanted.items():
+            with part_folder(folder) as part:
+                written = target.write(scene, part)
+                manifest = _manifest(scene, key, target, written, source)
+                manifest["files"] = _hashes(part)
+                (part / README).write_text(_readme(scene, target, written), "utf-8")
+                text = json.dumps(manifest, indent=2, ensure_ascii=False)
+                (part / MANIFEST).write_text(text + "\n", "utf-8")
+                _put(part, folder / key)
+            reports.append(SimulatorReport(folder / key, manifest))
+    return tuple(reports)
+
+
+def check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> None:
+    """Refuse what can be known to fail before there are files.
+
+    Raises:
+        WriteError: a folder is there already and not to be written again, or holds files of others.
+    """
+    if not folder.parent.is_dir():
+        raise WriteError(f"{folder}: there is no folder {folder.parent}.", "Make it, or choose another.")
+    if folder.exists() and not folder.is_dir():
+        raise WriteError(f"{folder}: is a file.", "Choose a folder.")
+    for name in targets:
+        place = folder / name
+        if not place.exists() and not place.is_symlink():
+            continue
+        if not overwrite:
+            raise WriteError(f"{place}: exists already.", "Choose another folder, or --overwrite.")
+        if not place.is_dir() or not _earlier(place):
+            raise WriteError(
+                f"{place}: was not written by terratool, as its {MANIFEST} is missing.",
+                "Choose another folder, or remove it.",
+            )
+
+
+def _earlier(place: Path) -> list[str]:
+    """Names of the files that an earlier run has written; none where it has not."""
+    try:
+        manifest = json.loads((place / MANIFEST).read_bytes())
+        files = [*manifest["files"], README, MANIFEST]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [name for name in files if isinstance(name, str) and (place / name).is_file()]
+
+
+def _put(part: Path, place: Path) -> None:
+    """Give what is written its place; of an earlier run what it had written goes, and no more."""
+    if not place.exists():
+        part.replace(place)
+        part.mkdir()  # as it is removed
+        return
+    new = sorted(_files(part), key=lambda name: name == MANIFEST)
+    for name in _earlier(place):
+        if name not in new:
+            (place / name).unlink()
+    for name in new:
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (part / name).replace(place / name)
+
+
+def _files(folder: Path) -> list[str]:
+    """Names of all files in a folder, in order, with forward slashes."""
+    return sorted(
+        (Path(where) / name).relative_to(folder).as_posix()
+        for where, _, names in os.walk(folder)
+        for name in names
+    )
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of all files in a folder by name; they are on the disk afterwards."""
+    found = {}
+    for name in _files(folder):
+        with open(folder / name, "rb+") as file:
+            found[name] = hashlib.file_digest(file, "sha256").hexdigest()
+            os.fsync(file.fileno())
+    return found
+
+
+def _manifest(
+    scene: Scene, key: str, target: Target, written: Written, source: str | Path | None
+) -> dict[str, Any]:
+    west, south, east, north = scene.terrain.bounds
+    x, y, _ = scene.zero
+    return {
+        "format_version": 1,
+        "generator": f"terratool {__version__}",
+        "target": key,
+        "summary": written.summary,
+        "source": None if source is None else _source(Path(source)),
+        "descr": scene.terrain.descr,
+        "origin": list(scene.zero),
+        "bounds": [west - x, south - y, east - x, north - y],
+        "max_error": scene.options.max_error,
+        "surfaces": {
+            one.name: {
+                "word": one.word,
+                "friction": one.friction,
+                "derived": one.derivation,
+                "color": list(one.color),
+                "sonar_reflectivity": one.reflectivity,
+            }
+            for one in scene.used(target.meshed)
+        },
+        "losses": list(_losses(scene, target, written)),
+        **({"mesh": msgspec.to_builtins(scene.loss, enc_hook=plain)} if target.meshed else {}),
+        **written.facts,
+    }
+
+
+def _source(path: Path) -> dict[str, str]:
+    try:
+        return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+    except OSError as error:
+        raise ReadError.of(path, error) from error
+
+
+def _losses(scene: Scene, target: Target, written: Written) -> Iterator[str]:
+    """What the files of a target lose, in sentences."""
+    if target.meshed:
+        yield from scene.loss.sentences()
+    yield from written.losses
+    used = scene.used(target.meshed)
+    assumed = [one.name for one in used if one.derivation.startswith("assumed")]
+    if assumed:
+        names = ", ".join(assumed)
+        yield f"Friction {scene.options.friction:g} is assumed, as there is no fricAngle: {names}."
+
+
+def _readme(scene: Scene, target: Target, written: Written) -> str:
+    """How to load the files, what they are, and what they lose."""
+    lines = [f"# {scene.name} in {target.title}", "", *filter(None, [scene.terrain.descr])]
+    lines += ["", f"```{written.language}", *written.load, "```", ""]
+    for note in written.notes:
+        lines += [note, ""]
+    zero = " ".join(f"{number:.12g}" for number in scene.zero)
+    lines += [f"Zero is at {zero} of the world; x points east, y north, z up, in metres.", ""]
+    lines += ["| surface | friction | from |", "|---|---|---|"]
+    for one in scene.used(target.meshed):
+        lines.append(f"| {one.name} | {one.friction:.4g} | {one.derivation} |".replace("\n", " "))
+    lines += ["", *_losses(scene, target, written), ""]
+    return "\n".join(lines)

@@ -1,0 +1,462 @@
+"""Ground as convex solids: few that stand for many triangles of a mesh, within an error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+_SLIVER = 1e-9
+"""Triangles of a smaller area are nothing, in square units of the terrain."""
+_SNAP = 1e-7
+"""What is nearer to a cut than this is on it."""
+_NARROW = 2e-5
+"""No strips narrower than this are cut off, in units of the terrain; a gap of it is none."""
+_CUTS = 12
+"""So many edges of what is in the way are tried as cuts."""
+_SHARES = 0.5, 0.25, 0.75, 0.375, 0.625
+"""Where bent ground is cut, in parts of its width …"""
+_STRIPS = 16
+"""… across the direction in which so many strips of it are flattest."""
+_SAMPLED = 64
+"""Whether ground is concave is asked at so many of its triangles first."""
+_MOST = 6000
+"""Ground of more triangles is not looked at whole."""
+
+
+class Solid(NamedTuple):
+    """All that lies between a convex roof and the base far below.
+
+    Attributes:
+        top: (n, 3) float64 corners of the roof, which is the upper part of their convex hull; of a
+            flat one they go round counter-clockwise seen from above.
+        flat: whether they lie in a plane.
+        surface: index of its surface, -1 for none.
+    """
+
+    top: Floats
+    flat: bool
+    surface: int
+
+
+class _Plane(NamedTuple):
+    """z = a x + b y + c, and how far the corners of what it stands for are from it at most."""
+
+    a: float
+    b: float
+    c: float
+    miss: float
+
+    def at(self, points: Floats) -> Floats:
+        return np.asarray(self.a * points[..., 0] + self.b * points[..., 1] + self.c)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The ground of a mesh.
+
+    Attributes:
+        triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above.
+        surfaces: (n,) int32, -1 for none.
+        sharp: (k, 2, 2) ends of walls and creases, seen from above.
+    """
+
+    triangles: Floats
+    surfaces: Ints
+    sharp: Floats
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """The triangles seen from above, by place."""
+        return shapely.STRtree(shapely.polygons(self.triangles[:, :, :2]))
+
+
+    @cached_property
+    def sharp_tree(self) -> shapely.STRtree:
+        """Walls and creases, by place."""
+        return shapely.STRtree(shapely.linestrings(self.sharp))
+
+
+class _Tolerance(NamedTuple):
+    """How far a solid may stand out.
+
+    Attributes:
+        height: of the ground, along z.
+        wall: of an edge over lower ground.
+        seam: of an edge over other ground of about the same height.
+    """
+
+    height: float
+    wall: float
+    seam: float
+
+
+def cover(
+    ground: Ground, part: NDArray[np.intp], height: float, seam: float, most: int = 1 << 30
+) -> list[Solid] | None:
+    """Cover triangles of one surface by convex solids that rise nowhere above the ground.
+
+    A solid may lie under other, higher ground. What is bent is cut where that straightens it most,
+    and where a solid would stand over lower ground it is cut along the edge of that.
+
+    Args:
+        ground: all of the ground.
+        part: (m,) which of its triangles.
+        height: how far a roof may be from the ground, along z, and an edge over lower ground.
+        seam: how far a solid may reach into another surface of the same height.
+        most: so many solids are enough.
+
+    Returns:
+        The solids; None if there are more.
+    """
+    tolerance = _Tolerance(height, 0.5 * height, seam)
+    surface = int(ground.surfaces[part[0]])
+    found = _covered(ground, ground.triangles[part], surface, tolerance, most)
+    return found if len(found) <= most else None
+
+
+def _covered(
+    ground: Ground, piece: Floats, surface: int, tolerance: _Tolerance, most: int
+) -> list[Solid]:
+    piece = piece[_areas(piece) > _SLIVER]
+    if not len(piece) or _is_narrow(piece):
+        return []
+    solid, bad = _as_one(ground, piece, surface, tolerance)
+    if solid is not None:
+        return [solid]
+    found: list[Solid] = []
+    for side in _divided(ground, piece, bad) if len(bad) else _bent(ground, piece):
+        if len(found) > most:
+            break
+        found += _covered(ground, side, surface, tolerance, most - len(found))
+    if len(found) > len(piece):  # no better than each by itself
+        return [_upright(triangle, surface) for triangle in piece]
+    return found
+
+
+def _upright(triangle: Floats, surface: int) -> Solid:
+    return Solid(triangle, True, surface)
+
+
+def whole(ground: Ground, part: NDArray[np.intp], height: float, seam: float) -> Solid | None:
+    """The one convex solid that covers triangles of one surface; None if there is none."""
+    tolerance = _Tolerance(height, 0.5 * height, seam)
+    surface = int(ground.surfaces[part[0]])
+    return _as_one(ground, ground.triangles[part], surface, tolerance)[0]
+
+
+def _as_one(
+    ground: Ground, piece: Floats, surface: int, tolerance: _Tolerance
+) -> tuple[Solid | None, Floats]:
+    """The solid that stands for a piece, or what is in the way of a plane one, if anything is."""
+    corners = np.unique(piece.reshape(-1, 3), axis=0)
+    plane = _fit(corners)
+    none = np.empty((0, 3, 3))
+    alone = len(piece) == 1
+    if plane.miss <= tolerance.height or alone:
+        hull = _hull(corners[:, :2])
+        bad = none if alone else _in_the_way(ground, hull, plane, surface, tolerance)
+        if not len(bad):
+            ring = shapely.get_coordinates(hull)[:-1]
+            if not shapely.is_ccw(shapely.get_exterior_ring(hull)):
+                ring = ring[::-1]
+            return Solid(np.column_stack([ring, plane.at(ring)]), True, surface), none
+        return None, bad
+    if 3 < len(piece) <= _MOST and _is_hill(piece, corners, tolerance.height):
+        hull = _hull(corners[:, :2])
+        if hull.area - float(_areas(piece).sum()) <= tolerance.wall * hull.length:
+            return Solid(corners, False, surface), none
+    return None, none
+
+
+def _hull(points: Floats) -> Any:
+    """The convex hull of points, (n, 2); as a line they take less time than one by one."""
+    return shapely.convex_hull(shapely.linestrings(np.concatenate([points, points[:1]])))
+
+
+def _is_narrow(piece: Floats) -> bool:
+    """Whether a piece is narrower everywhere than anything that counts."""
+    hull = _hull(piece.reshape(-1, 3)[:, :2])
+    return bool(hull.area <= 0.25 * _NARROW * hull.length)
+
+
+def _is_hill(piece: Floats, corners: Floats, height: float) -> bool:
+    """Whether no corner lies above the plane of any triangle, but for so much.
+
+    Then the convex hull is above no point of a triangle by more.
+    """
+    normals = np.cross(piece[:, 1] - piece[:, 0], piece[:, 2] - piece[:, 0])
+    slopes = -normals[:, :2] / normals[:, 2:]
+    at = piece[:, 0, 2] - (slopes * piece[:, 0, :2]).sum(axis=1)
+    for which in (slice(None, None, max(1, len(piece) // _SAMPLED)), slice(None)):
+        planes = corners[:, :2] @ slopes[which].T + at[which]
+        if (corners[:, 2:] - planes).max() > height:
+            return False
+    return True
+
+
+def _in_the_way(
+    ground: Ground, hull: Any, plane: _Plane, surface: int, tolerance: _Tolerance
+) -> Floats:
+    """Triangles of the ground that a plane within a polygon must not cover: (n, 3, 3)."""
+    inner = hull.buffer(-tolerance.wall, join_style="mitre")
+    if inner.is_empty:
+        return np.empty((0, 3, 3))
+    near = np.sort(ground.tree.query(inner, predicate="intersects"))
+    found = ground.triangles[near]
+    above = plane.at(found) - found[:, :, 2]
+    other = ground.surfaces[near] != surface
+    bad = []
+    narrow = hull.buffer(-max(tolerance.seam, tolerance.wall), join_style="mitre")
+    for zone, which, limit in (
+        (inner, slice(None), tolerance.height + _SNAP),  # lower ground
+        (narrow, other, -_SNAP),  # another surface
+    ):
+        if zone.is_empty:
+            continue
+        over = above[which] - limit
+        one = (over > 0.0).any(axis=1)
+        parts, _ = _clip(found[which][one], over[one], 1e-12)
+        parts = parts[_areas(parts) > _SLIVER]
+        bad.append(parts[shapely.intersects(zone, shapely.polygons(parts[:, :, :2]))])
+    return np.concatenate(bad) if bad else np.empty((0, 3, 3))
+
+
+def _bent(ground: Ground, piece: Floats) -> list[Floats]:
+    """A piece cut in two along a wall or crease in it, or across where it is bent most."""
+    hull = _hull(piece.reshape(-1, 3)[:, :2])
+    inner = hull.buffer(-_NARROW, join_style="mitre")
+    near = np.sort(ground.sharp_tree.query(inner, predicate="intersects"))
+    walls = ground.sharp[near]
+    walls = walls[_within(piece, walls)]
+    best = _best_cut(piece, walls, _flatness)
+    if best is None:
+        best = _across(piece)
+    sides = _cut(piece, *best)
+    return sides if len(sides) > 1 else [piece[:1], piece[1:]]
+
+
+def _within(piece: Floats, edges: Floats) -> NDArray[np.bool_]:
+    """Whether a piece lies on both sides of each edge, (k,)."""
+    along = edges[:, 1] - edges[:, 0]
+    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
+    aside = _NARROW * np.stack([-along[:, 1], along[:, 0]], axis=1) / lengths[:, None]
+    middles = edges.mean(axis=1)
+    return _holds(piece, middles + aside) & _holds(piece, middles - aside)
+
+
+def _holds(piece: Floats, points: Floats) -> NDArray[np.bool_]:
+    """Whether points lie in a piece seen from above, (k,)."""
+    inside = np.ones((len(points), len(piece)), bool)
+    for k in range(3):
+        a, b = piece[:, k, :2], piece[:, (k + 1) % 3, :2]
+        edge = b - a
+        away = points[:, None] - a
+        inside &= edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0] >= 0.0
+    return inside.any(axis=1)
+
+
+def _flatness(piece: Floats, along: Floats) -> float:
+    """How far the two sides of a cut are from planes; (n, 3) are distances of its corners."""
+    east = along.mean(axis=1) > 0
+    sides = piece[east].reshape(-1, 3), piece[~east].reshape(-1, 3)
+    return sum(_fit(side).miss for side in sides if len(side))
+
+
+def _best_cut(
+    piece: Floats, edges: Floats, score: Callable[[Floats, Floats], float]
+) -> tuple[Floats, float] | None:
+    """The normal and place of the cut along an edge with the least score; None if none cuts."""
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    best: tuple[float, Floats, float] | None = None
+    for i in np.argsort(-lengths, kind="stable")[:_CUTS].tolist():
+        if lengths[i] < 1e-6:
+            break
+        dx, dy = (edges[i, 1] - edges[i, 0]) / lengths[i]
+        normal = np.array([-dy, dx])
+        at = float(edges[i].mean(axis=0) @ normal)
+        along = piece[:, :, :2] @ normal - at
+        if along.max() < _NARROW or along.min() > -_NARROW:
+            continue
+        cost = score(piece, along)
+        if best is None or cost < best[0]:
+            best = cost, normal, at
+    return None if best is None else best[1:]
+
+
+def _across(piece: Floats) -> tuple[Floats, float]:
+    """The normal and place of the cut across the direction in which a piece is bent most."""
+    corners = piece.reshape(-1, 3)
+    away = corners[:, :2] - corners[:, :2].mean(axis=0)
+    _, axes = np.linalg.eigh(away.T @ away)
+    best: tuple[float, Floats, Floats] | None = None
+    gap = 0.0, axes[:, 0], 0.0
+    for normal in (axes[:, 1], axes[:, 0], np.array([1.0, 0.0]), np.array([0.0, 1.0])):
+        along = corners[:, :2] @ normal
+        wide, at = _gap(along.reshape(-1, 3))
+        if wide > max(gap[0], _NARROW):
+            gap = wide, normal, at
+        # in many strips, as two are no better than one where the ground is a wave
+        score = _misses(corners, along, _STRIPS).mean()
+        if best is None or score < best[0] - 1e-12:
+            best = float(score), normal, along
+    assert best is not None
+    if gap[0] > 0.0:
+        return gap[1:]
+    _, normal, along = best
+    low, high = float(along.min()), float(along.max())
+    cuts = []
+    for share in _SHARES:
+        at = low + share * (high - low)
+        left, right = corners[along <= at], corners[along >= at]
+        cuts.append((_fit(left).miss + _fit(right).miss, at))
+    return normal, min(cuts)[1]
+
+
+def _gap(along: Floats) -> tuple[float, float]:
+    """How wide the widest gap between triangles is, by their extents along a line; and where."""
+    order = np.argsort(along.min(axis=1), kind="stable")
+    ends, begins = np.maximum.accumulate(along.max(axis=1)[order])[:-1], along.min(axis=1)[order][1:]
+    if not len(ends):
+        return 0.0, 0.0
+    widest = int(np.argmax(begins - ends))
+    return float(begins[widest] - ends[widest]), float(0.5 * (begins[widest] + ends[widest]))
+
+
+def _misses(points: Floats, along: Floats, strips: int) -> Floats:
+    """How far points in each strip are from their plane at most: (strips,) at least."""
+    low, high = along.min(), along.max()
+    strip = np.minimum((strips * (along - low) / max(high - low, 1e-300)).astype(int), strips - 1)
+    order = np.argsort(strip, kind="stable")
+    begins = np.flatnonzero(np.diff(strip[order])) + 1
+    return np.array([_fit(part).miss for part in np.split(points[order], begins)])
+
+
+def _divided(ground: Ground, piece: Floats, bad: Floats) -> list[Floats]:
+    """A piece cut in two along an edge of what is in its way."""
+    hull = _hull(piece.reshape(-1, 3)[:, :2])
+    outline = shapely.union_all(shapely.polygons(bad[:, :, :2]))
+    outline = shapely.simplify(outline.intersection(hull), 1e-6)
+
+    def covered(piece: Floats, along: Floats) -> float:
+        corners, along = piece.reshape(-1, 3)[:, :2], along.ravel()
+        sides = corners[along >= -_SNAP], corners[along <= _SNAP]
+        hulls = [_hull(side) for side in sides]
+        return float(shapely.area(shapely.intersection(hulls, outline)).sum())
+
+    edges = np.concatenate([*_edges(outline), np.empty((0, 2, 2))])
+    best = _best_cut(piece, edges, covered)
+    return _bent(ground, piece) if best is None else _cut(piece, *best)
+
+
+def _edges(shape: Any) -> Iterator[Floats]:
+    for line in shapely.get_parts(shapely.boundary(shapely.get_parts(shape))):
+        for one in shapely.get_parts(line):
+            points = shapely.get_coordinates(one)
+            yield np.stack([points[:-1], points[1:]], axis=1)
+
+
+def _cut(piece: Floats, normal: Floats, at: float) -> list[Floats]:
+    sides = _clip(piece, piece[:, :, :2] @ normal - at, _SNAP)
+    return [side for side in sides if len(side)]
+
+
+def _fit(points: Floats) -> _Plane:
+    """The plane of least squares, moved to the middle of the highest and the lowest point."""
+    middle = points.mean(axis=0)
+    x, y, z = (points - middle).T
+    xx, xy, yy = float(x @ x), float(x @ y), float(y @ y)
+    xz, yz = float(x @ z), float(y @ z)
+    size = xx * yy - xy * xy
+    a = b = 0.0
+    if size > 1e-12 * (xx + yy) ** 2:
+        a, b = (xz * yy - yz * xy) / size, (yz * xx - xz * xy) / size
+    rest = z - a * x - b * y
+    low, high = float(rest.min()), float(rest.max())
+    c = float(middle[2] - a * middle[0] - b * middle[1]) + 0.5 * (low + high)
+    return _Plane(a, b, c, 0.5 * (high - low))
+
+
+def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Floats]:
+    """Triangles cut where a linear function is 0: where it is positive, and where negative.
+
+    Args:
+        triangles: (n, 3, 3).
+        distance: (n, 3) the function at their corners.
+        snap: what is nearer to 0 is 0.
+    """
+    distance = np.where(np.abs(distance) <= snap, 0.0, distance)
+    above = ~(distance < 0).any(axis=1)
+    below = ~(distance > 0).any(axis=1) & ~above
+    mixed = ~(above | below)
+    sides = [triangles[above]], [triangles[below]]
+    cut, at = triangles[mixed], distance[mixed]
+    for side, sign in zip(sides, (1.0, -1.0), strict=True):
+        d = sign * at
+        single = (d > 0).sum(axis=1) == 1
+        for one in (True, False) if len(d) else ():
+            e, p = d[single == one], cut[single == one]
+            # the corner that stands alone comes first: here, or beyond
+            first = np.argmax(e, axis=1) if one else np.argmin(e, axis=1)
+            order = (first[:, None] + np.arange(3)) % 3
+            e = np.take_along_axis(e, order, axis=1)
+            a, b, c = np.moveaxis(np.take_along_axis(p, order[:, :, None], axis=1), 1, 0)
+            ab = a + (e[:, 0] / (e[:, 0] - e[:, 1]))[:, None] * (b - a)
+            ac = a + (e[:, 0] / (e[:, 0] - e[:, 2]))[:, None] * (c - a)
+            if one:
+                side.append(np.stack([a, ab, ac], axis=1))
+            else:
+                side += [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    return np.concatenate(sides[0]), np.concatenate(sides[1])
+
+
+def _areas(triangles: Floats) -> Floats:
+    """Areas seen from above, (n,)."""
+    a, b = np.moveaxis(triangles[:, 1:, :2] - triangles[:, :1, :2], 1, 0)
+    return np.asarray(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+
+
+class Rectangle(NamedTuple):
+    """A level rectangle seen from above.
+
+    Attributes:
+        middle: x and y.
+        half: half of its two sides.
+        turn: radians, counter-clockwise, from x to the first side.
+        top: its height.
+    """
+
+    middle: tuple[float, float]
+    half: tuple[float, float]
+    turn: float
+    top: float
+
+
+def rectangle(solid: Solid) -> Rectangle | None:
+    """What a solid is seen from above, however turned; None for another shape."""
+    top = solid.top
+    if not solid.flat or len(top) != 4 or np.ptp(top[:, 2]) > 1e-9:
+        return None
+    corners = top[:, :2]
+    sides = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(sides, axis=1)
+    skew = np.abs((sides * np.roll(sides, -1, axis=0)).sum(axis=1)) / lengths
+    if skew.max() > 1e-6:
+        return None
+    first = int(np.argmax(sides[:, 0] / lengths))  # that which points most to the east
+    x, y = sides[first].tolist()
+    middle = corners.mean(axis=0).tolist()
+    half = 0.5 * float(lengths[first]), 0.5 * float(lengths[(first + 1) % 4])
+    turn = math.atan2(y, x)
+    return Rectangle(
+        (middle[0], middle[1]), half, turn if abs(turn) * max(half) > 1e-7 else 0.0, float(top[0, 2])
+    )

@@ -1,0 +1,86 @@
+"""Simulators that files can be written for, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from terratool.errors import RequestError
+from terratool.simulators.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What a writer says of its files.
+
+    Attributes:
+        summary: what they are, in a few words.
+        load: lines of a program or shell that load them.
+        language: of these lines.
+        notes: what else one has to know, each a paragraph.
+        losses: what the files cannot hold, or hold only roughly, each a sentence.
+        facts: figures for programs, ready for JSON.
+    """
+
+    summary: str
+    load: tuple[str, ...]
+    language: str
+    notes: tuple[str, ...] = ()
+    losses: tuple[str, ...] = ()
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A simulator.
+
+    Attributes:
+        title: what it is called.
+        writer: the module in `terratool.simulators` whose `write` puts files into a folder.
+        needs: what has to be installed, as it is imported, as it is called, and the extra of
+            terratool that has it; empty for nothing.
+        meshed: whether the files hold the mesh of the scene.
+    """
+
+    title: str
+    writer: str
+    needs: tuple[str, str, str] | tuple[()] = ()
+    meshed: bool = True
+
+    @property
+    def write(self) -> Callable[[Scene, Path], Written]:
+        """Writes the files of a scene into a folder that is there."""
+        writer: Callable[[Scene, Path], Written]
+        writer = import_module(f"terratool.simulators.{self.writer}").write
+        return writer
+
+
+TARGETS = {
+    "mujoco": Target("MuJoCo", "mujoco"),
+}
+
+
+def chosen(names: tuple[str, ...]) -> dict[str, Target]:
+    """Targets by name, in the order of the table; "all" is all of them.
+
+    Raises:
+        RequestError: there is no such target, or what it needs is not installed.
+    """
+    unknown = [name for name in names if name not in TARGETS and name != "all"]
+    if unknown or not names:
+        raise RequestError(
+            f"There is no target {unknown[0]!r}." if unknown else "No target is named.",
+            f"Choose of {', '.join(TARGETS)}, or all.",
+        )
+    found = {name: one for name, one in TARGETS.items() if name in names or "all" in names}
+    for name, target in found.items():
+        if target.needs and find_spec(target.needs[0]) is None:
+            _, package, extra = target.needs
+            raise RequestError(
+                f"For {name}, {package} is not installed.", f"Run pip install 'terratool[{extra}]'."
+            )
+    return found
