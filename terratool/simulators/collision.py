@@ -12,8 +12,9 @@ import shapely
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.mesh.types import Mesh
-from terratool.simulators.prisms import Floats, Ground, Ints, Solid, cover, whole
+from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.simulators.prisms import Floats, Ground, Ints, Solid, cover
+from terratool.text.display import length
 
 Bools = NDArray[np.bool_]
 
@@ -41,6 +42,8 @@ _SEAM = 0.02
 """How far a solid may reach into another surface of the same height, in units of the terrain."""
 _SINK = 8.0
 """What a height field leaves out lies so many reliefs below, so that its sides are steep."""
+_LEAST = 0.1
+"""Solids may take no less of the error than this part."""
 _GROW = 1.5
 """By this factor the error grows where there are too many solids."""
 
@@ -86,7 +89,7 @@ class _Sharp(NamedTuple):
 
 def collision_of(
     terrain: Terrain,
-    mesh: Mesh,
+    built: BuiltMesh,
     max_error: float,
     most: int,
     say: Callable[[str], object] = lambda _: None,
@@ -95,11 +98,12 @@ def collision_of(
 
     Args:
         terrain: the terrain.
-        mesh: of it, its coordinates relative to `mesh.origin`.
-        max_error: how far they may be from the mesh, along z.
+        built: its mesh; solids may take what its error leaves.
+        max_error: how far they may be from the terrain, along z.
         most: so many.
         say: is called with words that say how far it is.
     """
+    mesh, rest_error = built.mesh, max(max_error - built.error, _LEAST * max_error)
     upright = mesh.walls
     faces = mesh.faces[~upright]
     triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~upright]
@@ -125,7 +129,7 @@ def collision_of(
             continue
         if sizes[i] < _PLAIN * coarsest**2 and (len(part) < 2 or tilted[part[0]]):
             continue
-        found = cover(ground, part, max_error, _SEAM, max(most // 2 - len(solids), 0))
+        found = cover(ground, part, rest_error, _SEAM, max(most // 2 - len(solids), 0))
         if found is None:
             continue
         solids += found
@@ -135,7 +139,7 @@ def collision_of(
         room = most // 2 - len(solids)
         if done[part].all() or len(part) > _GROUP:
             continue
-        found = cover(ground, part, max_error, _SEAM, min(1 + len(part) // _LEAN, room))
+        found = cover(ground, part, rest_error, _SEAM, min(1 + len(part) // _LEAN, room))
         if found is not None:
             solids += found
             done[part] = True
@@ -147,7 +151,7 @@ def collision_of(
         patches = _patches(terrain, mesh, extent, sharp, held, max_error, most)
         # what no cell of a height field holds
         rest = _beside(ground, patches, done, held)
-        height = max_error
+        height = rest_error
         room = most - len(solids) - len(patches)
         smooth = _components(joints.pairs[joints.smooth], len(faces))
         while True:
@@ -161,8 +165,8 @@ def collision_of(
             if more is not None:
                 return Collision(solids + more, patches, height)
             height *= _GROW
-            say(f"height {height}")
-    return Collision(solids, patches, max_error)
+            say(f"covering edges by solids within {length(height)}")
+    return Collision(solids, patches, rest_error)
 
 
 class _Joints(NamedTuple):

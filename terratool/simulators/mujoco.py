@@ -112,9 +112,7 @@ class _Solids:
         options = scene.options
         error = options.max_error
         built = scene.mesh_within(_MESH_SHARE * error)
-        found = collision_of(
-            scene.terrain, built.mesh, error - built.error, options.max_geoms, scene.say
-        )
+        found = collision_of(scene.terrain, built, error, options.max_geoms, scene.say)
         levels = built.mesh.vertices[:, 2]
         low, relief = float(levels.min()), float(np.ptp(levels))
         self._base = low - max(_BELOW, _PART * relief)
@@ -137,7 +135,7 @@ class _Solids:
         roof = found.height + built.error
         fields = max((patch.error for patch in found.patches), default=0.0)
         self.losses = [f"What collides is up to {length(max(roof, fields))} off the terrain, along z."]
-        if found.height > error:
+        if roof > 1.001 * error:
             self.losses[0] += f" To keep to {options.max_geoms} geoms, that is more than was asked."
         self.facts = {
             "collision": {**counts, "error": max(roof, fields), "max_geoms": options.max_geoms}
