@@ -61,6 +61,7 @@ class Target:
 
 TARGETS = {
     "mujoco": Target("MuJoCo", "mujoco"),
+    "pybullet": Target("PyBullet", "bullet"),
 }
 
 

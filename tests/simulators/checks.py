@@ -1,0 +1,311 @@
+"""What every simulator must do with a terrain: rays and bodies, held against the terrain itself.
+
+Each check takes heights, rests and ways from a `Simulator` and raises AssertionError where they are
+wrong. Coordinates are those of the files: the world's less `zero`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from terratool.field.terrain import Terrain
+from terratool.simulators.export import export_simulators
+from terratool.simulators.scene import SceneOptions
+from tests.conftest import terrain_of
+
+RADIUS = 0.1
+"""Of spheres."""
+
+
+class Simulator(Protocol):
+    """A terrain in a simulator."""
+
+    def ray_down(self, x: float, y: float) -> float | None:
+        """Height at which a ray from above ends; None if it passes."""
+
+    def ray(self, start: list[float], end: list[float]) -> list[float] | None:
+        """Where a ray ends between two points; None if it passes."""
+
+    def drop(self, x: float, y: float, z: float, radius: float) -> float | None:
+        """Height at which the lowest point of a sphere comes to rest, which only moves along z.
+
+        It begins slightly above `z`. None if it falls on and on.
+        """
+
+    def roll(self, start: list[float], direction: list[float], radius: float) -> list[float]:
+        """Where the middle of a sphere comes to rest which gravity pulls down and aside.
+
+        Gravity is 9.81 m/s² down and 1.5 m/s² along the horizontal `direction`; the middle begins
+        at `start`.
+        """
+
+    def slide(self, place: list[float], slope: float, seconds: float) -> float:
+        """How far a box of 0.4 × 0.4 × 0.1 slides.
+
+        It begins at rest on a slope that rises to the east by `slope` (a tangent) and holds `place`
+        under the middle of the box. Of two frictions that of the ground counts.
+        """
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A terrain in the coordinates of files."""
+
+    terrain: Terrain
+    zero: tuple[float, float, float]
+
+    def height(self, x: Any, y: Any) -> Any:
+        at = np.asarray(x) + self.zero[0], np.asarray(y) + self.zero[1]
+        return self.terrain.height(*at) - self.zero[2]
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        west, south, east, north = self.terrain.bounds
+        x, y, _ = self.zero
+        return west - x, south - y, east - x, north - y
+
+    def points(self, count: int, seed: int, margin: float = 0.0) -> np.ndarray:
+        """Random points, (count, 2), so far from the border."""
+        west, south, east, north = self.bounds
+        rng = np.random.default_rng(seed)
+        return rng.uniform(
+            (west + margin, south + margin), (east - margin, north - margin), (count, 2)
+        )
+
+
+class Wall(NamedTuple):
+    """A place at a wall: a step up along an axis."""
+
+    x: float
+    y: float
+    direction: tuple[float, float]
+    low: float
+    high: float
+
+
+def written(
+    terrain: Terrain, folder: Path, target: str, **options: Any
+) -> tuple[Path, Ground, dict[str, Any]]:
+    """Files of a terrain; it in their coordinates; their manifest."""
+    wanted = SceneOptions(**options)
+    [report] = export_simulators(terrain, folder, (target,), wanted)
+    manifest = json.loads((report.folder / "manifest.json").read_text("utf-8"))
+    return report.folder, Ground(terrain, tuple(manifest["origin"])), manifest
+
+
+def bytes_of(folder: Path) -> dict[str, bytes]:
+    """All files of a folder."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def walls_of(ground: Ground, count: int, seed: int, least: float = 0.15) -> list[Wall]:
+    """Walls across the axes with level ground 0.7 m before them, found by heights alone."""
+    west, south, east, north = ground.bounds
+    rng = np.random.default_rng(seed)
+    found: list[Wall] = []
+    for turn in range(4000):
+        if len(found) == count:
+            return found
+        along = turn % 2
+        low, high = ((west, east), (south, north))[along]
+        other = rng.uniform(*((south, north), (west, east))[along])
+        line = np.sort(rng.uniform(low, high, 400))
+
+        def heights(at: Any, aside: Any = 0.0, along: int = along, other: float = other) -> Any:
+            pair = (at, other + aside) if along == 0 else (other + aside, at)
+            return ground.height(*pair)
+
+        levels = heights(line)
+        steps = np.flatnonzero(np.abs(np.diff(levels)) > least)
+        if not len(steps):
+            continue
+        step = int(rng.choice(steps))
+        a, b = float(line[step]), float(line[step + 1])
+        za, zb = float(levels[step]), float(levels[step + 1])
+        for _ in range(60):
+            middle = 0.5 * (a + b)
+            z = float(heights(middle))
+            a, za, b, zb = (a, za, middle, z) if abs(z - za) > abs(z - zb) else (middle, z, b, zb)
+        if not abs(zb - za) > least:
+            continue  # a slope, or a void
+        sign = 1.0 if zb > za else -1.0
+        at, z = 0.5 * (a + b), min(za, zb)
+        before = at - sign * np.linspace(1e-4, 0.7, 300)
+        aside = np.linspace(-1.5 * RADIUS, 1.5 * RADIUS, 13)[:, None]
+        front = heights(before[None, :], aside)
+        behind = heights(at + sign * np.linspace(1e-4, 1e-3, 3)[None, :], aside)
+        if np.ptp(front) < 1e-4 and np.nanmin(behind) > z + least:
+            x, y = (at, other) if along == 0 else (other, at)
+            direction = (sign, 0.0) if along == 0 else (0.0, sign)
+            found.append(Wall(x, y, direction, z, max(za, zb)))
+    assert found, "no walls"
+    return found
+
+
+def check_rays(simulator: Simulator, ground: Ground, error: float, count: int = 300) -> float:
+    """Rays from above end at the ground; the worst difference, m."""
+    worst = 0.0
+    for x, y in ground.points(count, 1).tolist():
+        # what is a wall within a hair of the point may be on either side
+        around = ground.height(
+            x + 1e-3 * np.array([-1, 0, 1, 0, 0]), y + 1e-3 * np.array([0, -1, 0, 1, 0])
+        )
+        if np.isnan(around).any() or np.ptp(around) > 0.02:
+            continue
+        found = simulator.ray_down(x, y)
+        assert found is not None, f"a ray passes at {x} {y}"
+        worst = max(worst, abs(found - float(around[-1])))
+    assert worst <= error, f"rays are {worst} off"
+    return worst
+
+
+def check_walls(simulator: Simulator, ground: Ground, error: float, count: int = 25) -> float:
+    """Rays 5 mm on both sides of walls, and into them; the worst difference, m."""
+    worst = 0.0
+    for wall in walls_of(ground, count, 2):
+        (dx, dy), aside = wall.direction, 0.005
+        for sign in (-1, 1):
+            x, y = wall.x + sign * aside * dx, wall.y + sign * aside * dy
+            found = simulator.ray_down(x, y)
+            assert found is not None
+            worst = max(worst, abs(found - float(ground.height(x, y))))
+        z = wall.low + 0.3 * (wall.high - wall.low)
+        hit = simulator.ray(
+            [wall.x - 0.5 * dx, wall.y - 0.5 * dy, z], [wall.x + 0.5 * dx, wall.y + 0.5 * dy, z]
+        )
+        assert hit is not None, f"there is no wall at {wall.x} {wall.y}"
+        worst = max(worst, abs((hit[0] - wall.x) * dx + (hit[1] - wall.y) * dy))
+    assert worst <= error, f"walls are {worst} off"
+    return worst
+
+
+def rest_of(ground: Ground, x: float, y: float, radius: float) -> float:
+    """Where the lowest point of a sphere rests on the terrain, which only moves along z."""
+    away = radius * np.sin(np.linspace(0, np.pi / 2, 120))[:, None]
+    angle = np.linspace(0, 2 * np.pi, 180, endpoint=False)
+    heights = ground.height(x + away * np.cos(angle), y + away * np.sin(angle))
+    tops = heights - radius + np.sqrt(radius**2 - away**2)
+    return math.nan if np.isnan(tops).all() else float(np.nanmax(tops))
+
+
+def check_rest(
+    simulator: Simulator, ground: Ground, error: float = 0.005, count: int = 24
+) -> float:
+    """Spheres come to rest on the ground, on slopes, and on edges; the worst difference, m."""
+    worst, tried = 0.0, 0
+    for x, y in ground.points(20 * count, 3, 2 * RADIUS).tolist():
+        if np.isnan(ground.height(x, y)):
+            continue
+        rest = rest_of(ground, x, y, RADIUS)
+        # a rim of the sphere that just meets a wall tells nothing
+        if np.ptp([rest_of(ground, x, y, RADIUS + step) for step in (-1e-3, 1e-3)]) > 1e-3:
+            continue
+        found = simulator.drop(x, y, rest, RADIUS)
+        assert found is not None, f"a sphere falls through at {x} {y}"
+        worst, tried = max(worst, abs(found - rest)), tried + 1
+        if tried == count:
+            break
+    assert tried == count
+    assert worst <= error, f"spheres rest {worst} off"
+    return worst
+
+
+def check_roll(simulator: Simulator, ground: Ground, error: float = 0.01, count: int = 4) -> float:
+    """Spheres that roll to a wall stop at it; the worst difference, m."""
+    worst = 0.0
+    for wall in walls_of(ground, count, 4):
+        (dx, dy), away = wall.direction, 0.4
+        start = [wall.x - away * dx, wall.y - away * dy, wall.low + RADIUS + 0.001]
+        x, y, z = simulator.roll(start, [dx, dy], RADIUS)
+        short = (wall.x - x) * dx + (wall.y - y) * dy - RADIUS
+        worst = max(worst, abs(short), abs(z - RADIUS - wall.low))
+    assert worst <= error, f"spheres stop {worst} off"
+    return worst
+
+
+def check_void(simulator: Simulator, ground: Ground, count: int = 8) -> None:
+    """Rays and spheres pass where there is no ground."""
+    tried = 0
+    low = float(np.nanmin(ground.height(*ground.points(1000, 5).T)))
+    for x, y in ground.points(4000, 6, 2 * RADIUS).tolist():
+        angle = np.linspace(0, 2 * np.pi, 16)
+        around = ground.height(x + 1.5 * RADIUS * np.cos(angle), y + 1.5 * RADIUS * np.sin(angle))
+        if not (np.isnan(around).all() and np.isnan(ground.height(x, y))):
+            continue
+        assert simulator.ray_down(x, y) is None, f"a ray ends over the void at {x} {y}"
+        assert simulator.drop(x, y, low, RADIUS) is None, f"a sphere rests over the void at {x} {y}"
+        tried += 1
+        if tried == count:
+            break
+    assert tried == count
+
+
+FRICTION_ANGLES = {"ice": 9.0, "steel": 21.0, "gravel": 33.0}
+"""Of the surfaces of `slopes`, degrees."""
+
+
+def slopes(more: float) -> Terrain:
+    """Strips that rise to the east, each steeper by some degrees than its surface holds."""
+    count = len(FRICTION_ANGLES)
+    rows = [
+        {
+            "type": "ramp",
+            "cellX": 0,
+            "cellY": row,
+            "surface": name,
+            "vScale": 6 * math.tan(math.radians(angle + more)),
+        }
+        for row, (name, angle) in enumerate(FRICTION_ANGLES.items())
+    ]
+    return terrain_of(
+        {
+            "size": [6, 2 * count],
+            "surfTypes": {name: {"fricAngle": angle} for name, angle in FRICTION_ANGLES.items()},
+            "elemTypes": {"floor": {"x": [0]}, "ramp": {"x": [0, 1]}},
+            "elemTree": {"type": "floor", "cells": [1, count], "children": rows},
+        }
+    )
+
+
+def check_slopes(load: Callable[[Terrain], Simulator], margin: float = 2.0) -> dict[str, Any]:
+    """A box holds on slopes slightly less steep than tan φ, and slides on slightly steeper ones.
+
+    Returns:
+        how far it went in a second, by surface: where it is to hold, and to slide.
+    """
+    ways: dict[str, Any] = {}
+    for more in (-margin, margin):
+        simulator = load(slopes(more))
+        for row, (name, angle) in enumerate(FRICTION_ANGLES.items()):
+            slope = math.tan(math.radians(angle + more))
+            way = simulator.slide([3.5, 2 * row + 0.9, 3.5 * slope], slope, 1.0)
+            ways.setdefault(name, []).append(way)
+    for name, angle in FRICTION_ANGLES.items():
+        steep = math.radians(angle + margin)
+        pull = 9.81 * (math.sin(steep) - math.tan(math.radians(angle)) * math.cos(steep))
+        held, slid = ways[name]
+        assert held < 0.01, f"on {name} it slides {held} m"
+        assert 0.6 * 0.5 * pull < slid < 1.4 * 0.5 * pull, f"on {name} it slides {slid} m only"
+    return ways
+
+
+def change_objs(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Move all vertices of the OBJ files of a folder: (n, 3) to (n, 3)."""
+    for path in folder.rglob("*.obj"):
+        lines = path.read_text("utf-8").splitlines()
+        at = [number for number, line in enumerate(lines) if line.startswith("v ")]
+        points = np.array([lines[number].split()[1:] for number in at], np.float64)
+        for number, point in zip(at, change(points).tolist(), strict=True):
+            lines[number] = "v " + " ".join(map(repr, point))
+        path.write_text("\n".join(lines) + "\n", "utf-8")
