@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,8 +13,9 @@ import shapely
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
+from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
-from terratool.simulators.prisms import Floats, Ground, Ints, Solid, cover
+from terratool.simulators.prisms import VOID, Floats, Ground, Ints, Solid, cover
 from terratool.text.display import length
 
 Bools = NDArray[np.bool_]
@@ -42,6 +44,12 @@ _SEAM = 0.02
 """How far a solid may reach into another surface of the same height, in units of the terrain."""
 _SINK = 8.0
 """What a height field leaves out lies so many reliefs below, so that its sides are steep."""
+_BORDER = 1e-8
+"""What is nearer to the border of the terrain than this part of its side is on it."""
+_FEWEST = 4
+"""Beside the void, fewer rows of cells are no height field."""
+_DEEP = -1e6
+"""The height of what is no ground."""
 _LEAST = 0.1
 """Solids may take no less of the error than this part."""
 _GROW = 1.5
@@ -57,14 +65,19 @@ class HeightPatch:
         heights: (n, m) float64, rows from the south.
         used: (n - 1, m - 1) bool, the cells that it stands for.
         surfaces: (n - 1, m - 1) int32 of these, -1 for none.
-        error: how far it is from the terrain, as measured.
+        misses: (n - 1, m - 1) how far they are from the terrain, as measured.
     """
 
     bounds: tuple[float, float, float, float]
     heights: Floats
     used: Bools
     surfaces: Ints
-    error: float
+    misses: Floats
+
+    @property
+    def error(self) -> float:
+        """How far any used cell is from the terrain, as measured."""
+        return float(self.misses[self.used].max(initial=0.0))
 
 
 class Collision(NamedTuple):
@@ -108,19 +121,25 @@ def collision_of(
     faces = mesh.faces[~upright]
     triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~upright]
     joints = _joints(triangles, surfaces, faces)
-    low, high = mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)
-    extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-    sharp = np.concatenate([joints.sharp, _wall_ends(mesh), _rims(mesh, extent)])
-    ground = Ground(triangles, surfaces, sharp)
-    coarsest = float((high - low).max()) / _CELLS
+    west, south, east, north = terrain.bounds
+    extent = 0.0, 0.0, east - west, north - south
+    rims = _rims(mesh, extent)
+    sharp = np.concatenate([joints.sharp, _wall_ends(mesh), rims])
+    void = _void(terrain, mesh, rims, extent)
+    ground = Ground(
+        np.concatenate([triangles, void]),
+        np.append(surfaces, np.full(len(void), VOID, np.int32)),
+        sharp,
+    )
+    coarsest = max(extent) / _CELLS
 
     say("finding plane ground")
     planes = _parts(_components(joints.pairs[joints.plane], len(faces)))
     soft = np.zeros(len(faces), bool)
     soft[joints.pairs[joints.soft]] = True
-    area = _areas(ground.triangles)
+    area = _areas(triangles)
     sizes = np.array([area[part].sum() for part in planes])
-    tilted = ground.triangles[:, :, 2].max(axis=1) > ground.triangles[:, :, 2].min(axis=1)
+    tilted = triangles[:, :, 2].max(axis=1) > triangles[:, :, 2].min(axis=1)
     solids: list[Solid] = []
     done = np.zeros(len(faces), bool)
     for i in np.argsort(-sizes, kind="stable").tolist():
@@ -146,11 +165,11 @@ def collision_of(
     patches: list[HeightPatch] = []
     if not done.all():
         say("laying height fields")
-        held = shapely.union_all(shapely.polygons(ground.triangles[done][:, :, :2]))
+        held = shapely.union_all(shapely.polygons(triangles[done][:, :, :2]))
         held = held.buffer(1e-7, join_style="mitre")
         patches = _patches(terrain, mesh, extent, sharp, held, max_error, most)
         # what no cell of a height field holds
-        rest = _beside(ground, patches, done, held)
+        rest = _beside(triangles, patches, done, held)
         height = rest_error
         room = most - len(solids) - len(patches)
         smooth = _components(joints.pairs[joints.smooth], len(faces))
@@ -256,8 +275,37 @@ def _rims(mesh: Mesh, extent: tuple[float, float, float, float]) -> Floats:
     ends = mesh.vertices[edges[first[count == 1]]][:, :, :2]
     west, south, east, north = extent
     x, y = ends[:, :, 0], ends[:, :, 1]
-    on = (x == west).all(1) | (x == east).all(1) | (y == south).all(1) | (y == north).all(1)
+    near = _BORDER * max(east - west, north - south)
+    on = np.zeros(len(ends), bool)
+    for along, side in ((x, west), (x, east), (y, south), (y, north)):
+        on |= (np.abs(along - side) < near).all(axis=1)
     return np.asarray(ends[~on])
+
+
+def _void(
+    terrain: Terrain, mesh: Mesh, rims: Floats, extent: tuple[float, float, float, float]
+) -> Floats:
+    """Triangles far below where there is no ground, (n, 3, 3)."""
+    if not len(rims):
+        return np.empty((0, 3, 3))
+    lines = [*shapely.linestrings(rims), shapely.box(*extent).exterior]
+    found = []
+    for face in shapely.get_parts(shapely.polygonize([shapely.union_all(lines)])):
+        x, y = shapely.get_coordinates(shapely.point_on_surface(face))[0] + mesh.origin[:2]
+        if not math.isnan(terrain.height(x, y)):
+            continue
+        corners, edges = [], []
+        for ring in shapely.get_rings(face):
+            points = shapely.get_coordinates(ring)[:-1]
+            index = np.arange(len(points)) + sum(map(len, corners))
+            corners.append(points)
+            edges.append(np.column_stack([index, np.roll(index, -1)]))
+        points, triangles, _ = delaunay(
+            np.concatenate(corners), np.concatenate(edges).astype(np.int32), within=True
+        )
+        found.append(np.asarray(points, np.float64)[triangles])
+    flat = np.concatenate([*found, np.empty((0, 3, 2))])
+    return np.concatenate([flat, np.full((*flat.shape[:2], 1), _DEEP)], axis=2)
 
 
 # --- height fields -------------------------------------------------------------------------------
@@ -281,10 +329,10 @@ def _patches(
     def add(bounds: tuple[float, float, float, float]) -> None:
         nonlocal number, nodes
         patch = _patch(terrain, mesh, bounds, sharp, held)
-        if patch.used.any():
+        for part in _without_void(patch):
             number += 1
-            nodes += patch.heights.size
-            heapq.heappush(queue, (-patch.error, number, patch))
+            nodes += part.heights.size
+            heapq.heappush(queue, (-part.error, number, part))
 
     add(extent)
     while queue and -queue[0][0] > max_error:
@@ -345,8 +393,50 @@ def _patch(
     )
     used &= ~shapely.covers(held, boxes).reshape(rows, columns)
     surfaces = terrain.sample(middles[:, 0] + ox, middles[:, 1] + oy).surface.reshape(rows, columns)
-    error = float(miss[used].max(initial=0.0))
-    return HeightPatch(bounds, nodes, used, surfaces, error)
+    return HeightPatch(bounds, nodes, used, surfaces, miss)
+
+
+def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
+    """Parts of a patch that have no cell without ground, as a height field has no holes."""
+    void = np.isnan(patch.heights)
+    void = void[:-1, :-1] | void[:-1, 1:] | void[1:, :-1] | void[1:, 1:]
+    rows, columns = np.flatnonzero(void.any(axis=1)), np.flatnonzero(void.any(axis=0))
+    if not patch.used.any():
+        return
+    if not len(rows):
+        yield patch
+        return
+    n, m = void.shape
+    bottom, top, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+    around = [(0, bottom, 0, m), (top, n, 0, m), (bottom, top, 0, left), (bottom, top, right, m)]
+    for a, b, c, d in around:
+        if a < b and c < d:
+            yield from _without_void(_cropped(patch, a, b, c, d))
+    middle = _cropped(patch, bottom, top, left, right)
+    if min(middle.used.shape) < _FEWEST or void[bottom:top, left:right].all():
+        return
+    n, m = middle.used.shape
+    if n > m:
+        halves = (0, n // 2, 0, m), (n // 2, n, 0, m)
+    else:
+        halves = (0, n, 0, m // 2), (0, n, m // 2, m)
+    for half in halves:
+        yield from _without_void(_cropped(middle, *half))
+
+
+def _cropped(patch: HeightPatch, bottom: int, top: int, left: int, right: int) -> HeightPatch:
+    """The rows from `bottom` to before `top`, and columns likewise."""
+    west, south, east, north = patch.bounds
+    n, m = patch.used.shape
+    dx, dy = (east - west) / m, (north - south) / n
+    rows, columns = slice(bottom, top), slice(left, right)
+    return HeightPatch(
+        (west + left * dx, south + bottom * dy, west + right * dx, south + top * dy),
+        patch.heights[bottom : top + 1, left : right + 1],
+        patch.used[rows, columns],
+        patch.surfaces[rows, columns],
+        patch.misses[rows, columns],
+    )
 
 
 def _near(
@@ -376,7 +466,7 @@ def _near(
 
 
 def _beside(
-    ground: Ground, patches: list[HeightPatch], done: Bools, solid: shapely.Geometry
+    triangles: Floats, patches: list[HeightPatch], done: Bools, solid: shapely.Geometry
 ) -> Bools:
     """Which triangles some part of is held by no cell of a height field and by no solid."""
     rest = np.zeros(len(done), bool)
@@ -393,6 +483,6 @@ def _beside(
                                 west + (j[end] + 1) * dx, south + (i[end] + 1) * dy))
     region = shapely.union_all(np.concatenate(held))
     left = np.flatnonzero(~done)
-    inside = shapely.covers(region.buffer(1e-7, join_style="mitre"), shapely.polygons(ground.triangles[left][:, :, :2]))
+    inside = shapely.covers(region.buffer(1e-7, join_style="mitre"), shapely.polygons(triangles[left][:, :, :2]))
     rest[left[~inside]] = True
     return rest

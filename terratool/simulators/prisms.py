@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+VOID = -2
+"""In place of a surface: there is no ground."""
+
 _SLIVER = 1e-9
 """Triangles of a smaller area are nothing, in square units of the terrain."""
 _SNAP = 1e-7
@@ -77,7 +80,7 @@ class Ground:
 
     Attributes:
         triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above.
-        surfaces: (n,) int32, -1 for none.
+        surfaces: (n,) int32, -1 for none, VOID where there is no ground but far below.
         sharp: (k, 2, 2) ends of walls and creases, seen from above.
     """
 
