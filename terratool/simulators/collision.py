@@ -79,6 +79,26 @@ class HeightPatch:
         """How far any used cell is from the terrain, as measured."""
         return float(self.misses[self.used].max(initial=0.0))
 
+    @property
+    def worn(self) -> list[int]:
+        """The surfaces of used cells."""
+        worn: list[int] = np.unique(self.surfaces[self.used]).tolist()
+        return worn
+
+    def cropped(self, bottom: int, top: int, left: int, right: int) -> HeightPatch:
+        """The rows from `bottom` to before `top`, and columns likewise."""
+        west, south, east, north = self.bounds
+        n, m = self.used.shape
+        dx, dy = (east - west) / m, (north - south) / n
+        rows, columns = slice(bottom, top), slice(left, right)
+        return HeightPatch(
+            (west + left * dx, south + bottom * dy, west + right * dx, south + top * dy),
+            self.heights[bottom : top + 1, left : right + 1],
+            self.used[rows, columns],
+            self.surfaces[rows, columns],
+            self.misses[rows, columns],
+        )
+
 
 class Collision(NamedTuple):
     """What stands for the ground.
@@ -86,12 +106,27 @@ class Collision(NamedTuple):
     Attributes:
         solids: convex.
         patches: height fields.
-        height: how far a roof of a solid may be from the mesh.
+        height: how far a roof of a solid may be from the mesh, square to it.
     """
 
     solids: list[Solid]
     patches: list[HeightPatch]
     height: float
+
+    @property
+    def worst(self) -> float:
+        """How far any height field is from the terrain, along z, as measured."""
+        return max((patch.error for patch in self.patches), default=0.0)
+
+    def share_over(self, error: float) -> float:
+        """On how much of them they are by more than so much, in percent of their area."""
+        over = whole = 0.0
+        for patch in self.patches:
+            west, south, east, north = patch.bounds
+            cell = (east - west) * (north - south) / patch.used.size
+            whole += cell * np.count_nonzero(patch.used)
+            over += cell * np.count_nonzero(patch.used & (patch.misses > error))
+        return 100.0 * over / whole
 
 
 class _Sharp(NamedTuple):
@@ -171,21 +206,26 @@ def collision_of(
         # what no cell of a height field holds
         rest = _beside(triangles, patches, done, held)
         height = rest_error
-        room = most - len(solids) - len(patches)
+        room = most - len(solids) - sum(len(patch.worn) for patch in patches)
         smooth = _components(joints.pairs[joints.smooth], len(faces))
-        while True:
-            more: list[Solid] | None = []
-            for part in _parts(np.where(rest, smooth, -1)):
-                found = cover(ground, part, height, _SEAM, room - len(more))
-                if found is None:
-                    more = None
-                    break
-                more += found
-            if more is not None:
-                return Collision(solids + more, patches, height)
+        while (more := _edges(ground, np.where(rest, smooth, -1), height, room)) is None:
             height *= _GROW
             say(f"covering edges by solids within {length(height)}")
+        return Collision(solids + more, patches, height)
     return Collision(solids, patches, rest_error)
+
+
+def _edges(
+    ground: Ground, labels: NDArray[np.int64], height: float, most: int
+) -> list[Solid] | None:
+    """Solids for the triangles of each label that is not negative; None if there are more."""
+    found: list[Solid] = []
+    for part in _parts(labels):
+        more = cover(ground, part, height, _SEAM, most - len(found))
+        if more is None:
+            return None
+        found += more
+    return found
 
 
 class _Joints(NamedTuple):
@@ -294,10 +334,11 @@ def _void(
         x, y = shapely.get_coordinates(shapely.point_on_surface(face))[0] + mesh.origin[:2]
         if not math.isnan(terrain.height(x, y)):
             continue
-        corners, edges = [], []
+        corners: list[Floats] = []
+        edges: list[NDArray[np.int64]] = []
         for ring in shapely.get_rings(face):
             points = shapely.get_coordinates(ring)[:-1]
-            index = np.arange(len(points)) + sum(map(len, corners))
+            index = np.arange(len(points)) + sum(len(one) for one in corners)
             corners.append(points)
             edges.append(np.column_stack([index, np.roll(index, -1)]))
         points, triangles, _ = delaunay(
@@ -342,7 +383,12 @@ def _patches(
         nodes -= worst.heights.size
         west, south, east, north = worst.bounds
         x, y = 0.5 * (west + east), 0.5 * (south + north)
-        for part in ((west, south, x, y), (x, south, east, y), (west, y, x, north), (x, y, east, north)):
+        for part in (
+            (west, south, x, y),
+            (x, south, east, y),
+            (west, y, x, north),
+            (x, y, east, north),
+        ):
             add(part)
     return [patch for _, _, patch in sorted(queue, key=lambda one: one[1])]
 
@@ -388,8 +434,10 @@ def _patch(
         np.meshgrid(x[k // 2 :: k][:columns], y[k // 2 :: k][:rows]), axis=-1
     ).reshape(-1, 2)
     boxes = shapely.box(
-        middles[:, 0] - 0.5 * cell[0], middles[:, 1] - 0.5 * cell[1],
-        middles[:, 0] + 0.5 * cell[0], middles[:, 1] + 0.5 * cell[1],
+        middles[:, 0] - 0.5 * cell[0],
+        middles[:, 1] - 0.5 * cell[1],
+        middles[:, 0] + 0.5 * cell[0],
+        middles[:, 1] + 0.5 * cell[1],
     )
     used &= ~shapely.covers(held, boxes).reshape(rows, columns)
     surfaces = terrain.sample(middles[:, 0] + ox, middles[:, 1] + oy).surface.reshape(rows, columns)
@@ -411,8 +459,8 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
     around = [(0, bottom, 0, m), (top, n, 0, m), (bottom, top, 0, left), (bottom, top, right, m)]
     for a, b, c, d in around:
         if a < b and c < d:
-            yield from _without_void(_cropped(patch, a, b, c, d))
-    middle = _cropped(patch, bottom, top, left, right)
+            yield from _without_void(patch.cropped(a, b, c, d))
+    middle = patch.cropped(bottom, top, left, right)
     if min(middle.used.shape) < _FEWEST or void[bottom:top, left:right].all():
         return
     n, m = middle.used.shape
@@ -421,26 +469,14 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
     else:
         halves = (0, n, 0, m // 2), (0, n, m // 2, m)
     for half in halves:
-        yield from _without_void(_cropped(middle, *half))
-
-
-def _cropped(patch: HeightPatch, bottom: int, top: int, left: int, right: int) -> HeightPatch:
-    """The rows from `bottom` to before `top`, and columns likewise."""
-    west, south, east, north = patch.bounds
-    n, m = patch.used.shape
-    dx, dy = (east - west) / m, (north - south) / n
-    rows, columns = slice(bottom, top), slice(left, right)
-    return HeightPatch(
-        (west + left * dx, south + bottom * dy, west + right * dx, south + top * dy),
-        patch.heights[bottom : top + 1, left : right + 1],
-        patch.used[rows, columns],
-        patch.surfaces[rows, columns],
-        patch.misses[rows, columns],
-    )
+        yield from _without_void(middle.cropped(*half))
 
 
 def _near(
-    sharp: Floats, bounds: tuple[float, float, float, float], rows: int, columns: int,
+    sharp: Floats,
+    bounds: tuple[float, float, float, float],
+    rows: int,
+    columns: int,
     cell: tuple[float, float],
 ) -> Bools:
     """(rows, columns) whether a cell is near to what a height field cannot follow."""
@@ -448,7 +484,8 @@ def _near(
     west, south, east, north = bounds
     low, high = sharp.min(axis=1), sharp.max(axis=1)
     margin = _MARGIN * np.array(cell)
-    here = ((low < [east, north] + margin) & (high > [west, south] - margin)).all(axis=1)
+    far, near = np.array([east, north]) + margin, np.array([west, south]) - margin
+    here = ((low < far) & (high > near)).all(axis=1)
     ends = sharp[here]
     steps = np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (0.25 * min(cell)))
     steps = np.maximum(steps.astype(np.int64), 1) + 1
@@ -479,10 +516,18 @@ def _beside(
         # runs of cells along x
         begin = np.flatnonzero(np.append(True, (np.diff(i) != 0) | (np.diff(j) != 1)))
         end = np.append(begin[1:], len(i)) - 1
-        held.append(shapely.box(west + j[begin] * dx, south + i[begin] * dy,
-                                west + (j[end] + 1) * dx, south + (i[end] + 1) * dy))
+        held.append(
+            shapely.box(
+                west + j[begin] * dx,
+                south + i[begin] * dy,
+                west + (j[end] + 1) * dx,
+                south + (i[end] + 1) * dy,
+            )
+        )
     region = shapely.union_all(np.concatenate(held))
     left = np.flatnonzero(~done)
-    inside = shapely.covers(region.buffer(1e-7, join_style="mitre"), shapely.polygons(triangles[left][:, :, :2]))
+    inside = shapely.covers(
+        region.buffer(1e-7, join_style="mitre"), shapely.polygons(triangles[left][:, :, :2])
+    )
     rest[left[~inside]] = True
     return rest

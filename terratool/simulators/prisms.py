@@ -93,7 +93,6 @@ class Ground:
         """The triangles seen from above, by place."""
         return shapely.STRtree(shapely.polygons(self.triangles[:, :, :2]))
 
-
     @cached_property
     def sharp_tree(self) -> shapely.STRtree:
         """Walls and creases, by place."""
@@ -272,7 +271,7 @@ def _holds(piece: Floats, points: Floats) -> NDArray[np.bool_]:
         edge = b - a
         away = points[:, None] - a
         inside &= edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0] >= 0.0
-    return inside.any(axis=1)
+    return np.asarray(inside.any(axis=1))
 
 
 def _flatness(piece: Floats, along: Floats) -> float:
@@ -335,7 +334,10 @@ def _across(piece: Floats) -> tuple[Floats, float]:
 def _gap(along: Floats) -> tuple[float, float]:
     """How wide the widest gap between triangles is, by their extents along a line; and where."""
     order = np.argsort(along.min(axis=1), kind="stable")
-    ends, begins = np.maximum.accumulate(along.max(axis=1)[order])[:-1], along.min(axis=1)[order][1:]
+    ends, begins = (
+        np.maximum.accumulate(along.max(axis=1)[order])[:-1],
+        along.min(axis=1)[order][1:],
+    )
     if not len(ends):
         return 0.0, 0.0
     widest = int(np.argmax(begins - ends))
@@ -468,5 +470,8 @@ def rectangle(solid: Solid) -> Rectangle | None:
     half = 0.5 * float(lengths[first]), 0.5 * float(lengths[(first + 1) % 4])
     turn = math.atan2(y, x)
     return Rectangle(
-        (middle[0], middle[1]), half, turn if abs(turn) * max(half) > 1e-7 else 0.0, float(top[0, 2])
+        (middle[0], middle[1]),
+        half,
+        turn if abs(turn) * max(half) > 1e-7 else 0.0,
+        float(top[0, 2]),
     )

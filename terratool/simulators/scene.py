@@ -77,7 +77,8 @@ class SceneOptions:
         """
         if not (math.isfinite(self.max_error) and self.max_error > 0.0):
             raise RequestError(
-                f"The largest error is {self.max_error:g}.", "Give a height above 0 with --max-error."
+                f"The largest error is {self.max_error:g}.",
+                "Give a height above 0 with --max-error.",
             )
         if not (math.isfinite(self.friction) and self.friction >= 0.0):
             raise RequestError(
@@ -205,7 +206,7 @@ class Scene:
     def _materials(self) -> Iterator[Material]:
         terrain, assumed = self.terrain, self.options.friction
         types = terrain.surface_types
-        none, *frictions = frictions_of(terrain, math.nan).tolist()
+        _, *frictions = frictions_of(terrain, math.nan).tolist()
         words = plain_names([*types, NO_NAME], ascii_word, "surface")
         for (name, surface), word, friction in zip(types.items(), words, frictions, strict=False):
             known = math.isfinite(friction)
@@ -218,7 +219,9 @@ class Scene:
                 _derivation(surface) if known else "assumed, as there is no fricAngle",
                 None if reflectivity is UNSET else float(reflectivity),
             )
-        yield Material(NO_NAME, words[-1], NO_COLOR, assumed, "assumed, as there is no surface", None)
+        yield Material(
+            NO_NAME, words[-1], NO_COLOR, assumed, "assumed, as there is no surface", None
+        )
 
     def material(self, surface: int) -> Material:
         """That of a surface by its index; of -1 that of ground without one."""
@@ -236,7 +239,8 @@ def _derivation(surface: Any) -> str:
     """Where the friction of a surface comes from."""
     own = surface.fric_angle
     if isinstance(own, tuple):
-        return f"tan of {0.5 * (own[0] + own[1]):g}°, the middle of fricAngle {own[0]:g}° to {own[1]:g}°"
+        ends = f"fricAngle {own[0]:g}° to {own[1]:g}°"
+        return f"tan of {0.5 * (own[0] + own[1]):g}°, the middle of {ends}"
     if own is not UNSET:
         return f"tan of fricAngle {own:g}°"
     preset = preset_of(surface)

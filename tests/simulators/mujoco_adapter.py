@@ -40,8 +40,8 @@ class MuJoCo:
         self._mujoco = mujoco
         self.model: Any = scene.compile()
         self.data: Any = mujoco.MjData(self.model)
-        # what collides is not seen, by rays either
-        assert not self.model.geom_rgba[self.model.geom_group == 3, 3].any()
+        self.hidden = not self.model.geom_rgba[self.model.geom_group == 3, 3].any()
+        """Whether what collides is not seen, by rays either; here it is, from now on."""
         self.model.geom_rgba[:, 3] = 1
         self._groups = np.zeros(6, np.uint8)
         self._groups[group] = 1
