@@ -65,6 +65,7 @@ TARGETS = {
     "mujoco": Target("MuJoCo", "mujoco"),
     "gazebo": Target("Gazebo", "gazebo"),
     "pybullet": Target("PyBullet", "bullet"),
+    "usd": Target("USD physics", "usd", needs=("pxr", "usd-core", "usd")),
 }
 
 
