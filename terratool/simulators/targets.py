@@ -66,6 +66,7 @@ TARGETS = {
     "gazebo": Target("Gazebo", "gazebo"),
     "pybullet": Target("PyBullet", "bullet"),
     "usd": Target("USD physics", "usd", needs=("pxr", "usd-core", "usd")),
+    "chrono": Target("Project Chrono", "chrono"),
 }
 
 
