@@ -56,7 +56,7 @@ baseline: $(VENV)/.installed-test  ## Run the tests of the kernels as built for 
 lint: $(VENV)/.installed-dev  ## Check style, types and the direction of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/clang-format --dry-run -Werror $(filter kernels/%,$(KERNELS)) tests/rows.cpp
+	$(BIN)/clang-format --dry-run -Werror $(filter kernels/%,$(KERNELS)) tests/rows.cpp tests/simulators/drop.cpp
 	$(BIN)/python kernels/python/stubs.py --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports

@@ -168,6 +168,7 @@ def _manifest(
 ) -> dict[str, Any]:
     west, south, east, north = scene.terrain.bounds
     x, y, _ = scene.zero
+    meshed = target.meshed and written.meshed
     return {
         "format_version": 1,
         "generator": f"terratool {__version__}",
@@ -186,10 +187,10 @@ def _manifest(
                 "color": list(one.color),
                 "sonar_reflectivity": one.reflectivity,
             }
-            for one in scene.used(target.meshed)
+            for one in scene.used(meshed)
         },
         "losses": list(_losses(scene, target, written)),
-        **({"mesh": msgspec.to_builtins(scene.loss, enc_hook=plain)} if target.meshed else {}),
+        **({"mesh": msgspec.to_builtins(scene.loss, enc_hook=plain)} if meshed else {}),
         **written.facts,
     }
 
@@ -203,10 +204,11 @@ def _source(path: Path) -> dict[str, str]:
 
 def _losses(scene: Scene, target: Target, written: Written) -> Iterator[str]:
     """What the files of a target lose, in sentences."""
-    if target.meshed:
+    meshed = target.meshed and written.meshed
+    if meshed:
         yield from scene.loss.sentences()
     yield from written.losses
-    used = scene.used(target.meshed)
+    used = scene.used(meshed)
     assumed = [one.name for one in used if one.derivation.startswith("assumed")]
     if assumed:
         names = ", ".join(assumed)
@@ -222,7 +224,7 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
     zero = " ".join(f"{number:.12g}" for number in scene.zero)
     lines += [f"Zero is at {zero} of the world; x points east, y north, z up, in metres.", ""]
     lines += ["| surface | friction | from |", "|---|---|---|"]
-    for one in scene.used(target.meshed):
+    for one in scene.used(target.meshed and written.meshed):
         lines.append(f"| {one.name} | {one.friction:.4g} | {one.derivation} |".replace("\n", " "))
     lines += ["", *_losses(scene, target, written), ""]
     return "\n".join(lines)

@@ -24,6 +24,7 @@ class Written:
         notes: what else one has to know, each a paragraph.
         losses: what the files cannot hold, or hold only roughly, each a sentence.
         facts: figures for programs, ready for JSON.
+        meshed: False where the files hold no mesh though those of the target do.
     """
 
     summary: str
@@ -32,6 +33,7 @@ class Written:
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
+    meshed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,10 @@ class Target:
 
 TARGETS = {
     "mujoco": Target("MuJoCo", "mujoco"),
+    "gazebo": Target("Gazebo", "gazebo"),
     "pybullet": Target("PyBullet", "bullet"),
+    "usd": Target("USD physics", "usd", needs=("pxr", "usd-core", "usd")),
+    "chrono": Target("Project Chrono", "chrono"),
 }
 
 

@@ -199,24 +199,30 @@ def rest_of(ground: Ground, x: float, y: float, radius: float) -> float:
     return math.nan if np.isnan(tops).all() else float(np.nanmax(tops))
 
 
+def rests_of(ground: Ground, count: int) -> list[tuple[float, float, float]]:
+    """Random places, and where the lowest point of a sphere of `RADIUS` rests there."""
+    found: list[tuple[float, float, float]] = []
+    for x, y in ground.points(20 * count, 3, 2 * RADIUS).tolist():
+        if np.isnan(ground.height(x, y)):
+            continue
+        # a rim of the sphere that just meets a wall tells nothing
+        if np.ptp([rest_of(ground, x, y, RADIUS + step) for step in (-1e-3, 1e-3)]) < 1e-3:
+            found.append((x, y, rest_of(ground, x, y, RADIUS)))
+        if len(found) == count:
+            break
+    assert len(found) == count
+    return found
+
+
 def check_rest(
     simulator: Simulator, ground: Ground, error: float = 0.005, count: int = 24
 ) -> float:
     """Spheres come to rest on the ground, on slopes, and on edges; the worst difference, m."""
-    worst, tried = 0.0, 0
-    for x, y in ground.points(20 * count, 3, 2 * RADIUS).tolist():
-        if np.isnan(ground.height(x, y)):
-            continue
-        rest = rest_of(ground, x, y, RADIUS)
-        # a rim of the sphere that just meets a wall tells nothing
-        if np.ptp([rest_of(ground, x, y, RADIUS + step) for step in (-1e-3, 1e-3)]) > 1e-3:
-            continue
+    worst = 0.0
+    for x, y, rest in rests_of(ground, count):
         found = simulator.drop(x, y, rest, RADIUS)
         assert found is not None, f"a sphere falls through at {x} {y}"
-        worst, tried = max(worst, abs(found - rest)), tried + 1
-        if tried == count:
-            break
-    assert tried == count
+        worst = max(worst, abs(found - rest))
     assert worst <= error, f"spheres rest {worst} off"
     return worst
 

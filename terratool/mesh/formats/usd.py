@@ -19,11 +19,14 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.types import Mesh
 
 
-def write_usd(mesh: Mesh, path: Path, descr: str) -> None:
+def write_usd(
+    mesh: Mesh, path: Path, descr: str, place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> None:
     """Write a .usda or .usdc: a Mesh and a Material per surface, z up, in metres and kilograms.
 
     Prims are named after the surfaces, in letters, digits and `_` of ASCII; their display names are
-    the true ones. The origin stands in the layer's custom data.
+    the true ones. The origin stands in the layer's custom data; `place` is where it lies in the
+    stage.
 
     Bodies collide with the triangles of each Mesh as they are. A surface whose friction is known
     has it as static and dynamic friction, without restitution, in its Material, which is bound for
@@ -38,7 +41,10 @@ def write_usd(mesh: Mesh, path: Path, descr: str) -> None:
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
-    root = UsdGeom.Xform.Define(stage, "/Terrain").GetPrim()
+    terrain = UsdGeom.Xform.Define(stage, "/Terrain")
+    if any(place):
+        terrain.AddTranslateOp().Set(Gf.Vec3d(*place))
+    root = terrain.GetPrim()
     stage.SetDefaultPrim(root)
     layer = stage.GetRootLayer()
     layer.customLayerData = {"terratool": {"origin": Gf.Vec3d(*mesh.origin.tolist())}}

@@ -1,0 +1,206 @@
+"""Gazebo: a model of one static link, and a world with it; or a picture of heights."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from terratool.simulators.heightmap import HeightMap, write_heightmap
+from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
+from terratool.simulators.pieces import write_pieces
+from terratool.simulators.scene import Material, Scene
+from terratool.simulators.targets import Written
+from terratool.text.display import counted, length
+
+_VERSION = "1.7"
+"""Of SDFormat: what Ignition Citadel and all after it read."""
+_PICTURE = "heights.png"
+_STEP = 0.001
+
+
+def write(scene: Scene, folder: Path) -> Written:
+    """Write a model, a world, and an OBJ for each surface or a picture of heights."""
+    model = ET.Element("model", name=scene.name)
+    if scene.terrain.descr:
+        comment(model, scene.terrain.descr)
+    child(model, "static", "true")
+    link = child(model, "link", name="terrain")
+    if scene.options.heightmap:
+        written = _heightmap(scene, link, folder)
+    else:
+        written = _meshes(scene, link, folder)
+    root = ET.Element("sdf", version=_VERSION)
+    root.append(model)
+    write_xml(root, folder / "model.sdf")
+    write_xml(_config(scene), folder / "model.config")
+    write_xml(_world(scene, model), folder / "world.sdf")
+    return written
+
+
+_LOAD = ("gz sim world.sdf   # Fortress and before: ign gazebo world.sdf",)
+_NOTES = (
+    "`world.sdf` opens as it is: a sun, gravity, and the terrain. Into a world of yours the terrain"
+    " comes by `<include><uri>model://gazebo</uri></include>`, `gazebo` being the name of this"
+    " folder; say where it lies: `export GZ_SIM_RESOURCE_PATH=$(dirname $PWD)`"
+    " (`IGN_GAZEBO_RESOURCE_PATH` for Fortress and before).",
+)
+_RETRO = (
+    "`laser_retro` is the `sonarRefl` of the surface, 0 to 1, where it has one: what part of a"
+    " sound comes back. For light it is a stand-in.",
+)
+_UNREAD = (
+    "Gazebo Sim with DART, its default, takes the friction of {} for 1, whatever the file says, and"
+    " of two bodies the lower friction counts: give wheels that of the ground. Gazebo Classic reads"
+    " what the file says."
+)
+
+
+def _meshes(scene: Scene, link: ET.Element, folder: Path) -> Written:
+    """A collision and a visual for each surface, of one file with normals."""
+    pieces = write_pieces(scene, folder)
+    for one, file in pieces:
+        comment(link, f"surface {one.name}: friction {one.friction:.4g}, {one.derivation}")
+        for kind in ("collision", "visual"):
+            shape = child(link, kind, name=f"{one.word}_{kind}")
+            child(shape, "pose", f"{numbers(scene.offset)} 0 0 0")
+            child(child(child(shape, "geometry"), "mesh"), "uri", file)
+            _look(shape, one) if kind == "visual" else _touch(shape, one)
+    faces = len(scene.mesh.faces)
+    return Written(
+        summary=f"a mesh for each of {counted(len(pieces), 'surface')} is seen and collides, of"
+        f" {counted(faces, 'face')} together",
+        language="sh",
+        load=_LOAD,
+        notes=(
+            *_NOTES,
+            "Each surface has a file of its own, which is seen and collides: Gazebo Sim takes the"
+            " whole of a file for a collision, whatever `<submesh>` says.",
+            *_RETRO,
+        ),
+        losses=(_UNREAD.format("meshes"),),
+        facts={"faces": faces},
+    )
+
+
+def _look(shape: ET.Element, one: Material) -> None:
+    material = child(shape, "material")
+    color = rgba(one.color)
+    child(material, "ambient", color)
+    child(material, "diffuse", color)
+    child(material, "specular", "0 0 0 1")
+
+
+def _touch(shape: ET.Element, one: Material) -> None:
+    if one.reflectivity is not None:
+        child(shape, "laser_retro", f"{one.reflectivity:.6g}")
+    friction, value = child(child(shape, "surface"), "friction"), f"{one.friction:.6g}"
+    ode = child(friction, "ode")
+    child(ode, "mu", value)
+    child(ode, "mu2", value)
+    bullet = child(friction, "bullet")
+    child(bullet, "friction", value)
+    child(bullet, "friction2", value)
+    torsional = child(friction, "torsional")
+    child(torsional, "coefficient", value)
+
+
+def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
+    """A picture of heights that is seen and collides."""
+    found = write_heightmap(scene.terrain, folder / _PICTURE)
+    west, south, east, north = scene.terrain.bounds
+    size = east - west, north - south, found.range
+    x, y, _ = scene.offset
+    middle = x + 0.5 * size[0], y + 0.5 * size[1], found.low - scene.zero[2]
+    one = scene.material(found.surface)
+    for kind in ("collision", "visual"):
+        shape = child(link, kind, name=f"heights_{kind}")
+        # physics of Gazebo Sim reads the pose alone, its pictures <pos> alone
+        collides = kind == "collision"
+        if collides:
+            child(shape, "pose", f"{numbers(middle)} 0 0 0")
+        heightmap = child(child(shape, "geometry"), "heightmap")
+        child(heightmap, "uri", _PICTURE)
+        child(heightmap, "size", numbers(size))
+        child(heightmap, "pos", numbers((0.0, 0.0, 0.0) if collides else middle))
+        _touch(shape, one) if collides else _look(shape, one)
+    return Written(
+        summary=f"a picture of {found.side} × {found.side} heights",
+        language="sh",
+        load=_LOAD,
+        notes=(
+            *_NOTES,
+            "The place of the picture is in the `<pose>` of the collision and in the `<pos>` of the"
+            " visual, as Gazebo Sim reads them; Gazebo Classic wants both in `<pos>`.",
+            *_RETRO,
+        ),
+        losses=tuple(_picture_losses(scene, found, one, size)),
+        facts={
+            "heightmap": {
+                "side": found.side,
+                "size": list(size),
+                "step": found.range / 255,
+                "rms_error": found.rms,
+                "max_error": found.worst,
+                "void": found.void,
+            }
+        },
+        meshed=False,
+    )
+
+
+def _picture_losses(
+    scene: Scene, found: HeightMap, one: Material, size: tuple[float, float, float]
+) -> list[str]:
+    step = found.range / 255
+    lines = [
+        f"Heights are in steps of {length(step)}, from 8 bits, at every"
+        f" {length(size[0] / (found.side - 1))} × {length(size[1] / (found.side - 1))}; walls"
+        " become slopes.",
+        f"At {found.points:,} random points they are {length(found.rms)} off (root mean square),"
+        f" and {length(found.worst)} at most.",
+    ]
+    if found.void:
+        lines.append(
+            f"The void, {100 * found.void:.2g} % of the area, is ground at {length(found.low)}."
+        )
+    if len(scene.used(False)) > 1:
+        lines.append(
+            f"All of it has the friction and colour of {one.name}, which covers most of it."
+        )
+    off = 0.5 * max(size[:2]) / found.side
+    lines.append(
+        f"DART takes a side for {found.side} spaces, not {found.side - 1}: towards the border its"
+        f" heights lie up to {length(off)} too near to the middle."
+    )
+    lines.append(_UNREAD.format("height maps"))
+    return lines
+
+
+def _config(scene: Scene) -> ET.Element:
+    root = ET.Element("model")
+    child(root, "name", scene.name)
+    child(root, "version", "1.0")
+    child(root, "sdf", "model.sdf", version=_VERSION)
+    child(root, "description", " ".join((scene.terrain.descr or scene.name).split()))
+    return root
+
+
+def _world(scene: Scene, model: ET.Element) -> ET.Element:
+    """A world with the model in it, so that no path has to be set for it."""
+    root = ET.Element("sdf", version=_VERSION)
+    world = child(root, "world", name=scene.name)
+    physics = child(world, "physics", name="steps", type="ode")
+    child(physics, "max_step_size", _STEP)
+    child(physics, "real_time_factor", 1)
+    child(world, "gravity", "0 0 -9.81")
+    look = child(world, "scene")
+    child(look, "ambient", "0.4 0.4 0.4 1")
+    child(look, "background", "0.7 0.8 0.9 1")
+    sun = child(world, "light", name="sun", type="directional")
+    child(sun, "cast_shadows", "true")
+    child(sun, "pose", "0 0 100 0 0 0")
+    child(sun, "diffuse", "0.8 0.8 0.8 1")
+    child(sun, "specular", "0.2 0.2 0.2 1")
+    child(sun, "direction", "-0.5 0.3 -0.9")
+    world.append(model)
+    return root

@@ -1,0 +1,104 @@
+"""A picture of heights as Gazebo reads it: square, of 8 bits, north up."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
+from terratool.traversability.report.drawing import png
+
+_SIDES = 129, 257, 513, 1025
+"""Heights a side: one more than a power of 2, as Gazebo wants it."""
+_FINE = 0.1
+"""The fewest are taken that lie no farther apart, in units of the terrain."""
+_POINTS = 20_000
+"""At so many random points the picture is held against the terrain."""
+_SEED = 8
+
+
+class HeightMap(NamedTuple):
+    """A picture of heights, and what it loses.
+
+    Attributes:
+        side: pixels a side.
+        low: height of black.
+        range: how much higher white is, above 0.
+        surface: index of that which covers most of the ground; -1 for none.
+        points: at so many random points with ground it was held against the terrain:
+        rms: root of the mean square difference,
+        worst: the largest one.
+        void: share of the area without ground.
+    """
+
+    side: int
+    low: float
+    range: float
+    surface: int
+    points: int
+    rms: float
+    worst: float
+    void: float
+
+
+def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
+    """Write heights as a square PNG of 8 bits: black is the lowest, 255 the highest one.
+
+    Pixels are heights at points that are spaced evenly from border to border, the first row in the
+    north. What has no ground is black.
+
+    Raises:
+        RequestError: there is no ground.
+    """
+    west, south, east, north = terrain.bounds
+    longer = max(east - west, north - south)
+    side = next((n for n in _SIDES if longer / (n - 1) <= _FINE), _SIDES[-1])
+    x = np.linspace(west, east, side)
+    y = np.linspace(north, south, side)
+    heights = np.stack([terrain.height(x, np.full(side, row)) for row in y])
+    if np.isnan(heights).all():
+        raise RequestError(
+            "There is no ground to be written: all of it is void.",
+            "Ask terratool info what the terrain is.",
+        )
+    low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
+    # a level picture has a range, too, or it could not be scaled
+    extent = high - low if high > low else 1.0
+    pixels = np.rint(np.where(np.isnan(heights), 0.0, (heights - low) / extent) * 255)
+    path.write_bytes(png(pixels.astype(np.uint8)[:, :, None]))
+    return _compared(terrain, low + pixels / 255 * extent, low, extent)
+
+
+def _compared(
+    terrain: Terrain, heights: NDArray[np.float64], low: float, extent: float
+) -> HeightMap:
+    """The record of a picture with some heights, (side, side), from north to south."""
+    west, south, east, north = terrain.bounds
+    side = len(heights)
+    rng = np.random.default_rng(_SEED)
+    u, v = rng.random((2, _POINTS))
+    sample = terrain.sample(west + u * (east - west), north - v * (north - south))
+    column, row = u * (side - 1), v * (side - 1)
+    i, j = row.astype(int), column.astype(int)
+    s, t = row - i, column - j
+    above = (1 - t) * heights[i, j] + t * heights[i, j + 1]
+    below = (1 - t) * heights[i + 1, j] + t * heights[i + 1, j + 1]
+    ground = ~np.isnan(sample.height)
+    off = ((1 - s) * above + s * below - sample.height)[ground]
+    surfaces = sample.surface[ground]
+    counts = np.bincount(surfaces + 1)
+    return HeightMap(
+        side=side,
+        low=low,
+        range=extent,
+        surface=int(np.argmax(counts)) - 1 if len(counts) else -1,
+        points=int(ground.sum()),
+        rms=math.sqrt(float((off**2).mean())) if len(off) else 0.0,
+        worst=float(np.abs(off).max(initial=0.0)),
+        void=1.0 - float(ground.mean()),
+    )

@@ -1,0 +1,216 @@
+"""Gazebo's own libraries find the terrain: its checker of SDF, and its physics with DART."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.errors import NotGeoreferencedWarning
+
+import terratool
+from terratool.field.terrain import Terrain
+from tests.conftest import terrain_of
+from tests.meshes import HILL, SITE
+from tests.simulators import checks
+from tests.simulators.checks import RADIUS, Ground, bytes_of, written
+
+PACKAGES = (
+    *(f"ignition-physics5{part}" for part in ("", "-sdf", "-mesh", "-heightmap")),
+    *("ignition-plugin1-loader", "ignition-common4-graphics", "ignition-math6-eigen3"),
+    "sdformat12",
+)
+Drop = Callable[[Path, list[str]], list[float]]
+
+
+@pytest.fixture(scope="module")
+def drop(tmp_path_factory: pytest.TempPathFactory) -> Drop:
+    """Let bodies move in a world for half a second; where they rest, or how far they slid."""
+    plugins = list(Path("/usr/lib").glob("*/ign-physics-5/engine-plugins/*physics-dartsim*.so"))
+    found = shutil.which("pkg-config") and shutil.which("c++") and plugins
+    flags = ["--cflags", "--libs", *PACKAGES]
+    asked = (
+        subprocess.run(["pkg-config", *flags], capture_output=True, text=True) if found else None
+    )
+    if asked is None or asked.returncode:
+        pytest.skip("ign-physics is not installed")
+    program = tmp_path_factory.mktemp("drop") / "drop"
+    source = Path(__file__).with_name("drop.cpp")
+    define = f'-DPLUGIN="{plugins[0]}"'
+    options = ["-std=c++17", "-w", define, "-o", program, source, *asked.stdout.split()]
+    subprocess.run(["c++", *options], check=True)
+
+    def run(folder: Path, bodies: list[str]) -> list[float]:
+        world = folder / "world.sdf"
+        ran = subprocess.run(
+            [program, world, "0.5"], input="\n".join(bodies), capture_output=True, text=True
+        )
+        assert ran.returncode == 0, ran.stderr
+        lines = [line.split() for line in ran.stdout.splitlines()]
+        values = [float(line[1]) for line in lines if line[:1] in (["rest"], ["slid"])]
+        assert len(values) == len(bodies)
+        return values
+
+    return run
+
+
+def worst_rest(drop: Drop, folder: Path, ground: Ground) -> float:
+    """How far from where it should, at most, a sphere rests."""
+    places = checks.rests_of(ground, 24)
+    found = drop(folder, [f"drop {x} {y} {z} {RADIUS}" for x, y, z in places])
+    return float(np.abs(np.array(found) - np.array(places)[:, 2]).max())
+
+
+def check_sdf(path: Path) -> None:
+    """Valid for Gazebo's own checker."""
+    if shutil.which("ign") is None:
+        pytest.skip("ign (ignition-tools) is not installed")
+    ran = subprocess.run(["ign", "sdf", "--check", path], capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout.strip()) == (0, "Valid."), ran.stdout + ran.stderr
+
+
+@pytest.mark.parametrize("heightmap", [False, True])
+def test_sdf_is_valid(heightmap: bool, tmp_path: Path) -> None:
+    folder, _, _ = written(terrain_of(SITE), tmp_path / "out", "gazebo", heightmap=heightmap)
+    for name in ("model.sdf", "world.sdf"):
+        check_sdf(folder / name)
+    config = ET.parse(folder / "model.config").getroot()
+    assert config.findtext("sdf") == "model.sdf"
+    files = {uri.text for uri in ET.parse(folder / "world.sdf").iter("uri")}
+    assert files <= set(bytes_of(folder))
+
+
+def sample(name: str) -> Terrain:
+    return terrain_of(SITE) if name == "site" else terratool.load(f"samples/{name}.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "origin"),
+    [("warehouse", "center"), ("stairs-and-kerbs", (3.0, -2.0, 0.5)), ("site", "local")],
+)
+def test_spheres_rest_on_the_ground(name: str, origin: Any, drop: Drop, tmp_path: Path) -> None:
+    """Within 5 mm, at random places, wherever zero is."""
+    folder, ground, _ = written(sample(name), tmp_path / "out", "gazebo", origin=origin)
+    assert worst_rest(drop, folder, ground) < 0.005
+
+
+@pytest.mark.parametrize("spoil", ["mirrored", "transposed", "pose"])
+def test_a_wrong_model_is_found(spoil: str, drop: Drop, tmp_path: Path) -> None:
+    folder, ground, _ = written(sample("warehouse"), tmp_path / "out", "gazebo", origin="center")
+    west, _, east, _ = ground.bounds
+    if spoil == "mirrored":
+        checks.change_objs(folder, lambda at: at * (-1, 1, 1) + (east - west, 0, 0))
+    elif spoil == "transposed":
+        checks.change_objs(folder, lambda at: at[:, [1, 0, 2]])
+    else:
+        world = folder / "world.sdf"
+        world.write_text(world.read_text().replace("<pose>-30 -23 0", "<pose>-23 -30 0"))
+    assert worst_rest(drop, folder, ground) > 0.005
+
+
+def test_friction_is_in_the_file_and_dart_does_not_read_it(drop: Drop, tmp_path: Path) -> None:
+    """As the README says: a box holds where tan φ is too little, as DART takes 1."""
+    terrain = checks.slopes(5.0)
+    folder, _, manifest = written(terrain, tmp_path / "out", "gazebo")
+    link = ET.parse(folder / "model.sdf").getroot().find("model/link")
+    assert link is not None
+    found = {}
+    for one in link.findall("collision"):
+        ode = [one.findtext(f"surface/friction/ode/{key}") for key in ("mu", "mu2")]
+        found[one.get("name")] = [float(value) for value in ode if value]
+    assert found == {
+        f"{name}_collision": [pytest.approx(math.tan(math.radians(angle)), rel=1e-5)] * 2
+        for name, angle in checks.FRICTION_ANGLES.items()
+    }
+    assert any("takes the friction of meshes for 1" in line for line in manifest["losses"])
+    bodies = []
+    for row, angle in enumerate(checks.FRICTION_ANGLES.values()):
+        slope = math.tan(math.radians(angle + 5.0))
+        bodies.append(f"slide 3.5 {2 * row + 0.9} {3.5 * slope} {slope}")
+    assert max(drop(folder, bodies)) < 0.01
+
+
+def test_a_file_for_each_surface(tmp_path: Path) -> None:
+    """With normals, the colour in its visual, and the reflectivity where it is known."""
+    surfaces = {**SITE["surfTypes"], "grass": {"sonarRefl": 0.25, "color": [0, 51, 255]}}
+    terrain = terrain_of({**SITE, "surfTypes": surfaces})
+    folder, _, _ = written(terrain, tmp_path / "out", "gazebo", origin="world")
+    link = ET.parse(folder / "world.sdf").getroot().find("world/model/link")
+    assert link is not None
+    shapes = {shape.get("name"): shape for shape in link}
+    assert list(shapes) == ["rock_collision", "rock_visual", "grass_collision", "grass_visual"]
+    for name, shape in shapes.items():
+        file = shape.findtext("geometry/mesh/uri")
+        assert file == f"{str(name).split('_')[0]}.obj"
+        lines = (folder / file).read_text().splitlines()
+        assert sum(line.startswith("vn ") for line in lines) > 0
+        assert len({line for line in lines if line.startswith("g ")}) == 1
+        assert shape.findtext("pose") == "500000 4649776 0 0 0 0"
+    assert shapes["grass_visual"].findtext("material/diffuse") == "0 0.2 1 1"
+    assert shapes["grass_collision"].findtext("laser_retro") == "0.25"
+    assert shapes["rock_collision"].find("laser_retro") is None
+
+
+def test_heightmap_is_square_and_full(tmp_path: Path) -> None:
+    """Of 2ⁿ + 1 pixels, from 0 to 255, north up, as large and high as the terrain."""
+    terrain = terrain_of(HILL)
+    folder, ground, manifest = written(terrain, tmp_path / "o", "gazebo", heightmap=True)
+    with pytest.warns(NotGeoreferencedWarning), rasterio.open(folder / "heights.png") as file:
+        pixels = file.read(1)
+    assert (pixels.shape, pixels.dtype) == ((129, 129), np.uint8)
+    assert (pixels.min(), pixels.max()) == (0, 255)
+    link = ET.parse(folder / "model.sdf").getroot().find("model/link")
+    assert link is not None
+    wide, tall, high = map(float, str(link.findtext("visual/geometry/heightmap/size")).split())
+    x, y, low = map(float, str(link.findtext("visual/geometry/heightmap/pos")).split())
+    assert str(link.findtext("collision/pose")).split()[:3] == [f"{v:g}" for v in (x, y, low)]
+    assert (wide, tall, x, y) == (12, 8, 6, 4)
+    # marks that a flip, a turn or a shift would miss
+    for column, row in ((0, 128), (128, 0), (40, 110), (100, 20)):
+        at = x - wide / 2 + wide * column / 128, y + tall / 2 - tall * row / 128
+        found = low + high * pixels[row, column] / 255
+        assert found == pytest.approx(float(ground.height(*at)), abs=high / 500)
+    assert "mesh" not in manifest
+    assert manifest["heightmap"]["max_error"] < high / 255
+
+
+def test_heightmap_in_dart(drop: Drop, tmp_path: Path) -> None:
+    """Rests agree within what the README says of steps and of DART's spacing."""
+    folder, ground, manifest = written(
+        terrain_of(HILL), tmp_path / "o", "gazebo", heightmap=True, origin="center"
+    )
+    aside, steepest = 0.5 * 12 / 129, 1.2
+    limit = manifest["heightmap"]["max_error"] + steepest * aside
+    assert worst_rest(drop, folder, ground) < limit
+    flipped = Ground(
+        terrain_of({**HILL, "elemTree": {**HILL["elemTree"], "turnDeg": 180}}), ground.zero
+    )
+    assert worst_rest(drop, folder, flipped) > 2 * limit
+
+
+def test_heightmap_says_what_is_lost(tmp_path: Path) -> None:
+    """The void and the walls, in figures."""
+    _, _, manifest = written(terrain_of(SITE), tmp_path / "o", "gazebo", heightmap=True)
+    figures = manifest["heightmap"]
+    assert figures["void"] == pytest.approx(1 / 24, rel=0.1)
+    assert figures["max_error"] > 1  # at the sides of a box that is 5 m high
+    text = " ".join(manifest["losses"])
+    assert "walls become slopes" in text
+    assert "friction and colour of rock" in text
+
+
+def test_the_same_bytes(tmp_path: Path) -> None:
+    for heightmap in (False, True):
+        found = []
+        for run in range(2):
+            place = tmp_path / f"{heightmap}{run}"
+            folder, _, _ = written(terrain_of(SITE), place, "gazebo", heightmap=heightmap)
+            found.append(bytes_of(folder))
+        assert found[0] == found[1]
