@@ -61,6 +61,8 @@ class Target:
 
 TARGETS = {
     "mujoco": Target("MuJoCo", "mujoco"),
+    "nav2": Target("Nav2", "nav2", meshed=False),
+    "grid-map": Target("grid_map", "grid_map", ("rosbags", "rosbags", "ros"), meshed=False),
 }
 
 
