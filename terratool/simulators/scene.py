@@ -53,7 +53,7 @@ class SceneOptions:
         max_geoms: MuJoCo: at most so many solids and height fields collide.
         flex: MuJoCo: the exact mesh collides as one rigid flex, in place of them.
         heightmap: Gazebo: a picture of heights in place of the mesh.
-        vehicle: Nav2: the file of the vehicle whose verdict decides.
+        vehicle: Nav2 and grid_map: the file of the vehicle whose verdict decides.
         max_slope: Nav2: degrees that can be driven, without a vehicle …
         max_step: … and the step.
         resolution: Nav2 and grid_map: the side of a cell.

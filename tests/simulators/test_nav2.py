@@ -34,6 +34,7 @@ WEST, SOUTH = 10.25, -3.5
 TYPES = {
     "flat": {"x": [1]},
     "ramp": {"x": [0, 1], "y": [1]},
+    "ramp north": {"x": [1], "y": [0, 1]},
     "disc": {"x": [1], "combine": "radial"},
     "ground": {"x": [0, 0]},
 }
@@ -200,8 +201,9 @@ def test_thin_walls_have_no_gaps(turn: float, x: float, y: float) -> None:
 def test_free_cells_hold_no_wall(side: float) -> None:
     """Where 17 × 17 points of a cell differ by more than a step it is occupied, but for slivers."""
     terrain = terrain_of(
-        at(2.7, 2.1, 1.0, 0.6, 0.3, turnDeg=23), at(5.0, 1.0, 1.0, 0.7, 0.2, turnDeg=-41),
+        at(2.7, 2.1, 1.0, 0.6, 0.3, turnDeg=23), at(5.0, 1.0, 1.0, 0.7, 0.101, turnDeg=-41),
         at(1.0, 3.1, 0.5, 0.5, -0.15, type="disc"), at(4.6, 3.2, 0.7, 0.3, 0.0, surface="hole"),
+        at(1.1, 1.2, 1.1, 0.7, -0.101, turnDeg=67), at(2.9, 3.4, 0.8, 0.5, -0.101, turnDeg=8),
     )  # fmt: skip
     cells, points = cells_of(terrain, side), 17
     part = (np.arange(points) + 0.5) / points
@@ -210,15 +212,14 @@ def test_free_cells_hold_no_wall(side: float) -> None:
     z = z.reshape(cells.shape[0], points, cells.shape[1], points).swapaxes(1, 2)
     z = z.reshape(*cells.shape, -1)
     low, high = np.fmin.reduce(z, axis=-1), np.fmax.reduce(z, axis=-1)
-    less = np.minimum(
-        (z < low[..., None] + 0.1).mean(axis=-1), (z > high[..., None] - 0.1).mean(-1)
-    )
-    wall = (high - low > 0.1) & (less > 1 / 12)
-    assert wall.sum() > 50
-    assert (cells[wall] == OCCUPIED).all()
-    hole = np.isnan(z).mean(axis=-1) > 1 / 12
+    below, above = z < low[..., None] + 0.05, z > high[..., None] - 0.05
+    sliver = np.minimum(below.mean(axis=-1), above.mean(axis=-1)) < 0.02
+    wall = high - low > 0.1
+    assert wall.sum() > 80
+    assert (cells[wall & ~sliver] == OCCUPIED).all()
+    hole = np.isnan(z).any(axis=-1)
     assert hole.sum() > 5 and (cells[hole] != FREE).all()
-    calm = (high - low == 0.0) & ~np.isnan(z).any(axis=-1)
+    calm = (high - low == 0.0) & ~hole
     assert (cells[calm] != UNKNOWN).all()
 
 
@@ -230,21 +231,25 @@ def test_the_highest_step(height: float, cell: int) -> None:
 
 @pytest.mark.parametrize(("degrees", "cell"), [(19.99, FREE), (20.01, OCCUPIED)])
 def test_the_steepest_slope(degrees: float, cell: int) -> None:
-    """A slope up to the limit is free, in the direction in which it is steepest."""
-    ramp = at(3.0, 2.0, 2.0, 1.0, 2.0 * math.tan(math.radians(degrees)), type="ramp")
-    inner = cells_of(terrain_of(ramp), 0.05)[32:48, 42:78]
-    assert (inner == cell).all()
+    """A slope up to the limit is free, whichever way it goes."""
+    rise = 2.0 * math.tan(math.radians(degrees))
+    east = cells_of(terrain_of(at(3.0, 2.0, 2.0, 1.0, rise, type="ramp")), 0.05)
+    assert (east[32:48, 42:78] == cell).all()
+    north = cells_of(terrain_of(at(3.0, 2.0, 1.0, 2.0, rise, type="ramp north")), 0.05)
+    assert (north[22:58, 52:68] == cell).all()
 
 
-def test_a_narrow_steep_face_is_a_slope() -> None:
-    """A face between places that are looked at is seen by how much they differ."""
-    face = {"x": [[0, 0], [0.505, 0], [0.515, 1], [1, 1]]}
+@pytest.mark.parametrize(("begin", "height"), [(0.505, 0.08), (0.52, 0.006)])
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_narrow_steep_face_is_a_slope(begin: float, height: float, axis: str) -> None:
+    """Between places that are looked at it is seen by how much they differ, at one by its slope."""
+    face = {axis: [[0, 0], [begin, 0], [begin + 0.01, 1], [1, 1]], "yx"["xy".index(axis)]: [1]}
     text = {
-        "size": [1, 0.4], "elemTypes": {"face": face},
-        "elemTree": {"type": "face", "vScale": 0.08},
+        "size": [1, 1], "elemTypes": {"face": face}, "elemTree": {"type": "face", "vScale": height},
     }  # fmt: skip
     cells = cells_of(compiled(text), 0.05)
-    assert (cells[:, 10] == OCCUPIED).all() and (np.delete(cells, 10, axis=1) == FREE).all()
+    across = cells if axis == "x" else cells.T
+    assert (across[:, 10] == OCCUPIED).all() and (np.delete(across, 10, axis=1) == FREE).all()
 
 
 def test_what_reaches_over_the_edge_is_unknown() -> None:
