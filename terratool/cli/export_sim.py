@@ -66,7 +66,9 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
 )
 @click.option("--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex.")
 @click.option("--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls.")
-@click.option("--vehicle", metavar="V.json", help="nav2: The vehicle whose verdict decides.")
+@click.option(
+    "--vehicle", metavar="V.json", help="nav2, grid-map: The vehicle whose verdict decides."
+)
 @click.option(
     "--max-slope",
     type=float,
@@ -87,7 +89,8 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
     "--resolution",
     type=float,
     metavar="R",
-    help="nav2, grid-map: The side of a cell.  [default: 0.05, but 4,096 cells a side at most]",
+    help="nav2, grid-map: The side of a cell.  [default: 0.05, but 4,096 cells a side at most, of "
+    "grid-map 1,024]",
 )
 @roughness_option
 @library_root_option

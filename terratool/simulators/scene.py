@@ -30,6 +30,7 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.raster.grid import refuse_resolution
 from terratool.text.display import counted, length
 
 DEFAULT_ERROR = 0.002
@@ -52,7 +53,7 @@ class SceneOptions:
         max_geoms: MuJoCo: at most so many solids and height fields collide.
         flex: MuJoCo: the exact mesh collides as one rigid flex, in place of them.
         heightmap: Gazebo: a picture of heights in place of the mesh.
-        vehicle: Nav2: the file of the vehicle whose verdict decides.
+        vehicle: Nav2 and grid_map: the file of the vehicle whose verdict decides.
         max_slope: Nav2: degrees that can be driven, without a vehicle …
         max_step: … and the step.
         resolution: Nav2 and grid_map: the side of a cell.
@@ -89,6 +90,16 @@ class SceneOptions:
                 f"The origin is {' '.join(f'{x:g}' for x in self.origin)}.",
                 "Give three finite numbers.",
             )
+        if not 0.0 < self.max_slope < 90.0:
+            raise RequestError(
+                f"The steepest slope is {self.max_slope:g}°.", "Give degrees between 0 and 90."
+            )
+        if not (math.isfinite(self.max_step) and self.max_step >= 0.0):
+            raise RequestError(
+                f"The highest step is {self.max_step:g}.", "Give a height from 0 on."
+            )
+        if self.resolution is not None:
+            refuse_resolution(self.resolution)
         if self.max_geoms < 1:
             raise RequestError(f"At most {self.max_geoms} geoms are allowed.", "Allow 1 or more.")
 
