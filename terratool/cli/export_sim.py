@@ -66,7 +66,9 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
 )
 @click.option("--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex.")
 @click.option("--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls.")
-@click.option("--vehicle", metavar="V.json", help="nav2, grid-map: The vehicle whose verdict decides.")
+@click.option(
+    "--vehicle", metavar="V.json", help="nav2, grid-map: The vehicle whose verdict decides."
+)
 @click.option(
     "--max-slope", type=float, default=20.0, show_default=True, metavar="DEG",
     help="nav2: The steepest slope, without a --vehicle.",
