@@ -174,7 +174,7 @@ def mesh(folder: Path, ending: str, *more: object) -> Path:
 def as_obj(folder: Path) -> Any:
     path = mesh(folder, "obj")
     both = [path.read_text(), path.with_suffix(".mtl").read_text()]
-    assert set(of_lines(both[0])) == {"mtllib", "v", "g", "usemtl", "f"}
+    assert set(of_lines(both[0])) == {"mtllib", "v", "vn", "g", "usemtl", "f"}
     return [*map(of_lines, both), len(trimesh.load(path, force="mesh").faces)]
 
 
@@ -487,7 +487,7 @@ def test_files_that_are_written(named: tuple[Path, str]) -> None:
         assert done.code == 0 or (done.code in (2, 3) and not (folder / out).exists())
         if ending == "obj" and done.code == 0:
             text = (folder / out).read_text()
-            assert set(of_lines(text)) == {"mtllib", "v", "g", "usemtl", "f"}
+            assert set(of_lines(text)) == {"mtllib", "v", "vn", "g", "usemtl", "f"}
             (materials,) = re.findall("^mtllib (.*)$", text, re.MULTILINE)
             assert (folder / materials).exists()
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from terratool.traversability.vehicle import Vehicle, load_vehicle
 DEFAULT_SIDE = 0.05
 """The side of a cell if none is said, in units of the terrain: what maps of Nav2 mostly have."""
 MOST_CELLS = 1 << 28
-"""What is kept of so many takes about 2 GB."""
+"""So many take up to 2 GB."""
 
 
 def cell_grid(terrain: Terrain, resolution: float | None, most: int) -> Grid:
@@ -93,20 +94,30 @@ def drivable(classes: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return np.asarray((classes == GroundClass.GO) | (classes == GroundClass.CAUTION))
 
 
-def classes_told(path: Path, classes: NDArray[np.uint8]) -> dict[str, Any]:
-    """Which vehicle judged, and how, for a manifest."""
-    counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()
-    return {
-        "vehicle": {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()},
-        "classes": {one.label: count for one, count in zip(GroundClass, counts, strict=True)},
-    }
+@dataclass(frozen=True, slots=True)
+class Judge:
+    """A vehicle whose verdict decides, and what a manifest says of its file."""
 
+    vehicle: Vehicle
+    file: Mapping[str, str]
 
-def judging(path: Path | None) -> Vehicle | None:
-    """The vehicle of a file; None for none.
+    @classmethod
+    def of(cls, path: Path | None) -> Judge | None:
+        """The vehicle of a file; None for none.
 
-    Raises:
-        ReadError: it cannot be read.
-        DefinitionError: it has errors.
-    """
-    return None if path is None else load_vehicle(path)
+        Raises:
+            ReadError: it cannot be read.
+            DefinitionError: it has errors.
+        """
+        if path is None:
+            return None
+        vehicle, file = load_vehicle(path), {"file": path.name}
+        if path.is_file():  # and not standard input
+            file["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
+        return cls(vehicle, file)
+
+    def facts(self, classes: NDArray[np.uint8]) -> dict[str, Any]:
+        """Who judged, and how many cells are what, for a manifest."""
+        counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()
+        labels = [one.label for one in GroundClass]
+        return {"vehicle": dict(self.file), "classes": dict(zip(labels, counts, strict=True))}

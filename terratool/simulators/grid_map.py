@@ -20,7 +20,7 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import TILE, prefetch, processors
-from terratool.simulators.cells import cell_grid, classes_told, ground_classes, judging
+from terratool.simulators.cells import Judge, cell_grid, ground_classes
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
 from terratool.text.display import counted, length
@@ -83,17 +83,16 @@ def write(scene: Scene, folder: Path) -> Written:
         DefinitionError: it has errors.
     """
     options, terrain = scene.options, scene.terrain
-    vehicle = judging(options.vehicle)
+    judge = Judge.of(options.vehicle)
     grid = cell_grid(terrain, options.resolution, MOST)
-    _refuse_large(grid, len(_NAMES) + (vehicle is not None))
+    _refuse_large(grid, len(_NAMES) + (judge is not None))
     scene.say("sampling cells")
     layers, loss = _sampled(scene, grid)
     by, more = dict[str, Any](), ""
-    if vehicle is not None:
-        assert options.vehicle is not None
-        classes = ground_classes(terrain, vehicle, grid, scene.say)
+    if judge is not None:
+        classes = ground_classes(terrain, judge.vehicle, grid, scene.say)
         layers["traversability"] = _traversability(classes)
-        by, more = classes_told(options.vehicle, classes), _TRAVERSABILITY.format(vehicle.name)
+        by, more = judge.facts(classes), _TRAVERSABILITY.format(judge.vehicle.name)
     x, y, _ = scene.zero
     west, south, east, north = grid.bounds
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y
@@ -117,13 +116,11 @@ def write(scene: Scene, folder: Path) -> Written:
                 "size": [grid.width, grid.height],
                 "position": list(middle),
                 "layers": list(layers),
-                "surface_indices": {
-                    name: index for index, name in enumerate(terrain.surfaces)
-                },
+                "surface_indices": {name: index for index, name in enumerate(terrain.surfaces)},
                 **by,
             }
         },
-    )  # fmt: skip
+    )
 
 
 def _refuse_large(grid: Grid, layers: int) -> None:

@@ -16,13 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.simulators.cells import (
-    cell_grid,
-    classes_told,
-    drivable,
-    ground_classes,
-    judging,
-)
+from terratool.simulators.cells import Judge, cell_grid, drivable, ground_classes
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
@@ -65,21 +59,19 @@ def write(scene: Scene, folder: Path) -> Written:
         DefinitionError: it has errors.
     """
     options, terrain = scene.options, scene.terrain
-    vehicle = judging(options.vehicle)
+    judge = Judge.of(options.vehicle)
     grid = cell_grid(terrain, options.resolution, MOST)
-    if vehicle is None:
+    if judge is None:
         scene.say("looking for slopes and walls")
         cells = occupancy(terrain, grid, Limits.of(options.max_slope, options.max_step))
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
-        judge = f"slopes of {options.max_slope:g}° and steps of {length(options.max_step)}"
+        limits = f"slopes of {options.max_slope:g}° and steps of {length(options.max_step)}"
         notes, losses = _LIMITS_NOTE, _limits_losses(grid.resolution)
     else:
-        classes = ground_classes(terrain, vehicle, grid, scene.say)
+        classes = ground_classes(terrain, judge.vehicle, grid, scene.say)
         cells = np.where(drivable(classes), np.int8(FREE), np.int8(OCCUPIED))
         cells[classes == GroundClass.UNKNOWN] = UNKNOWN
-        assert options.vehicle is not None
-        by = classes_told(options.vehicle, classes)
-        judge = vehicle.name
+        by, limits = judge.facts(classes), judge.vehicle.name
         notes, losses = _VEHICLE_NOTE, (_VEHICLE_LOSS,)
     _write_pgm(folder / "map.pgm", cells)
     x, y, _ = scene.zero
@@ -88,7 +80,7 @@ def write(scene: Scene, folder: Path) -> Written:
     shares = {name: float((cells == value).mean()) for value, name in _NAMES.items()}
     said = ", ".join(f"{100 * share:.1f} % {name}" for name, share in shares.items())
     return Written(
-        summary=f"{grid.width} × {grid.height} cells of {length(grid.resolution)} for {judge}: "
+        summary=f"{grid.width} × {grid.height} cells of {length(grid.resolution)} for {limits}: "
         f"{said}",
         load=(
             "ros2 run nav2_map_server map_server --ros-args -p yaml_filename:=map.yaml",

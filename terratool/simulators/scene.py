@@ -242,8 +242,9 @@ class Scene:
         """Those of the faces of the mesh; or, without a mesh, of all elements."""
         if meshed:
             return [self.material(part.surface) for part in self.parts]
-        counts = self.terrain.count_by_surface()
-        return [one for one in self.materials if counts.get(one.name)]
+        counts, types = self.terrain.count_by_surface(), self.terrain.surface_types
+        worn = [name for name, count in counts.items() if count and types[name].void is not True]
+        return [one for one in self.materials if one.name in worn]
 
 
 def _derivation(surface: Any) -> str:

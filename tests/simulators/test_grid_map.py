@@ -173,11 +173,12 @@ def test_a_vehicle_has_a_layer(tmp_path: Path) -> None:
 
 
 def test_losses_are_measured(tmp_path: Path) -> None:
-    """The statement of export-dem: the box's wall of 4 m is in it."""
+    """The statement of export-dem: the box and its wall of 3 m are in it."""
     _, manifest = exported(tmp_path)
     assert manifest["losses"][0] == "A cell has what is at its middle, not a mean."
     assert "of wall became ramps" in manifest["losses"][1]
     assert "(3 m in one pixel)" in manifest["losses"][1]
+    assert list(manifest["surfaces"]) == ["sand", "slab"]  # a hole has no friction to be assumed
 
 
 def test_the_same_bytes(tmp_path: Path) -> None:

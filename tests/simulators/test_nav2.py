@@ -26,7 +26,7 @@ from terratool.simulators.export import export_simulators
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
 from terratool.simulators.scene import SceneOptions
 from terratool.text.source import Source
-from tests.commands import ROOT, run
+from tests.commands import ROOT, call, run
 
 HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
 WEST, SOUTH = 10.25, -3.5
@@ -318,3 +318,18 @@ def test_refused(tmp_path: Path, options: dict[str, Any], says: str) -> None:
 def test_a_vehicle_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="there"):
         exported(terrain_of(), tmp_path, vehicle=tmp_path / "there.json")
+
+
+def test_the_command(tmp_path: Path) -> None:
+    """It says the shares; what makes no sense is refused before anything is written."""
+    file = tmp_path / "yard.json"
+    file.write_text(json.dumps(text_of(*YARD)))
+    words = ["export-sim", file, tmp_path / "o", "--target", "nav2"]
+    refused = call(*words, "--max-step", "-1")
+    assert (refused.code, "highest step is -1" in refused.err) == (2, True)
+    missing = call(*words, "--vehicle", tmp_path / "none.json")
+    assert (missing.code, "none.json" in missing.err) == (3, True)
+    assert not list(tmp_path.glob("o/*"))
+    done = call(*words, "--max-slope", "50", "--max-step", "0.6")
+    assert done.code == 0 and "0.0 % occupied, 1.0 % unknown" in done.out  # 10 × 10 of 120 × 80
+    assert (read(tmp_path / "o" / "nav2").cells != OCCUPIED).all()
