@@ -66,18 +66,31 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
 )
 @click.option("--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex.")
 @click.option("--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls.")
-@click.option("--vehicle", metavar="V.json", help="nav2: The vehicle whose verdict decides.")
 @click.option(
-    "--max-slope", type=float, default=20.0, show_default=True, metavar="DEG",
+    "--vehicle", metavar="V.json", help="nav2, grid-map: The vehicle whose verdict decides."
+)
+@click.option(
+    "--max-slope",
+    type=float,
+    default=20.0,
+    show_default=True,
+    metavar="DEG",
     help="nav2: The steepest slope, without a --vehicle.",
 )
 @click.option(
-    "--max-step", type=float, default=0.1, show_default=True, metavar="H",
+    "--max-step",
+    type=float,
+    default=0.1,
+    show_default=True,
+    metavar="H",
     help="nav2: The highest step, without a --vehicle.",
 )
 @click.option(
-    "--resolution", type=float, metavar="R",
-    help="nav2, grid-map: The side of a cell.  [default: 0.05, but 4,096 cells a side at most]",
+    "--resolution",
+    type=float,
+    metavar="R",
+    help="nav2, grid-map: The side of a cell.  [default: 0.05, but 4,096 cells a side at most, of "
+    "grid-map 1,024]",
 )
 @roughness_option
 @library_root_option

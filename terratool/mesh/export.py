@@ -271,6 +271,7 @@ def export_mesh(
 
 
 def loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: float) -> MeshLoss:
+    """What a mesh shows of a terrain, and what it loses, where an error was wanted."""
     built = fit.built
     left = omitted_elements(terrain, built, fit.error, options.bounds, fit.least)
     return MeshLoss(

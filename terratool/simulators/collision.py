@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,8 +13,10 @@ import shapely
 from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
-from terratool.mesh.types import Mesh
-from terratool.simulators.prisms import Floats, Ground, Ints, Solid, cover, whole
+from terratool.mesh.triangulate import delaunay
+from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.simulators.prisms import VOID, Floats, Ground, Ints, Solid, cover
+from terratool.text.display import length
 
 Bools = NDArray[np.bool_]
 
@@ -41,6 +44,14 @@ _SEAM = 0.02
 """How far a solid may reach into another surface of the same height, in units of the terrain."""
 _SINK = 8.0
 """What a height field leaves out lies so many reliefs below, so that its sides are steep."""
+_BORDER = 1e-8
+"""What is nearer to the border of the terrain than this part of its side is on it."""
+_FEWEST = 4
+"""Beside the void, fewer rows of cells are no height field."""
+_DEEP = -1e6
+"""The height of what is no ground."""
+_LEAST = 0.1
+"""Solids may take no less of the error than this part."""
 _GROW = 1.5
 """By this factor the error grows where there are too many solids."""
 
@@ -54,14 +65,39 @@ class HeightPatch:
         heights: (n, m) float64, rows from the south.
         used: (n - 1, m - 1) bool, the cells that it stands for.
         surfaces: (n - 1, m - 1) int32 of these, -1 for none.
-        error: how far it is from the terrain, as measured.
+        misses: (n - 1, m - 1) how far they are from the terrain, as measured.
     """
 
     bounds: tuple[float, float, float, float]
     heights: Floats
     used: Bools
     surfaces: Ints
-    error: float
+    misses: Floats
+
+    @property
+    def error(self) -> float:
+        """How far any used cell is from the terrain, as measured."""
+        return float(self.misses[self.used].max(initial=0.0))
+
+    @property
+    def worn(self) -> list[int]:
+        """The surfaces of used cells."""
+        worn: list[int] = np.unique(self.surfaces[self.used]).tolist()
+        return worn
+
+    def cropped(self, bottom: int, top: int, left: int, right: int) -> HeightPatch:
+        """The rows from `bottom` to before `top`, and columns likewise."""
+        west, south, east, north = self.bounds
+        n, m = self.used.shape
+        dx, dy = (east - west) / m, (north - south) / n
+        rows, columns = slice(bottom, top), slice(left, right)
+        return HeightPatch(
+            (west + left * dx, south + bottom * dy, west + right * dx, south + top * dy),
+            self.heights[bottom : top + 1, left : right + 1],
+            self.used[rows, columns],
+            self.surfaces[rows, columns],
+            self.misses[rows, columns],
+        )
 
 
 class Collision(NamedTuple):
@@ -70,12 +106,27 @@ class Collision(NamedTuple):
     Attributes:
         solids: convex.
         patches: height fields.
-        height: how far a roof of a solid may be from the mesh.
+        height: how far a roof of a solid may be from the mesh, square to it.
     """
 
     solids: list[Solid]
     patches: list[HeightPatch]
     height: float
+
+    @property
+    def worst(self) -> float:
+        """How far any height field is from the terrain, along z, as measured."""
+        return max((patch.error for patch in self.patches), default=0.0)
+
+    def share_over(self, error: float) -> float:
+        """On how much of them they are by more than so much, in percent of their area."""
+        over = whole = 0.0
+        for patch in self.patches:
+            west, south, east, north = patch.bounds
+            cell = (east - west) * (north - south) / patch.used.size
+            whole += cell * np.count_nonzero(patch.used)
+            over += cell * np.count_nonzero(patch.used & (patch.misses > error))
+        return 100.0 * over / whole
 
 
 class _Sharp(NamedTuple):
@@ -86,7 +137,7 @@ class _Sharp(NamedTuple):
 
 def collision_of(
     terrain: Terrain,
-    mesh: Mesh,
+    built: BuiltMesh,
     max_error: float,
     most: int,
     say: Callable[[str], object] = lambda _: None,
@@ -95,28 +146,35 @@ def collision_of(
 
     Args:
         terrain: the terrain.
-        mesh: of it, its coordinates relative to `mesh.origin`.
-        max_error: how far they may be from the mesh, along z.
+        built: its mesh; solids may take what its error leaves.
+        max_error: how far they may be from the terrain, along z.
         most: so many.
         say: is called with words that say how far it is.
     """
+    mesh, rest_error = built.mesh, max(max_error - built.error, _LEAST * max_error)
     upright = mesh.walls
     faces = mesh.faces[~upright]
     triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~upright]
     joints = _joints(triangles, surfaces, faces)
-    low, high = mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)
-    extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-    sharp = np.concatenate([joints.sharp, _wall_ends(mesh), _rims(mesh, extent)])
-    ground = Ground(triangles, surfaces, sharp)
-    coarsest = float((high - low).max()) / _CELLS
+    west, south, east, north = terrain.bounds
+    extent = 0.0, 0.0, east - west, north - south
+    rims = _rims(mesh, extent)
+    sharp = np.concatenate([joints.sharp, _wall_ends(mesh), rims])
+    void = _void(terrain, mesh, rims, extent)
+    ground = Ground(
+        np.concatenate([triangles, void]),
+        np.append(surfaces, np.full(len(void), VOID, np.int32)),
+        sharp,
+    )
+    coarsest = max(extent) / _CELLS
 
     say("finding plane ground")
     planes = _parts(_components(joints.pairs[joints.plane], len(faces)))
     soft = np.zeros(len(faces), bool)
     soft[joints.pairs[joints.soft]] = True
-    area = _areas(ground.triangles)
+    area = _areas(triangles)
     sizes = np.array([area[part].sum() for part in planes])
-    tilted = ground.triangles[:, :, 2].max(axis=1) > ground.triangles[:, :, 2].min(axis=1)
+    tilted = triangles[:, :, 2].max(axis=1) > triangles[:, :, 2].min(axis=1)
     solids: list[Solid] = []
     done = np.zeros(len(faces), bool)
     for i in np.argsort(-sizes, kind="stable").tolist():
@@ -125,7 +183,7 @@ def collision_of(
             continue
         if sizes[i] < _PLAIN * coarsest**2 and (len(part) < 2 or tilted[part[0]]):
             continue
-        found = cover(ground, part, max_error, _SEAM, max(most // 2 - len(solids), 0))
+        found = cover(ground, part, rest_error, _SEAM, max(most // 2 - len(solids), 0))
         if found is None:
             continue
         solids += found
@@ -135,34 +193,39 @@ def collision_of(
         room = most // 2 - len(solids)
         if done[part].all() or len(part) > _GROUP:
             continue
-        found = cover(ground, part, max_error, _SEAM, min(1 + len(part) // _LEAN, room))
+        found = cover(ground, part, rest_error, _SEAM, min(1 + len(part) // _LEAN, room))
         if found is not None:
             solids += found
             done[part] = True
     patches: list[HeightPatch] = []
     if not done.all():
         say("laying height fields")
-        held = shapely.union_all(shapely.polygons(ground.triangles[done][:, :, :2]))
+        held = shapely.union_all(shapely.polygons(triangles[done][:, :, :2]))
         held = held.buffer(1e-7, join_style="mitre")
         patches = _patches(terrain, mesh, extent, sharp, held, max_error, most)
         # what no cell of a height field holds
-        rest = _beside(ground, patches, done, held)
-        height = max_error
-        room = most - len(solids) - len(patches)
+        rest = _beside(triangles, patches, done, held)
+        height = rest_error
+        room = most - len(solids) - sum(len(patch.worn) for patch in patches)
         smooth = _components(joints.pairs[joints.smooth], len(faces))
-        while True:
-            more: list[Solid] | None = []
-            for part in _parts(np.where(rest, smooth, -1)):
-                found = cover(ground, part, height, _SEAM, room - len(more))
-                if found is None:
-                    more = None
-                    break
-                more += found
-            if more is not None:
-                return Collision(solids + more, patches, height)
+        while (more := _edges(ground, np.where(rest, smooth, -1), height, room)) is None:
             height *= _GROW
-            say(f"height {height}")
-    return Collision(solids, patches, max_error)
+            say(f"covering edges by solids within {length(height)}")
+        return Collision(solids + more, patches, height)
+    return Collision(solids, patches, rest_error)
+
+
+def _edges(
+    ground: Ground, labels: NDArray[np.int64], height: float, most: int
+) -> list[Solid] | None:
+    """Solids for the triangles of each label that is not negative; None if there are more."""
+    found: list[Solid] = []
+    for part in _parts(labels):
+        more = cover(ground, part, height, _SEAM, most - len(found))
+        if more is None:
+            return None
+        found += more
+    return found
 
 
 class _Joints(NamedTuple):
@@ -252,8 +315,38 @@ def _rims(mesh: Mesh, extent: tuple[float, float, float, float]) -> Floats:
     ends = mesh.vertices[edges[first[count == 1]]][:, :, :2]
     west, south, east, north = extent
     x, y = ends[:, :, 0], ends[:, :, 1]
-    on = (x == west).all(1) | (x == east).all(1) | (y == south).all(1) | (y == north).all(1)
+    near = _BORDER * max(east - west, north - south)
+    on = np.zeros(len(ends), bool)
+    for along, side in ((x, west), (x, east), (y, south), (y, north)):
+        on |= (np.abs(along - side) < near).all(axis=1)
     return np.asarray(ends[~on])
+
+
+def _void(
+    terrain: Terrain, mesh: Mesh, rims: Floats, extent: tuple[float, float, float, float]
+) -> Floats:
+    """Triangles far below where there is no ground, (n, 3, 3)."""
+    if not len(rims):
+        return np.empty((0, 3, 3))
+    lines = [*shapely.linestrings(rims), shapely.box(*extent).exterior]
+    found = []
+    for face in shapely.get_parts(shapely.polygonize([shapely.union_all(lines)])):
+        x, y = shapely.get_coordinates(shapely.point_on_surface(face))[0] + mesh.origin[:2]
+        if not math.isnan(terrain.height(x, y)):
+            continue
+        corners: list[Floats] = []
+        edges: list[NDArray[np.int64]] = []
+        for ring in shapely.get_rings(face):
+            points = shapely.get_coordinates(ring)[:-1]
+            index = np.arange(len(points)) + sum(len(one) for one in corners)
+            corners.append(points)
+            edges.append(np.column_stack([index, np.roll(index, -1)]))
+        points, triangles, _ = delaunay(
+            np.concatenate(corners), np.concatenate(edges).astype(np.int32), within=True
+        )
+        found.append(np.asarray(points, np.float64)[triangles])
+    flat = np.concatenate([*found, np.empty((0, 3, 2))])
+    return np.concatenate([flat, np.full((*flat.shape[:2], 1), _DEEP)], axis=2)
 
 
 # --- height fields -------------------------------------------------------------------------------
@@ -277,10 +370,10 @@ def _patches(
     def add(bounds: tuple[float, float, float, float]) -> None:
         nonlocal number, nodes
         patch = _patch(terrain, mesh, bounds, sharp, held)
-        if patch.used.any():
+        for part in _without_void(patch):
             number += 1
-            nodes += patch.heights.size
-            heapq.heappush(queue, (-patch.error, number, patch))
+            nodes += part.heights.size
+            heapq.heappush(queue, (-part.error, number, part))
 
     add(extent)
     while queue and -queue[0][0] > max_error:
@@ -290,7 +383,12 @@ def _patches(
         nodes -= worst.heights.size
         west, south, east, north = worst.bounds
         x, y = 0.5 * (west + east), 0.5 * (south + north)
-        for part in ((west, south, x, y), (x, south, east, y), (west, y, x, north), (x, y, east, north)):
+        for part in (
+            (west, south, x, y),
+            (x, south, east, y),
+            (west, y, x, north),
+            (x, y, east, north),
+        ):
             add(part)
     return [patch for _, _, patch in sorted(queue, key=lambda one: one[1])]
 
@@ -336,17 +434,49 @@ def _patch(
         np.meshgrid(x[k // 2 :: k][:columns], y[k // 2 :: k][:rows]), axis=-1
     ).reshape(-1, 2)
     boxes = shapely.box(
-        middles[:, 0] - 0.5 * cell[0], middles[:, 1] - 0.5 * cell[1],
-        middles[:, 0] + 0.5 * cell[0], middles[:, 1] + 0.5 * cell[1],
+        middles[:, 0] - 0.5 * cell[0],
+        middles[:, 1] - 0.5 * cell[1],
+        middles[:, 0] + 0.5 * cell[0],
+        middles[:, 1] + 0.5 * cell[1],
     )
     used &= ~shapely.covers(held, boxes).reshape(rows, columns)
     surfaces = terrain.sample(middles[:, 0] + ox, middles[:, 1] + oy).surface.reshape(rows, columns)
-    error = float(miss[used].max(initial=0.0))
-    return HeightPatch(bounds, nodes, used, surfaces, error)
+    return HeightPatch(bounds, nodes, used, surfaces, miss)
+
+
+def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
+    """Parts of a patch that have no cell without ground, as a height field has no holes."""
+    void = np.isnan(patch.heights)
+    void = void[:-1, :-1] | void[:-1, 1:] | void[1:, :-1] | void[1:, 1:]
+    rows, columns = np.flatnonzero(void.any(axis=1)), np.flatnonzero(void.any(axis=0))
+    if not patch.used.any():
+        return
+    if not len(rows):
+        yield patch
+        return
+    n, m = void.shape
+    bottom, top, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+    around = [(0, bottom, 0, m), (top, n, 0, m), (bottom, top, 0, left), (bottom, top, right, m)]
+    for a, b, c, d in around:
+        if a < b and c < d:
+            yield from _without_void(patch.cropped(a, b, c, d))
+    middle = patch.cropped(bottom, top, left, right)
+    if min(middle.used.shape) < _FEWEST or void[bottom:top, left:right].all():
+        return
+    n, m = middle.used.shape
+    if n > m:
+        halves = (0, n // 2, 0, m), (n // 2, n, 0, m)
+    else:
+        halves = (0, n, 0, m // 2), (0, n, m // 2, m)
+    for half in halves:
+        yield from _without_void(middle.cropped(*half))
 
 
 def _near(
-    sharp: Floats, bounds: tuple[float, float, float, float], rows: int, columns: int,
+    sharp: Floats,
+    bounds: tuple[float, float, float, float],
+    rows: int,
+    columns: int,
     cell: tuple[float, float],
 ) -> Bools:
     """(rows, columns) whether a cell is near to what a height field cannot follow."""
@@ -354,7 +484,8 @@ def _near(
     west, south, east, north = bounds
     low, high = sharp.min(axis=1), sharp.max(axis=1)
     margin = _MARGIN * np.array(cell)
-    here = ((low < [east, north] + margin) & (high > [west, south] - margin)).all(axis=1)
+    far, near = np.array([east, north]) + margin, np.array([west, south]) - margin
+    here = ((low < far) & (high > near)).all(axis=1)
     ends = sharp[here]
     steps = np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (0.25 * min(cell)))
     steps = np.maximum(steps.astype(np.int64), 1) + 1
@@ -372,7 +503,7 @@ def _near(
 
 
 def _beside(
-    ground: Ground, patches: list[HeightPatch], done: Bools, solid: shapely.Geometry
+    triangles: Floats, patches: list[HeightPatch], done: Bools, solid: shapely.Geometry
 ) -> Bools:
     """Which triangles some part of is held by no cell of a height field and by no solid."""
     rest = np.zeros(len(done), bool)
@@ -385,10 +516,18 @@ def _beside(
         # runs of cells along x
         begin = np.flatnonzero(np.append(True, (np.diff(i) != 0) | (np.diff(j) != 1)))
         end = np.append(begin[1:], len(i)) - 1
-        held.append(shapely.box(west + j[begin] * dx, south + i[begin] * dy,
-                                west + (j[end] + 1) * dx, south + (i[end] + 1) * dy))
+        held.append(
+            shapely.box(
+                west + j[begin] * dx,
+                south + i[begin] * dy,
+                west + (j[end] + 1) * dx,
+                south + (i[end] + 1) * dy,
+            )
+        )
     region = shapely.union_all(np.concatenate(held))
     left = np.flatnonzero(~done)
-    inside = shapely.covers(region.buffer(1e-7, join_style="mitre"), shapely.polygons(ground.triangles[left][:, :, :2]))
+    inside = shapely.covers(
+        region.buffer(1e-7, join_style="mitre"), shapely.polygons(triangles[left][:, :, :2])
+    )
     rest[left[~inside]] = True
     return rest

@@ -15,7 +15,7 @@ import msgspec
 from terratool import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.mesh.formats.common import plain_names
+from terratool.mesh.formats.common import ascii_word, plain_names
 from terratool.output import os_errors, part_folder, stop_on_signals
 from terratool.simulators.scene import Scene, SceneOptions
 from terratool.simulators.targets import Target, Written, chosen
@@ -42,7 +42,7 @@ def export_simulators(
     terrain: Terrain,
     folder: str | Path,
     targets: tuple[str, ...],
-    options: SceneOptions = SceneOptions(),
+    options: SceneOptions | None = None,
     *,
     source: str | Path | None = None,
     overwrite: bool = False,
@@ -63,12 +63,15 @@ def export_simulators(
         RequestError: a target is unknown or not installed, or what was asked for makes no sense.
         WriteError: a folder is there already, holds something else, or cannot be written.
     """
+    options = options or SceneOptions()
     options.check()
     wanted = chosen(targets)
     folder = Path(folder)
     check_folders(folder, tuple(wanted), overwrite)
     stem = "terrain" if source is None else Path(source).stem
-    [name] = plain_names([stem], lambda letter: letter.isascii() and (letter.isalnum() or letter in "_-"), "terrain")
+    [name] = plain_names(
+        [stem], lambda letter: letter.isascii() and (letter.isalnum() or letter in "_-"), "terrain"
+    )
     scene = Scene(terrain.written_out, name, options, progress or (lambda _: None))
     reports = []
     with os_errors(folder), stop_on_signals():
@@ -86,6 +89,11 @@ def export_simulators(
     return tuple(reports)
 
 
+def _in_name(letter: str) -> bool:
+    """Whether a character may stand in the name of a terrain."""
+    return ascii_word(letter) or letter == "-"
+
+
 def check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> None:
     """Refuse what can be known to fail before there are files.
 
@@ -93,7 +101,9 @@ def check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> No
         WriteError: a folder is there already and not to be written again, or holds files of others.
     """
     if not folder.parent.is_dir():
-        raise WriteError(f"{folder}: there is no folder {folder.parent}.", "Make it, or choose another.")
+        raise WriteError(
+            f"{folder}: there is no folder {folder.parent}.", "Make it, or choose another."
+        )
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is a file.", "Choose a folder.")
     for name in targets:

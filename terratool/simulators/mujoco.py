@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+import xml.etree.ElementTree as ET
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from terratool.mesh.formats.common import lines_of, shape_of
-from terratool.simulators.collision import HeightPatch, collision_of
-from terratool.simulators.prisms import Floats, Solid, rectangle
+from terratool.mesh.formats.common import points_of, shape_of
+from terratool.simulators.collision import Collision, HeightPatch, collision_of
+from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
+from terratool.simulators.prisms import Solid, rectangle
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Written
 from terratool.text.display import counted, length
@@ -25,24 +26,40 @@ _PART = 0.1
 _SINK = 8.0
 """What a height field leaves out lies so many reliefs below: so its sides are steep."""
 _MESH_SHARE = 0.5
-"""This part of the error is the mesh's; solids and height fields may take the rest."""
+"""This part of the error is that of the mesh which solids are cut from."""
+_ROLLING = "0.005 0.0001"
+"""Torsional and rolling friction: MuJoCo's own."""
+
+_NOTES = (
+    "Into a model of yours: put its file into this folder and write"
+    f' `<include file="{_FILE}"/>` into it, or attach it from anywhere, as mjlab and'
+    " dm_control do:",
+    "```python\n"
+    'scene = mujoco.MjSpec.from_file("robot.xml")\n'
+    f'scene.attach(mujoco.MjSpec.from_file("{_FILE}"), frame=scene.worldbody.add_frame())\n'
+    "model = scene.compile()\n"
+    "```",
+    "Geoms of group 2 are the exact mesh: cameras and rangefinders see it, and nothing collides"
+    " with it. What collides is of group 3. Rays pass it, as its alpha is 0; set that to 1 to see"
+    " it. It has `priority` 1: the friction of the ground counts, whatever a robot says.",
+)
 
 
 def write(scene: Scene, folder: Path) -> Written:
     """Write an MJCF, meshes to be seen, and height fields to collide with, into a folder."""
-    pieces = _Flexes(scene, folder) if scene.options.flex else _Solids(scene, folder)
-    x, y, z = scene.offset
-    lines = ["<!--", *(f"  {line.replace('--', '- -')}" for line in lines_of(scene.terrain.descr)), "-->"]
-    lines = lines if scene.terrain.descr else []
-    lines += [f"<mujoco model={quoteattr(scene.name)}>", "  <asset>"]
-    seen = list(_picture(scene, folder))
-    lines += [f"    {line}" for line, _ in seen] + [f"    {line}" for line in pieces.assets]
-    lines += ["  </asset>", "  <worldbody>", f'    <body name="terrain" pos="{_numbers((x, y, z))}">']
-    lines += [f"      {line}" for _, line in seen] + [f"      {line}" for line in pieces.geoms]
-    lines += ["    </body>", "  </worldbody>", "</mujoco>", ""]
-    (folder / _FILE).write_text("\n".join(lines), "utf-8")
+    root = ET.Element("mujoco", model=scene.name)
+    if scene.terrain.descr:
+        comment(root, scene.terrain.descr)
+    asset = child(root, "asset")
+    body = child(child(root, "worldbody"), "body", name="terrain", pos=numbers(scene.offset))
+    _add_picture(scene, folder, asset, body)
+    if scene.options.flex:
+        summary, losses, facts = _add_flexes(scene, body)
+    else:
+        summary, losses, facts = _Solids(scene, folder, asset, body).add()
+    write_xml(root, folder / _FILE)
     return Written(
-        summary=pieces.summary,
+        summary=summary,
         language="python",
         load=(
             "import mujoco",
@@ -50,46 +67,25 @@ def write(scene: Scene, folder: Path) -> Written:
             "data = mujoco.MjData(model)",
         ),
         notes=_NOTES,
-        losses=tuple(pieces.losses),
-        facts=pieces.facts,
+        losses=(losses,),
+        facts={"collision": facts},
     )
 
 
-_NOTES = (
-    f'Into a model of yours: put its file into this folder and write `<include file="{_FILE}"/>`'
-    " into it, or attach it from anywhere, which is the way of mjlab and dm_control, too:",
-    "```python\n"
-    'scene = mujoco.MjSpec.from_file("robot.xml")\n'
-    f'scene.attach(mujoco.MjSpec.from_file("{_FILE}"), frame=scene.worldbody.add_frame())\n'
-    "model = scene.compile()\n"
-    "```",
-    "Geoms of group 2 are the exact mesh: cameras and rangefinders see it, and nothing collides with"
-    " it. Geoms of group 3 collide. Rays pass them, as their alpha is 0: set it to 1 to see them."
-    " They have `priority` 1, so that the friction of the ground counts, whatever a robot says.",
-)
-
-
-def _numbers(values: Floats | tuple[float, ...]) -> str:
-    """Numbers as text, each to a tenth of a micrometre or nine digits."""
-    return " ".join(f"{round(float(value), 7) + 0.0:.12g}" for value in np.ravel(values))
-
-
-def _picture(scene: Scene, folder: Path) -> Iterator[tuple[str, str]]:
-    """Materials and meshes that are seen: each asset, and the geom of it."""
-    mesh = scene.mesh
-    points = np.ascontiguousarray(mesh.vertices, np.float32)
+def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
+    """Add a material and a mesh for each surface, which nothing collides with."""
+    points = points_of(scene.mesh)
     for part in scene.parts:
         one = scene.material(part.surface)
         name = f"terrain_{one.word}"
-        vertices, faces = shape_of(points, part)
-        _write_msh(folder / f"{one.word}.msh", vertices, faces)
-        color = _numbers(np.array(one.color) / 255)
-        yield (
-            f'<material name="{name}" rgba="{color} 1" specular="0" shininess="0"/>'
-            f'<mesh name="{name}" file="{one.word}.msh" inertia="shell"/>',
-            f'<geom name="{name}" type="mesh" mesh="{name}" material="{name}" group="2"'
-            ' contype="0" conaffinity="0"/>',
-        )
+        _write_msh(folder / f"{one.word}.msh", *shape_of(points, part))
+        child(asset, "material", name=name, rgba=rgba(one.color), specular=0, shininess=0)
+        # it is open, so only its faces can have a mass
+        child(asset, "mesh", name=name, file=f"{one.word}.msh", inertia="shell")
+        child(
+            body, "geom", name=name, type="mesh", mesh=name, material=name, group=2,
+            contype=0, conaffinity=0,
+        )  # fmt: skip
 
 
 def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
@@ -100,129 +96,135 @@ def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int3
         file.write(faces.astype("<i4").tobytes())
 
 
-def _contact(one: Material) -> str:
-    """What a geom of a surface says of its contacts."""
-    return f'priority="1" friction="{one.friction:.6g} 0.005 0.0001" group="3"'
+def _contact(one: Material) -> dict[str, object]:
+    """What says how a surface collides: it is not seen, and its friction comes first."""
+    return {
+        "rgba": f"{rgba(one.color)[:-1]}0",
+        "group": 3,
+        "priority": 1,
+        "friction": f"{one.friction:.6g} {_ROLLING}",
+    }
 
 
 class _Solids:
-    """Boxes, convex meshes and height fields."""
+    """Boxes, convex meshes and height fields, as they are added to an MJCF."""
 
-    def __init__(self, scene: Scene, folder: Path) -> None:
-        options = scene.options
-        error = options.max_error
-        built = scene.mesh_within(_MESH_SHARE * error)
+    def __init__(self, scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
+        self._scene, self._folder, self._asset, self._body = scene, folder, asset, body
+        self._counts = {"box": 0, "mesh": 0, "hfield": 0}
+
+    def add(self) -> tuple[str, str, dict[str, object]]:
+        """Add what collides; says what it is, what is lost, and figures."""
+        options = self._scene.options
+        built = self._scene.mesh_within(_MESH_SHARE * options.max_error)
         found = collision_of(
-            scene.terrain, built.mesh, error - built.error, options.max_geoms, scene.say
+            self._scene.terrain, built, options.max_error, options.max_geoms, self._scene.say
         )
         levels = built.mesh.vertices[:, 2]
         low, relief = float(levels.min()), float(np.ptp(levels))
         self._base = low - max(_BELOW, _PART * relief)
-        self._sunk = low - _SINK * max(relief, 1e-3)
-        self._scene, self._folder = scene, folder
-        self.assets: list[str] = []
-        self.geoms: list[str] = []
-        self._counts = {"box": 0, "mesh": 0, "hfield": 0}
+        self._sunk = low - _SINK * max(relief, _BELOW)
         for solid in found.solids:
             self._add_solid(solid)
         for patch in found.patches:
-            for surface in np.unique(patch.surfaces[patch.used]).tolist():
+            for surface in patch.worn:
                 self._add_patch(patch, surface)
-        number = sum(self._counts.values())
         counts = self._counts
-        self.summary = (
-            f"{counted(number, 'geom')} collide: {counts['box']} boxes, {counts['mesh']} convex"
-            f" meshes, {counts['hfield']} height fields"
+        summary = (
+            f"{counted(sum(counts.values()), 'geom')} collide: {counts['box']:,} boxes, "
+            f"{counts['mesh']:,} convex meshes, {counts['hfield']:,} height fields"
         )
-        roof = found.height + built.error
-        fields = max((patch.error for patch in found.patches), default=0.0)
-        self.losses = [f"What collides is up to {length(max(roof, fields))} off the terrain, along z."]
-        if found.height > error:
-            self.losses[0] += f" To keep to {options.max_geoms} geoms, that is more than was asked."
-        self.facts = {
-            "collision": {**counts, "error": max(roof, fields), "max_geoms": options.max_geoms}
-        }
+        solids = found.height + built.error
+        return summary, _lost(found, solids, options.max_error, options.max_geoms), {
+            **counts,
+            "max_geoms": options.max_geoms,
+            "error": max(solids, found.worst),
+            "solids_error": solids,
+            "height_fields_error": found.worst,
+        }  # fmt: skip
+
+    def _named(self, kind: str) -> str:
+        self._counts[kind] += 1
+        return f"terrain_{kind}_{self._counts[kind] - 1}"
 
     def _add_solid(self, solid: Solid) -> None:
-        one = self._scene.material(solid.surface)
+        contact = _contact(self._scene.material(solid.surface))
         box = rectangle(solid)
         if box is not None:
-            name = f"terrain_box_{self._counts['box']}"
-            self._counts["box"] += 1
             half = 0.5 * (box.top - self._base)
-            turn = "" if box.turn == 0 else f' quat="{_numbers((np.cos(box.turn / 2), 0, 0, np.sin(box.turn / 2)))}"'
-            self.geoms.append(
-                f'<geom name="{name}" type="box" size="{_numbers((*box.half, half))}"'
-                f' pos="{_numbers((*box.middle, box.top - half))}"{turn}'
-                f' rgba="{_rgba(one)}" {_contact(one)}/>'
-            )
+            turn = (math.cos(0.5 * box.turn), 0.0, 0.0, math.sin(0.5 * box.turn))
+            child(
+                self._body, "geom", name=self._named("box"), type="box",
+                size=numbers((*box.half, half)), pos=numbers((*box.middle, box.top - half)),
+                **({"quat": numbers(turn)} if box.turn else {}), **contact,
+            )  # fmt: skip
             return
-        name = f"terrain_mesh_{self._counts['mesh']}"
-        self._counts["mesh"] += 1
-        ring = shapely.get_coordinates(
-            shapely.convex_hull(shapely.linestrings(np.concatenate([solid.top, solid.top[:1]])[:, :2]))
-        )[:-1]
+        name = self._named("mesh")
+        ring = np.concatenate([solid.top, solid.top[:1]])[:, :2]
+        ring = shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(ring)))[:-1]
         below = np.column_stack([ring, np.full(len(ring), self._base)])
-        # near 0, as MuJoCo keeps vertices in float32
-        middle = solid.top.mean(axis=0)
+        middle = solid.top.mean(axis=0)  # vertices are near it, as MuJoCo keeps them in float32
         corners = np.concatenate([solid.top, below]) - middle
-        self.assets.append(f'<mesh name="{name}" vertex="{_numbers(corners)}"/>')
-        self.geoms.append(
-            f'<geom name="{name}" type="mesh" mesh="{name}" pos="{_numbers(middle)}"'
-            f' rgba="{_rgba(one)}" {_contact(one)}/>'
-        )
+        child(self._asset, "mesh", name=name, vertex=numbers(corners.ravel()))
+        child(self._body, "geom", name=name, type="mesh", mesh=name, pos=numbers(middle), **contact)
 
     def _add_patch(self, patch: HeightPatch, surface: int) -> None:
-        one = self._scene.material(surface)
         used = patch.used & (patch.surfaces == surface)
         rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
-        top, bottom = int(rows[-1]) + 1, int(rows[0])
-        left, right = int(columns[0]), int(columns[-1]) + 1
-        used = np.pad(used[bottom:top, left:right], 1)
+        patch = patch.cropped(rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
+        used = np.pad(patch.used & (patch.surfaces == surface), 1)
         nodes = used[:-1, :-1] | used[:-1, 1:] | used[1:, :-1] | used[1:, 1:]
-        heights = np.where(nodes, patch.heights[bottom : top + 1, left : right + 1], self._sunk)
+        heights = np.where(nodes, patch.heights, self._sunk)
         west, south, east, north = patch.bounds
-        dx, dy = (east - west) / patch.used.shape[1], (north - south) / patch.used.shape[0]
-        half = 0.5 * dx * (right - left), 0.5 * dy * (top - bottom)
-        middle = west + dx * left + half[0], south + dy * bottom + half[1]
         low, high = float(heights.min()), float(heights.max())
-        name = f"terrain_field_{self._counts['hfield']}"
-        self._counts["hfield"] += 1
+        name = self._named("hfield")
         with open(self._folder / f"{name}.bin", "wb") as file:
             file.write(np.array(heights.shape, "<i4").tobytes())
             file.write(heights.astype("<f4").tobytes())
-        size = _numbers((*half, max(high - low, 1e-6), max(low - self._base, _BELOW)))
-        self.assets.append(f'<hfield name="{name}" file="{name}.bin" size="{size}"/>')
-        self.geoms.append(
-            f'<geom name="{name}" type="hfield" hfield="{name}" pos="{_numbers((*middle, low))}"'
-            f' rgba="{_rgba(one)}" {_contact(one)}/>'
-        )
+        # MuJoCo stretches heights to 0 … 1
+        size = 0.5 * (east - west), 0.5 * (north - south), max(high - low, 1e-6), _BELOW
+        child(self._asset, "hfield", name=name, file=f"{name}.bin", size=numbers(size))
+        child(
+            self._body, "geom", name=name, type="hfield", hfield=name,
+            pos=numbers((0.5 * (west + east), 0.5 * (south + north), low)),
+            **_contact(self._scene.material(surface)),
+        )  # fmt: skip
 
 
-def _rgba(one: Material) -> str:
-    return f"{_numbers(np.array(one.color) / 255)} 0"
+def _lost(found: Collision, solids: float, wanted: float, most: int) -> str:
+    """How far what collides is from the terrain, in words."""
+    parts = []
+    if found.solids:
+        parts.append(f"solids are up to {length(solids)} off the terrain, square to it")
+        if solids > 1.001 * wanted:
+            parts[0] += f", to keep to {most:,} geoms"
+    if found.patches:
+        parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
+        if found.worst > wanted:
+            parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
+    return f"What collides: {'; '.join(parts)}."
 
 
-class _Flexes:
-    """The mesh itself as rigid flexes, one for each surface."""
-
-    def __init__(self, scene: Scene, folder: Path) -> None:
-        points = np.ascontiguousarray(scene.mesh.vertices, np.float32)
-        self.assets: list[str] = []
-        self.geoms: list[str] = []
-        for part in scene.parts:
-            one = scene.material(part.surface)
-            vertices, faces = shape_of(points, part)
-            elements = " ".join(map(str, faces.ravel().tolist()))
-            self.geoms += [
-                f'<flexcomp name="terrain_flex_{one.word}" type="direct" dim="2" rigid="true"'
-                f' radius="0" rgba="{_rgba(one)}" group="3" point="{_numbers(vertices)}"'
-                f' element="{elements}">',
-                f'  <contact priority="1" friction="{one.friction:.6g} 0.005 0.0001"'
-                ' selfcollide="none" internal="false"/>',
-                "</flexcomp>",
-            ]
-        number = len(scene.mesh.faces)
-        self.summary = f"{counted(number, 'face')} collide, in {counted(len(scene.parts), 'rigid flex')}es"
-        self.losses: list[str] = []
-        self.facts = {"collision": {"flex": len(scene.parts), "faces": number}}
+def _add_flexes(scene: Scene, body: ET.Element) -> tuple[str, str, dict[str, object]]:
+    """Add the mesh itself as rigid flexes, one for each surface; answers as `_Solids.add`."""
+    points = points_of(scene.mesh)
+    for part in scene.parts:
+        one = scene.material(part.surface)
+        vertices, faces = shape_of(points, part)
+        contact = _contact(one)
+        flex = child(
+            body, "flexcomp", name=f"terrain_flex_{one.word}", type="direct", dim=2, rigid="true",
+            radius=0, group=contact["group"], rgba=contact["rgba"],
+            point=numbers(vertices.ravel()), element=" ".join(map(str, faces.ravel().tolist())),
+        )  # fmt: skip
+        child(
+            flex, "contact", selfcollide="none", priority=contact["priority"],
+            friction=contact["friction"],
+        )  # fmt: skip
+    number = len(scene.mesh.faces)
+    return (
+        f"{counted(number, 'face')} collide, in {len(scene.parts)} rigid flexes",
+        "What has flat faces, such as a box, falls through triangles of a flex that are larger than"
+        " it (seen with MuJoCo 4.0); spheres do not.",
+        {"flexes": len(scene.parts), "faces": number},
+    )

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+VOID = -2
+"""In place of a surface: there is no ground."""
+
 _SLIVER = 1e-9
 """Triangles of a smaller area are nothing, in square units of the terrain."""
 _SNAP = 1e-7
@@ -29,8 +32,10 @@ _STRIPS = 16
 """… across the direction in which so many strips of it are flattest."""
 _SAMPLED = 64
 """Whether ground is concave is asked at so many of its triangles first."""
-_MOST = 6000
-"""Ground of more triangles is not looked at whole."""
+_MOST = 20_000
+"""Ground of more triangles is no hill."""
+_CHUNK = 1 << 22
+"""So many distances are kept at a time."""
 
 
 class Solid(NamedTuple):
@@ -49,14 +54,23 @@ class Solid(NamedTuple):
 
 
 class _Plane(NamedTuple):
-    """z = a x + b y + c, and how far the corners of what it stands for are from it at most."""
+    """z = a x + b y + c, and how far the corners of what it stands for are from it at most.
+
+    Distances are square to it: where ground is steep, along z they say little.
+    """
 
     a: float
     b: float
     c: float
     miss: float
 
+    @property
+    def cosine(self) -> float:
+        """Of its slope."""
+        return 1.0 / math.sqrt(1.0 + self.a * self.a + self.b * self.b)
+
     def at(self, points: Floats) -> Floats:
+        """Its heights at points, (…, 2 or 3)."""
         return np.asarray(self.a * points[..., 0] + self.b * points[..., 1] + self.c)
 
 
@@ -66,7 +80,7 @@ class Ground:
 
     Attributes:
         triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above.
-        surfaces: (n,) int32, -1 for none.
+        surfaces: (n,) int32, -1 for none, VOID where there is no ground but far below.
         sharp: (k, 2, 2) ends of walls and creases, seen from above.
     """
 
@@ -79,7 +93,6 @@ class Ground:
         """The triangles seen from above, by place."""
         return shapely.STRtree(shapely.polygons(self.triangles[:, :, :2]))
 
-
     @cached_property
     def sharp_tree(self) -> shapely.STRtree:
         """Walls and creases, by place."""
@@ -90,7 +103,7 @@ class _Tolerance(NamedTuple):
     """How far a solid may stand out.
 
     Attributes:
-        height: of the ground, along z.
+        height: of the ground, square to it.
         wall: of an edge over lower ground.
         seam: of an edge over other ground of about the same height.
     """
@@ -111,7 +124,7 @@ def cover(
     Args:
         ground: all of the ground.
         part: (m,) which of its triangles.
-        height: how far a roof may be from the ground, along z, and an edge over lower ground.
+        height: how far a roof may be from the ground, square to it, and an edge over lower ground.
         seam: how far a solid may reach into another surface of the same height.
         most: so many solids are enough.
 
@@ -145,13 +158,6 @@ def _covered(
 
 def _upright(triangle: Floats, surface: int) -> Solid:
     return Solid(triangle, True, surface)
-
-
-def whole(ground: Ground, part: NDArray[np.intp], height: float, seam: float) -> Solid | None:
-    """The one convex solid that covers triangles of one surface; None if there is none."""
-    tolerance = _Tolerance(height, 0.5 * height, seam)
-    surface = int(ground.surfaces[part[0]])
-    return _as_one(ground, ground.triangles[part], surface, tolerance)[0]
 
 
 def _as_one(
@@ -197,9 +203,12 @@ def _is_hill(piece: Floats, corners: Floats, height: float) -> bool:
     normals = np.cross(piece[:, 1] - piece[:, 0], piece[:, 2] - piece[:, 0])
     slopes = -normals[:, :2] / normals[:, 2:]
     at = piece[:, 0, 2] - (slopes * piece[:, 0, :2]).sum(axis=1)
-    for which in (slice(None, None, max(1, len(piece) // _SAMPLED)), slice(None)):
+    cosines = 1.0 / np.sqrt(1.0 + (slopes**2).sum(axis=1))
+    sampled = slice(None, None, max(1, len(piece) // _SAMPLED))
+    step = max(1, _CHUNK // len(corners))
+    for which in (sampled, *(slice(k, k + step) for k in range(0, len(piece), step))):
         planes = corners[:, :2] @ slopes[which].T + at[which]
-        if (corners[:, 2:] - planes).max() > height:
+        if (cosines[which] * (corners[:, 2:] - planes)).max() > height:
             return False
     return True
 
@@ -213,7 +222,7 @@ def _in_the_way(
         return np.empty((0, 3, 3))
     near = np.sort(ground.tree.query(inner, predicate="intersects"))
     found = ground.triangles[near]
-    above = plane.at(found) - found[:, :, 2]
+    above = plane.cosine * (plane.at(found) - found[:, :, 2])
     other = ground.surfaces[near] != surface
     bad = []
     narrow = hull.buffer(-max(tolerance.seam, tolerance.wall), join_style="mitre")
@@ -262,7 +271,7 @@ def _holds(piece: Floats, points: Floats) -> NDArray[np.bool_]:
         edge = b - a
         away = points[:, None] - a
         inside &= edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0] >= 0.0
-    return inside.any(axis=1)
+    return np.asarray(inside.any(axis=1))
 
 
 def _flatness(piece: Floats, along: Floats) -> float:
@@ -325,7 +334,10 @@ def _across(piece: Floats) -> tuple[Floats, float]:
 def _gap(along: Floats) -> tuple[float, float]:
     """How wide the widest gap between triangles is, by their extents along a line; and where."""
     order = np.argsort(along.min(axis=1), kind="stable")
-    ends, begins = np.maximum.accumulate(along.max(axis=1)[order])[:-1], along.min(axis=1)[order][1:]
+    ends, begins = (
+        np.maximum.accumulate(along.max(axis=1)[order])[:-1],
+        along.min(axis=1)[order][1:],
+    )
     if not len(ends):
         return 0.0, 0.0
     widest = int(np.argmax(begins - ends))
@@ -383,7 +395,7 @@ def _fit(points: Floats) -> _Plane:
     rest = z - a * x - b * y
     low, high = float(rest.min()), float(rest.max())
     c = float(middle[2] - a * middle[0] - b * middle[1]) + 0.5 * (low + high)
-    return _Plane(a, b, c, 0.5 * (high - low))
+    return _Plane(a, b, c, 0.5 * (high - low) / math.sqrt(1.0 + a * a + b * b))
 
 
 def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Floats]:
@@ -458,5 +470,8 @@ def rectangle(solid: Solid) -> Rectangle | None:
     half = 0.5 * float(lengths[first]), 0.5 * float(lengths[(first + 1) % 4])
     turn = math.atan2(y, x)
     return Rectangle(
-        (middle[0], middle[1]), half, turn if abs(turn) * max(half) > 1e-7 else 0.0, float(top[0, 2])
+        (middle[0], middle[1]),
+        half,
+        turn if abs(turn) * max(half) > 1e-7 else 0.0,
+        float(top[0, 2]),
     )

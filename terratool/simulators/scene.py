@@ -30,6 +30,7 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.raster.grid import refuse_resolution
 from terratool.text.display import counted, length
 
 DEFAULT_ERROR = 0.002
@@ -52,7 +53,7 @@ class SceneOptions:
         max_geoms: MuJoCo: at most so many solids and height fields collide.
         flex: MuJoCo: the exact mesh collides as one rigid flex, in place of them.
         heightmap: Gazebo: a picture of heights in place of the mesh.
-        vehicle: Nav2: the file of the vehicle whose verdict decides.
+        vehicle: Nav2 and grid_map: the file of the vehicle whose verdict decides.
         max_slope: Nav2: degrees that can be driven, without a vehicle …
         max_step: … and the step.
         resolution: Nav2 and grid_map: the side of a cell.
@@ -77,7 +78,8 @@ class SceneOptions:
         """
         if not (math.isfinite(self.max_error) and self.max_error > 0.0):
             raise RequestError(
-                f"The largest error is {self.max_error:g}.", "Give a height above 0 with --max-error."
+                f"The largest error is {self.max_error:g}.",
+                "Give a height above 0 with --max-error.",
             )
         if not (math.isfinite(self.friction) and self.friction >= 0.0):
             raise RequestError(
@@ -88,6 +90,16 @@ class SceneOptions:
                 f"The origin is {' '.join(f'{x:g}' for x in self.origin)}.",
                 "Give three finite numbers.",
             )
+        if not 0.0 < self.max_slope < 90.0:
+            raise RequestError(
+                f"The steepest slope is {self.max_slope:g}°.", "Give degrees between 0 and 90."
+            )
+        if not (math.isfinite(self.max_step) and self.max_step >= 0.0):
+            raise RequestError(
+                f"The highest step is {self.max_step:g}.", "Give a height from 0 on."
+            )
+        if self.resolution is not None:
+            refuse_resolution(self.resolution)
         if self.max_geoms < 1:
             raise RequestError(f"At most {self.max_geoms} geoms are allowed.", "Allow 1 or more.")
 
@@ -205,7 +217,7 @@ class Scene:
     def _materials(self) -> Iterator[Material]:
         terrain, assumed = self.terrain, self.options.friction
         types = terrain.surface_types
-        none, *frictions = frictions_of(terrain, math.nan).tolist()
+        _, *frictions = frictions_of(terrain, math.nan).tolist()
         words = plain_names([*types, NO_NAME], ascii_word, "surface")
         for (name, surface), word, friction in zip(types.items(), words, frictions, strict=False):
             known = math.isfinite(friction)
@@ -218,7 +230,9 @@ class Scene:
                 _derivation(surface) if known else "assumed, as there is no fricAngle",
                 None if reflectivity is UNSET else float(reflectivity),
             )
-        yield Material(NO_NAME, words[-1], NO_COLOR, assumed, "assumed, as there is no surface", None)
+        yield Material(
+            NO_NAME, words[-1], NO_COLOR, assumed, "assumed, as there is no surface", None
+        )
 
     def material(self, surface: int) -> Material:
         """That of a surface by its index; of -1 that of ground without one."""
@@ -236,7 +250,8 @@ def _derivation(surface: Any) -> str:
     """Where the friction of a surface comes from."""
     own = surface.fric_angle
     if isinstance(own, tuple):
-        return f"tan of {0.5 * (own[0] + own[1]):g}°, the middle of fricAngle {own[0]:g}° to {own[1]:g}°"
+        ends = f"fricAngle {own[0]:g}° to {own[1]:g}°"
+        return f"tan of {0.5 * (own[0] + own[1]):g}°, the middle of {ends}"
     if own is not UNSET:
         return f"tan of fricAngle {own:g}°"
     preset = preset_of(surface)

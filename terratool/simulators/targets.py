@@ -67,6 +67,8 @@ TARGETS = {
     "pybullet": Target("PyBullet", "bullet"),
     "usd": Target("USD physics", "usd", needs=("pxr", "usd-core", "usd")),
     "chrono": Target("Project Chrono", "chrono"),
+    "nav2": Target("Nav2", "nav2", meshed=False),
+    "grid-map": Target("grid_map", "grid_map", ("rosbags", "rosbags", "ros"), meshed=False),
 }
 
 

@@ -1,0 +1,148 @@
+"""A map for Nav2: a picture of cells that are free, occupied or unknown, and what it stands for.
+
+The conventions are those of nav2_map_server (github.com/ros-navigation/navigation2,
+`nav2_map_server/src/map_io.cpp`: `loadMapFromFile`), the same as of map_server in ROS 1
+(wiki.ros.org/map_server): the first row of pixels is the north; `origin` is where the lower left
+pixel has its lower left corner; a pixel of brightness b is occupied to p = (255 − b)/255. Above
+`occupied_thresh` that is occupied, below `free_thresh` free, and between them unknown. 205 is
+p = 0.19608: unknown at a `free_thresh` of 0.196, but free at 0.25.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.simulators.cells import (
+    cell_grid,
+    classes_told,
+    drivable,
+    ground_classes,
+    judging,
+)
+from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
+from terratool.simulators.scene import Scene
+from terratool.simulators.targets import Written
+from terratool.text.display import length
+from terratool.traversability.results import GroundClass
+
+MOST = 4096
+"""The longer side has at most so many cells, if no resolution is given."""
+BRIGHTNESS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
+"""Of pixels, as map_saver writes them."""
+
+_NAMES = {FREE: "free", OCCUPIED: "occupied", UNKNOWN: "unknown"}
+
+_UNKNOWN_NOTE = (
+    "Void, and what lies outside, is unknown (205), not free. Planners of Nav2 may plan through "
+    "unknown cells: say `allow_unknown: false` to the planner and `track_unknown_space: true` to "
+    "the costmap. Keep free_thresh at 0.196: with 0.25 unknown cells are read as free."
+)
+_LIMITS_NOTE = (
+    "A cell is occupied where a slope in it is steeper than the limit or a wall higher than it "
+    "stands in it; a wall on the line between two cells is in the upper one. What is on top of "
+    "something is free, if it is level, with occupied cells around. The relief of rough surfaces "
+    "counts; --no-roughness leaves it out."
+)
+_VEHICLE_NOTE = (
+    "Cells say where the middle of the vehicle may stand, with one heading at least; its length "
+    "and width are in that already, so the costmap needs no inflation for them. Occupied is what "
+    "it cannot be driven on, what it cannot get to from the largest part of the ground, or cannot "
+    "come back from, and where it would stand over the edge. Unknown is what has no ground, or "
+    "soil that is not known."
+)
+
+
+def write(scene: Scene, folder: Path) -> Written:
+    """Write map.yaml and map.pgm.
+
+    Raises:
+        RequestError: there are too many cells, or they do not go with the vehicle.
+        ReadError: the vehicle's file cannot be read.
+        DefinitionError: it has errors.
+    """
+    options, terrain = scene.options, scene.terrain
+    vehicle = judging(options.vehicle)
+    grid = cell_grid(terrain, options.resolution, MOST)
+    if vehicle is None:
+        scene.say("looking for slopes and walls")
+        cells = occupancy(terrain, grid, Limits.of(options.max_slope, options.max_step))
+        by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
+        judge = f"slopes of {options.max_slope:g}° and steps of {length(options.max_step)}"
+        notes, losses = _LIMITS_NOTE, _limits_losses(grid.resolution)
+    else:
+        classes = ground_classes(terrain, vehicle, grid, scene.say)
+        cells = np.where(drivable(classes), np.int8(FREE), np.int8(OCCUPIED))
+        cells[classes == GroundClass.UNKNOWN] = UNKNOWN
+        assert options.vehicle is not None
+        by = classes_told(options.vehicle, classes)
+        judge = vehicle.name
+        notes, losses = _VEHICLE_NOTE, (_VEHICLE_LOSS,)
+    _write_pgm(folder / "map.pgm", cells)
+    x, y, _ = scene.zero
+    origin = [grid.west - x, grid.south - y, 0.0]
+    (folder / "map.yaml").write_text(_yaml(grid.resolution, origin), "utf-8", newline="\n")
+    shares = {name: float((cells == value).mean()) for value, name in _NAMES.items()}
+    said = ", ".join(f"{100 * share:.1f} % {name}" for name, share in shares.items())
+    return Written(
+        summary=f"{grid.width} × {grid.height} cells of {length(grid.resolution)} for {judge}: "
+        f"{said}",
+        load=(
+            "ros2 run nav2_map_server map_server --ros-args -p yaml_filename:=map.yaml",
+            "# in another terminal",
+            "ros2 run nav2_util lifecycle_bringup map_server",
+        ),
+        language="sh",
+        notes=(notes, _UNKNOWN_NOTE),
+        losses=losses,
+        facts={
+            "map": {
+                "width": grid.width,
+                "height": grid.height,
+                "resolution": grid.resolution,
+                "origin": origin,
+                "shares": shares,
+                **by,
+            }
+        },
+    )
+
+
+_VEHICLE_LOSS = (
+    "A cell has one verdict for all headings, that of the best; what lies between the middles of "
+    "cells, and between headings, is not looked at."
+)
+
+
+def _limits_losses(resolution: float) -> tuple[str, ...]:
+    return (
+        "Heights, slopes and surfaces are not in the map.",
+        f"Slopes are looked at every {length(0.5 * resolution)}, and at crests; pits narrower than "
+        "that, and corners that reach into a cell by less, may be missed.",
+    )
+
+
+def _write_pgm(path: Path, cells: NDArray[np.int8]) -> None:
+    """A picture of cells, (height, width) from the north."""
+    height, width = cells.shape
+    pixels = np.full(cells.shape, BRIGHTNESS[UNKNOWN], np.uint8)
+    for value, brightness in BRIGHTNESS.items():
+        pixels[cells == value] = brightness
+    with open(path, "wb") as file:
+        file.write(b"P5\n%d %d\n255\n" % (width, height))
+        file.write(pixels.tobytes())
+
+
+def _yaml(resolution: float, origin: list[float]) -> str:
+    return (
+        "image: map.pgm\n"
+        "mode: trinary\n"
+        f"resolution: {resolution!r}\n"
+        f"origin: {origin!r}\n"
+        "negate: 0\n"
+        "occupied_thresh: 0.65\n"
+        "free_thresh: 0.196\n"
+    )

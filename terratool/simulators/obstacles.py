@@ -1,0 +1,208 @@
+"""Cells that a robot with limits of slope and step cannot pass, without a model of the robot.
+
+Walls are looked for on the lines between cells and on those through their middles, so that every
+wall that enters a cell is met where it does; what is so narrow that it lies between these lines is
+found by its crests. Heights come from the terrain itself, not from a raster of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.bounds import crest_lines, curve_weights, nonzero_edges
+from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
+from terratool.raster.grid import Grid, Window
+from terratool.raster.painter import Painter
+from terratool.raster.prefetch import prefetch, processors
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+"""What a cell is, as `nav_msgs/OccupancyGrid` has it."""
+
+_WINDOW = 256
+"""Cells of a window, along each side."""
+_BESIDE = 1e-6
+"""Lines between cells are looked at so far to the east and north of them, in cells."""
+_ACROSS = 1e-4
+"""A wall is looked for again so far on both sides of its place, in cells."""
+_LEAST = 1e-6
+"""What is lower, in cells, is no step, even where none is allowed."""
+_ROUNDING = 1e-6
+"""A slope beyond the limit by no more, in parts of it, is at the limit."""
+_WALLS = 4
+"""So many walls between two places count."""
+
+Points = NDArray[np.float64]
+
+
+class Limits(NamedTuple):
+    """What a robot can do.
+
+    Attributes:
+        slope: tangent of the steepest slope.
+        step: highest wall, in units of the terrain.
+    """
+
+    slope: float
+    step: float
+
+    @classmethod
+    def of(cls, max_slope: float, max_step: float) -> Limits:
+        """From degrees and units of the terrain."""
+        return cls(math.tan(math.radians(max_slope)) * (1.0 + _ROUNDING), max_step)
+
+
+class _Found(NamedTuple):
+    """What is known of a window: its cells, (height, width) bool each, and (n, 2) x, y of walls."""
+
+    window: Window
+    steep: NDArray[np.bool_]
+    unknown: NDArray[np.bool_]
+    walls: Points
+
+
+def occupancy(terrain: Terrain, grid: Grid, limits: Limits) -> NDArray[np.int8]:
+    """What each cell is: `FREE`, `OCCUPIED` or `UNKNOWN`; (height, width), rows from the north.
+
+    Occupied is a cell with a slope that is too steep or a wall that is too high, be it narrower
+    than the cell. A wall on the line between two cells is that of the upper one. Unknown is what is
+    left of cells that void or the outside reach into.
+    """
+    finder = ObstacleFinder(terrain, grid, limits)
+    out = np.empty((grid.height, grid.width), np.int8)
+    walls = []
+    for found in prefetch(finder.find, grid.windows(_WINDOW, _WINDOW), processors()):
+        row, column = found.window.row, found.window.column
+        cells = np.where(found.unknown, np.int8(UNKNOWN), np.int8(FREE))
+        cells[found.steep] = OCCUPIED
+        out[row : row + found.window.height, column : column + found.window.width] = cells
+        walls.append(found.walls)
+    for places in walls:  # they may stand in the cells of other windows
+        columns, rows = np.floor((places - (grid.west, grid.south)) / grid.resolution).T
+        rows = grid.height - 1 - np.clip(rows, 0, grid.height - 1).astype(np.int64)
+        out[rows, np.clip(columns, 0, grid.width - 1).astype(np.int64)] = OCCUPIED
+    return out
+
+
+class ObstacleFinder:
+    """Looks at windows of cells; may be used by several threads at a time.
+
+    Each cell has four nodes: its south-west corner, the middles of its south and west side, and its
+    own middle, all a hair to the north-east of there. The nodes of the cells to the east and north
+    end its lines.
+    """
+
+    def __init__(self, terrain: Terrain, grid: Grid, limits: Limits) -> None:
+        terrain = terrain.written_out
+        self._terrain, self._grid, self._limits = terrain, grid, limits
+        self._least = max(0.5 * limits.step, _LEAST * grid.resolution)
+        half = 0.5 * grid.resolution
+        far = float(np.abs(np.array([*grid.bounds])).max())
+        self._hair = hair = max(_BESIDE * grid.resolution, 8.0 * float(np.spacing(far)))
+        self._nodes = Grid(
+            grid.west + hair - 0.5 * half, grid.south + hair - 0.5 * half, half,
+            2 * grid.height + 1, 2 * grid.width + 1,
+        )  # fmt: skip
+        self._painter = Painter(
+            terrain, self._nodes, np.float64, surfaces=False, slopes=True, labels=True
+        )
+        self._edges = nonzero_edges(terrain.arrays)
+        self._lines = crest_lines(terrain.arrays)
+        self._weights = curve_weights(terrain.arrays)
+        self._idle: deque[kernels.WallFinder] = deque()
+
+    def find(self, window: Window) -> _Found:
+        """Look at the cells of a window."""
+        nodes = Window(
+            2 * window.row, 2 * window.column, 2 * window.height + 1, 2 * window.width + 1
+        )
+        planes = self._painter.paint(nodes)
+        heights, labels = planes.heights, planes.labels
+        assert labels is not None and planes.slope_x is not None and planes.slope_y is not None
+        x, y = self._nodes.columns(nodes), self._nodes.rows(nodes)
+        steep = np.hypot(planes.slope_x, planes.slope_y) > self._limits.slope
+        # lines from each node to the next one to the east, and to the north; rows run south
+        for begin, end in (
+            (np.s_[1:, :-1], np.s_[1:, 1:]),
+            (np.s_[1:, :-1], np.s_[:-1, :-1]),
+        ):
+            # between two places of smooth ground some slope is no less than that of their chord
+            chord = np.abs(heights[end] - heights[begin])
+            high = chord > self._limits.slope * self._nodes.resolution
+            steep[begin] |= high & (labels[end] == labels[begin])
+        walls = np.concatenate([self._walls(heights, labels, x, y), self._crests(heights, x, y)])
+        steep = steep[1:, :-1].reshape(window.height, 2, window.width, 2).any(axis=(1, 3))
+        return _Found(window, steep, self._holes(window, np.isnan(heights)), walls)
+
+    def _holes(self, window: Window, hole: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which cells have void, or the outside, at a corner, the middle of a side or their own."""
+        near = np.zeros((window.height, window.width), np.bool_)
+        for row in range(3):
+            for column in range(3):
+                near |= hole[row : row + 2 * window.height : 2, column:][:, : 2 * window.width : 2]
+        rows, columns = np.nonzero(near)
+        # a hair within the cell: the nodes there may be those of its neighbours
+        within = (0.5 * self._grid.resolution - self._hair) * np.array([-1.0, 0.0, 1.0])
+        x = self._grid.columns(window)[columns, None, None] + within[:, None]
+        y = self._grid.rows(window)[rows, None, None] + within
+        near[rows, columns] = np.isnan(self._terrain.height(x, y)).any(axis=(1, 2))
+        return near
+
+    def _walls(
+        self, heights: NDArray[np.float64], labels: NDArray[np.uint32], x: Points, y: Points
+    ) -> Points:
+        """Places in the cells that walls between nodes stand in, or go into; (n, 2)."""
+        pairs, rises = kernels.find_candidates(labels, heights, len(y), len(x))
+        # where it rises less, slopes are too steep, or walls up and down, whose crests are seen
+        pairs = pairs[rises > self._limits.step - self._limits.slope * self._nodes.resolution]
+        places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
+        if len(pairs):
+            try:
+                finder = self._idle.pop()
+            except IndexError:
+                finder = kernels.WallFinder(self._terrain.field, self._edges)
+            kernels.walls_between(
+                finder, pairs, x, y, self._nodes.resolution, self._least, places, jumps
+            )
+            self._idle.append(finder)
+        index, which = np.nonzero(np.abs(jumps) > self._limits.step)
+        rows, columns = np.divmod(pairs[index] >> 1, len(x))
+        down = (pairs[index] & 1)[:, None] == 1
+        along = np.where(down, (0.0, 1.0), (1.0, 0.0))
+        # of two cells the upper one has the wall
+        place = places[index, which] + np.sign(jumps[index, which]) * self._hair
+        at = np.where(along == 1.0, place[:, None], np.column_stack([x[columns], y[rows]]))
+        # a line between two cells is that of the one to the north or east: into the other one …
+        between = np.where(down[:, 0], columns, len(y) - 1 - rows) % 2 == 0
+        along, beside = along[between], at[between]
+        beside = beside - (1.0 - along) * 2.0 * self._hair
+        # … the wall may go on
+        across = along * _ACROSS * self._grid.resolution
+        rise = self._terrain.height(*(beside + across).T)
+        rise -= self._terrain.height(*(beside - across).T)
+        return np.concatenate([at, beside[np.abs(rise) > self._limits.step]])
+
+    def _crests(self, heights: NDArray[np.float64], x: Points, y: Points) -> Points:
+        """Places that stand out between nodes, with a wall or a slope beside them; (n, 2)."""
+        side = self._nodes.resolution
+        row, column, _, east, north = kernels.find_crests(
+            self._terrain.field, self._lines, self._weights, x, y, side, self._least,
+            heights.astype(np.float32),
+        )  # fmt: skip
+        at = np.column_stack([x[column] + east, y[row] + north])
+        around = at[:, None] + _ACROSS * side * np.array(
+            [(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]
+        )
+        seen = self._terrain.sample(around[..., 0], around[..., 1])
+        low, high = np.fmin.reduce(seen.height, axis=1), np.fmax.reduce(seen.height, axis=1)
+        slope = np.hypot(seen.normal[..., 0], seen.normal[..., 1])
+        steep = (slope > self._limits.slope * seen.normal[..., 2]).any(axis=1)
+        bars = (high - low > self._limits.step) | steep
+        # of two cells the upper one has the wall
+        top = np.argmax(np.where(np.isnan(seen.height), -np.inf, seen.height), axis=1)
+        return np.asarray(around[np.arange(len(at)), top][bars])

@@ -1,0 +1,191 @@
+"""MuJoCo finds the ground, the walls and the friction of the terrain."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import terratool
+from terratool.field.terrain import Terrain
+from tests.conftest import terrain_of
+from tests.meshes import SITE
+from tests.simulators import checks
+from tests.simulators.checks import Ground, bytes_of, written
+from tests.simulators.mujoco_adapter import MuJoCo
+
+mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+ERROR = 0.0025
+"""Of what collides, and of numbers in float32."""
+
+
+def sample(name: str) -> Terrain:
+    return terratool.load(f"samples/{name}.json")
+
+
+@pytest.mark.parametrize("name", ["warehouse", "stairs-and-kerbs", "wheel-tracks", "sandy-cove"])
+def test_rays_and_bodies_find_the_terrain(name: str, tmp_path: Path) -> None:
+    """Ground, both sides of walls, rests, and where a sphere stops that rolls to a wall."""
+    folder, ground, manifest = written(sample(name), tmp_path / "out", "mujoco", origin="center")
+    simulator = MuJoCo(folder)
+    assert sum(manifest["collision"][kind] for kind in ("box", "mesh", "hfield")) <= 2000
+    checks.check_rays(simulator, ground, ERROR)
+    checks.check_rest(simulator, ground)
+    if name in ("warehouse", "stairs-and-kerbs"):
+        checks.check_walls(simulator, ground, ERROR)
+        checks.check_roll(simulator, ground)
+    seen = MuJoCo(folder, group=2)
+    checks.check_rays(seen, ground, ERROR)
+
+
+@pytest.mark.parametrize(
+    ("origin", "flex"), [((500003.5, 4649777.25, 1.5), False), ("local", True)]
+)
+def test_void_lets_through(origin: Any, flex: bool, tmp_path: Path) -> None:
+    """Rays and spheres, wherever zero is; what is around it is solid."""
+    folder, ground, _ = written(
+        terrain_of(SITE), tmp_path / "out", "mujoco", origin=origin, flex=flex
+    )
+    simulator = MuJoCo(folder, group=2 if flex else 3)
+    checks.check_void(simulator, ground)
+    checks.check_rays(simulator, ground, ERROR)
+    checks.check_rest(simulator, ground)
+
+
+def test_boxes_slide_as_friction_says(tmp_path: Path) -> None:
+    """Two degrees below the friction angle of each surface they hold, two above they slide."""
+
+    def simulator(terrain: Terrain) -> MuJoCo:
+        place = tmp_path / str(len(list(tmp_path.iterdir())))
+        return MuJoCo(written(terrain, place, "mujoco")[0])
+
+    checks.check_slopes(simulator)
+
+
+def mirrored(geom: ET.Element, ground: Ground) -> None:
+    """East is west."""
+    west, _, east, _ = ground.bounds
+    if "pos" in geom.attrib:
+        x, y, z = geom.attrib["pos"].split()
+        geom.set("pos", f"{east + west - float(x)} {y} {z}")
+
+
+def transposed(geom: ET.Element, ground: Ground) -> None:
+    """East is north."""
+    for key in ("pos", "size"):
+        if key in geom.attrib:
+            x, y, z = geom.attrib[key].split()
+            geom.set(key, f"{y} {x} {z}")
+
+
+def hulled(geom: ET.Element, ground: Ground) -> None:
+    """The mesh of the paving collides, too: as its hull, as MuJoCo takes a mesh."""
+    if geom.get("mesh") == "terrain_paving":
+        geom.attrib.update(group="3", contype="1", conaffinity="1", rgba="0 0 0 0")
+
+
+@pytest.mark.parametrize("spoil", [mirrored, transposed, hulled])
+def test_checks_refuse_wrong_files(
+    spoil: Callable[[ET.Element, Ground], None], tmp_path: Path
+) -> None:
+    """Those of bodies and rays do; rays do not see hulls, which lift spheres at rest."""
+    name = "stairs-and-kerbs" if spoil is hulled else "warehouse"
+    folder, ground, _ = written(sample(name), tmp_path / "out", "mujoco", max_error=0.01)
+    tree = ET.parse(folder / "terrain.xml")
+    for geom in tree.getroot().iter("geom"):
+        spoil(geom, ground)
+    tree.write(folder / "terrain.xml")
+    simulator = MuJoCo(folder)
+    with pytest.raises(AssertionError):
+        checks.check_rest(simulator, ground)
+    if spoil is hulled:
+        return
+    with pytest.raises(AssertionError):
+        checks.check_roll(simulator, ground)
+    for measured in (checks.check_rays, checks.check_walls):
+        with pytest.raises(AssertionError):
+            measured(simulator, ground, ERROR)
+
+
+def test_checks_refuse_one_friction_for_all(tmp_path: Path) -> None:
+    def simulator(terrain: Terrain) -> MuJoCo:
+        place = tmp_path / str(len(list(tmp_path.iterdir())))
+        folder, _, _ = written(terrain, place, "mujoco")
+        path = folder / "terrain.xml"
+        text = path.read_text("utf-8")
+        path.write_text(re.sub(r'friction="\S+ ', 'friction="0.5 ', text), "utf-8")
+        return MuJoCo(folder)
+
+    with pytest.raises(AssertionError):
+        checks.check_slopes(simulator)
+
+
+def test_ways_to_load(tmp_path: Path) -> None:
+    """As it is, by the README's lines; included; and attached, as the README says."""
+    folder, _, _ = written(sample("warehouse"), tmp_path / "out", "mujoco")
+    (folder / "scene.xml").write_text('<mujoco><include file="terrain.xml"/></mujoco>', "utf-8")
+    robot = '<body name="robot"><freejoint/><geom size="0.1"/></body>'
+    robot = f"<mujoco><worldbody>{robot}</worldbody></mujoco>"
+    (folder / "robot.xml").write_text(robot, "utf-8")
+    first, second = re.findall(r"```python\n(.*?)```", (folder / "README.md").read_text(), re.S)
+    models = []
+    for code in (first, first.replace("terrain.xml", "scene.xml"), second):
+        names: dict[str, Any] = {"mujoco": mujoco}
+        for file in ("terrain.xml", "scene.xml", "robot.xml"):
+            code = code.replace(f'"{file}"', f'"{folder / file}"')
+        exec(code, names)
+        models.append(names["model"])
+    assert models[0].ngeom == models[1].ngeom == models[2].ngeom - 1 > 100
+    assert models[2].nq == 7
+
+
+def test_geoms_are_of_surfaces(tmp_path: Path) -> None:
+    """Each geom that collides has friction and colour of a surface, and comes before a robot's."""
+    folder, _, manifest = written(
+        terrain_of(SITE), tmp_path / "out", "mujoco", friction=0.3, max_error=0.05
+    )
+    simulator = MuJoCo(folder)
+    model = simulator.model
+    assert simulator.hidden
+    collide = np.flatnonzero(model.geom_group == 3)
+    assert len(collide) == sum(manifest["collision"][kind] for kind in ("box", "mesh", "hfield"))
+    assert (model.geom_priority[collide] == 1).all()
+    expected = {tuple(np.array(one["color"])) for one in manifest["surfaces"].values()}
+    colors = np.rint(255 * model.geom_rgba[collide, :3]).astype(int)
+    assert set(map(tuple, colors.tolist())) == expected
+    assert np.allclose(model.geom_friction[collide, 0], 0.3)
+
+
+def test_the_same_bytes(tmp_path: Path) -> None:
+    terrain = sample("sandy-cove")
+    one, _, _ = written(terrain, tmp_path / "a", "mujoco", origin="center")
+    shutil.move(one, tmp_path / "first")
+    two, _, _ = written(terrain, tmp_path / "a", "mujoco", origin="center")
+    assert bytes_of(tmp_path / "first") == bytes_of(two)
+
+
+def test_fewer_geoms_cost_error(tmp_path: Path) -> None:
+    """The error grows where there are to be few of them, and that is said."""
+    terrain = sample("sandy-cove")
+    _, _, fine = written(terrain, tmp_path / "fine", "mujoco")
+    folder, ground, coarse = written(terrain, tmp_path / "coarse", "mujoco", max_geoms=20)
+    counts = coarse["collision"]
+    assert sum(counts[kind] for kind in ("box", "mesh", "hfield")) <= 20
+    assert counts["error"] > fine["collision"]["error"]
+    assert any("20 geoms" in line for line in coarse["losses"])
+    checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])
+
+
+def test_descriptions_are_escaped(tmp_path: Path) -> None:
+    nasty = '<--"&\x01 --->'
+    folder, _, _ = written(
+        terrain_of({**SITE, "descr": nasty}), tmp_path / "a", "mujoco", max_error=0.1
+    )
+    ET.parse(folder / "terrain.xml")
