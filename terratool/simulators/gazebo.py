@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from terratool.simulators.heightmap import HeightMap, write_heightmap
-from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
+from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
 from terratool.simulators.pieces import write_pieces
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Written
@@ -181,7 +181,7 @@ def _config(scene: Scene) -> ET.Element:
     child(root, "name", scene.name)
     child(root, "version", "1.0")
     child(root, "sdf", "model.sdf", version=_VERSION)
-    child(root, "description", " ".join((scene.terrain.descr or scene.name).split()))
+    child(root, "description", one_line(scene.terrain.descr or scene.name))
     return root
 
 

@@ -18,9 +18,13 @@ def child(parent: ET.Element, tag: str, text: object = None, **attributes: objec
 
 
 def comment(parent: ET.Element, text: str) -> None:
-    """A comment in an element, of characters that XML allows; no two `-` follow each other."""
-    plain = " ".join(lines_of(text)).replace("--", "- -").replace("--", "- -")
-    parent.append(ET.Comment(f" {plain} "))
+    """A comment in an element; no two `-` follow each other, as XML wants it."""
+    parent.append(ET.Comment(f" {one_line(text).replace('--', '- -').replace('--', '- -')} "))
+
+
+def one_line(text: str) -> str:
+    """A text on one line, of characters that XML allows."""
+    return " ".join(" ".join(lines_of(text)).split())
 
 
 def numbers(values: Iterable[float]) -> str:

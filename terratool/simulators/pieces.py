@@ -7,7 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from terratool.mesh.formats.common import SurfacePart, points_of, shape_of
+from terratool.mesh.formats.common import (
+    SurfacePart,
+    ascii_word,
+    plain_names,
+    points_of,
+    shape_of,
+)
 from terratool.mesh.formats.obj import write_obj
 from terratool.mesh.types import CornerNormals, Mesh
 from terratool.simulators.scene import Material, Scene
@@ -21,12 +27,13 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
     Returns:
         the material of each surface, and the name of its file.
     """
-    found = []
-    for part in scene.parts:
-        one = scene.material(part.surface)
-        write_obj(_piece(scene.mesh, part, one), folder / f"{one.word}.obj", scene.terrain.descr)
-        found.append((one, f"{one.word}.obj"))
-    return found
+    materials = [scene.material(part.surface) for part in scene.parts]
+    # some systems take Sand.obj and sand.obj for one file
+    names = plain_names([one.word.lower() for one in materials], ascii_word, "surface")
+    files = [f"{name}.obj" for name in names]
+    for part, one, file in zip(scene.parts, materials, files, strict=True):
+        write_obj(_piece(scene.mesh, part, one), folder / file, scene.terrain.descr)
+    return list(zip(materials, files, strict=True))
 
 
 def _piece(mesh: Mesh, part: SurfacePart, one: Material) -> Mesh:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import terratool
@@ -163,18 +162,3 @@ def test_the_same_bytes(tmp_path: Path) -> None:
     shutil.move(one, tmp_path / "first")
     two, _, _ = written(terrain_of(SITE), tmp_path / "a", "pybullet", origin="center")
     assert bytes_of(tmp_path / "first") == bytes_of(two)
-
-
-def test_names_and_words_are_escaped(tmp_path: Path) -> None:
-    """Whatever is in names and descriptions, the URDF is XML, and file names are plain."""
-    nasty = '<--"&\x01 --->'
-    definition = {**SITE, "descr": nasty, "surfTypes": {nasty: {}, "hole": {"void": True}}}
-    tree = {**SITE["elemTree"], "surface": nasty}
-    tree["children"] = [{k: v for k, v in c.items() if v != "grass"} for c in tree["children"]]
-    folder, _, _ = written(terrain_of({**definition, "elemTree": tree}), tmp_path / "a", "pybullet")
-    links = ET.parse(folder / "terrain.urdf").getroot().findall("link")
-    assert len(links) == 2
-    assert all(path.name.isascii() for path in folder.iterdir())
-    assert np.isin(
-        [mesh.get("filename") for mesh in links[1].iter("mesh")], list(bytes_of(folder))
-    ).all()

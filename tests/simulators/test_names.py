@@ -1,0 +1,76 @@
+"""Whatever names and descriptions are, the files of all targets can be read."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from terratool.errors import RequestError
+from terratool.simulators.targets import TARGETS
+from tests.conftest import terrain_of
+from tests.meshes import SITE
+from tests.simulators.checks import written
+
+WRITTEN_HERE = ("gazebo", "pybullet", "usd", "chrono")
+NASTY = '<--"&\x01 --->'
+
+
+def named(*surfaces: str, descr: str = "A site") -> dict[str, Any]:
+    """The site with other surfaces: of the ground, of its column, of its box."""
+    places = dict(zip((5, 4), surfaces[1:], strict=False))
+    children = [
+        {key: value for key, value in child.items() if value != "grass"}
+        | ({"surface": places[child["cellX"]]} if child["cellX"] in places else {})
+        for child in SITE["elemTree"]["children"]
+    ]
+    return {
+        **SITE,
+        "descr": descr,
+        "surfTypes": {**{name: {} for name in surfaces}, "hole": {"void": True}},
+        "elemTree": {**SITE["elemTree"], "surface": surfaces[0], "children": children},
+    }
+
+
+@pytest.mark.parametrize("target", WRITTEN_HERE)
+def test_nasty_names(target: str, tmp_path: Path) -> None:
+    if target == "usd":
+        pytest.importorskip("pxr", reason="usd-core is not installed")
+    definition = named(NASTY, "Ёж", "sand", descr=f"{NASTY}\n---")
+    folder, _, manifest = written(terrain_of(definition), tmp_path / "o", target)
+    assert set(manifest["surfaces"]) == {NASTY, "Ёж", "sand"}
+    for path in folder.iterdir():
+        assert path.name.isascii()
+        if path.suffix in (".urdf", ".sdf", ".config"):
+            ET.parse(path)
+        elif path.suffix == ".json":
+            json.loads(path.read_bytes())
+
+
+@pytest.mark.parametrize("target", ["gazebo", "pybullet", "chrono"])
+def test_files_differ_by_more_than_case(target: str, tmp_path: Path) -> None:
+    folder, _, _ = written(terrain_of(named("Sand", "sand", "SAND")), tmp_path / "o", target)
+    names = [path.name for path in folder.iterdir()]
+    assert len({name.lower() for name in names}) == len(names)
+    assert sum(name.endswith(".obj") for name in names) == 3
+
+
+@pytest.mark.parametrize("heightmap", [False, True])
+@pytest.mark.parametrize("target", WRITTEN_HERE)
+def test_no_ground(target: str, heightmap: bool, tmp_path: Path) -> None:
+    """It is said in a sentence, and nothing is left."""
+    if target == "usd":
+        pytest.importorskip("pxr", reason="usd-core is not installed")
+    tree = {"type": "slope", "surface": "hole"}
+    terrain = terrain_of({**SITE, "elemTree": tree})
+    with pytest.raises(RequestError, match="all of it is void"):
+        written(terrain, tmp_path / "o", target, heightmap=heightmap)
+    assert list((tmp_path / "o").iterdir()) == []
+
+
+def test_targets_name_their_module() -> None:
+    for target in TARGETS.values():
+        assert target.write.__module__ == f"terratool.simulators.{target.writer}"
