@@ -70,9 +70,6 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
     "--vehicle", metavar="V.json", help="nav2, grid-map: The vehicle whose verdict decides."
 )
 @click.option(
-    "--vehicle", metavar="V.json", help="nav2, grid-map: The vehicle whose verdict decides."
-)
-@click.option(
     "--max-slope",
     type=float,
     default=20.0,
