@@ -15,7 +15,7 @@ from tests.conftest import terrain_of
 from tests.meshes import SITE
 from tests.simulators.checks import written
 
-WRITTEN_HERE = ("gazebo", "pybullet", "usd", "chrono")
+WRITTEN_HERE = ("mujoco", "gazebo", "pybullet", "usd", "chrono")
 NASTY = '<--"&\x01 --->'
 
 

@@ -1,0 +1,147 @@
+"""What all targets have in common: folders, manifests, and what is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from tests.commands import YARD
+from tests.commands import call as run
+
+
+def write(folder: Path, definition: dict) -> str:
+    path = folder / "yard.json"
+    path.write_text(json.dumps(definition), "utf-8")
+    return str(path)
+
+
+SURFACES = {
+    "sand": {"fricAngle": [20, 30]},
+    "hole": {"void": True},
+    "wet, grey": {"preset": "concrete"},
+}
+
+
+@pytest.fixture
+def yard(tmp_path: Path) -> str:
+    return write(tmp_path, {**YARD, "surfTypes": SURFACES})
+
+
+def manifest_of(folder: Path) -> dict:
+    return json.loads((folder / "manifest.json").read_text("utf-8"))
+
+
+def test_manifest(yard: str, tmp_path: Path) -> None:
+    """It has the friction of each surface and why, where zero is, and hashes of all files."""
+    ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "mujoco", "--target", "pybullet",
+              "--origin", "center")  # fmt: skip
+    assert ran.code == 0, ran.err
+    for target in ("mujoco", "pybullet"):
+        folder = tmp_path / "o" / target
+        manifest = manifest_of(folder)
+        assert manifest["target"] == target
+        assert manifest["origin"] == [0, 0, 0]
+        assert manifest["bounds"] == [-5, -5, 5, 5]
+        assert manifest["max_error"] == 0.002
+        frictions = {name: one["friction"] for name, one in manifest["surfaces"].items()}
+        assert frictions == {
+            "sand": pytest.approx(math.tan(math.radians(25))),
+            "wet, grey": pytest.approx(0.75, abs=0.01),
+        }
+        assert "the middle of fricAngle 20° to 30°" in manifest["surfaces"]["sand"]["derived"]
+        assert "preset concrete" in manifest["surfaces"]["wet, grey"]["derived"]
+        assert manifest["source"]["sha256"] == hashlib.sha256(Path(yard).read_bytes()).hexdigest()
+        files = {
+            path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in folder.rglob("*")
+            if path.is_file() and path.name not in ("README.md", "manifest.json")
+        }
+        assert manifest["files"] == files
+        for line in manifest["losses"]:
+            assert line in (folder / "README.md").read_text("utf-8")
+            assert line in ran.out
+
+
+def test_assumed_friction_is_said(tmp_path: Path) -> None:
+    file = write(tmp_path, YARD)
+    ran = run("export-sim", file, str(tmp_path / "o"), "--target", "mujoco", "--friction", "0.4")
+    assert "Friction 0.4 is assumed, as there is no fricAngle: sand, wet, grey." in ran.out
+
+
+@pytest.mark.parametrize(
+    ("origin", "zero"), [("local", [-5, -5, 0]), ("world", [0, 0, 0]), ("1,-2.5,3", [1, -2.5, 3])]
+)
+def test_origins(origin: str, zero: list[float], yard: str, tmp_path: Path) -> None:
+    ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "nav2", "--origin", origin)
+    assert ran.code == 0, ran.err
+    assert manifest_of(tmp_path / "o" / "nav2")["origin"] == zero
+
+
+def test_overwriting(yard: str, tmp_path: Path) -> None:
+    """What an earlier run has written goes; what others have put beside it stays."""
+    arguments = ["export-sim", yard, str(tmp_path / "o"), "--target", "mujoco"]
+    folder = tmp_path / "o" / "mujoco"
+    assert run(*arguments).code == 0
+    (folder / "robot.xml").write_text("mine", "utf-8")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    again = run(*arguments)
+    assert again.code == 3
+    assert "exists already" in again.err
+    assert run(*arguments, "--overwrite").code == 0
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert run(*arguments, "--overwrite", "--flex").code == 0
+    assert "robot.xml" in {path.name for path in folder.iterdir()}
+    assert set(manifest_of(folder)["files"]) == {
+        path.name for path in folder.iterdir()
+    } - {"robot.xml", "README.md", "manifest.json"}  # fmt: skip
+
+
+def test_folders_of_others_are_kept(yard: str, tmp_path: Path) -> None:
+    place = tmp_path / "o" / "mujoco"
+    place.mkdir(parents=True)
+    (place / "precious.txt").write_text("mine", "utf-8")
+    ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "mujoco", "--overwrite")
+    assert ran.code == 3
+    assert "was not written by terratool" in ran.err
+    assert [path.name for path in place.iterdir()] == ["precious.txt"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["--target", "unity"], 2, "There is no target 'unity'"),
+        (["--target", "mujoco", "--max-error", "0"], 2, "The largest error is 0"),
+        (["--target", "mujoco", "--max-error", "nan"], 2, "The largest error is nan"),
+        (["--target", "mujoco", "--origin", "here"], 2, "The origin is 'here'"),
+        (["--target", "mujoco", "--origin", "1,2"], 2, "The origin is '1,2'"),
+        (["--target", "mujoco", "--origin", "1,2,inf"], 2, "The origin is 1 2 inf"),
+        (["--target", "mujoco", "--friction", "-1"], 2, "The assumed friction is -1"),
+        (["--target", "mujoco", "--max-geoms", "0"], 2, "At most 0 geoms are allowed"),
+        (["--target", "nav2", "--max-step", "-1"], 2, "step"),
+    ],
+)
+def test_nonsense_is_refused(
+    arguments: list[str], code: int, words: str, yard: str, tmp_path: Path
+) -> None:
+    """In a sentence, before the definition is read, and nothing is written."""
+    ran = run("export-sim", yard, str(tmp_path / "o"), *arguments)
+    assert (ran.code, ran.out) == (code, "")
+    assert words in ran.err
+    assert not (tmp_path / "o").exists()
+
+
+def test_no_folder_for_the_folder(yard: str, tmp_path: Path) -> None:
+    ran = run("export-sim", yard, str(tmp_path / "a" / "b"), "--target", "mujoco")
+    assert ran.code == 3
+    assert "there is no folder" in ran.err
+
+
+def test_a_target_that_fails_leaves_nothing(yard: str, tmp_path: Path) -> None:
+    ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "nav2", "--vehicle", yard)
+    assert ran.code != 0
+    assert "Traceback" not in ran.err
+    assert not (tmp_path / "o" / "nav2").exists()
