@@ -116,9 +116,8 @@ def test_a_wrong_model_is_found(spoil: str, drop: Drop, tmp_path: Path) -> None:
 
 
 def test_friction_is_in_the_file_and_dart_does_not_read_it(drop: Drop, tmp_path: Path) -> None:
-    """As the README says: a box holds where tan φ is too little, as DART takes 1."""
-    terrain = checks.slopes(5.0)
-    folder, _, manifest = written(terrain, tmp_path / "out", "gazebo")
+    """As the README says: DART takes 1, and a box on ice of 9 degrees holds on 42."""
+    folder, _, manifest = written(checks.slopes(5.0), tmp_path / "out", "gazebo")
     link = ET.parse(folder / "model.sdf").getroot().find("model/link")
     assert link is not None
     found = {}
@@ -130,11 +129,13 @@ def test_friction_is_in_the_file_and_dart_does_not_read_it(drop: Drop, tmp_path:
         for name, angle in checks.FRICTION_ANGLES.items()
     }
     assert any("takes the friction of meshes for 1" in line for line in manifest["losses"])
-    bodies = []
-    for row, angle in enumerate(checks.FRICTION_ANGLES.values()):
-        slope = math.tan(math.radians(angle + 5.0))
-        bodies.append(f"slide 3.5 {2 * row + 0.9} {3.5 * slope} {slope}")
-    assert max(drop(folder, bodies)) < 0.01
+    ways = []
+    for steep in (42.0, 48.0):  # below and above 45 degrees, whose tangent is 1
+        terrain = checks.slopes(steep - checks.FRICTION_ANGLES["ice"])
+        folder, _, _ = written(terrain, tmp_path / str(steep), "gazebo")
+        slope = math.tan(math.radians(steep))
+        ways += drop(folder, [f"slide 3.5 0.9 {3.5 * slope} {slope}"])
+    assert ways[0] < 0.01 and ways[1] > 0.05
 
 
 def test_a_file_for_each_surface(tmp_path: Path) -> None:
