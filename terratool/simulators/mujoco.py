@@ -11,10 +11,11 @@ import shapely
 from numpy.typing import NDArray
 
 from terratool.mesh.formats.common import points_of, shape_of
-from terratool.simulators.collision import Collision, HeightPatch, collision_of
+from terratool.simulators.collision import Collision, collision_of
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
-from terratool.simulators.prisms import Solid, rectangle
+from terratool.simulators.patches import HeightPatch
 from terratool.simulators.scene import Material, Scene
+from terratool.simulators.solids import Solid, rectangle
 from terratool.simulators.targets import Written
 from terratool.text.display import counted, length
 
@@ -197,7 +198,7 @@ def _lost(found: Collision, solids: float, wanted: float, most: int) -> str:
     if found.solids:
         parts.append(f"solids are up to {length(solids)} off the terrain, square to it")
         if solids > 1.001 * wanted:
-            parts[0] += f", to keep to {most:,} geoms"
+            parts[0] += f", to keep to {counted(most, 'geom')}"
     if found.patches:
         parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
         if found.worst > wanted:

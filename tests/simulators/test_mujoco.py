@@ -189,3 +189,15 @@ def test_descriptions_are_escaped(tmp_path: Path) -> None:
         terrain_of({**SITE, "descr": nasty}), tmp_path / "a", "mujoco", max_error=0.1
     )
     ET.parse(folder / "terrain.xml")
+
+
+def test_one_geom_is_not_enough(tmp_path: Path) -> None:
+    """What cannot be kept is said, and the ground is there all the same."""
+    terrain = terrain_of(SITE)
+    folder, ground, manifest = written(
+        terrain, tmp_path / "a", "mujoco", max_geoms=1, max_error=0.1
+    )
+    counts = manifest["collision"]
+    assert 1 < sum(counts[kind] for kind in ("box", "mesh", "hfield")) < 100
+    assert any("to keep to 1 geom" in line for line in manifest["losses"])
+    checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])

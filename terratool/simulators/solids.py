@@ -140,7 +140,7 @@ def cover(
 def _covered(
     ground: Ground, piece: Floats, surface: int, tolerance: _Tolerance, most: int
 ) -> list[Solid]:
-    piece = piece[_areas(piece) > _SLIVER]
+    piece = piece[areas_of(piece) > _SLIVER]
     if not len(piece) or _is_narrow(piece):
         return []
     solid, bad = _as_one(ground, piece, surface, tolerance)
@@ -179,7 +179,7 @@ def _as_one(
         return None, bad
     if 3 < len(piece) <= _MOST and _is_hill(piece, corners, tolerance.height):
         hull = _hull(corners[:, :2])
-        if hull.area - float(_areas(piece).sum()) <= tolerance.wall * hull.length:
+        if hull.area - float(areas_of(piece).sum()) <= tolerance.wall * hull.length:
             return Solid(corners, False, surface), none
     return None, none
 
@@ -235,7 +235,7 @@ def _in_the_way(
         over = above[which] - limit
         one = (over > 0.0).any(axis=1)
         parts, _ = _clip(found[which][one], over[one], 1e-12)
-        parts = parts[_areas(parts) > _SLIVER]
+        parts = parts[areas_of(parts) > _SLIVER]
         bad.append(parts[shapely.intersects(zone, shapely.polygons(parts[:, :, :2]))])
     return np.concatenate(bad) if bad else np.empty((0, 3, 3))
 
@@ -431,8 +431,8 @@ def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Flo
     return np.concatenate(sides[0]), np.concatenate(sides[1])
 
 
-def _areas(triangles: Floats) -> Floats:
-    """Areas seen from above, (n,)."""
+def areas_of(triangles: Floats) -> Floats:
+    """Areas of triangles, (n, 3, 3), seen from above; (n,)."""
     a, b = np.moveaxis(triangles[:, 1:, :2] - triangles[:, :1, :2], 1, 0)
     return np.asarray(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
