@@ -102,4 +102,4 @@ def walls() -> Array:
             inside, outside = height(x, y)
             if inside > outside + 1e-3 and np.all((y > 0.0) & (y < WIDTH)):
                 found.append([*begin, *end])
-    return np.array(found)
+    return np.clip(found, 0.0, [LENGTH, WIDTH, LENGTH, WIDTH])

@@ -67,7 +67,7 @@ def write_isaac(path: Path, step: float = 0.1) -> None:
 
 
 def write_crg(path: Path, step: float = 0.01) -> None:
-    """Write OpenCRG 1.1 as text: a straight reference line along the middle, z in long sections."""
+    """Write OpenCRG as text (LRFI): a straight reference line along the middle."""
     _, y, z = _heights(step)
     lines = [
         "$CT",
