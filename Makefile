@@ -77,6 +77,7 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 	$(BIN)/python benchmarks/rutting.py
 	$(BIN)/python benchmarks/routing.py
 	$(BIN)/python benchmarks/traversing.py
+	$(BIN)/python benchmarks/courses.py
 
 stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
 	$(BIN)/python kernels/python/stubs.py
