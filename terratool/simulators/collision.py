@@ -58,7 +58,11 @@ _DEEP = -1e6
 _LEAST = 0.1
 """Solids may take no less of the error than this part."""
 _GROW = 1.5
-"""By this factor their error grows where there are too many of them."""
+"""By this factor their error grows at least where there are too many of them …"""
+_LEAP = 4.0
+"""… and by this at most …"""
+_AIM = 0.7
+"""… to what the part that was covered lets expect, but for so much."""
 
 
 class Collision(NamedTuple):
@@ -141,8 +145,12 @@ def collision_of(
     rest = np.where(cutting.beside(patches, held), groups, -1)
     room = most - len(cutting.solids) - sum(len(patch.worn) for patch in patches)
     relief = float(np.ptp(mesh.vertices[:, 2]))
-    while (found := cutting.cover_all(rest, height, room)) is None:
-        height *= _GROW
+    while True:
+        found, share = cutting.cover_all(rest, height, room)
+        if share == 1.0:
+            break
+        # curved ground takes about half as many solids within twice the height
+        height *= min(max(_AIM / max(share, 1e-3), _GROW), _LEAP)
         say(f"covering what is near walls within {length(height)}")
         if height > _GROW * relief:  # and still there are too many
             room = len(triangles)
@@ -206,15 +214,24 @@ class _Cutting:
         rest[left[~shapely.covers(region, seen)]] = True
         return rest
 
-    def cover_all(self, labels: NDArray[np.int64], height: float, most: int) -> list[Solid] | None:
-        """Solids for the triangles of each label that is not negative; None if there are more."""
+    def cover_all(
+        self, labels: NDArray[np.int64], height: float, most: int
+    ) -> tuple[list[Solid], float]:
+        """Solids for the triangles of each label that is not negative.
+
+        Returns:
+            so many solids at most, and the share of the triangles that have theirs: 1 for all.
+        """
         found: list[Solid] = []
-        for part in _parts(labels):
+        parts = _parts(labels)
+        whole, done = sum(map(len, parts)), 0
+        for part in parts:
             more = cover(self.ground, part, height, _SEAM, most - len(found))
             if more is None:
-                return None
+                return found, done / whole
             found += more
-        return found
+            done += len(part)
+        return found, 1.0
 
 
 class _Joints(NamedTuple):
