@@ -10,11 +10,18 @@ import click
 
 from terratool.cli.options import library_root_option, roughness_option
 from terratool.cli.terminal import Status, load, say
+from terratool.simulators.options import (
+    ASSUMED_FRICTION,
+    DEFAULT_ERROR,
+    MAX_GEOMS,
+    MAX_SLOPE,
+    MAX_STEP,
+    SceneOptions,
+)
+from terratool.simulators.targets import TARGETS, chosen
 
 if TYPE_CHECKING:
-    from terratool.simulators.scene import Origin
-
-_NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
+    from terratool.simulators.options import Origin
 
 
 @click.command(
@@ -29,13 +36,13 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
     "targets",
     multiple=True,
     required=True,
-    metavar=_NAMES,
+    metavar="|".join([*TARGETS, "all"]),
     help="What to write for; several times for several.",
 )
 @click.option(
     "--max-error",
     type=float,
-    default=0.002,
+    default=DEFAULT_ERROR,
     show_default=True,
     metavar="E",
     help="How far the ground may be from the terrain, along z, anywhere.",
@@ -51,7 +58,7 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
 @click.option(
     "--friction",
     type=float,
-    default=0.7,
+    default=ASSUMED_FRICTION,
     show_default=True,
     metavar="MU",
     help="The coefficient of surfaces without a fricAngle; others have the tangent of theirs.",
@@ -59,7 +66,7 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
 @click.option(
     "--max-geoms",
     type=int,
-    default=2000,
+    default=MAX_GEOMS,
     show_default=True,
     metavar="N",
     help="mujoco: At most so many solids and height fields collide; the error grows if need be.",
@@ -72,7 +79,7 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
 @click.option(
     "--max-slope",
     type=float,
-    default=20.0,
+    default=MAX_SLOPE,
     show_default=True,
     metavar="DEG",
     help="nav2: The steepest slope, without a --vehicle.",
@@ -80,7 +87,7 @@ _NAMES = "mujoco|gazebo|pybullet|usd|chrono|nav2|grid-map|all"
 @click.option(
     "--max-step",
     type=float,
-    default=0.1,
+    default=MAX_STEP,
     show_default=True,
     metavar="H",
     help="nav2: The highest step, without a --vehicle.",
@@ -105,8 +112,6 @@ def command(
     friction, what is lost, and the files. The same FILE and options give the same bytes.
     """
     from terratool.simulators.export import check_folders, export_simulators
-    from terratool.simulators.scene import SceneOptions
-    from terratool.simulators.targets import chosen
 
     vehicle = options.pop("vehicle")
     wanted = SceneOptions(

@@ -35,7 +35,7 @@ _ROUNDS = 8
 """Where edges were split because the higher side changes, triangles are refined again, so often."""
 _BATCH = 200_000
 """So many triangles are examined before others get their turn, such as who interrupts."""
-_GREY = 160, 160, 160
+GREY = 160, 160, 160
 """The colour of surfaces that have none."""
 
 Ints = NDArray[np.int32]
@@ -225,7 +225,7 @@ def assemble(
         names=terrain.surfaces,
         colors=np.array(
             [
-                _GREY if surface.color is UNSET else surface.color
+                GREY if surface.color is UNSET else surface.color
                 for surface in terrain.surface_types.values()
             ],
             np.uint8,

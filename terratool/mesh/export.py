@@ -21,6 +21,7 @@ from terratool.field.relief import SCALE_PER_RMS
 from terratool.field.summary import height_range, spread_points
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.mesh.build import build
+from terratool.mesh.components import components
 from terratool.mesh.formats.common import points_of
 from terratool.mesh.formats.table import MeshFormat, mesh_format
 from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
@@ -40,6 +41,9 @@ RELIEF_FACES = 2_000_000
 _FACES_PER_BEND = 2.0
 """… as a unit of area takes this many faces, times rms times squared cells per length, over the
 error: measured, where the error is no more than the rms."""
+
+_WHOLE = "Ask terratool info what the terrain is."
+"""What to do where all of a terrain is void."""
 
 BUILDS = 8
 """So many meshes are built between an error that is too large and one that is too small."""
@@ -244,10 +248,7 @@ def export_mesh(
     fit = fit._replace(built=collapse_degenerate(fit.built))
     mesh = fit.built.mesh
     if not len(mesh.faces):
-        raise RequestError(
-            "There is no ground to be written: all of it is void.",
-            "Give other --bounds." if bounds else "Ask terratool info what the terrain is.",
-        )
+        raise no_ground("Give other --bounds." if bounds else _WHOLE)
     say(f"writing {counted(len(mesh.faces), 'face')}")
     if form.normals and options.normals:
         mesh = with_normals(fit.built)
@@ -268,6 +269,11 @@ def export_mesh(
         chosen=chosen,
         statement=loss_of(terrain, fit, options, wanted),
     )
+
+
+def no_ground(hint: str = _WHOLE) -> RequestError:
+    """What is said where there is nothing to be written."""
+    return RequestError("There is no ground to be written: all of it is void.", hint)
 
 
 def loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: float) -> MeshLoss:
@@ -333,15 +339,7 @@ def _roots(mesh: Mesh) -> NDArray[np.int32] | None:
     edges = np.concatenate(ends)
     if not len(edges):
         return None
-    roots = np.arange(len(points), dtype=np.int32)
-    while True:
-        low = roots[edges].min(axis=1)
-        before = roots.copy()
-        np.minimum.at(roots, edges[:, 0], low)
-        np.minimum.at(roots, edges[:, 1], low)
-        roots = roots[roots]
-        if np.array_equal(before, roots):
-            return roots
+    return components(edges, len(points))
 
 
 def write_mesh(

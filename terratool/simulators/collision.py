@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
+from terratool.mesh.components import components
 from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.simulators.patches import (
@@ -128,7 +129,7 @@ def collision_of(
         np.append(surfaces, np.full(len(void), VOID, np.int32)),
         sharp,
     )
-    groups = _components(joints.pairs[joints.smooth], len(faces))
+    groups = components(joints.pairs[joints.smooth], len(faces))
     cutting = _Cutting(ground, np.zeros(len(faces), np.bool_), int(_SHARE * most))
     say("finding plane ground")
     cutting.take_planes(joints, _PLAIN * (max(extent) / CELLS) ** 2, height)
@@ -183,7 +184,7 @@ class _Cutting:
     def take_planes(self, joints: _Joints, area: float, height: float) -> None:
         """Level ground becomes solids, and plane slopes larger than so much, the largest first."""
         triangles = self.ground.triangles[: len(self.done)]
-        parts = _parts(_components(joints.pairs[joints.plane], len(self.done)))
+        parts = _parts(components(joints.pairs[joints.plane], len(self.done)))
         bent = np.zeros(len(self.done), np.bool_)
         bent[joints.pairs[joints.bent]] = True
         each = areas_of(triangles)
@@ -198,7 +199,7 @@ class _Cutting:
             if plane:
                 self._take(part, height, self.most)
 
-    def take_hills(self, groups: NDArray[np.int64], height: float) -> None:
+    def take_hills(self, groups: Ints, height: float) -> None:
         """Ground that hangs together becomes solids, if these are few."""
         for part in _parts(groups):
             if len(part) <= _GROUP and not self.done[part].all():
@@ -214,9 +215,7 @@ class _Cutting:
         rest[left[~shapely.covers(region, seen)]] = True
         return rest
 
-    def cover_all(
-        self, labels: NDArray[np.int64], height: float, most: int
-    ) -> tuple[list[Solid], float]:
+    def cover_all(self, labels: Ints, height: float, most: int) -> tuple[list[Solid], float]:
         """Solids for the triangles of each label that is not negative.
 
         Returns:
@@ -253,8 +252,7 @@ class _Joints(NamedTuple):
 
 
 def _joints(triangles: Floats, surfaces: Ints, faces: Ints) -> _Joints:
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    key = edges.min(axis=1) << 32 | edges.max(axis=1)
+    _, key = _edges(faces)
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
     one, other = order[same], order[same + 1]
@@ -278,21 +276,16 @@ def _joints(triangles: Floats, surfaces: Ints, faces: Ints) -> _Joints:
     )
 
 
-def _components(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """For each of so many things the least of those that it hangs together with."""
-    roots = np.arange(count)
-    first, second = pairs.T
-    while True:
-        before = roots.copy()
-        low = np.minimum(roots[first], roots[second])
-        for end in (roots[first], roots[second], first, second):
-            np.minimum.at(roots, end, low)
-        roots = roots[roots]
-        if np.array_equal(before, roots):
-            return roots
+def _edges(faces: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The edges of faces, (3 n, 2), first those from corner 0 to 1; and a number for each, (3 n,).
+
+    Edges between the same two vertices have the same number, whichever way they go.
+    """
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    return edges, edges.min(axis=1) << 32 | edges.max(axis=1)
 
 
-def _parts(labels: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+def _parts(labels: Ints) -> list[NDArray[np.intp]]:
     """The indices of each label that is not negative, in the order of their first."""
     order = np.argsort(labels, kind="stable")
     order = order[np.count_nonzero(labels < 0) :]
@@ -310,9 +303,7 @@ def _wall_ends(mesh: Mesh) -> Floats:
 
 def _rims(mesh: Mesh, extent: Bounds) -> Floats:
     """(n, 2, 2) edges where the ground ends, but for the rim of the terrain."""
-    faces = mesh.faces.astype(np.int64)
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    key = edges.min(axis=1) << 32 | edges.max(axis=1)
+    edges, key = _edges(mesh.faces)
     _, first, count = np.unique(key, return_index=True, return_counts=True)
     ends = mesh.vertices[edges[first[count == 1]]][:, :, :2]
     west, south, east, north = extent

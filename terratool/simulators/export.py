@@ -17,7 +17,8 @@ from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.common import ascii_word, plain_names
 from terratool.output import os_errors, part_folder, stop_on_signals
-from terratool.simulators.scene import Scene, SceneOptions
+from terratool.simulators.options import SceneOptions
+from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Target, Written, chosen
 from terratool.text.display import plain
 
@@ -69,9 +70,7 @@ def export_simulators(
     folder = Path(folder)
     check_folders(folder, tuple(wanted), overwrite)
     stem = "terrain" if source is None else Path(source).stem
-    [name] = plain_names(
-        [stem], lambda letter: letter.isascii() and (letter.isalnum() or letter in "_-"), "terrain"
-    )
+    [name] = plain_names([stem], _in_name, "terrain")
     scene = Scene(terrain.written_out, name, options, progress or (lambda _: None))
     reports = []
     with os_errors(folder), stop_on_signals():
@@ -79,7 +78,7 @@ def export_simulators(
         for key, target in wanted.items():
             with part_folder(folder) as part:
                 written = target.write(scene, part)
-                manifest = _manifest(scene, key, target, written, source)
+                manifest = _manifest(scene, key, written, source)
                 manifest["files"] = _hashes(part)
                 (part / README).write_text(_readme(scene, target, written), "utf-8")
                 text = json.dumps(manifest, indent=2, ensure_ascii=False)
@@ -164,11 +163,10 @@ def _hashes(folder: Path) -> dict[str, str]:
 
 
 def _manifest(
-    scene: Scene, key: str, target: Target, written: Written, source: str | Path | None
+    scene: Scene, key: str, written: Written, source: str | Path | None
 ) -> dict[str, Any]:
     west, south, east, north = scene.terrain.bounds
     x, y, _ = scene.zero
-    meshed = target.meshed and written.meshed
     return {
         "format_version": 1,
         "generator": f"terratool {__version__}",
@@ -187,10 +185,10 @@ def _manifest(
                 "color": list(one.color),
                 "sonar_reflectivity": one.reflectivity,
             }
-            for one in scene.used(meshed)
+            for one in scene.used(written.meshed)
         },
-        "losses": list(_losses(scene, target, written)),
-        **({"mesh": msgspec.to_builtins(scene.loss, enc_hook=plain)} if meshed else {}),
+        "losses": list(_losses(scene, written)),
+        **({"mesh": msgspec.to_builtins(scene.loss, enc_hook=plain)} if written.meshed else {}),
         **written.facts,
     }
 
@@ -202,13 +200,12 @@ def _source(path: Path) -> dict[str, str]:
         raise ReadError.of(path, error) from error
 
 
-def _losses(scene: Scene, target: Target, written: Written) -> Iterator[str]:
-    """What the files of a target lose, in sentences."""
-    meshed = target.meshed and written.meshed
-    if meshed:
+def _losses(scene: Scene, written: Written) -> Iterator[str]:
+    """What files lose, in sentences."""
+    if written.meshed:
         yield from scene.loss.sentences()
     yield from written.losses
-    used = scene.used(meshed)
+    used = scene.used(written.meshed)
     assumed = [one.name for one in used if one.derivation.startswith("assumed")]
     if assumed:
         names = ", ".join(assumed)
@@ -224,7 +221,7 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
     zero = " ".join(f"{number:.12g}" for number in scene.zero)
     lines += [f"Zero is at {zero} of the world; x points east, y north, z up, in metres.", ""]
     lines += ["| surface | friction | from |", "|---|---|---|"]
-    for one in scene.used(target.meshed and written.meshed):
+    for one in scene.used(written.meshed):
         lines.append(f"| {one.name} | {one.friction:.4g} | {one.derivation} |".replace("\n", " "))
-    lines += ["", *_losses(scene, target, written), ""]
+    lines += ["", *_losses(scene, written), ""]
     return "\n".join(lines)

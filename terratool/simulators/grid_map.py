@@ -120,6 +120,7 @@ def write(scene: Scene, folder: Path) -> Written:
                 **by,
             }
         },
+        meshed=False,
     )
 
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.mesh.export import no_ground
 from terratool.traversability.report.drawing import png
 
 _SIDES = 129, 257, 513, 1025
@@ -62,10 +62,7 @@ def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
     y = np.linspace(north, south, side)
     heights = np.stack([terrain.height(x, np.full(side, row)) for row in y])
     if np.isnan(heights).all():
-        raise RequestError(
-            "There is no ground to be written: all of it is void.",
-            "Ask terratool info what the terrain is.",
-        )
+        raise no_ground()
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     # a level picture has a range, too, or it could not be scaled
     extent = high - low if high > low else 1.0

@@ -100,6 +100,7 @@ def write(scene: Scene, folder: Path) -> Written:
                 **by,
             }
         },
+        meshed=False,
     )
 
 

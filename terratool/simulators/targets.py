@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from terratool.errors import RequestError
-from terratool.simulators.scene import Scene
+
+if TYPE_CHECKING:
+    from terratool.simulators.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +26,7 @@ class Written:
         notes: what else one has to know, each a paragraph.
         losses: what the files cannot hold, or hold only roughly, each a sentence.
         facts: figures for programs, ready for JSON.
-        meshed: False where the files hold no mesh though those of the target do.
+        meshed: whether they hold the mesh of the scene.
     """
 
     summary: str
@@ -45,13 +47,11 @@ class Target:
         writer: the module in `terratool.simulators` whose `write` puts files into a folder.
         needs: what has to be installed, as it is imported, as it is called, and the extra of
             terratool that has it; empty for nothing.
-        meshed: whether the files hold the mesh of the scene.
     """
 
     title: str
     writer: str
     needs: tuple[str, str, str] | tuple[()] = ()
-    meshed: bool = True
 
     @property
     def write(self) -> Callable[[Scene, Path], Written]:
@@ -67,8 +67,8 @@ TARGETS = {
     "pybullet": Target("PyBullet", "bullet"),
     "usd": Target("USD physics", "usd", needs=("pxr", "usd-core", "usd")),
     "chrono": Target("Project Chrono", "chrono"),
-    "nav2": Target("Nav2", "nav2", meshed=False),
-    "grid-map": Target("grid_map", "grid_map", ("rosbags", "rosbags", "ros"), meshed=False),
+    "nav2": Target("Nav2", "nav2"),
+    "grid-map": Target("grid_map", "grid_map", ("rosbags", "rosbags", "ros")),
 }
 
 

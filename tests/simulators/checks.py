@@ -17,7 +17,7 @@ import numpy as np
 
 from terratool.field.terrain import Terrain
 from terratool.simulators.export import export_simulators
-from terratool.simulators.scene import SceneOptions
+from terratool.simulators.options import SceneOptions
 from tests.conftest import terrain_of
 
 RADIUS = 0.1

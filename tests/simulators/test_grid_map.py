@@ -22,7 +22,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.simulators import targets
 from terratool.simulators.export import export_simulators
-from terratool.simulators.scene import SceneOptions
+from terratool.simulators.options import SceneOptions
 from terratool.text.source import Source
 from tests.commands import ROOT
 

@@ -24,7 +24,7 @@ from terratool.field.terrain import Terrain
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.export import export_simulators
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
-from terratool.simulators.scene import SceneOptions
+from terratool.simulators.options import SceneOptions
 from terratool.text.source import Source
 from tests.commands import ROOT, call, run
 
