@@ -16,16 +16,10 @@ from terratool.field.terrain import Terrain
 from terratool.mesh.components import components
 from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
-from terratool.simulators.patches import (
-    CELLS,
-    Bools,
-    Floats,
-    HeightPatch,
-    Ints,
-    Surroundings,
-    lay_patches,
-)
-from terratool.simulators.solids import VOID, Ground, Solid, areas_of, cover
+from terratool.simulators.footing import rest_of
+from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Ints
+from terratool.simulators.patches import CELLS, Surroundings, lay_patches
+from terratool.simulators.solids import VOID, Budget, Ground, Solid, areas_of, cover
 from terratool.text.display import length
 
 _VALLEY = 0.3
@@ -58,12 +52,12 @@ _DEEP = -1e6
 """The height of what is no ground."""
 _LEAST = 0.1
 """Solids may take no less of the error than this part."""
-_GROW = 1.5
+_GROW = 1.25
 """By this factor their error grows at least where there are too many of them …"""
 _LEAP = 4.0
 """… and by this at most …"""
-_AIM = 0.7
-"""… to what the part that was covered lets expect, but for so much."""
+_RATE = 1.5
+"""… to this power of what the part that was covered lets expect."""
 
 
 class Collision(NamedTuple):
@@ -122,7 +116,8 @@ def collision_of(
     triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~mesh.walls]
     joints = _joints(triangles, surfaces, faces)
     rims = _rims(mesh, extent)
-    sharp = np.concatenate([joints.sharp, _wall_ends(mesh), rims])
+    walls = _wall_ends(mesh)
+    sharp = np.concatenate([joints.sharp, walls, rims])
     void = _void(terrain, mesh, rims, extent)
     ground = Ground(
         np.concatenate([triangles, void]),
@@ -141,17 +136,22 @@ def collision_of(
     held = shapely.union_all(shapely.polygons(triangles[cutting.done][:, :, :2]))
     held = held.buffer(_HAIR, join_style="mitre")
     shapely.prepare(held)
-    around = Surroundings(terrain, mesh.origin[:2], sharp, held)
-    patches = lay_patches(around, extent, max_error, int(_FIELDS * most))
-    rest = np.where(cutting.beside(patches, held), groups, -1)
+    around = Surroundings(terrain, mesh.origin[:2], walls, sharp, held, ground, max_error)
+    footings = lay_patches(around, extent, int(_FIELDS * most))
+    patches = [one.patch for one in footings if one.patch.used.any()]
+    index, pieces = rest_of(footings, ground)
+    left = (index < len(faces)) & ~cutting.done[np.minimum(index, len(faces) - 1)]
+    index, pieces = index[left], pieces[left]
     room = most - len(cutting.solids) - sum(len(patch.worn) for patch in patches)
     relief = float(np.ptp(mesh.vertices[:, 2]))
+    area = float(areas_of(pieces).sum())
     while True:
-        found, share = cutting.cover_all(rest, height, room)
-        if share == 1.0:
+        budget = Budget(room, area)
+        found = cutting.cover_all(pieces, groups[index], surfaces[index], height, budget)
+        if not budget.spent:
             break
-        # curved ground takes about half as many solids within twice the height
-        height *= min(max(_AIM / max(share, 1e-3), _GROW), _LEAP)
+        # curved ground takes about half as many solids within twice the height, rims more
+        height *= min(max((budget.expected / room) ** _RATE, _GROW), _LEAP)
         say(f"covering what is near walls within {length(height)}")
         if height > _GROW * relief:  # and still there are too many
             room = len(triangles)
@@ -176,8 +176,12 @@ class _Cutting:
 
     def _take(self, part: NDArray[np.intp], height: float, most: int) -> None:
         most = min(most, self.most - len(self.solids))
-        found = cover(self.ground, part, height, _SEAM, most) if most > 0 else None
-        if found is not None:
+        piece, surface = self.ground.triangles[part], int(self.ground.surfaces[part[0]])
+        budget = Budget(most, float(areas_of(piece).sum()))
+        if most <= 0:
+            return
+        found = cover(self.ground, piece, surface, height, _SEAM, budget)
+        if not budget.spent:
             self.solids += found
             self.done[part] = True
 
@@ -205,32 +209,16 @@ class _Cutting:
             if len(part) <= _GROUP and not self.done[part].all():
                 self._take(part, height, 1 + len(part) // _LEAN)
 
-    def beside(self, patches: list[HeightPatch], held: shapely.Geometry) -> Bools:
-        """Which triangles neither solids nor cells of height fields hold wholly, (n,)."""
-        region = shapely.union_all(np.concatenate([[held], *(patch.runs() for patch in patches)]))
-        region = region.buffer(_HAIR, join_style="mitre")
-        left = np.flatnonzero(~self.done)
-        seen = shapely.polygons(self.ground.triangles[left][:, :, :2])
-        rest = np.zeros(len(self.done), np.bool_)
-        rest[left[~shapely.covers(region, seen)]] = True
-        return rest
-
-    def cover_all(self, labels: Ints, height: float, most: int) -> tuple[list[Solid], float]:
-        """Solids for the triangles of each label that is not negative.
-
-        Returns:
-            so many solids at most, and the share of the triangles that have theirs: 1 for all.
-        """
+    def cover_all(
+        self, pieces: Floats, labels: Ints, surfaces: Ints, height: float, budget: Budget
+    ) -> list[Solid]:
+        """Solids for triangles that have a label and a surface each; not all if that is spent."""
         found: list[Solid] = []
-        parts = _parts(labels)
-        whole, done = sum(map(len, parts)), 0
-        for part in parts:
-            more = cover(self.ground, part, height, _SEAM, most - len(found))
-            if more is None:
-                return found, done / whole
-            found += more
-            done += len(part)
-        return found, 1.0
+        for part in _parts(labels):
+            surface = int(surfaces[part[0]])
+            if not budget.spent:
+                found += cover(self.ground, pieces[part], surface, height, _SEAM, budget)
+        return found
 
 
 class _Joints(NamedTuple):

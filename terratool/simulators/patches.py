@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -13,82 +13,25 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
+from terratool.simulators.continuation import continued
+from terratool.simulators.footing import Footing, footing_of
+from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Ints
+from terratool.simulators.solids import Ground
 
 CELLS = 96
 """Cells of a height field along its longer side."""
 _SAMPLES = 4
 """Each cell is held against the terrain at so many points a side, and its end."""
+_CURVED = 0.75
+"""This part of all height fields may be split where ground is curved."""
+_FINEST = 40.0
+"""Cells of so many errors are not split for what is left at walls."""
 _MARGIN = 0.3
-"""Cells are left out that are nearer than this part of their side to a wall."""
+"""Cells are at a wall that are nearer than this part of their side to a wall."""
 _NODES = 4_000_000
 """So many nodes all height fields have together, about."""
 _FEWEST = 4
 """Beside the void, fewer rows of cells are no height field."""
-
-
-@dataclass(frozen=True)
-class HeightPatch:
-    """A height field: heights at evenly spaced nodes, where it has any ground.
-
-    Attributes:
-        bounds: west, south, east, north of its nodes.
-        heights: (n, m) float64, rows from the south.
-        used: (n - 1, m - 1) bool, the cells that it stands for.
-        surfaces: (n - 1, m - 1) int32 of these, -1 for none.
-        misses: (n - 1, m - 1) how far they are from the terrain, as measured.
-    """
-
-    bounds: Bounds
-    heights: Floats
-    used: Bools
-    surfaces: Ints
-    misses: Floats
-
-    @property
-    def error(self) -> float:
-        """How far any used cell is from the terrain, as measured."""
-        return float(self.misses[self.used].max(initial=0.0))
-
-    @property
-    def worn(self) -> list[int]:
-        """The surfaces of used cells."""
-        worn: list[int] = np.unique(self.surfaces[self.used]).tolist()
-        return worn
-
-    def cropped(self, bottom: int, top: int, left: int, right: int) -> HeightPatch:
-        """The rows from `bottom` to before `top`, and columns likewise."""
-        west, south, east, north = self.bounds
-        n, m = self.used.shape
-        dx, dy = (east - west) / m, (north - south) / n
-        rows, columns = slice(bottom, top), slice(left, right)
-        return HeightPatch(
-            (west + left * dx, south + bottom * dy, west + right * dx, south + top * dy),
-            self.heights[bottom : top + 1, left : right + 1],
-            self.used[rows, columns],
-            self.surfaces[rows, columns],
-            self.misses[rows, columns],
-        )
-
-    def runs(self) -> NDArray[Any]:
-        """Rectangles of used cells side by side from west to east."""
-        west, south, east, north = self.bounds
-        n, m = self.used.shape
-        dx, dy = (east - west) / m, (north - south) / n
-        row, column = np.nonzero(self.used)
-        begin = np.flatnonzero(np.append(True, (np.diff(row) != 0) | (np.diff(column) != 1)))
-        end = np.append(begin[1:], len(row)) - 1
-        return np.asarray(
-            shapely.box(
-                west + column[begin] * dx,
-                south + row[begin] * dy,
-                west + (column[end] + 1) * dx,
-                south + (row[end] + 1) * dy,
-            )
-        )
 
 
 @dataclass(frozen=True)
@@ -98,14 +41,20 @@ class Surroundings:
     Attributes:
         terrain: its heights.
         corner: (2,) float64, world position of the zero of …
-        sharp: … (n, 2, 2) float64 ends of walls, rims of the ground and creases …
+        walls: … (k, 2, 2) float64 their ends …
+        sharp: … (n, 2, 2) those, and the ends of rims of the ground and creases …
         held: … and what needs no height field, prepared.
+        ground: all of the ground, void included.
+        max_error: how far they may be from it, along z.
     """
 
     terrain: Terrain
     corner: Floats
+    walls: Floats
     sharp: Floats
     held: shapely.Geometry
+    ground: Ground
+    max_error: float
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Heights of the terrain."""
@@ -116,39 +65,80 @@ class Surroundings:
         return self.terrain.sample(x + self.corner[0], y + self.corner[1]).surface
 
 
-def lay_patches(
-    around: Surroundings, extent: Bounds, max_error: float, most: int
-) -> list[HeightPatch]:
+@dataclass(frozen=True)
+class _Laid:
+    """A height field, and what is to be asked of it."""
+
+    patch: HeightPatch
+    around: Surroundings
+
+    @cached_property
+    def footing(self) -> Footing:
+        """It without what is above the ground at walls."""
+        return footing_of(self.patch, self.around.ground, self.around.max_error)
+
+    @property
+    def excess(self) -> float:
+        """How much farther than it may be from the terrain it is away from walls."""
+        return max(self.patch.error - self.around.max_error, 0.0)
+
+    @property
+    def rest(self) -> float:
+        """The area of the ground at walls that it does not stand for."""
+        if min(self.patch.cell) < _FINEST * self.around.max_error:
+            return 0.0
+        return float(shapely.area(self.footing.parts).sum())
+
+
+def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Footing]:
     """Height fields for all that solids do not hold.
 
-    They are split in four where they are worst, until they are good or too many.
+    They are split in four where they are worst, until they are good or too many: first where they
+    are far from the ground, then where much of the ground at walls is left.
 
     Args:
         around: what they stand for.
         extent: west, south, east, north of it.
-        max_error: how far they may be from the terrain, along z.
         most: so many are enough.
     """
-    queue: list[tuple[float, int, HeightPatch]] = []
-    number = nodes = 0
-    parts = [extent]
-    while True:
-        for bounds in parts:
-            for patch in _without_void(_patch(around, bounds)):
-                number += 1
-                nodes += patch.heights.size
-                heapq.heappush(queue, (-patch.error, number, patch))
-        if not queue or -queue[0][0] <= max_error or len(queue) > most or nodes > _NODES:
-            return [patch for _, _, patch in sorted(queue, key=lambda one: one[1])]
+    laid = list(_laid(around, extent))
+    laid = _split(laid, lambda one: one.excess, int(_CURVED * most))
+    laid = _split(laid, lambda one: one.rest, most)
+    return [one.footing for one in laid]
+
+
+def _laid(around: Surroundings, bounds: Bounds) -> Iterator[_Laid]:
+    for patch in _without_void(_patch(around, bounds)):
+        yield _Laid(patch, around)
+
+
+def _split(laid: list[_Laid], badness: Callable[[_Laid], float], most: int) -> list[_Laid]:
+    """Height fields in four where they are worst, until none is bad or they are enough."""
+    queue = [(-badness(one), number, one) for number, one in enumerate(laid)]
+    heapq.heapify(queue)
+    number = len(queue)
+    nodes, used = _size(laid)
+    while queue[0][0] < 0.0 and used <= most and nodes <= _NODES:
         _, _, worst = heapq.heappop(queue)
-        nodes -= worst.heights.size
-        west, south, east, north = worst.bounds
+        west, south, east, north = worst.patch.bounds
         x, y = 0.5 * (west + east), 0.5 * (south + north)
         parts = [
-            (left, bottom, right, top)
+            one
             for bottom, top in ((south, y), (y, north))
             for left, right in ((west, x), (x, east))
+            for one in _laid(worst.around, (left, bottom, right, top))
         ]
+        for one in parts:
+            number += 1
+            heapq.heappush(queue, (-badness(one), number, one))
+        nodes, used = np.array([nodes, used]) + _size(parts) - _size([worst])
+    return [one for _, _, one in sorted(queue, key=lambda item: item[1])]
+
+
+def _size(laid: list[_Laid]) -> NDArray[np.intp]:
+    """How many nodes and surfaces of height fields they take."""
+    used = [one.patch for one in laid if one.patch.used.any()]
+    return np.array([sum(one.heights.size for one in used), sum(len(one.worn) for one in used)])
 
 
 def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
@@ -159,14 +149,37 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     k = _SAMPLES
     x, y = np.linspace(west, east, columns * k + 1), np.linspace(south, north, rows * k + 1)
     heights = around.height(x[None, :], y[:, None])
-    misses = _misses(heights, k)
     cell = (east - west) / columns, (north - south) / rows
-    used = np.isfinite(misses) & ~_near(around.sharp, bounds, (rows, columns), cell)
+    near = _near(around.sharp, bounds, (rows, columns), cell)
+    nodes, pulled = _continued(around, heights[::k, ::k], bounds, cell)
+    near |= pulled
+    misses = _misses(heights, k)
     left, bottom = np.meshgrid(x[:-1:k], y[:-1:k])
     boxes = shapely.box(left, bottom, left + cell[0], bottom + cell[1])
-    used &= ~shapely.covers(around.held, boxes)
+    held = shapely.covers(around.held, boxes)
     surfaces = around.surface(left + 0.5 * cell[0], bottom + 0.5 * cell[1])
-    return HeightPatch(bounds, heights[::k, ::k], used, surfaces, misses)
+    return HeightPatch(
+        bounds, nodes, np.isfinite(misses) & ~held, held, near, surfaces, misses
+    )
+
+
+def _continued(
+    around: Surroundings, nodes: Floats, bounds: Bounds, cell: tuple[float, float]
+) -> tuple[Floats, Bools]:
+    """Nodes, where lower ground goes on behind walls; and the cells that this changes."""
+    west, south, east, north = bounds
+    low, high = around.walls.min(axis=1), around.walls.max(axis=1)
+    margin = np.array(cell)
+    here = ((low < np.array([east, north]) + margin) & (high > np.array([west, south]) - margin))
+    walls = (around.walls[here.all(axis=1)] - [west, south]) / cell
+
+    def height(x: Floats, y: Floats) -> Floats:
+        return around.height(west + x * cell[0], south + y * cell[1])
+
+    found = continued(nodes, walls, height)
+    changed = (found != nodes) & np.isfinite(nodes)
+    cells = changed[:-1, :-1] | changed[1:, :-1] | changed[:-1, 1:] | changed[1:, 1:]
+    return found, cells
 
 
 def _misses(heights: Floats, k: int) -> Floats:
@@ -195,9 +208,7 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
     """Parts of a patch that have no cell without ground, as a height field has no holes."""
     void = np.isnan(patch.misses)
     rows, columns = np.flatnonzero(void.any(axis=1)), np.flatnonzero(void.any(axis=0))
-    if not patch.used.any():
-        return
-    if not len(rows):
+    if not len(rows) or not patch.used.any():
         yield patch
         return
     n, m = void.shape
@@ -207,7 +218,8 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
         if a < b and c < d:
             yield from _without_void(patch.cropped(a, b, c, d))
     middle = patch.cropped(bottom, top, left, right)
-    if min(middle.used.shape) < _FEWEST or void[bottom:top, left:right].all():
+    if min(middle.used.shape) < _FEWEST or np.isnan(middle.misses).all():
+        yield replace(middle, used=np.zeros_like(middle.used))
         return
     n, m = middle.used.shape
     if n > m:

@@ -26,12 +26,24 @@ _NARROW = 2e-5
 """No strips narrower than this are cut off, in units of the terrain; a gap of it is none."""
 _CUTS = 12
 """So many edges of what is in the way are tried as cuts."""
+_CONSIDERED = 256
+"""So many triangles of what is in the way are looked at, the largest."""
 _SHARES = 0.5, 0.25, 0.75, 0.375, 0.625
 """Where bent ground is cut, in parts of its width …"""
 _STRIPS = 16
-"""… across the direction in which so many strips of it are flattest."""
+"""… across the direction in which so many strips of it are flattest, or more where it is long …"""
+_MOST_STRIPS = 512
+"""… but no more than these."""
 _SAMPLED = 64
 """Whether ground is concave is asked at so many of its triangles first."""
+_SAMPLE = 64
+"""Ground is cut into so many pieces first, if it takes as many …"""
+_GOLDEN = 0.6180339887498949
+"""… and of these each is far from the one before."""
+_EARLY = 0.25
+"""Once this part of the ground has its solids, …"""
+_FAR = 1.4
+"""… it is given up if all of it will take so many times what it may."""
 _MOST = 20_000
 """Ground of more triangles is no hill."""
 _CHUNK = 1 << 22
@@ -113,9 +125,37 @@ class _Tolerance(NamedTuple):
     seam: float
 
 
+@dataclass
+class Budget:
+    """How many solids there may be, and how far it is.
+
+    Attributes:
+        most: so many.
+        area: of all that they are for, seen from above.
+        done: of what has them.
+        count: so many there are.
+    """
+
+    most: int
+    area: float
+    done: float = 0.0
+    count: int = 0
+
+    @property
+    def expected(self) -> float:
+        """How many there will be for all of it, if the rest takes as many."""
+        return self.count * self.area / max(self.done, _SLIVER)
+
+    @property
+    def spent(self) -> bool:
+        """Whether there are too many, or will be by far."""
+        early = self.done > _EARLY * self.area and self.expected > _FAR * self.most
+        return self.count > self.most or early
+
+
 def cover(
-    ground: Ground, part: NDArray[np.intp], height: float, seam: float, most: int = 1 << 30
-) -> list[Solid] | None:
+    ground: Ground, piece: Floats, surface: int, height: float, seam: float, budget: Budget
+) -> list[Solid]:
     """Cover triangles of one surface by convex solids that rise nowhere above the ground.
 
     A solid may lie under other, higher ground. What is bent is cut where that straightens it most,
@@ -123,37 +163,59 @@ def cover(
 
     Args:
         ground: all of the ground.
-        part: (m,) which of its triangles.
+        piece: (m, 3, 3) the triangles, or parts of them.
+        surface: theirs.
         height: how far a roof may be from the ground, square to it, and an edge over lower ground.
         seam: how far a solid may reach into another surface of the same height.
-        most: so many solids are enough.
-
-    Returns:
-        The solids; None if there are more.
+        budget: is changed; once it is spent, what is found is not all.
     """
     tolerance = _Tolerance(height, 0.5 * height, seam)
-    surface = int(ground.surfaces[part[0]])
-    found = _covered(ground, ground.triangles[part], surface, tolerance, most)
-    return found if len(found) <= most else None
+    found: list[Solid] = []
+    # the largest are cut first, and then taken from all over: so a part of it tells of the whole
+    pieces = [piece]
+    while 0 < len(pieces) < _SAMPLE:
+        largest = pieces.pop(int(np.argmax([areas_of(one).sum() for one in pieces])))
+        pieces += _solid_or_sides(ground, largest, surface, tolerance, budget, found)
+    for k in sorted(range(len(pieces)), key=lambda k: k * _GOLDEN % 1.0):
+        if not budget.spent:
+            found += _covered(ground, pieces[k], surface, tolerance, budget)
+    return found
 
 
 def _covered(
-    ground: Ground, piece: Floats, surface: int, tolerance: _Tolerance, most: int
+    ground: Ground, piece: Floats, surface: int, tolerance: _Tolerance, budget: Budget
 ) -> list[Solid]:
-    piece = piece[areas_of(piece) > _SLIVER]
-    if not len(piece) or _is_narrow(piece):
-        return []
-    solid, bad = _as_one(ground, piece, surface, tolerance)
-    if solid is not None:
-        return [solid]
     found: list[Solid] = []
-    for side in _divided(ground, piece, bad) if len(bad) else _bent(ground, piece):
-        if len(found) > most:
-            break
-        found += _covered(ground, side, surface, tolerance, most - len(found))
+    for side in _solid_or_sides(ground, piece, surface, tolerance, budget, found):
+        if not budget.spent:
+            found += _covered(ground, side, surface, tolerance, budget)
     if len(found) > len(piece):  # no better than each by itself
+        budget.count += len(piece) - len(found)
         return [_upright(triangle, surface) for triangle in piece]
     return found
+
+
+def _solid_or_sides(
+    ground: Ground,
+    piece: Floats,
+    surface: int,
+    tolerance: _Tolerance,
+    budget: Budget,
+    found: list[Solid],
+) -> list[Floats]:
+    """Adds the solid that stands for a piece, or else cuts it."""
+    areas = areas_of(piece)
+    piece = piece[areas > _SLIVER]
+    if not len(piece) or _is_narrow(piece):
+        budget.done += float(areas.sum())
+        return []
+    solid, bad = _as_one(ground, piece, surface, tolerance)
+    if solid is None:
+        return _divided(ground, piece, bad) if len(bad) else _bent(ground, piece)
+    budget.done += float(areas.sum())
+    budget.count += 1
+    found.append(solid)
+    return []
 
 
 def _upright(triangle: Floats, surface: int) -> Solid:
@@ -245,22 +307,29 @@ def _bent(ground: Ground, piece: Floats) -> list[Floats]:
     hull = _hull(piece.reshape(-1, 3)[:, :2])
     inner = hull.buffer(-_NARROW, join_style="mitre")
     near = np.sort(ground.sharp_tree.query(inner, predicate="intersects"))
-    walls = ground.sharp[near]
-    walls = walls[_within(piece, walls)]
-    best = _best_cut(piece, walls, _flatness)
+    best = _best_cut(piece, _within(piece, ground.sharp[near]), _flatness)
     if best is None:
         best = _across(piece)
     sides = _cut(piece, *best)
     return sides if len(sides) > 1 else [piece[:1], piece[1:]]
 
 
-def _within(piece: Floats, edges: Floats) -> NDArray[np.bool_]:
-    """Whether a piece lies on both sides of each edge, (k,)."""
-    along = edges[:, 1] - edges[:, 0]
-    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
-    aside = _NARROW * np.stack([-along[:, 1], along[:, 0]], axis=1) / lengths[:, None]
-    middles = edges.mean(axis=1)
-    return _holds(piece, middles + aside) & _holds(piece, middles - aside)
+def _within(piece: Floats, edges: Floats) -> Floats:
+    """Edges that a piece lies on both sides of, (k, 2, 2): as many as are tried, the longest."""
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    edges = edges[np.argsort(-lengths, kind="stable")]
+    found = edges[:0]
+    for k in range(0, len(edges), 2 * _CUTS):
+        some = edges[k : k + 2 * _CUTS]
+        along = some[:, 1] - some[:, 0]
+        along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+        aside = _NARROW * np.stack([-along[:, 1], along[:, 0]], axis=1)
+        middles = some.mean(axis=1)
+        both = _holds(piece, middles + aside) & _holds(piece, middles - aside)
+        found = np.concatenate([found, some[both]])[:_CUTS]
+        if len(found) == _CUTS:
+            break
+    return found
 
 
 def _holds(piece: Floats, points: Floats) -> NDArray[np.bool_]:
@@ -315,7 +384,9 @@ def _across(piece: Floats) -> tuple[Floats, float]:
         if wide > max(gap[0], _NARROW):
             gap = wide, normal, at
         # in many strips, as two are no better than one where the ground is a wave
-        score = _misses(corners, along, _STRIPS).mean()
+        wide = np.ptp(corners[:, :2] @ [-normal[1], normal[0]])
+        strips = int(np.clip(2.0 * np.ptp(along) / max(wide, 1e-300), _STRIPS, _MOST_STRIPS))
+        score = _misses(corners, along, strips).mean()
         if best is None or score < best[0] - 1e-12:
             best = float(score), normal, along
     assert best is not None
@@ -356,6 +427,7 @@ def _misses(points: Floats, along: Floats, strips: int) -> Floats:
 def _divided(ground: Ground, piece: Floats, bad: Floats) -> list[Floats]:
     """A piece cut in two along an edge of what is in its way."""
     hull = _hull(piece.reshape(-1, 3)[:, :2])
+    bad = bad[np.argsort(-areas_of(bad), kind="stable")[:_CONSIDERED]]
     outline = shapely.union_all(shapely.polygons(bad[:, :, :2]))
     outline = shapely.simplify(outline.intersection(hull), 1e-6)
 

@@ -1,0 +1,164 @@
+"""Height fields at walls: what of them stands for lower ground and rises nowhere above any."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Indices, runs
+from terratool.simulators.solids import Ground
+
+_SLIVER = 1e-9
+"""Smaller areas are nothing, in square units of the terrain."""
+_HALVES = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]])
+"""Rows and columns of the nodes of the two triangles of a cell, as MuJoCo parts it."""
+
+
+class Footing(NamedTuple):
+    """A height field at walls.
+
+    Attributes:
+        patch: what is left of it.
+        triangles: (n,) indices of those of the ground that it does not stand for, more than once …
+        parts: … and (n,) the polygons where it does not.
+    """
+
+    patch: HeightPatch
+    triangles: Indices
+    parts: NDArray[Any]
+
+
+def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
+    """Leave out of a height field what is above the ground at walls.
+
+    Cells at walls are used that are nowhere higher than the ground, and as high as some of it. No
+    cell that is higher somewhere keeps all its nodes.
+
+    Args:
+        patch: the height field.
+        ground: the ground, void included.
+        error: how far it may be off.
+    """
+    row, column = np.nonzero(patch.near & np.isfinite(patch.misses))
+    at = np.stack([row, column], axis=1)[:, None, None] + _HALVES  # (n, 2, 3, 2)
+    halves = patch.at(at[..., 0], at[..., 1]).reshape(-1, 3, 3)
+    pairs = _pairs(ground, shapely.polygons(halves[:, :, :2]))
+    points, which = shapely.get_coordinates(pairs.shared, return_index=True)
+    over = _heights(halves[pairs.first[which]], points)
+    over -= _heights(ground.triangles[pairs.triangle[which]], points)
+    above, below = _most(over, which), _most(-over, which)
+    cell = pairs.first // 2
+    higher = np.zeros((*patch.near.shape, 2), bool)
+    high = pairs.first[above > error]
+    higher[row[high // 2], column[high // 2], high % 2] = True
+    right = (above <= error) & (below <= error)
+    area = np.zeros((len(row), int(ground.surfaces.max()) + 2))
+    worn = ground.surfaces[pairs.triangle[right]] + 1
+    np.add.at(area, (cell[right], worn), shapely.area(pairs.shared[right]))
+    surfaces, fits = patch.surfaces.copy(), ~patch.near
+    surfaces[row, column] = area.argmax(axis=1) - 1
+    fits[row, column] = area.max(axis=1) > _SLIVER
+    used = _without(patch.used & fits & ~higher.any(axis=2), higher)
+    patch = replace(patch, used=used, surfaces=surfaces)
+    apart = (below > error) & used[row[cell], column[cell]]
+    loose = _pairs(ground, runs(patch, patch.loose))
+    return Footing(
+        patch,
+        np.concatenate([pairs.triangle[apart], loose.triangle]),
+        np.concatenate([pairs.shared[apart], loose.shared]),
+    )
+
+
+def _without(used: Bools, higher: Bools) -> Bools:
+    """The used cells that leave no half, which is higher than the ground, all its nodes."""
+    row, column, half = np.nonzero(higher)
+    at = np.stack([row, column], axis=1)[:, None] + _HALVES[half]  # (n, 3, 2)
+    used = np.pad(used, 1)
+    while True:
+        nodes = used[:-1, :-1] | used[1:, :-1] | used[:-1, 1:] | used[1:, 1:]
+        wrong = at[nodes[at[..., 0], at[..., 1]].all(axis=1)]
+        if not len(wrong):
+            return used[1:-1, 1:-1]
+        count = np.zeros(nodes.shape, np.intp)
+        np.add.at(count, (wrong[..., 0], wrong[..., 1]), 1)
+        worst = count[wrong[..., 0], wrong[..., 1]].argmax(axis=1)
+        i, j = wrong[np.arange(len(wrong)), worst].T
+        for down in (0, 1):
+            for right in (0, 1):
+                used[i + down, j + right] = False
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Shapes and triangles of the ground that share some area.
+
+    Attributes:
+        first: (n,) index of the shape.
+        triangle: (n,) index of the triangle.
+        shared: (n,) polygons.
+    """
+
+    first: Indices
+    triangle: Indices
+    shared: NDArray[Any]
+
+
+def _pairs(ground: Ground, shapes: NDArray[Any]) -> _Pairs:
+    first, triangle = ground.tree.query(shapes, predicate="intersects")
+    order = np.lexsort((triangle, first))
+    first, triangle = first[order], triangle[order]
+    shared = shapely.intersection(shapes[first], ground.tree.geometries[triangle])
+    some = shapely.area(shared) > _SLIVER
+    return _Pairs(first[some], triangle[some], shared[some])
+
+
+def _most(values: Floats, which: Indices) -> Floats:
+    """The largest of the values of each index; these rise."""
+    begins = np.flatnonzero(np.append(True, np.diff(which) > 0))[: len(values)]
+    return np.maximum.reduceat(values, begins) if len(values) else values
+
+
+def _heights(triangles: Floats, points: Floats) -> Floats:
+    """Heights of the planes of triangles, one for each point."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    u, v, away = b - a, c - a, points - a[:, :2]
+    size = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    s = (away[:, 0] * v[:, 1] - away[:, 1] * v[:, 0]) / size
+    t = (u[:, 0] * away[:, 1] - u[:, 1] * away[:, 0]) / size
+    return np.asarray(a[:, 2] + s * u[:, 2] + t * v[:, 2])
+
+
+def rest_of(footings: list[Footing], ground: Ground) -> tuple[Indices, Floats]:
+    """What height fields do not stand for: of each triangle the convex hull of that, in triangles.
+
+    Args:
+        footings: of all height fields.
+        ground: all of the ground.
+
+    Returns:
+        (n,) the indices of those that they are parts of, and (n, 3, 3).
+    """
+    triangle = np.concatenate([one.triangles for one in footings])
+    parts = np.concatenate([one.parts for one in footings])
+    points, which = shapely.get_coordinates(parts, return_index=True)
+    order = np.argsort(triangle[which], kind="stable")
+    index, line = np.unique(triangle[which][order], return_inverse=True)
+    hulls = shapely.convex_hull(shapely.linestrings(points[order], indices=line))
+    fans, of = _fans(hulls)
+    index = index[of]
+    heights = _heights(np.repeat(ground.triangles[index], 3, axis=0), fans.reshape(-1, 2))
+    return index, np.concatenate([fans, heights.reshape(-1, 3, 1)], axis=2)
+
+
+def _fans(polygons: NDArray[Any]) -> tuple[Floats, Indices]:
+    """The triangles, (n, 3, 2), from the first corner of convex polygons; and of which they are."""
+    corners, of = shapely.get_coordinates(polygons, return_index=True)
+    begins = np.flatnonzero(np.append(True, np.diff(of) > 0))[: len(polygons)]
+    count = np.diff(np.append(begins, len(corners))) - 3  # the first corner is the last, too
+    index = np.repeat(np.arange(len(polygons)), count)
+    second = begins[index] + 1 + np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+    return corners[np.stack([begins[index], second, second + 1], axis=1)], index

@@ -1,0 +1,102 @@
+"""A height field of a simulator: where it lies, and which of its cells stand for ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from terratool.definition.findings import Bounds
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class HeightPatch:
+    """A height field: heights at evenly spaced nodes, where it has any ground.
+
+    Attributes:
+        bounds: west, south, east, north of its nodes.
+        heights: (n, m) float64, rows from the south.
+        used: (n - 1, m - 1) bool, the cells that it stands for.
+        held: (n - 1, m - 1) bool, those that something else stands for.
+        near: (n - 1, m - 1) bool, those at walls, where only lower ground is meant.
+        surfaces: (n - 1, m - 1) int32 of these, -1 for none.
+        misses: (n - 1, m - 1) how far they are from the terrain, as measured; NaN at the void.
+    """
+
+    bounds: Bounds
+    heights: Floats
+    used: Bools
+    held: Bools
+    near: Bools
+    surfaces: Ints
+    misses: Floats
+
+    @property
+    def error(self) -> float:
+        """How far any used cell is from the terrain, as measured, but for those at walls."""
+        return float(self.misses[self.used & ~self.near].max(initial=0.0))
+
+    @property
+    def cell(self) -> tuple[float, float]:
+        """The width and height of its cells."""
+        west, south, east, north = self.bounds
+        rows, columns = self.used.shape
+        return (east - west) / columns, (north - south) / rows
+
+    @property
+    def loose(self) -> Bools:
+        """The cells that nothing stands for."""
+        return ~(self.used | self.held)
+
+    @property
+    def worn(self) -> list[int]:
+        """The surfaces of used cells."""
+        worn: list[int] = np.unique(self.surfaces[self.used]).tolist()
+        return worn
+
+    def cropped(self, bottom: int, top: int, left: int, right: int) -> HeightPatch:
+        """The rows from `bottom` to before `top`, and columns likewise."""
+        west, south, _, _ = self.bounds
+        dx, dy = self.cell
+        part = slice(bottom, top), slice(left, right)
+        return HeightPatch(
+            (west + left * dx, south + bottom * dy, west + right * dx, south + top * dy),
+            self.heights[bottom : top + 1, left : right + 1],
+            self.used[part],
+            self.held[part],
+            self.near[part],
+            self.surfaces[part],
+            self.misses[part],
+        )
+
+    def at(self, row: Indices, column: Indices) -> Floats:
+        """Nodes by row and column, (…, 3)."""
+        west, south, _, _ = self.bounds
+        dx, dy = self.cell
+        return np.stack([west + column * dx, south + row * dy, self.heights[row, column]], axis=-1)
+
+
+def runs(patch: HeightPatch, cells: Bools) -> NDArray[Any]:
+    """Rectangles of cells side by side from west to east."""
+    west, south, _, _ = patch.bounds
+    dx, dy = patch.cell
+    row, column = np.nonzero(cells)
+    begins = np.append(True, (np.diff(row) != 0) | (np.diff(column) != 1))[: len(row)]
+    begin = np.flatnonzero(begins)
+    end = np.append(begin[1:], len(row))[: len(begin)] - 1
+    return np.asarray(
+        shapely.box(
+            west + column[begin] * dx,
+            south + row[begin] * dy,
+            west + (column[end] + 1) * dx,
+            south + (row[end] + 1) * dy,
+        )
+    )
