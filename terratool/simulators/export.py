@@ -17,6 +17,7 @@ from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.common import ascii_word, plain_names
 from terratool.output import os_errors, part_folder, stop_on_signals
+from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Target, Written, chosen
@@ -37,6 +38,64 @@ class SimulatorReport:
 
     folder: Path
     manifest: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class ExportPlan:
+    """Files for simulators, of which all is checked that can be without the terrain.
+
+    Attributes:
+        folder: of the folders.
+        targets: the simulators, by name.
+        options: what is wanted.
+        judge: the vehicle that the options name.
+    """
+
+    folder: Path
+    targets: Mapping[str, Target]
+    options: SceneOptions
+    judge: Judge | None
+
+    def write(
+        self,
+        terrain: Terrain,
+        source: str | Path | None = None,
+        progress: Callable[[str], object] = lambda _: None,
+    ) -> tuple[SimulatorReport, ...]:
+        """Write a terrain; arguments and errors are those of `export_simulators`."""
+        stem = "terrain" if source is None else Path(source).stem
+        [name] = plain_names([stem], _in_name, "terrain")
+        scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
+        reports = []
+        with os_errors(self.folder), stop_on_signals():
+            self.folder.mkdir(exist_ok=True)
+            for key, target in self.targets.items():
+                with part_folder(self.folder) as part:
+                    written = target.write(scene, part)
+                    manifest = _manifest(scene, key, written, source)
+                    manifest["files"] = _hashes(part)
+                    (part / README).write_text(_readme(scene, target, written), "utf-8")
+                    text = json.dumps(manifest, indent=2, ensure_ascii=False)
+                    (part / MANIFEST).write_text(text + "\n", "utf-8")
+                    _put(part, self.folder / key)
+                reports.append(SimulatorReport(self.folder / key, manifest))
+        return tuple(reports)
+
+
+def plan_export(
+    folder: str | Path,
+    targets: tuple[str, ...],
+    options: SceneOptions | None = None,
+    *,
+    overwrite: bool = False,
+) -> ExportPlan:
+    """Check what can be checked before there is a terrain; as of `export_simulators`."""
+    options, folder = options or SceneOptions(), Path(folder)
+    options.check()
+    wanted = chosen(targets)
+    _check_folders(folder, tuple(wanted), overwrite)
+    judge = None if options.vehicle is None else Judge.of(options.vehicle)
+    return ExportPlan(folder, wanted, options, judge)
 
 
 def export_simulators(
@@ -62,30 +121,12 @@ def export_simulators(
 
     Raises:
         RequestError: a target is unknown or not installed, or what was asked for makes no sense.
+        ReadError: the vehicle's file cannot be read.
+        DefinitionError: it has errors.
         WriteError: a folder is there already, holds something else, or cannot be written.
     """
-    options = options or SceneOptions()
-    options.check()
-    wanted = chosen(targets)
-    folder = Path(folder)
-    check_folders(folder, tuple(wanted), overwrite)
-    stem = "terrain" if source is None else Path(source).stem
-    [name] = plain_names([stem], _in_name, "terrain")
-    scene = Scene(terrain.written_out, name, options, progress or (lambda _: None))
-    reports = []
-    with os_errors(folder), stop_on_signals():
-        folder.mkdir(exist_ok=True)
-        for key, target in wanted.items():
-            with part_folder(folder) as part:
-                written = target.write(scene, part)
-                manifest = _manifest(scene, key, written, source)
-                manifest["files"] = _hashes(part)
-                (part / README).write_text(_readme(scene, target, written), "utf-8")
-                text = json.dumps(manifest, indent=2, ensure_ascii=False)
-                (part / MANIFEST).write_text(text + "\n", "utf-8")
-                _put(part, folder / key)
-            reports.append(SimulatorReport(folder / key, manifest))
-    return tuple(reports)
+    plan = plan_export(folder, targets, options, overwrite=overwrite)
+    return plan.write(terrain, source, progress or (lambda _: None))
 
 
 def _in_name(letter: str) -> bool:
@@ -93,7 +134,7 @@ def _in_name(letter: str) -> bool:
     return ascii_word(letter) or letter == "-"
 
 
-def check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> None:
+def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> None:
     """Refuse what can be known to fail before there are files.
 
     Raises:

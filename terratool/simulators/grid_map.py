@@ -20,7 +20,7 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import TILE, prefetch, processors
-from terratool.simulators.cells import Judge, cell_grid, ground_classes
+from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
 from terratool.text.display import counted, length
@@ -79,20 +79,17 @@ def write(scene: Scene, folder: Path) -> Written:
 
     Raises:
         RequestError: there are too many cells, or they do not go with the vehicle.
-        ReadError: the vehicle's file cannot be read.
-        DefinitionError: it has errors.
     """
     options, terrain = scene.options, scene.terrain
-    judge = Judge.of(options.vehicle)
     grid = cell_grid(terrain, options.resolution, MOST)
-    _refuse_large(grid, len(_NAMES) + (judge is not None))
+    _refuse_large(grid, len(_NAMES) + (scene.judge is not None))
     scene.say("sampling cells")
     layers, loss = _sampled(scene, grid)
     by, more = dict[str, Any](), ""
-    if judge is not None:
-        classes = ground_classes(terrain, judge.vehicle, grid, scene.say)
-        layers["traversability"] = _traversability(classes)
-        by, more = judge.facts(classes), _TRAVERSABILITY.format(judge.vehicle.name)
+    verdict = scene.verdict(grid)
+    if verdict is not None:
+        layers["traversability"] = _traversability(verdict.classes)
+        by, more = {**verdict.facts}, _TRAVERSABILITY.format(verdict.vehicle)
     x, y, _ = scene.zero
     west, south, east, north = grid.bounds
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y

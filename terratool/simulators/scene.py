@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET
@@ -25,6 +25,8 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.raster.grid import Grid
+from terratool.simulators.judge import Judge, Verdict
 from terratool.simulators.options import SceneOptions
 from terratool.text.display import counted, length
 
@@ -58,12 +60,14 @@ class Scene:
         name: what it is called, in letters, digits, `_`, `-` of ASCII.
         options: what is wanted.
         say: is called with words that say how far it is.
+        judge: the vehicle that is named there, if one is.
     """
 
     terrain: Terrain
     name: str
     options: SceneOptions
     say: Callable[[str], object] = lambda _: None
+    judge: Judge | None = None
 
     @cached_property
     def built(self) -> BuiltMesh:
@@ -104,6 +108,16 @@ class Scene:
     def parts(self) -> list[SurfacePart]:
         """The faces of the mesh by surface, those of no surface last."""
         return surface_parts(self.mesh)
+
+    @cached_property
+    def verdict(self) -> Callable[[Grid], Verdict | None]:
+        """What the vehicle makes of cells, found out once; None without a vehicle.
+
+        It raises RequestError where the cells are too coarse or too fine for the vehicle.
+        """
+        return cache(
+            lambda grid: self.judge.verdict(self.terrain, grid, self.say) if self.judge else None
+        )
 
     @property
     def zero(self) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import YARD
+from tests.commands import SAMPLE, YARD
 from tests.commands import call as run
 
 
@@ -122,13 +122,13 @@ def test_folders_of_others_are_kept(yard: str, tmp_path: Path) -> None:
         (["--target", "mujoco", "--friction", "-1"], 2, "The assumed friction is -1"),
         (["--target", "mujoco", "--max-geoms", "0"], 2, "At most 0 geoms are allowed"),
         (["--target", "nav2", "--max-step", "-1"], 2, "step"),
+        (["--target", "all", "--vehicle", "not-there.json"], 3, "not-there.json"),
+        (["--target", "all", "--vehicle", SAMPLE], 1, "is a terrain, where a vehicle is wanted"),
     ],
 )
-def test_nonsense_is_refused(
-    arguments: list[str], code: int, words: str, yard: str, tmp_path: Path
-) -> None:
-    """In a sentence, before the definition is read, and nothing is written."""
-    ran = run("export-sim", yard, str(tmp_path / "o"), *arguments)
+def test_nonsense_is_refused(arguments: list[str], code: int, words: str, tmp_path: Path) -> None:
+    """In a sentence, before the definition is read, which is not there; nothing is written."""
+    ran = run("export-sim", str(tmp_path / "yard.json"), str(tmp_path / "o"), *arguments)
     assert (ran.code, ran.out) == (code, "")
     assert words in ran.err
     assert not (tmp_path / "o").exists()
@@ -138,10 +138,3 @@ def test_no_folder_for_the_folder(yard: str, tmp_path: Path) -> None:
     ran = run("export-sim", yard, str(tmp_path / "a" / "b"), "--target", "mujoco")
     assert ran.code == 3
     assert "there is no folder" in ran.err
-
-
-def test_a_target_that_fails_leaves_nothing(yard: str, tmp_path: Path) -> None:
-    ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "nav2", "--vehicle", yard)
-    assert ran.code == 1
-    assert "yard.json" in ran.err
-    assert not (tmp_path / "o" / "nav2").exists()
