@@ -169,12 +169,20 @@ class Scene:
         return self.materials[surface]
 
     def used(self, meshed: bool = True) -> list[Material]:
-        """Those of the faces of the mesh; or, without a mesh, of all elements."""
+        """Those of the faces of the mesh; or, without a mesh, of all elements and tracks.
+
+        Ground without a surface is last, if there is any.
+        """
         if meshed:
             return [self.material(part.surface) for part in self.parts]
-        counts, types = self.terrain.count_by_surface(), self.terrain.surface_types
-        worn = [name for name, count in counts.items() if count and types[name].void is not True]
-        return [one for one in self.materials if one.name in worn]
+        terrain, counts = self.terrain, self.terrain.count_by_surface()
+        worn = {index for index, count in enumerate(counts.values()) if count}
+        worn.update(terrain.arrays.tracks.surface.tolist())
+        worn.discard(-1)  # of tracks that leave the ground its own
+        is_void = [surface.void is True for surface in terrain.surface_types.values()]
+        found = [self.material(index) for index in sorted(worn) if not is_void[index]]
+        bare = sum(counts.values()) < terrain.elements
+        return found + [self.material(-1)] * bare
 
 
 def _derivation(surface: Any) -> str:

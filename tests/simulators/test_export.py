@@ -72,6 +72,34 @@ def test_assumed_friction_is_said(tmp_path: Path) -> None:
     assert "Friction 0.4 is assumed, as there is no fricAngle: sand, wet, grey." in ran.out
 
 
+BARE = {key: value for key, value in YARD["elemTree"].items() if key != "surface"}
+RUT = {"path": [[-4, -4], [4, -4]], "width": 0.3, "depth": 0.1, "surface": "sand"}
+
+
+@pytest.mark.parametrize(
+    ("more", "names"),
+    [
+        ({}, ["sand", "wet, grey"]),
+        ({"elemTree": BARE}, ["wet, grey", "none"]),
+        ({"elemTree": BARE, "tracks": [RUT]}, ["sand", "wet, grey", "none"]),
+    ],
+)
+def test_all_targets_state_the_same_surfaces(more: dict, names: list[str], tmp_path: Path) -> None:
+    """With a mesh or without one: those of elements and tracks, and ground that has none."""
+    file = write(tmp_path, {**YARD, "surfTypes": SURFACES, **more})
+    targets = ("pybullet", "nav2", "grid-map")
+    chosen = [word for target in targets for word in ("--target", target)]
+    ran = run("export-sim", file, str(tmp_path / "o"), *chosen, "--friction", "0.4")
+    assert ran.code == 0, ran.err
+    for target in targets:
+        manifest = manifest_of(tmp_path / "o" / target)
+        assert list(manifest["surfaces"]) == names, target
+        assert ("none" in names) == (manifest["surfaces"].get("none", {}).get("friction") == 0.4)
+        assumed = [line for line in manifest["losses"] if "is assumed" in line]
+        wanted = "Friction 0.4 is assumed, as there is no fricAngle: none."
+        assert assumed == [wanted] * ("none" in names)
+
+
 @pytest.mark.parametrize(
     ("origin", "zero"), [("local", [-5, -5, 0]), ("world", [0, 0, 0]), ("1,-2.5,3", [1, -2.5, 3])]
 )

@@ -183,7 +183,9 @@ def test_losses_are_measured(tmp_path: Path) -> None:
     assert manifest["losses"][0] == "A cell has what is at its middle, not a mean."
     assert "of wall became ramps" in manifest["losses"][1]
     assert "(3 m in one pixel)" in manifest["losses"][1]
-    assert list(manifest["surfaces"]) == ["sand", "slab"]  # a hole has no friction to be assumed
+    # a hole has no friction to be assumed, ground without a surface has
+    assert list(manifest["surfaces"]) == ["sand", "slab", "none"]
+    assert manifest["losses"][2].endswith("as there is no fricAngle: slab, none.")
 
 
 def test_the_same_bytes(tmp_path: Path) -> None:
