@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from terratool.errors import RequestError
+from terratool.text.display import listed
 
 if TYPE_CHECKING:
     from terratool.simulators.scene import Scene
@@ -85,10 +86,17 @@ def chosen(names: tuple[str, ...]) -> dict[str, Target]:
             f"Choose of {', '.join(TARGETS)}, or all.",
         )
     found = {name: one for name, one in TARGETS.items() if name in names or "all" in names}
-    for name, target in found.items():
-        if target.needs and find_spec(target.needs[0]) is None:
-            _, package, extra = target.needs
-            raise RequestError(
-                f"For {name}, {package} is not installed.", f"Run pip install 'terratool[{extra}]'."
-            )
+    missing = {
+        name: one.needs[1:]
+        for name, one in found.items()
+        if one.needs and find_spec(one.needs[0]) is None
+    }
+    if missing:
+        packages = listed([f"{package} for {name}" for name, (package, _) in missing.items()])
+        hint = f"Run pip install 'terratool[{','.join(extra for _, extra in missing.values())}]'"
+        rest = " ".join(f"--target {name}" for name in found if name not in missing)
+        raise RequestError(
+            f"Not installed: {packages}.",
+            f"{hint}, or choose the others: {rest}." if rest else f"{hint}.",
+        )
     return found

@@ -6,9 +6,11 @@ import hashlib
 import json
 import math
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
+from terratool.simulators import targets
 from tests.commands import SAMPLE, YARD
 from tests.commands import call as run
 
@@ -159,6 +161,33 @@ def test_nonsense_is_refused(arguments: list[str], code: int, words: str, tmp_pa
     ran = run("export-sim", str(tmp_path / "yard.json"), str(tmp_path / "o"), *arguments)
     assert (ran.code, ran.out) == (code, "")
     assert words in ran.err
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "missing", "what", "hint"),
+    [
+        (
+            "all", ("rosbags",), "rosbags for grid-map",
+            "'terratool[ros]', or choose the others: --target mujoco --target gazebo "
+            "--target pybullet --target usd --target chrono --target nav2",
+        ),
+        (
+            "all", ("rosbags", "pxr"), "usd-core for usd and rosbags for grid-map",
+            "'terratool[usd,ros]', or choose the others: --target mujoco --target gazebo "
+            "--target pybullet --target chrono --target nav2",
+        ),
+        ("usd", ("pxr",), "usd-core for usd", "'terratool[usd]'"),
+    ],
+)  # fmt: skip
+def test_what_is_not_installed(
+    wanted: str, missing: tuple[str, ...], what: str, hint: str, tmp_path: Path
+) -> None:
+    """It is named before the definition is read, which is not there; nothing is written."""
+    with patch.object(targets, "find_spec", lambda name: None if name in missing else name):
+        ran = run("export-sim", tmp_path / "yard.json", tmp_path / "o", "--target", wanted)
+    assert ran.code == 2
+    assert ran.err == f"terratool: Not installed: {what}.\n  Run pip install {hint}.\n"
     assert not (tmp_path / "o").exists()
 
 

@@ -21,7 +21,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from terratool.definition.reader import check
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.simulators import targets
 from terratool.simulators.export import export_simulators
 from terratool.simulators.options import SceneOptions
 from terratool.text.source import Source
@@ -226,10 +225,3 @@ def test_too_large(tmp_path: Path) -> None:
 def test_by_default_cells_are_few(tmp_path: Path) -> None:
     bag, _ = exported(tmp_path, resolution=None)
     assert bag.layer("elevation").shape == (180, 100)
-
-
-def test_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(targets, "find_spec", lambda name: None)
-    with pytest.raises(RequestError, match="rosbags is not installed") as refused:
-        targets.chosen(("grid-map",))
-    assert "pip install 'terratool[ros]'" in str(refused.value.hint)
