@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -16,7 +17,7 @@ from terratool import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.common import ascii_word, plain_names
-from terratool.output import os_errors, part_folder, stop_on_signals
+from terratool.output import hold_signals, os_errors, part_folder, stop_on_signals
 from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Scene
@@ -67,8 +68,7 @@ class ExportPlan:
         [name] = plain_names([stem], _in_name, "terrain")
         scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
         reports = []
-        with os_errors(self.folder), stop_on_signals():
-            self.folder.mkdir(exist_ok=True)
+        with os_errors(self.folder), stop_on_signals(), _made(self.folder):
             for key, target in self.targets.items():
                 with part_folder(self.folder) as part:
                     written = target.write(scene, part)
@@ -129,6 +129,19 @@ def export_simulators(
     return plan.write(terrain, source, progress or (lambda _: None))
 
 
+@contextlib.contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Have a folder there; it goes again if nothing comes to be in it."""
+    was_there = folder.exists()
+    folder.mkdir(exist_ok=True)
+    try:
+        yield
+    finally:
+        if not was_there:
+            with contextlib.suppress(OSError):  # as it holds something
+                folder.rmdir()
+
+
 def _in_name(letter: str) -> bool:
     """Whether a character may stand in the name of a terrain."""
     return ascii_word(letter) or letter == "-"
@@ -176,12 +189,13 @@ def _put(part: Path, place: Path) -> None:
         part.mkdir()  # as it is removed
         return
     new = sorted(_files(part), key=lambda name: name == MANIFEST)
-    for name in _earlier(place):
-        if name not in new:
-            (place / name).unlink()
-    for name in new:
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        (part / name).replace(place / name)
+    with hold_signals():
+        for name in _earlier(place):
+            if name not in new:
+                (place / name).unlink()
+        for name in new:
+            (place / name).parent.mkdir(parents=True, exist_ok=True)
+            (part / name).replace(place / name)
 
 
 def _files(folder: Path) -> list[str]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import signal
 from pathlib import Path
 from unittest.mock import patch
 
 import pytest
 
-from terratool.simulators import targets
+from terratool.simulators import nav2, targets
 from tests.commands import SAMPLE, YARD
 from tests.commands import call as run
 
@@ -189,6 +190,63 @@ def test_what_is_not_installed(
     assert ran.code == 2
     assert ran.err == f"terratool: Not installed: {what}.\n  Run pip install {hint}.\n"
     assert not (tmp_path / "o").exists()
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else b""
+        for path in folder.rglob("*")
+    }
+
+
+def code_of(*arguments: object) -> object:
+    """What a command ends with that a signal may stop."""
+    try:
+        return run(*arguments).code
+    except SystemExit as stop:
+        return stop.code
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_nothing_half_written(
+    number: signal.Signals, yard: str, tmp_path: Path
+) -> None:
+    """Neither a target nor a temporary folder; what was there is as it was."""
+    out = tmp_path / "o"
+    arguments = ["export-sim", yard, out, "--target", "nav2"]
+
+    def interrupted(_scene: object, folder: Path) -> None:
+        (folder / "map.pgm").write_text("half")
+        signal.raise_signal(number)
+
+    with patch.object(nav2, "write", interrupted):
+        assert code_of(*arguments) == 128 + number
+        assert not out.exists()
+        assert code_of(*arguments, "--target", "pybullet") == 128 + number
+    assert [path.name for path in out.iterdir()] == ["pybullet"]
+    assert run(*arguments).code == 0
+    before = contents(out)
+    with patch.object(nav2, "write", interrupted):
+        assert code_of(*arguments, "--overwrite") == 128 + number
+    assert contents(out) == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_files_of_a_target_change_together(
+    number: signal.Signals, yard: str, tmp_path: Path
+) -> None:
+    """A signal while files take the places of earlier ones waits for the last."""
+    arguments = ["export-sim", yard, "--target", "mujoco", "--overwrite", "--max-error"]
+    for name, error in (("o", 0.5), ("new", 0.01)):
+        assert run(*arguments, error, tmp_path / name).code == 0
+
+    def replace(one: Path, other: Path) -> None:
+        one.rename(other)
+        signal.raise_signal(number)
+
+    with patch.object(Path, "replace", replace):
+        assert code_of(*arguments, 0.01, tmp_path / "o") == 128 + number
+    assert contents(tmp_path / "o") == contents(tmp_path / "new")
 
 
 def test_no_folder_for_the_folder(yard: str, tmp_path: Path) -> None:
