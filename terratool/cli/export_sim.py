@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -113,12 +112,7 @@ def command(
     """
     from terratool.simulators.export import plan_export
 
-    vehicle = options.pop("vehicle")
-    wanted = SceneOptions(
-        origin=_origin(options.pop("origin")),
-        vehicle=None if vehicle is None else Path(vehicle),
-        **options,
-    )
+    wanted = SceneOptions(origin=_origin(options.pop("origin")), **options)
     plan = plan_export(folder, targets, wanted, overwrite=overwrite)
     terrain = load(file)
     with Status("meshing") as status:

@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,7 +84,7 @@ class ExportPlan:
 
 def plan_export(
     folder: str | Path,
-    targets: tuple[str, ...],
+    targets: str | Iterable[str],
     options: SceneOptions | None = None,
     *,
     overwrite: bool = False,
@@ -92,7 +92,7 @@ def plan_export(
     """Check what can be checked before there is a terrain; as of `export_simulators`."""
     options, folder = options or SceneOptions(), Path(folder)
     options.check()
-    wanted = chosen(targets)
+    wanted = chosen((targets,) if isinstance(targets, str) else tuple(targets))
     _check_folders(folder, tuple(wanted), overwrite)
     judge = None if options.vehicle is None else Judge.of(options.vehicle)
     return ExportPlan(folder, wanted, options, judge)
@@ -101,7 +101,7 @@ def plan_export(
 def export_simulators(
     terrain: Terrain,
     folder: str | Path,
-    targets: tuple[str, ...],
+    targets: str | Iterable[str],
     options: SceneOptions | None = None,
     *,
     source: str | Path | None = None,
@@ -113,7 +113,7 @@ def export_simulators(
     Args:
         terrain: the terrain.
         folder: of the folders; it is made where it is missing.
-        targets: names of the simulators, or "all".
+        targets: the name of a simulator, or names of several; "all" is every one.
         options: what is wanted.
         source: the definition; its name is that of the terrain in the files.
         overwrite: whether folders that an earlier run has written are written again.

@@ -47,14 +47,15 @@ class Judge:
     file: Mapping[str, str]
 
     @classmethod
-    def of(cls, path: Path) -> Judge:
+    def of(cls, path: str | Path) -> Judge:
         """The vehicle of a file.
 
         Raises:
             ReadError: it cannot be read.
             DefinitionError: it has errors, or is a terrain.
         """
-        vehicle, file = load_vehicle(path), {"file": path.name}
+        vehicle, path = load_vehicle(path), Path(path)
+        file = {"file": path.name}
         if path.is_file():  # and not standard input
             file["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
         return cls(vehicle, file)

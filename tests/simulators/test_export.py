@@ -7,11 +7,14 @@ import json
 import math
 import signal
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import pytest
 
+import terratool
 from terratool.simulators import nav2, targets
+from terratool.simulators.export import export_simulators
 from tests.commands import SAMPLE, YARD
 from tests.commands import call as run
 
@@ -247,6 +250,12 @@ def test_files_of_a_target_change_together(
     with patch.object(Path, "replace", replace):
         assert code_of(*arguments, 0.01, tmp_path / "o") == 128 + number
     assert contents(tmp_path / "o") == contents(tmp_path / "new")
+
+
+@pytest.mark.parametrize("wanted", ["nav2", ["nav2"], (name for name in ["nav2"])])
+def test_targets_are_a_name_or_names(wanted: Any, yard: str, tmp_path: Path) -> None:
+    [report] = export_simulators(terratool.load(yard), str(tmp_path / "o"), wanted)
+    assert report.folder == tmp_path / "o" / "nav2"
 
 
 def test_no_folder_for_the_folder(yard: str, tmp_path: Path) -> None:
