@@ -67,6 +67,8 @@ class ExportPlan:
         stem = "terrain" if source is None else Path(source).stem
         [name] = plain_names([stem], _in_name, "terrain")
         scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
+        for target in self.targets.values():
+            target.check(scene)
         reports = []
         with os_errors(self.folder), stop_on_signals(), _made(self.folder):
             for key, target in self.targets.items():

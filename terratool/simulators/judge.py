@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.traversability.results import GroundClass
 from terratool.traversability.vehicle import Vehicle, load_vehicle
+
+if TYPE_CHECKING:
+    from terratool.traversability.survey import Surveyor
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,16 @@ class Judge:
             file["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
         return cls(vehicle, file)
 
+    def surveyor(self, terrain: Terrain, grid: Grid) -> Surveyor:
+        """What measures cells for the vehicle; made in a moment.
+
+        Raises:
+            RequestError: the cells are too coarse or too fine for the vehicle.
+        """
+        from terratool.traversability.survey import Surveyor
+
+        return Surveyor(terrain, self.vehicle, grid)
+
     def verdict(self, terrain: Terrain, grid: Grid, progress: Callable[[str], object]) -> Verdict:
         """Judge cells, with the headings of a map of traversability.
 
@@ -74,10 +87,8 @@ class Judge:
         from terratool.raster.prefetch import processors
         from terratool.traversability.map import MapBuilder, stream_map
         from terratool.traversability.soil import turnings
-        from terratool.traversability.survey import Surveyor
 
-        vehicle = self.vehicle
-        surveyor = Surveyor(terrain, vehicle, grid)
+        vehicle, surveyor = self.vehicle, self.surveyor(terrain, grid)
         builder = MapBuilder(terrain, surveyor, False, turnings(terrain, vehicle))
         total, done = grid.width * grid.height, 0
 

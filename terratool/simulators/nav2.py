@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.simulators.cells import cell_grid
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
@@ -50,6 +49,15 @@ _VEHICLE_NOTE = (
 )
 
 
+def check(scene: Scene) -> None:
+    """Refuse cells that no map can have.
+
+    Raises:
+        RequestError: there are too many, or they do not go with the vehicle.
+    """
+    scene.cells(MOST)
+
+
 def write(scene: Scene, folder: Path) -> Written:
     """Write map.yaml and map.pgm.
 
@@ -57,7 +65,7 @@ def write(scene: Scene, folder: Path) -> Written:
         RequestError: there are too many cells, or they do not go with the vehicle.
     """
     options, terrain = scene.options, scene.terrain
-    grid = cell_grid(terrain, options.resolution, MOST)
+    grid = scene.cells(MOST)
     verdict = scene.verdict(grid)
     if verdict is None:
         scene.say("looking for slopes and walls")

@@ -26,6 +26,7 @@ from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.raster.grid import Grid
+from terratool.simulators.cells import cell_grid
 from terratool.simulators.judge import Judge, Verdict
 from terratool.simulators.options import SceneOptions
 from terratool.text.display import counted, length
@@ -109,12 +110,20 @@ class Scene:
         """The faces of the mesh by surface, those of no surface last."""
         return surface_parts(self.mesh)
 
+    def cells(self, most: int) -> Grid:
+        """Cells for a map that the vehicle, if there is one, can judge; as of `cell_grid`.
+
+        Raises:
+            RequestError: there are too many, or they are too coarse or too fine for the vehicle.
+        """
+        grid = cell_grid(self.terrain, self.options.resolution, most)
+        if self.judge is not None:
+            self.judge.surveyor(self.terrain, grid)
+        return grid
+
     @cached_property
     def verdict(self) -> Callable[[Grid], Verdict | None]:
-        """What the vehicle makes of cells, found out once; None without a vehicle.
-
-        It raises RequestError where the cells are too coarse or too fine for the vehicle.
-        """
+        """What the vehicle makes of `cells`, found out once; None without a vehicle."""
         return cache(
             lambda grid: self.judge.verdict(self.terrain, grid, self.say) if self.judge else None
         )

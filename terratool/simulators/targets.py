@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from terratool.errors import RequestError
@@ -45,7 +46,8 @@ class Target:
 
     Attributes:
         title: what it is called.
-        writer: the module in `terratool.simulators` whose `write` puts files into a folder.
+        writer: the module in `terratool.simulators` whose `write` puts files into a folder; its
+            `check`, if it has one, refuses in a moment what cannot be written.
         needs: what has to be installed, as it is imported, as it is called, and the extra of
             terratool that has it; empty for nothing.
     """
@@ -57,9 +59,21 @@ class Target:
     @property
     def write(self) -> Callable[[Scene, Path], Written]:
         """Writes the files of a scene into a folder that is there."""
-        writer: Callable[[Scene, Path], Written]
-        writer = import_module(f"terratool.simulators.{self.writer}").write
+        writer: Callable[[Scene, Path], Written] = self._module.write
         return writer
+
+    def check(self, scene: Scene) -> None:
+        """Refuse in a moment what cannot be written of a scene.
+
+        Raises:
+            RequestError: why it cannot.
+        """
+        if hasattr(self._module, "check"):
+            self._module.check(scene)
+
+    @property
+    def _module(self) -> ModuleType:
+        return import_module(f"terratool.simulators.{self.writer}")
 
 
 TARGETS = {

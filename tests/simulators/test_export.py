@@ -15,7 +15,7 @@ import pytest
 import terratool
 from terratool.simulators import nav2, targets
 from terratool.simulators.export import export_simulators
-from tests.commands import SAMPLE, YARD
+from tests.commands import ROOT, SAMPLE, YARD
 from tests.commands import call as run
 
 
@@ -25,6 +25,7 @@ def write(folder: Path, definition: dict) -> str:
     return str(path)
 
 
+HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
 SURFACES = {
     "sand": {"fricAngle": [20, 30]},
     "hole": {"void": True},
@@ -250,6 +251,23 @@ def test_files_of_a_target_change_together(
     with patch.object(Path, "replace", replace):
         assert code_of(*arguments, 0.01, tmp_path / "o") == 128 + number
     assert contents(tmp_path / "o") == contents(tmp_path / "new")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nav2", "--resolution", "1e-5"], "makes 1,000,000,000,000 cells"),
+        (["grid-map", "--resolution", "1e-3"], "a message of"),
+        (["nav2", "--resolution", "30", "--vehicle", HUSKY], "is too coarse for wheels"),
+    ],
+)
+def test_impossible_maps_are_refused_before_other_targets_are_written(
+    arguments: list[str], words: str, yard: str, tmp_path: Path
+) -> None:
+    ran = run("export-sim", yard, tmp_path / "o", "--target", "pybullet", "--target", *arguments)
+    assert ran.code == 2
+    assert words in ran.err
+    assert not (tmp_path / "o").exists()
 
 
 @pytest.mark.parametrize("wanted", ["nav2", ["nav2"], (name for name in ["nav2"])])
