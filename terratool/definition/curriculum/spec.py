@@ -196,9 +196,10 @@ def check_spec(source: Source, options: CheckOptions) -> Checked:
         faults = _Reading.of(source).faults
     except JsonSyntaxError:
         return check(source, options)  # which says that alone
-    shown = [fault for fault in faults if options.of(source.name).shows(fault.code)]
+    shows = options.of(source.name).shows
+    wanted = [fault for fault in faults if shows(fault.code)]
     return Checked(
-        tuple(_findings(source, shown)[: options.limit]),
+        tuple(_findings(source, wanted)[: options.limit]),
         Counter(fault.code for fault in faults),
         name=source.name,
     )
