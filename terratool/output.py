@@ -10,7 +10,7 @@ import shutil
 import signal
 import threading
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from uuid import uuid4
@@ -56,10 +56,11 @@ def whole_file(
                 os.fsync(file.fileno())
         for part in parts:
             refuse_existing(path.with_name(part.name), overwrite)
-        for old in _beside(path, companions):
-            old.unlink(missing_ok=True)
-        for part in parts:
-            part.replace(path.with_name(part.name))
+        with hold_signals():
+            for old in _beside(path, companions):
+                old.unlink(missing_ok=True)
+            for part in parts:
+                part.replace(path.with_name(part.name))
         _sync_folder(path.parent)
 
 
@@ -212,18 +213,37 @@ def free_bytes(path: Path) -> int:
 @contextlib.contextmanager
 def stop_on_signals() -> Iterator[None]:
     """Let SIGTERM and SIGHUP end the block by SystemExit, as Ctrl-C does by KeyboardInterrupt."""
-    # only the main thread may set handlers; elsewhere its exception ends the work
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
 
     def stop(number: int, _frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.signal(number, stop) for number in numbers}
+    with _on_signals(stop, "SIGTERM", "SIGHUP"):
+        yield
+
+
+@contextlib.contextmanager
+def hold_signals() -> Iterator[None]:
+    """Have Ctrl-C, SIGTERM and SIGHUP wait for the end of the block, which is short."""
+    held: list[int] = []
+    try:
+        with _on_signals(lambda number, _: held.append(number), "SIGINT", "SIGTERM", "SIGHUP"):
+            yield
+    finally:
+        for number in held[:1]:
+            signal.raise_signal(number)
+
+
+@contextlib.contextmanager
+def _on_signals(handler: Callable[[int, FrameType | None], None], *names: str) -> Iterator[None]:
+    """Have signals handled so in the block, where the system has them."""
+    # only the main thread may set handlers; elsewhere its exception ends the work
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    before = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, earlier in before.items():
+            signal.signal(number, earlier)

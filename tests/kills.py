@@ -123,6 +123,13 @@ def jobs() -> list[Job]:
     )
     way = ("--route", "3", "3", "17", "10", "--return")
     found.append(Job("route", ("traversability", YARD, *way, *lines, *drive), before=TRACKS))
+    for target in ("mujoco", "gazebo", "pybullet", "usd", "chrono", "nav2", "grid-map"):
+        told = ("--target", target, "--max-error", "0.05", "--overwrite")
+        found.append(Job(f"simulator {target}", ("export-sim", YARD, "@sim", *told), before=TRACKS))
+    several = ("--target", "nav2", "--target", "pybullet", "--vehicle", HUSKY, "--overwrite")
+    found.append(Job("simulators", ("export-sim", YARD, "@sim", *several), before=TRACKS))
+    course = ("curriculum", "samples/curricula/rough.json", "@course.json", "--overwrite")
+    found.append(Job("curriculum", course, before="samples/curricula/all-kinds.json"))
     return found
 
 
@@ -194,7 +201,7 @@ def put(folder: Path, files: Contents) -> None:
     folder.mkdir()
     for name, data in files.items():
         path = folder / name
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
 
 

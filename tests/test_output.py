@@ -62,6 +62,30 @@ def test_a_stopped_process_leaves_nothing(tmp_path: Path, begun: subprocess.Pope
     assert begun.returncode != 0 and list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_files_that_belong_together_change_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    """A signal between two of them waits for the last."""
+    for suffix in (".txt", ".more"):
+        (tmp_path / f"a{suffix}").write_text("old")
+
+    def replace(one: Path, other: Path) -> None:
+        one.rename(other)
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(Path, "replace", replace)
+    with (
+        pytest.raises((KeyboardInterrupt, SystemExit)),
+        whole_file(tmp_path / "a.txt", True, (".more",)) as part,
+    ):
+        part.write_text("new")
+        part.with_suffix(".more").write_text("new")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        "a.txt": "new", "a.more": "new",
+    }  # fmt: skip
+
+
 def test_what_is_of_others_stays(tmp_path: Path) -> None:
     """Folders with other names, files, and those of another machine."""
     own = f"{PART}{'0' * 8}-1-{'a' * 12}.part"

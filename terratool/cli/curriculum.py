@@ -40,6 +40,7 @@ def command(
     """
     from pathlib import Path
 
+    from terratool.definition.curriculum.spec import load_spec
     from terratool.errors import DefinitionError, RequestError
     from terratool.output import is_same_file, refuse_existing, refuse_missing_folder
     from terratool.simulators.curriculum.build import (
@@ -48,7 +49,6 @@ def command(
         curriculum,
         write_curriculum,
     )
-    from terratool.simulators.curriculum.spec import load_spec
 
     check_name(output)
     if is_same_file(spec, output):
@@ -66,7 +66,7 @@ def command(
             status.clear()
             for finding in error.findings:
                 place = f"{finding.file}:{finding.line}:{finding.column}"
-                say(f"{place}: {finding.message}", err=True)
+                say(f"{place}: {finding.code}: {finding.message}", err=True)
                 say(f"  {finding.hint}", err=True)
             ctx.exit(error.exit_code)
         status.say("making tiles")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,7 +17,7 @@ from terratool.simulators.options import (
     MAX_STEP,
     SceneOptions,
 )
-from terratool.simulators.targets import TARGETS, chosen
+from terratool.simulators.targets import TARGETS
 
 if TYPE_CHECKING:
     from terratool.simulators.options import Origin
@@ -111,27 +110,13 @@ def command(
     The README.md says in a few lines how to load it, the manifest.json lists surfaces with their
     friction, what is lost, and the files. The same FILE and options give the same bytes.
     """
-    from terratool.simulators.export import check_folders, export_simulators
+    from terratool.simulators.export import plan_export
 
-    vehicle = options.pop("vehicle")
-    wanted = SceneOptions(
-        origin=_origin(options.pop("origin")),
-        vehicle=None if vehicle is None else Path(vehicle),
-        **options,
-    )
-    wanted.check()
-    check_folders(Path(folder), tuple(chosen(targets)), overwrite)
+    wanted = SceneOptions(origin=_origin(options.pop("origin")), **options)
+    plan = plan_export(folder, targets, wanted, overwrite=overwrite)
     terrain = load(file)
     with Status("meshing") as status:
-        reports = export_simulators(
-            terrain,
-            folder,
-            targets,
-            wanted,
-            source=None if file == "-" else file,
-            overwrite=overwrite,
-            progress=status.say,
-        )
+        reports = plan.write(terrain, None if file == "-" else file, status.say)
     if as_json:
         found = {one.manifest["target"]: {"folder": str(one.folder)} for one in reports}
         click.echo(json.dumps({"format_version": 1, "targets": found}, indent=2))

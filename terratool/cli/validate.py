@@ -277,13 +277,13 @@ def _mend(name: str, options: CheckOptions, status: Status) -> None:
 
 
 def _is_definition(name: str) -> bool:
-    """Whether a file has keys of a terrain, a library or a vehicle at its top."""
+    """Whether a file has keys of a text that is checked at its top."""
     try:
         members = msgspec.json.decode(read_source(name).data, type=dict[str, msgspec.Raw])
     except (msgspec.MsgspecError, RecursionError, UnicodeError, ReadError):
         return False
     return not members.keys().isdisjoint(
-        ("size", "surfTypes", "elemTypes", "elemTree", "parts", "mass", "wheels")
+        ("size", "surfTypes", "elemTypes", "elemTree", "parts", "mass", "wheels", "kinds")
     )
 
 
@@ -502,10 +502,10 @@ def command(
     config_file: str | None,
     **given: Any,
 ) -> None:
-    """Check terrains, libraries and vehicles and say what is wrong, where, and what to do.
+    """Check terrains, libraries, vehicles and curricula: say what is wrong, where, what to do.
 
-    A file is a vehicle or a library if its $schema says so, or else its keys; all others are
-    terrains.
+    A file is a vehicle, a library or the spec of a curriculum if its $schema says so, or else its
+    keys; all others are terrains.
     FILE may be gzipped, and - is standard input; of a DIR all *.json and *.json.gz are checked, but
     nothing whose name begins with a dot. Libraries that a terrain uses are checked, too, each once.
     Exits 0 if all are valid, 1 if one is not, 3 if one cannot be read. A text that is not JSON is

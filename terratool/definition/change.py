@@ -167,7 +167,7 @@ def open_target(
 
     Raises:
         ReadError: the file cannot be read.
-        DefinitionError: it has an error, or is a vehicle.
+        DefinitionError: it has an error, or is no terrain or library.
         RequestError: it is standard input, or the output would be standard output.
         WriteError: the output exists.
     """
@@ -176,9 +176,10 @@ def open_target(
     if output == "-":
         raise RequestError("The result cannot go to standard output.", "Give the name of a file.")
     source = read_source(path)
-    if document_kind(source.data) == "vehicle":
+    kind = document_kind(source.data)
+    if kind in ("vehicle", "curriculum"):
         raise DefinitionError(
-            f"{source.name}: is a vehicle, where a terrain is wanted.", "Name a terrain."
+            f"{source.name}: is a {kind}, where a terrain is wanted.", "Name a terrain."
         )
     options = CheckOptions(warnings=False, library_roots=library_roots)
     checked = check(source, options, kind=None)

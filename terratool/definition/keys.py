@@ -474,13 +474,22 @@ def fits_double(number: float) -> bool:
     return -BIGGEST <= number <= BIGGEST
 
 
-Kind = Literal["terrain", "library", "vehicle"]
+CURRICULUM_KEYS = (
+    "$schema", "descr", "rows", "columns", "tile", "border", "origin", "seed", "curriculum",
+    "difficulty", "jitter", "surface", "kinds", "patches",
+)  # fmt: skip
+"""Those of the spec of a grid of training tiles, in the order of its canonical layout."""
 
-_named = re.compile(r"(?:^|.*[/:])(terrain|library|vehicle)(?:\.schema\.json)?").fullmatch
+Kind = Literal["terrain", "library", "vehicle", "curriculum"]
+
+_named = re.compile(
+    r"(?:^|.*[/:])(terrain|library|vehicle|curriculum)(?:\.schema\.json)?"
+).fullmatch
 _terrain = KEYS[Definition].keys() - VEHICLE_KEYS[VehicleText].keys()
 _own = KEYS[Definition].keys() - KEYS[Library].keys()
 _library = KEYS[Library].keys() - {"$schema", "descr"}
 _vehicle = VEHICLE_KEYS[VehicleText].keys() - KEYS[Definition].keys()
+_curriculum = {*CURRICULUM_KEYS} - KEYS[Definition].keys()
 
 
 def document_kind(data: bytes) -> Kind | None:
@@ -501,11 +510,16 @@ def document_kind(data: bytes) -> Kind | None:
         schema = members.get("$schema")
     if isinstance(schema, str) and (match := _named(schema)):
         return cast("Kind", match[1])
-    terrain, vehicle = len(_terrain & members.keys()), len(_vehicle & members.keys())
-    if terrain == vehicle:
+    counts: dict[Kind, int] = {
+        "terrain": len(_terrain & members.keys()),
+        "vehicle": len(_vehicle & members.keys()),
+        "curriculum": len(_curriculum & members.keys()),
+    }
+    kind, *others = sorted(counts, key=counts.__getitem__, reverse=True)
+    if counts[kind] == counts[others[0]]:
         return None
-    if vehicle > terrain:
-        return "vehicle"
+    if kind != "terrain":
+        return kind
     return "terrain" if _own & members.keys() or not _library & members.keys() else "library"
 
 

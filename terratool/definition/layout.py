@@ -1,11 +1,11 @@
-"""The canonical layout of terrains, libraries and vehicles: keys in order, lines."""
+"""The canonical layout of terrains, libraries, vehicles and curricula: keys in order, lines."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
-from terratool.definition.keys import ALL_KEYS, NESTED, document_kind
+from terratool.definition.keys import ALL_KEYS, CURRICULUM_KEYS, NESTED, document_kind
 from terratool.definition.model import (
     Definition,
     Element,
@@ -45,12 +45,25 @@ def _layouts() -> dict[type, Layout]:
 _LAYOUTS = _layouts()
 TERRAIN, VEHICLE = _LAYOUTS[Definition], _LAYOUTS[VehicleText]
 """That of terrains is that of libraries, too, whose keys are some of a terrain's."""
+_TOLD = Layout({"kind": 0, "proportion": 1}, others=2, rows=True)
+CURRICULUM = Layout(
+    {key: place for place, key in enumerate(CURRICULUM_KEYS)},
+    others=CURRICULUM_KEYS.index("surface") - 0.5,
+    members={
+        "surface": _LAYOUTS[Surface],
+        "kinds": Layout(items=_TOLD, broken=True),
+        "patches": Layout(broken=True),
+    },
+    broken=True,
+    rows=True,
+)
 
 
 def canonical(text: str) -> str:
     """A JSON text without errors of syntax in its canonical layout, ending with a line end."""
-    vehicle = document_kind(text.encode()) == "vehicle"
-    return text_format.canonical(text, VEHICLE if vehicle else TERRAIN)
+    kind = document_kind(text.encode())
+    layout = {"vehicle": VEHICLE, "curriculum": CURRICULUM}.get(kind or "", TERRAIN)
+    return text_format.canonical(text, layout)
 
 
 def primitives_text(primitives: dict[str, Any]) -> str:

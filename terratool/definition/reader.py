@@ -227,6 +227,14 @@ class Checked(Struct, frozen=True, dict=True):
         return complete(self.terrain, self.tree)
 
 
+_NO_TERRAIN: dict[Kind | None, str] = {
+    "vehicle": "Name a terrain here, and the vehicle with --vehicle.",
+    "library": 'Name a terrain; its "use" may list libraries.',
+    "curriculum": "Make a terrain of it with terratool curriculum, and name that here.",
+}
+"""What to do about a text that is of these kinds."""
+
+
 def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Checked:
     """Read a terrain that has no errors.
 
@@ -242,12 +250,9 @@ def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Check
     checked = check(source, CheckOptions(warnings=False, library_roots=library_roots))
     if checked.terrain is None:
         kind = document_kind(source.data)
-        if kind in ("vehicle", "library"):
+        if kind in _NO_TERRAIN:
             raise DefinitionError(
-                f"{source.name}: is a {kind}, where a terrain is wanted.",
-                "Name a terrain here, and the vehicle with --vehicle."
-                if kind == "vehicle"
-                else 'Name a terrain; its "use" may list libraries.',
+                f"{source.name}: is a {kind}, where a terrain is wanted.", _NO_TERRAIN[kind]
             )
         raise refusal(checked)
     return checked
@@ -298,6 +303,10 @@ def check(
     """
     kind = kind or document_kind(source.data) or "terrain"
     options = options or CheckOptions()
+    if kind == "curriculum":
+        from terratool.definition.curriculum.spec import check_spec
+
+        return check_spec(source, options)
     with _no_collector():
         document = read_document(source, kind, options.limit)
         if document.model.used and source.name != "<stdin>":

@@ -1,26 +1,11 @@
-"""Cells of maps for navigation: square, over all of a terrain, and what a vehicle makes of each."""
+"""Cells of maps for navigation: square, over all of a terrain."""
 
 from __future__ import annotations
-
-import hashlib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, count_pixels, refuse_resolution, resolution_within
-from terratool.raster.prefetch import processors
 from terratool.text.display import counted
-from terratool.traversability.map import MapBuilder, stream_map
-from terratool.traversability.results import GroundClass
-from terratool.traversability.soil import turnings
-from terratool.traversability.survey import Surveyor
-from terratool.traversability.vehicle import Vehicle, load_vehicle
 
 DEFAULT_SIDE = 0.05
 """The side of a cell if none is said, in units of the terrain: what maps of Nav2 mostly have."""
@@ -55,69 +40,3 @@ def cell_grid(terrain: Terrain, resolution: float | None, most: int) -> Grid:
             f"Give a coarser one with --resolution; {counted(MOST_CELLS, 'cell')} can be written.",
         )
     return Grid(west, south, resolution, rows, columns)
-
-
-def ground_classes(
-    terrain: Terrain, vehicle: Vehicle, grid: Grid, progress: Callable[[str], object]
-) -> NDArray[np.uint8]:
-    """What each cell is to a vehicle whose middle stands there.
-
-    Args:
-        terrain: the ground, with all parts written out.
-        vehicle: is judged with the headings of a map of traversability.
-        grid: the cells.
-        progress: is called with words that say how far it is.
-
-    Returns:
-        (height, width) uint8 `GroundClass`, rows from the north; UNKNOWN where there is no ground.
-
-    Raises:
-        RequestError: the cells are too coarse or too fine for the vehicle.
-    """
-    surveyor = Surveyor(terrain, vehicle, grid)
-    builder = MapBuilder(terrain, surveyor, False, turnings(terrain, vehicle))
-    total, done = grid.width * grid.height, 0
-
-    def told(more: int) -> None:
-        nonlocal done
-        done += more
-        progress(f"judging {vehicle.name}, {100 * done // total} %")
-
-    stream_map(surveyor, builder, None, processors(), told)
-    classes, _ = builder.classes(None, vehicle.area)
-    classes[~builder.ground] = GroundClass.UNKNOWN
-    return classes
-
-
-def drivable(classes: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Where a vehicle can be driven to, and away from again."""
-    return np.asarray((classes == GroundClass.GO) | (classes == GroundClass.CAUTION))
-
-
-@dataclass(frozen=True, slots=True)
-class Judge:
-    """A vehicle whose verdict decides, and what a manifest says of its file."""
-
-    vehicle: Vehicle
-    file: Mapping[str, str]
-
-    @classmethod
-    def of(cls, path: Path | None) -> Judge | None:
-        """The vehicle of a file; None for none.
-
-        Raises:
-            ReadError: it cannot be read.
-            DefinitionError: it has errors.
-        """
-        if path is None:
-            return None
-        vehicle, file = load_vehicle(path), {"file": path.name}
-        if path.is_file():  # and not standard input
-            file["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
-        return cls(vehicle, file)
-
-    def facts(self, classes: NDArray[np.uint8]) -> dict[str, Any]:
-        """Who judged, and how many cells are what, for a manifest."""
-        counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()
-        labels = [one.label for one in GroundClass]
-        return {"vehicle": dict(self.file), "classes": dict(zip(labels, counts, strict=True))}

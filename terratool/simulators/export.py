@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from terratool import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.common import ascii_word, plain_names
-from terratool.output import os_errors, part_folder, stop_on_signals
+from terratool.output import hold_signals, os_errors, part_folder, stop_on_signals
+from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Target, Written, chosen
@@ -39,10 +41,69 @@ class SimulatorReport:
     manifest: Mapping[str, Any]
 
 
+@dataclass(frozen=True, slots=True)
+class ExportPlan:
+    """Files for simulators, of which all is checked that can be without the terrain.
+
+    Attributes:
+        folder: of the folders.
+        targets: the simulators, by name.
+        options: what is wanted.
+        judge: the vehicle that the options name.
+    """
+
+    folder: Path
+    targets: Mapping[str, Target]
+    options: SceneOptions
+    judge: Judge | None
+
+    def write(
+        self,
+        terrain: Terrain,
+        source: str | Path | None = None,
+        progress: Callable[[str], object] = lambda _: None,
+    ) -> tuple[SimulatorReport, ...]:
+        """Write a terrain; arguments and errors are those of `export_simulators`."""
+        stem = "terrain" if source is None else Path(source).stem
+        [name] = plain_names([stem], _in_name, "terrain")
+        scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
+        for target in self.targets.values():
+            target.check(scene)
+        reports = []
+        with os_errors(self.folder), stop_on_signals(), _made(self.folder):
+            for key, target in self.targets.items():
+                with part_folder(self.folder) as part:
+                    written = target.write(scene, part)
+                    manifest = _manifest(scene, key, written, source)
+                    manifest["files"] = _hashes(part)
+                    (part / README).write_text(_readme(scene, target, written), "utf-8")
+                    text = json.dumps(manifest, indent=2, ensure_ascii=False)
+                    (part / MANIFEST).write_text(text + "\n", "utf-8")
+                    _put(part, self.folder / key)
+                reports.append(SimulatorReport(self.folder / key, manifest))
+        return tuple(reports)
+
+
+def plan_export(
+    folder: str | Path,
+    targets: str | Iterable[str],
+    options: SceneOptions | None = None,
+    *,
+    overwrite: bool = False,
+) -> ExportPlan:
+    """Check what can be checked before there is a terrain; as of `export_simulators`."""
+    options, folder = options or SceneOptions(), Path(folder)
+    options.check()
+    wanted = chosen((targets,) if isinstance(targets, str) else tuple(targets))
+    _check_folders(folder, tuple(wanted), overwrite)
+    judge = None if options.vehicle is None else Judge.of(options.vehicle)
+    return ExportPlan(folder, wanted, options, judge)
+
+
 def export_simulators(
     terrain: Terrain,
     folder: str | Path,
-    targets: tuple[str, ...],
+    targets: str | Iterable[str],
     options: SceneOptions | None = None,
     *,
     source: str | Path | None = None,
@@ -54,7 +115,7 @@ def export_simulators(
     Args:
         terrain: the terrain.
         folder: of the folders; it is made where it is missing.
-        targets: names of the simulators, or "all".
+        targets: the name of a simulator, or names of several; "all" is every one.
         options: what is wanted.
         source: the definition; its name is that of the terrain in the files.
         overwrite: whether folders that an earlier run has written are written again.
@@ -62,30 +123,25 @@ def export_simulators(
 
     Raises:
         RequestError: a target is unknown or not installed, or what was asked for makes no sense.
+        ReadError: the vehicle's file cannot be read.
+        DefinitionError: it has errors.
         WriteError: a folder is there already, holds something else, or cannot be written.
     """
-    options = options or SceneOptions()
-    options.check()
-    wanted = chosen(targets)
-    folder = Path(folder)
-    check_folders(folder, tuple(wanted), overwrite)
-    stem = "terrain" if source is None else Path(source).stem
-    [name] = plain_names([stem], _in_name, "terrain")
-    scene = Scene(terrain.written_out, name, options, progress or (lambda _: None))
-    reports = []
-    with os_errors(folder), stop_on_signals():
-        folder.mkdir(exist_ok=True)
-        for key, target in wanted.items():
-            with part_folder(folder) as part:
-                written = target.write(scene, part)
-                manifest = _manifest(scene, key, written, source)
-                manifest["files"] = _hashes(part)
-                (part / README).write_text(_readme(scene, target, written), "utf-8")
-                text = json.dumps(manifest, indent=2, ensure_ascii=False)
-                (part / MANIFEST).write_text(text + "\n", "utf-8")
-                _put(part, folder / key)
-            reports.append(SimulatorReport(folder / key, manifest))
-    return tuple(reports)
+    plan = plan_export(folder, targets, options, overwrite=overwrite)
+    return plan.write(terrain, source, progress or (lambda _: None))
+
+
+@contextlib.contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Have a folder there; it goes again if nothing comes to be in it."""
+    was_there = folder.exists()
+    folder.mkdir(exist_ok=True)
+    try:
+        yield
+    finally:
+        if not was_there:
+            with contextlib.suppress(OSError):  # as it holds something
+                folder.rmdir()
 
 
 def _in_name(letter: str) -> bool:
@@ -93,7 +149,7 @@ def _in_name(letter: str) -> bool:
     return ascii_word(letter) or letter == "-"
 
 
-def check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> None:
+def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> None:
     """Refuse what can be known to fail before there are files.
 
     Raises:
@@ -135,12 +191,13 @@ def _put(part: Path, place: Path) -> None:
         part.mkdir()  # as it is removed
         return
     new = sorted(_files(part), key=lambda name: name == MANIFEST)
-    for name in _earlier(place):
-        if name not in new:
-            (place / name).unlink()
-    for name in new:
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        (part / name).replace(place / name)
+    with hold_signals():
+        for name in _earlier(place):
+            if name not in new:
+                (place / name).unlink()
+        for name in new:
+            (place / name).parent.mkdir(parents=True, exist_ok=True)
+            (part / name).replace(place / name)
 
 
 def _files(folder: Path) -> list[str]:

@@ -20,7 +20,6 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import TILE, prefetch, processors
-from terratool.simulators.cells import Judge, cell_grid, ground_classes
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
 from terratool.text.display import counted, length
@@ -79,20 +78,15 @@ def write(scene: Scene, folder: Path) -> Written:
 
     Raises:
         RequestError: there are too many cells, or they do not go with the vehicle.
-        ReadError: the vehicle's file cannot be read.
-        DefinitionError: it has errors.
     """
-    options, terrain = scene.options, scene.terrain
-    judge = Judge.of(options.vehicle)
-    grid = cell_grid(terrain, options.resolution, MOST)
-    _refuse_large(grid, len(_NAMES) + (judge is not None))
+    grid = scene.cells(MOST)
     scene.say("sampling cells")
     layers, loss = _sampled(scene, grid)
     by, more = dict[str, Any](), ""
-    if judge is not None:
-        classes = ground_classes(terrain, judge.vehicle, grid, scene.say)
-        layers["traversability"] = _traversability(classes)
-        by, more = judge.facts(classes), _TRAVERSABILITY.format(judge.vehicle.name)
+    verdict = scene.verdict(grid)
+    if verdict is not None:
+        layers["traversability"] = _traversability(verdict.classes)
+        by, more = {**verdict.facts}, _TRAVERSABILITY.format(verdict.vehicle)
     x, y, _ = scene.zero
     west, south, east, north = grid.bounds
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y
@@ -116,7 +110,9 @@ def write(scene: Scene, folder: Path) -> Written:
                 "size": [grid.width, grid.height],
                 "position": list(middle),
                 "layers": list(layers),
-                "surface_indices": {name: index for index, name in enumerate(terrain.surfaces)},
+                "surface_indices": {
+                    name: index for index, name in enumerate(scene.terrain.surfaces)
+                },
                 **by,
             }
         },
@@ -124,12 +120,13 @@ def write(scene: Scene, folder: Path) -> Written:
     )
 
 
-def _refuse_large(grid: Grid, layers: int) -> None:
-    """Refuse what makes no message.
+def check(scene: Scene) -> None:
+    """Refuse cells that no message can have.
 
     Raises:
-        RequestError: it is too large.
+        RequestError: there are too many, or they do not go with the vehicle.
     """
+    grid, layers = scene.cells(MOST), len(_NAMES) + (scene.judge is not None)
     size = 4 * layers * grid.width * grid.height
     if size > MOST_BYTES:
         raise RequestError(

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.simulators.cells import Judge, cell_grid, drivable, ground_classes
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, Limits, occupancy
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
@@ -50,28 +49,34 @@ _VEHICLE_NOTE = (
 )
 
 
+def check(scene: Scene) -> None:
+    """Refuse cells that no map can have.
+
+    Raises:
+        RequestError: there are too many, or they do not go with the vehicle.
+    """
+    scene.cells(MOST)
+
+
 def write(scene: Scene, folder: Path) -> Written:
     """Write map.yaml and map.pgm.
 
     Raises:
         RequestError: there are too many cells, or they do not go with the vehicle.
-        ReadError: the vehicle's file cannot be read.
-        DefinitionError: it has errors.
     """
     options, terrain = scene.options, scene.terrain
-    judge = Judge.of(options.vehicle)
-    grid = cell_grid(terrain, options.resolution, MOST)
-    if judge is None:
+    grid = scene.cells(MOST)
+    verdict = scene.verdict(grid)
+    if verdict is None:
         scene.say("looking for slopes and walls")
         cells = occupancy(terrain, grid, Limits.of(options.max_slope, options.max_step))
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
         limits = f"slopes of {options.max_slope:g}° and steps of {length(options.max_step)}"
         notes, losses = _LIMITS_NOTE, _limits_losses(grid.resolution)
     else:
-        classes = ground_classes(terrain, judge.vehicle, grid, scene.say)
-        cells = np.where(drivable(classes), np.int8(FREE), np.int8(OCCUPIED))
-        cells[classes == GroundClass.UNKNOWN] = UNKNOWN
-        by, limits = judge.facts(classes), judge.vehicle.name
+        cells = np.where(verdict.drivable, np.int8(FREE), np.int8(OCCUPIED))
+        cells[verdict.classes == GroundClass.UNKNOWN] = UNKNOWN
+        by, limits = {**verdict.facts}, verdict.vehicle
         notes, losses = _VEHICLE_NOTE, (_VEHICLE_LOSS,)
     _write_pgm(folder / "map.pgm", cells)
     x, y, _ = scene.zero

@@ -46,7 +46,7 @@ class SceneOptions:
     max_geoms: int = MAX_GEOMS
     flex: bool = False
     heightmap: bool = False
-    vehicle: Path | None = None
+    vehicle: str | Path | None = None
     max_slope: float = MAX_SLOPE
     max_step: float = MAX_STEP
     resolution: float | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET
@@ -25,6 +25,9 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.types import BuiltMesh, Mesh
+from terratool.raster.grid import Grid
+from terratool.simulators.cells import cell_grid
+from terratool.simulators.judge import Judge, Verdict
 from terratool.simulators.options import SceneOptions
 from terratool.text.display import counted, length
 
@@ -58,12 +61,14 @@ class Scene:
         name: what it is called, in letters, digits, `_`, `-` of ASCII.
         options: what is wanted.
         say: is called with words that say how far it is.
+        judge: the vehicle that is named there, if one is.
     """
 
     terrain: Terrain
     name: str
     options: SceneOptions
     say: Callable[[str], object] = lambda _: None
+    judge: Judge | None = None
 
     @cached_property
     def built(self) -> BuiltMesh:
@@ -104,6 +109,24 @@ class Scene:
     def parts(self) -> list[SurfacePart]:
         """The faces of the mesh by surface, those of no surface last."""
         return surface_parts(self.mesh)
+
+    def cells(self, most: int) -> Grid:
+        """Cells for a map that the vehicle, if there is one, can judge; as of `cell_grid`.
+
+        Raises:
+            RequestError: there are too many, or they are too coarse or too fine for the vehicle.
+        """
+        grid = cell_grid(self.terrain, self.options.resolution, most)
+        if self.judge is not None:
+            self.judge.surveyor(self.terrain, grid)
+        return grid
+
+    @cached_property
+    def verdict(self) -> Callable[[Grid], Verdict | None]:
+        """What the vehicle makes of `cells`, found out once; None without a vehicle."""
+        return cache(
+            lambda grid: self.judge.verdict(self.terrain, grid, self.say) if self.judge else None
+        )
 
     @property
     def zero(self) -> tuple[float, float, float]:
@@ -155,12 +178,20 @@ class Scene:
         return self.materials[surface]
 
     def used(self, meshed: bool = True) -> list[Material]:
-        """Those of the faces of the mesh; or, without a mesh, of all elements."""
+        """Those of the faces of the mesh; or, without a mesh, of all elements and tracks.
+
+        Ground without a surface is last, if there is any.
+        """
         if meshed:
             return [self.material(part.surface) for part in self.parts]
-        counts, types = self.terrain.count_by_surface(), self.terrain.surface_types
-        worn = [name for name, count in counts.items() if count and types[name].void is not True]
-        return [one for one in self.materials if one.name in worn]
+        terrain, counts = self.terrain, self.terrain.count_by_surface()
+        worn = {index for index, count in enumerate(counts.values()) if count}
+        worn.update(terrain.arrays.tracks.surface.tolist())
+        worn.discard(-1)  # of tracks that leave the ground its own
+        is_void = [surface.void is True for surface in terrain.surface_types.values()]
+        found = [self.material(index) for index in sorted(worn) if not is_void[index]]
+        bare = sum(counts.values()) < terrain.elements
+        return found + [self.material(-1)] * bare
 
 
 def _derivation(surface: Any) -> str:

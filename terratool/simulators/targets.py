@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from terratool.errors import RequestError
+from terratool.text.display import listed
 
 if TYPE_CHECKING:
     from terratool.simulators.scene import Scene
@@ -44,7 +46,8 @@ class Target:
 
     Attributes:
         title: what it is called.
-        writer: the module in `terratool.simulators` whose `write` puts files into a folder.
+        writer: the module in `terratool.simulators` whose `write` puts files into a folder; its
+            `check`, if it has one, refuses in a moment what cannot be written.
         needs: what has to be installed, as it is imported, as it is called, and the extra of
             terratool that has it; empty for nothing.
     """
@@ -56,9 +59,21 @@ class Target:
     @property
     def write(self) -> Callable[[Scene, Path], Written]:
         """Writes the files of a scene into a folder that is there."""
-        writer: Callable[[Scene, Path], Written]
-        writer = import_module(f"terratool.simulators.{self.writer}").write
+        writer: Callable[[Scene, Path], Written] = self._module.write
         return writer
+
+    def check(self, scene: Scene) -> None:
+        """Refuse in a moment what cannot be written of a scene.
+
+        Raises:
+            RequestError: why it cannot.
+        """
+        if hasattr(self._module, "check"):
+            self._module.check(scene)
+
+    @property
+    def _module(self) -> ModuleType:
+        return import_module(f"terratool.simulators.{self.writer}")
 
 
 TARGETS = {
@@ -85,10 +100,17 @@ def chosen(names: tuple[str, ...]) -> dict[str, Target]:
             f"Choose of {', '.join(TARGETS)}, or all.",
         )
     found = {name: one for name, one in TARGETS.items() if name in names or "all" in names}
-    for name, target in found.items():
-        if target.needs and find_spec(target.needs[0]) is None:
-            _, package, extra = target.needs
-            raise RequestError(
-                f"For {name}, {package} is not installed.", f"Run pip install 'terratool[{extra}]'."
-            )
+    missing = {
+        name: one.needs[1:]
+        for name, one in found.items()
+        if one.needs and find_spec(one.needs[0]) is None
+    }
+    if missing:
+        packages = listed([f"{package} for {name}" for name, (package, _) in missing.items()])
+        hint = f"Run pip install 'terratool[{','.join(extra for _, extra in missing.values())}]'"
+        rest = " ".join(f"--target {name}" for name in found if name not in missing)
+        raise RequestError(
+            f"Not installed: {packages}.",
+            f"{hint}, or choose the others: {rest}." if rest else f"{hint}.",
+        )
     return found

@@ -291,7 +291,7 @@ def load_vehicle(path: str | Path) -> Vehicle:
     checked = check(source, CheckOptions(warnings=False), kind="vehicle")
     if checked.vehicle is None:
         kind = document_kind(source.data)
-        if kind in ("terrain", "library"):
+        if kind not in ("vehicle", None):
             raise DefinitionError(
                 f"{source.name}: is a {kind}, where a vehicle is wanted.",
                 "Name a vehicle file here, such as samples/vehicles/husky-a200.json.",

@@ -564,7 +564,7 @@ def test_rules_as_markdown() -> None:
             re.MULTILINE | re.DOTALL,
         )
         assert block, section
-        assert all({"size", "mass"} & json.loads(text).keys() for text in block)
+        assert all({"size", "mass", "kinds"} & json.loads(text).keys() for text in block)
 
 
 def test_a_rule_by_its_code_in_any_case() -> None:

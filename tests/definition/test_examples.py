@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from terratool.definition.layout import canonical
 from terratool.definition.reader import Checked, CheckOptions, check
@@ -16,6 +17,7 @@ HERE = Path(__file__).parents[1]
 VALID = sorted((HERE / "example-files" / "valid").glob("*.json"))
 SAMPLES = sorted((HERE.parent / "samples").glob("*.json"))
 VEHICLES = sorted((HERE.parent / "samples" / "vehicles").glob("*.json"))
+CURRICULA = sorted((HERE.parent / "samples" / "curricula").glob("*.json"))
 INVALID = sorted((HERE.parent / "samples" / "invalid").glob("*.json"))
 NO_SAMPLE = {"TT112"}  # it wants a file of more than 10 MB
 
@@ -87,7 +89,17 @@ def test_sample_says_what_it_is(path: Path) -> None:
     assert f"samples/{path.name}" in (HERE.parent / "README.md").read_text("utf-8")
 
 
-@pytest.mark.parametrize("path", SAMPLES + VEHICLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CURRICULA, ids=lambda path: path.stem)
+def test_curriculum_is_valid(path: Path) -> None:
+    """A sample of training tiles has no findings, known by its `$schema` and by its keys alone."""
+    source = read_source(path)
+    bare = source.data.replace(b'"$schema"', b'"x-schema"')
+    for data in (source.data, bare):
+        checked = check(structs.replace(source, data=data), kind=None)
+        assert (checked.findings, checked.readable) == ((), True)
+
+
+@pytest.mark.parametrize("path", SAMPLES + VEHICLES + CURRICULA, ids=lambda path: path.stem)
 def test_sample_is_laid_out(path: Path) -> None:
     """Laying it out anew changes nothing."""
     text = path.read_text("utf-8")
@@ -103,3 +115,4 @@ def test_every_rule_has_a_sample() -> None:
     assert VALID
     assert len(SAMPLES) >= 10
     assert len(VEHICLES) >= 4
+    assert len(CURRICULA) >= 2

@@ -101,6 +101,7 @@ NAMES = {
     "TT719": "overlapping-copies",
     "TT720": "scatter",
     "TT721": "crowded-scatter",
+    "TT801": "training-tiles",
 }
 ROOT = Path(__file__).parents[2]
 INVALID = sorted((ROOT / "samples" / "invalid").glob("*.json"))

@@ -19,12 +19,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import terratool
+from terratool.definition.curriculum.parameters import KINDS
 from terratool.definition.layout import canonical
 from terratool.definition.reader import check
 from terratool.errors import DefinitionError, ReadError, RequestError, WriteError
 from terratool.simulators.curriculum import build
 from terratool.simulators.curriculum.build import curriculum, write_curriculum
-from terratool.simulators.curriculum.parameters import KINDS
 from terratool.text.source import Source
 from tests.commands import ROOT, run
 
@@ -823,6 +823,24 @@ def test_all_that_is_wrong_is_said(tmp_path: Any) -> None:
         path.write_text(text)
         with pytest.raises(DefinitionError):
             curriculum(path)
+
+
+def test_a_soil_that_is_worth_a_look_is_a_warning(tmp_path: Any) -> None:
+    """Validating says so; tiles are made all the same."""
+    path = tmp_path / "spec.json"
+    path.write_text(json.dumps({**kind_with("flat"), "surface": {"cohesion": 1, "fricAngle": 30}}))
+    assert curriculum(path).terrain.surfaces == ("floor",)
+    checked = run("validate", path)
+    assert checked.code == 0 and "warning TT401" in checked.out
+    assert run("validate", "--strict", path).code == 1
+    assert "TT401" not in run("validate", "--ignore", "TT4", path).out
+
+
+def test_a_spec_is_no_terrain() -> None:
+    done = run("info", SAMPLES[0])
+    assert done.code == 1
+    assert "is a curriculum, where a terrain is wanted" in done.err
+    assert "terratool curriculum" in done.err
 
 
 def test_too_much_is_refused_before_it_is_made() -> None:

@@ -5,11 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import signal
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import pytest
 
-from tests.commands import YARD
+import terratool
+from terratool.simulators import nav2, targets
+from terratool.simulators.export import export_simulators
+from tests.commands import ROOT, SAMPLE, YARD
 from tests.commands import call as run
 
 
@@ -19,6 +25,7 @@ def write(folder: Path, definition: dict) -> str:
     return str(path)
 
 
+HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
 SURFACES = {
     "sand": {"fricAngle": [20, 30]},
     "hole": {"void": True},
@@ -72,6 +79,34 @@ def test_assumed_friction_is_said(tmp_path: Path) -> None:
     assert "Friction 0.4 is assumed, as there is no fricAngle: sand, wet, grey." in ran.out
 
 
+BARE = {key: value for key, value in YARD["elemTree"].items() if key != "surface"}
+RUT = {"path": [[-4, -4], [4, -4]], "width": 0.3, "depth": 0.1, "surface": "sand"}
+
+
+@pytest.mark.parametrize(
+    ("more", "names"),
+    [
+        ({}, ["sand", "wet, grey"]),
+        ({"elemTree": BARE}, ["wet, grey", "none"]),
+        ({"elemTree": BARE, "tracks": [RUT]}, ["sand", "wet, grey", "none"]),
+    ],
+)
+def test_all_targets_state_the_same_surfaces(more: dict, names: list[str], tmp_path: Path) -> None:
+    """With a mesh or without one: those of elements and tracks, and ground that has none."""
+    file = write(tmp_path, {**YARD, "surfTypes": SURFACES, **more})
+    targets = ("pybullet", "nav2", "grid-map")
+    chosen = [word for target in targets for word in ("--target", target)]
+    ran = run("export-sim", file, str(tmp_path / "o"), *chosen, "--friction", "0.4")
+    assert ran.code == 0, ran.err
+    for target in targets:
+        manifest = manifest_of(tmp_path / "o" / target)
+        assert list(manifest["surfaces"]) == names, target
+        assert ("none" in names) == (manifest["surfaces"].get("none", {}).get("friction") == 0.4)
+        assumed = [line for line in manifest["losses"] if "is assumed" in line]
+        wanted = "Friction 0.4 is assumed, as there is no fricAngle: none."
+        assert assumed == [wanted] * ("none" in names)
+
+
 @pytest.mark.parametrize(
     ("origin", "zero"), [("local", [-5, -5, 0]), ("world", [0, 0, 0]), ("1,-2.5,3", [1, -2.5, 3])]
 )
@@ -122,26 +157,126 @@ def test_folders_of_others_are_kept(yard: str, tmp_path: Path) -> None:
         (["--target", "mujoco", "--friction", "-1"], 2, "The assumed friction is -1"),
         (["--target", "mujoco", "--max-geoms", "0"], 2, "At most 0 geoms are allowed"),
         (["--target", "nav2", "--max-step", "-1"], 2, "step"),
+        (["--target", "all", "--vehicle", "not-there.json"], 3, "not-there.json"),
+        (["--target", "all", "--vehicle", SAMPLE], 1, "is a terrain, where a vehicle is wanted"),
     ],
 )
-def test_nonsense_is_refused(
-    arguments: list[str], code: int, words: str, yard: str, tmp_path: Path
-) -> None:
-    """In a sentence, before the definition is read, and nothing is written."""
-    ran = run("export-sim", yard, str(tmp_path / "o"), *arguments)
+def test_nonsense_is_refused(arguments: list[str], code: int, words: str, tmp_path: Path) -> None:
+    """In a sentence, before the definition is read, which is not there; nothing is written."""
+    ran = run("export-sim", str(tmp_path / "yard.json"), str(tmp_path / "o"), *arguments)
     assert (ran.code, ran.out) == (code, "")
     assert words in ran.err
     assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "missing", "what", "hint"),
+    [
+        (
+            "all", ("rosbags",), "rosbags for grid-map",
+            "'terratool[ros]', or choose the others: --target mujoco --target gazebo "
+            "--target pybullet --target usd --target chrono --target nav2",
+        ),
+        (
+            "all", ("rosbags", "pxr"), "usd-core for usd and rosbags for grid-map",
+            "'terratool[usd,ros]', or choose the others: --target mujoco --target gazebo "
+            "--target pybullet --target chrono --target nav2",
+        ),
+        ("usd", ("pxr",), "usd-core for usd", "'terratool[usd]'"),
+    ],
+)  # fmt: skip
+def test_what_is_not_installed(
+    wanted: str, missing: tuple[str, ...], what: str, hint: str, tmp_path: Path
+) -> None:
+    """It is named before the definition is read, which is not there; nothing is written."""
+    with patch.object(targets, "find_spec", lambda name: None if name in missing else name):
+        ran = run("export-sim", tmp_path / "yard.json", tmp_path / "o", "--target", wanted)
+    assert ran.code == 2
+    assert ran.err == f"terratool: Not installed: {what}.\n  Run pip install {hint}.\n"
+    assert not (tmp_path / "o").exists()
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else b""
+        for path in folder.rglob("*")
+    }
+
+
+def code_of(*arguments: object) -> object:
+    """What a command ends with that a signal may stop."""
+    try:
+        return run(*arguments).code
+    except SystemExit as stop:
+        return stop.code
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_nothing_half_written(
+    number: signal.Signals, yard: str, tmp_path: Path
+) -> None:
+    """Neither a target nor a temporary folder; what was there is as it was."""
+    out = tmp_path / "o"
+    arguments = ["export-sim", yard, out, "--target", "nav2"]
+
+    def interrupted(_scene: object, folder: Path) -> None:
+        (folder / "map.pgm").write_text("half")
+        signal.raise_signal(number)
+
+    with patch.object(nav2, "write", interrupted):
+        assert code_of(*arguments) == 128 + number
+        assert not out.exists()
+        assert code_of(*arguments, "--target", "pybullet") == 128 + number
+    assert [path.name for path in out.iterdir()] == ["pybullet"]
+    assert run(*arguments).code == 0
+    before = contents(out)
+    with patch.object(nav2, "write", interrupted):
+        assert code_of(*arguments, "--overwrite") == 128 + number
+    assert contents(out) == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_files_of_a_target_change_together(
+    number: signal.Signals, yard: str, tmp_path: Path
+) -> None:
+    """A signal while files take the places of earlier ones waits for the last."""
+    arguments = ["export-sim", yard, "--target", "mujoco", "--overwrite", "--max-error"]
+    for name, error in (("o", 0.5), ("new", 0.01)):
+        assert run(*arguments, error, tmp_path / name).code == 0
+
+    def replace(one: Path, other: Path) -> None:
+        one.rename(other)
+        signal.raise_signal(number)
+
+    with patch.object(Path, "replace", replace):
+        assert code_of(*arguments, 0.01, tmp_path / "o") == 128 + number
+    assert contents(tmp_path / "o") == contents(tmp_path / "new")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nav2", "--resolution", "1e-5"], "makes 1,000,000,000,000 cells"),
+        (["grid-map", "--resolution", "1e-3"], "a message of"),
+        (["nav2", "--resolution", "30", "--vehicle", HUSKY], "is too coarse for wheels"),
+    ],
+)
+def test_impossible_maps_are_refused_before_other_targets_are_written(
+    arguments: list[str], words: str, yard: str, tmp_path: Path
+) -> None:
+    ran = run("export-sim", yard, tmp_path / "o", "--target", "pybullet", "--target", *arguments)
+    assert ran.code == 2
+    assert words in ran.err
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize("wanted", ["nav2", ["nav2"], (name for name in ["nav2"])])
+def test_targets_are_a_name_or_names(wanted: Any, yard: str, tmp_path: Path) -> None:
+    [report] = export_simulators(terratool.load(yard), str(tmp_path / "o"), wanted)
+    assert report.folder == tmp_path / "o" / "nav2"
 
 
 def test_no_folder_for_the_folder(yard: str, tmp_path: Path) -> None:
     ran = run("export-sim", yard, str(tmp_path / "a" / "b"), "--target", "mujoco")
     assert ran.code == 3
     assert "there is no folder" in ran.err
-
-
-def test_a_target_that_fails_leaves_nothing(yard: str, tmp_path: Path) -> None:
-    ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "nav2", "--vehicle", yard)
-    assert ran.code == 1
-    assert "yard.json" in ran.err
-    assert not (tmp_path / "o" / "nav2").exists()

@@ -11,6 +11,7 @@ import json
 import math
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -20,10 +21,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from terratool.definition.reader import check
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.simulators import targets
 from terratool.simulators.export import export_simulators
 from terratool.simulators.options import SceneOptions
 from terratool.text.source import Source
+from terratool.traversability.map import stream_map
 from tests.commands import ROOT
 
 HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
@@ -157,12 +158,15 @@ def test_layers(tmp_path: Path) -> None:
     assert all(math.isnan(value) for value in at(7.05, 0.55).values())
 
 
-def test_a_vehicle_has_a_layer(tmp_path: Path) -> None:
-    """The same verdicts as in the map for Nav2, cell by cell."""
-    options = {"vehicle": HUSKY, "resolution": 0.1, "origin": "world"}
-    bag, manifest = exported(tmp_path, **options)
-    [report] = export_simulators(yard(), tmp_path, ("nav2",), SceneOptions(**options))
-    pixels = (report.folder / "map.pgm").read_bytes().split(b"\n", 3)[3]
+def test_a_vehicle_has_a_layer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same verdicts as in the map for Nav2, cell by cell, found out once for both."""
+    judged = Mock(wraps=stream_map)
+    monkeypatch.setattr("terratool.traversability.map.stream_map", judged)
+    options = SceneOptions(vehicle=HUSKY, resolution=0.1, origin="world")
+    nav2, grid_map = export_simulators(yard(), tmp_path, ("nav2", "grid-map"), options)
+    assert judged.call_count == 1
+    bag, manifest = Bag(grid_map.folder), grid_map.manifest
+    pixels = (nav2.folder / "map.pgm").read_bytes().split(b"\n", 3)[3]
     from_north = np.frombuffer(pixels, np.uint8).reshape(50, 90)
     layer = bag.layer("traversability")
     cells = np.where(layer > 0, 254, 0)
@@ -178,7 +182,9 @@ def test_losses_are_measured(tmp_path: Path) -> None:
     assert manifest["losses"][0] == "A cell has what is at its middle, not a mean."
     assert "of wall became ramps" in manifest["losses"][1]
     assert "(3 m in one pixel)" in manifest["losses"][1]
-    assert list(manifest["surfaces"]) == ["sand", "slab"]  # a hole has no friction to be assumed
+    # a hole has no friction to be assumed, ground without a surface has
+    assert list(manifest["surfaces"]) == ["sand", "slab", "none"]
+    assert manifest["losses"][2].endswith("as there is no fricAngle: slab, none.")
 
 
 def test_the_same_bytes(tmp_path: Path) -> None:
@@ -219,10 +225,3 @@ def test_too_large(tmp_path: Path) -> None:
 def test_by_default_cells_are_few(tmp_path: Path) -> None:
     bag, _ = exported(tmp_path, resolution=None)
     assert bag.layer("elevation").shape == (180, 100)
-
-
-def test_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(targets, "find_spec", lambda name: None)
-    with pytest.raises(RequestError, match="rosbags is not installed") as refused:
-        targets.chosen(("grid-map",))
-    assert "pip install 'terratool[ros]'" in str(refused.value.hint)

@@ -5,12 +5,14 @@ code, severity and position. What only the reader can see (syntax, duplicate key
 registered by `reader_rule`, so that every code is listed and explained in one place.
 
 Codes: TT1xx the text and its keys, TT2xx names and elements, TT3xx primitives, TT4xx surfaces,
-TT5xx vehicles, TT6xx tracks, TT7xx libraries, parts, free places and copies.
+TT5xx vehicles, TT6xx tracks, TT7xx libraries, parts, free places and copies, TT8xx grids of
+training tiles.
 """
 
 from __future__ import annotations
 
 from terratool.definition.rules import (  # noqa: F401, importing them registers their rules
+    curricula,
     curves,
     files,
     free,

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.definition.curriculum.spec import KindSpec
 from terratool.simulators.curriculum.shapes import (
     DIGITS,
     MM,
@@ -34,7 +35,6 @@ from terratool.simulators.curriculum.shapes import (
     square,
     stairs,
 )
-from terratool.simulators.curriculum.spec import KindSpec
 
 PIXEL = 100
 """mm: the generators' horizontal scale, by which obstacles are placed."""

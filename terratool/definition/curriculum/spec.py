@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,11 +12,13 @@ from typing import Any
 
 import msgspec
 
+from terratool.definition.curriculum.parameters import KINDS, Parameter, Value
 from terratool.definition.findings import Finding
-from terratool.definition.reader import check, refusal
+from terratool.definition.keys import CURRICULUM_KEYS
+from terratool.definition.reader import Checked, CheckOptions, check, refusal
+from terratool.definition.rules import RULES
 from terratool.errors import DefinitionError, RequestError
-from terratool.simulators.curriculum.parameters import KINDS, Parameter, Value
-from terratool.text.display import counted, escape, listed, shown
+from terratool.text.display import escape, listed, shown
 from terratool.text.locate import Address, locate
 from terratool.text.source import Source, read_source
 from terratool.text.syntax import JsonSyntaxError
@@ -177,36 +180,50 @@ def spec_of(source: Source | Mapping[str, Any]) -> Spec:
                 "Give a dictionary of JSON values.",
             ) from error
     try:
-        value = read_values(source.data)
+        reading = _Reading.of(source)
     except JsonSyntaxError as error:
         raise refusal(check(source)) from error
-    reading = _Reading()
-    for pointer, occurrence in repeated_keys(source.data, 100)[0]:
-        reading.wrong(
-            pointer, "this key stands twice in its object.", "Keep one of them.", occurrence
-        )
-    spec = reading.spec(value)
-    if reading.faults:
-        raise _refusal(source, reading.faults)
-    assert spec is not None
-    return spec
+    errors = [one for one in _findings(source, reading.faults) if one.severity == "error"]
+    if errors:
+        raise refusal(Checked(tuple(errors), Counter(one.code for one in errors)))
+    assert reading.spec is not None
+    return reading.spec
+
+
+def check_spec(source: Source, options: CheckOptions) -> Checked:
+    """All that is wrong with a text that is read as a spec."""
+    try:
+        faults = _Reading.of(source).faults
+    except JsonSyntaxError:
+        return check(source, options)  # which says that alone
+    shows = options.of(source.name).shows
+    wanted = [fault for fault in faults if shows(fault.code)]
+    return Checked(
+        tuple(_findings(source, wanted)[: options.limit]),
+        Counter(fault.code for fault in faults),
+        name=source.name,
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class _Fault:
+    code: str
     address: Address
     message: str
     hint: str
 
 
-def _refusal(source: Source, faults: list[_Fault]) -> DefinitionError:
+def _findings(source: Source, faults: list[_Fault]) -> list[Finding]:
+    """Faults by where they stand in the text."""
+    if not faults:
+        return []
     positions = locate(source.data, [fault.address for fault in faults], repeated=True)
-    findings = sorted(
+    return sorted(
         (
             Finding(
                 file=source.name,
-                code="",
-                severity="error",
+                code=fault.code,
+                severity=RULES[fault.code].severity,
                 pointer=fault.address.pointer,
                 line=position.line,
                 column=position.column,
@@ -218,12 +235,6 @@ def _refusal(source: Source, faults: list[_Fault]) -> DefinitionError:
         ),
         key=lambda finding: (finding.line, finding.column, finding.pointer),
     )
-    first, more = findings[0], len(findings) - 1
-    return DefinitionError(
-        f"{first.file}:{first.line}:{first.column}: {first.message}",
-        first.hint + (f" {counted(more, 'more thing')} to correct." if more else ""),
-        tuple(findings),
-    )
 
 
 class _Reading:
@@ -231,26 +242,45 @@ class _Reading:
 
     def __init__(self) -> None:
         self.faults: list[_Fault] = []
+        self.spec: Spec | None = None
 
-    def wrong(self, pointer: str, message: str, hint: str, occurrence: int = 1) -> None:
+    @classmethod
+    def of(cls, source: Source) -> _Reading:
+        """Read a text.
+
+        Raises:
+            JsonSyntaxError: it is no JSON.
+        """
+        value, reading = read_values(source.data), cls()
+        for pointer, occurrence in repeated_keys(source.data, 100)[0]:
+            reading.wrong(
+                pointer, "this key stands twice in its object.", "Keep one of them.", "TT102",
+                occurrence,
+            )  # fmt: skip
+        reading.spec = reading._spec(value)
+        return reading
+
+    def wrong(
+        self, pointer: str, message: str, hint: str, code: str = "TT801", occurrence: int = 1
+    ) -> None:
         """Keep a fault; it is in a key where that is one too many."""
         on_key = occurrence > 1 or message.startswith("the key")
-        self.faults.append(_Fault(Address(pointer, on_key, occurrence), message, hint))
+        self.faults.append(_Fault(code, Address(pointer, on_key, occurrence), message, hint))
 
-    def spec(self, value: Any) -> Spec | None:
+    @property
+    def _errors(self) -> int:
+        return sum(RULES[fault.code].severity == "error" for fault in self.faults)
+
+    def _spec(self, value: Any) -> Spec | None:
         """The spec; None if something is wrong that leaves none."""
-        before = len(self.faults)
+        before = self._errors
         if not isinstance(value, dict):
-            self.wrong("", "a spec is an object.", 'Write {"rows": 10, "columns": 20, …}.')
+            self.wrong("", "a spec is an object.", 'Write {"rows": 10, "columns": 20, …}.', "TT105")
             return None
-        known = (
-            "$schema", "descr", "rows", "columns", "tile", "border", "origin", "seed", "curriculum",
-            "difficulty", "jitter", "surface", "kinds", "patches",
-        )  # fmt: skip
-        self._keys("", value, known, ("rows", "columns", "kinds"))
+        self._keys("", value, CURRICULUM_KEYS, ("rows", "columns", "kinds"))
         for key in ("$schema", "descr"):
             if not isinstance(value.get(key, ""), str):
-                self.wrong(f"/{key}", f'"{key}" is no text.', "Write a text in quotes.")
+                self.wrong(f"/{key}", f'"{key}" is no text.', "Write a text in quotes.", "TT105")
         tile = self._tile(value.get("tile", 8))
         spec = Spec(
             rows=int(self._number(value, "rows", Parameter("whole", 1, "", 1, MOST_TILES))),
@@ -267,7 +297,7 @@ class _Reading:
             patches=tuple(self._patches(value.get("patches", {}), tile)),
             descr=str(value.get("descr", "")),
         )
-        if len(self.faults) > before:
+        if self._errors > before:
             return None
         if spec.rows * spec.columns > MOST_TILES:
             self.wrong(
@@ -287,10 +317,12 @@ class _Reading:
             if key not in known and not key.startswith("x-"):
                 close = get_close_matches(key, known, 1)
                 hint = f'Did you mean "{close[0]}"?' if close else f"Known are {listed(known)}."
-                self.wrong(f"{pointer}/{escape(key)}", f"the key {shown(key)} is unknown.", hint)
+                self.wrong(
+                    f"{pointer}/{escape(key)}", f"the key {shown(key)} is unknown.", hint, "TT103"
+                )
         for key in needed:
             if key not in value:
-                self.wrong(pointer, f'"{key}" is missing.', "Add it.")
+                self.wrong(pointer, f'"{key}" is missing.', "Add it.", "TT104")
 
     def _tile(self, value: Any) -> tuple[float, float] | None:
         """Sides of a tile; None if they are wrong."""
@@ -310,6 +342,7 @@ class _Reading:
                 "/kinds",
                 '"kinds" is no object with kinds of tiles.',
                 'Write {"stairs": {"kind": "pyramidStairs"}} or more.',
+                "TT105",
             )
             return
         names: dict[str, str] = {}
@@ -318,7 +351,7 @@ class _Reading:
             pointer = f"/kinds/{escape(name)}"
             self._named(pointer, name, names)
             if not isinstance(members, dict):
-                self.wrong(pointer, "it is no object.", 'Write {"kind": "pyramidStairs"}.')
+                self.wrong(pointer, "it is no object.", 'Write {"kind": "pyramidStairs"}.', "TT105")
                 continue
             kind = members.get("kind")
             if not isinstance(kind, str) or kind not in KINDS:
@@ -344,7 +377,7 @@ class _Reading:
         from difflib import get_close_matches
 
         if "kind" not in members:
-            self.wrong(pointer, '"kind" is missing.', f"Known are {listed(list(KINDS))}.")
+            self.wrong(pointer, '"kind" is missing.', f"Known are {listed(list(KINDS))}.", "TT104")
             return
         kind = members["kind"]
         close = get_close_matches(kind, KINDS, 1) if isinstance(kind, str) else []
@@ -376,7 +409,9 @@ class _Reading:
 
     def _surface(self, value: Any) -> Mapping[str, Any]:
         if not isinstance(value, dict):
-            self.wrong("/surface", '"surface" is no object.', 'Write {"preset": "concrete"}.')
+            self.wrong(
+                "/surface", '"surface" is no object.', 'Write {"preset": "concrete"}.', "TT105"
+            )
             return FLOOR
         text = {
             "size": 1,
@@ -386,13 +421,15 @@ class _Reading:
         }
         for finding in check(Source("the spec", msgspec.json.encode(text))).findings:
             rest = finding.pointer.removeprefix("/surfTypes/floor")
-            self.wrong(f"/surface{rest}", finding.message, finding.hint)
+            self.wrong(f"/surface{rest}", finding.message, finding.hint, finding.code)
         surface: Mapping[str, Any] = value
         return surface
 
     def _patches(self, value: Any, tile: tuple[float, float] | None) -> Iterator[PatchSpec]:
         if not isinstance(value, dict):
-            self.wrong("/patches", '"patches" is no object.', 'Write {"spawn": {"radius": 0.5}}.')
+            self.wrong(
+                "/patches", '"patches" is no object.', 'Write {"spawn": {"radius": 0.5}}.', "TT105"
+            )
             return
         names: dict[str, str] = {}
         known = ("count", "radius", "heightDifference", "slope", "x", "y", "z")
@@ -401,7 +438,7 @@ class _Reading:
             pointer = f"/patches/{escape(name)}"
             self._named(pointer, name, names)
             if not isinstance(members, dict):
-                self.wrong(pointer, "it is no object.", 'Write {"radius": 0.5}.')
+                self.wrong(pointer, "it is no object.", 'Write {"radius": 0.5}.', "TT105")
                 continue
             self._keys(pointer, members, known, ("radius",))
             most = min(tile or (LONGEST,)) / 2
@@ -438,7 +475,9 @@ class _Reading:
     def _flag(self, members: dict[str, Any], key: str, default: bool, pointer: str = "") -> bool:
         value = members.get(key, default)
         if not isinstance(value, bool):
-            self.wrong(f"{pointer}/{key}", f'"{key}" is not true or false.', "Write one of them.")
+            self.wrong(
+                f"{pointer}/{key}", f'"{key}" is not true or false.', "Write one of them.", "TT105"
+            )
         return bool(value)
 
     def _number(
@@ -453,11 +492,16 @@ class _Reading:
         whole = parameter.form in ("whole", "wholes")
         if not _is_number(value) or (whole and value != int(value)):
             kind = "whole number" if whole else "number"
-            self.wrong(pointer, f"{what} is no {kind}.", f"Write one from {low:g} to {high:g}.")
+            self.wrong(
+                pointer, f"{what} is no {kind}.", f"Write one from {low:g} to {high:g}.", "TT105"
+            )
             return low
         if not low <= value <= high:
             self.wrong(
-                pointer, f"{what} is {shown(value)}.", f"Write a number from {low:,g} to {high:,g}."
+                pointer,
+                f"{what} is {shown(value)}.",
+                f"Write a number from {low:,g} to {high:,g}.",
+                "TT106",
             )
             return low
         return int(value) if whole else float(value)
@@ -468,7 +512,9 @@ class _Reading:
         value = members.get(key, parameter.default)
         pointer = f"{pointer}/{key}"
         if not isinstance(value, (list, tuple)) or len(value) != 2:
-            self.wrong(pointer, f'"{key}" is no pair of numbers.', "Write [least, greatest].")
+            self.wrong(
+                pointer, f'"{key}" is no pair of numbers.', "Write [least, greatest].", "TT105"
+            )
             return parameter.low, parameter.low
         first, second = (
             self._one(f"{pointer}/{index}", f'"{key}"', one, parameter)
@@ -483,7 +529,7 @@ class _Reading:
     ) -> tuple[float, float] | None:
         what = f'"{pointer[1:]}"'
         if not isinstance(value, (list, tuple)) or len(value) != 2:
-            self.wrong(pointer, f"{what} is no pair of numbers.", "Write [x, y].")
+            self.wrong(pointer, f"{what} is no pair of numbers.", "Write [x, y].", "TT105")
             return None
         parameter = Parameter("number", 0.0, "", low, high)
         x, y = (self._one(pointer, what, one, parameter) for one in value)

@@ -1,0 +1,1 @@
+"""What the user wrote of a grid of training tiles."""

@@ -1,0 +1,29 @@
+"""What is found in specs of training tiles, which `definition.curriculum` reads."""
+
+from terratool.definition.rules.base import reader_rule
+
+reader_rule(
+    "TT801",
+    "training-tiles",
+    """
+    A grid of training tiles cannot be made as its spec says.
+
+    There is no such kind of tile, what stands on a tile does not fit into it, a name is none that a
+    definition can have, a range ends before it begins, or there are too many tiles. Keys, types and
+    ranges have the codes that they have in terrains (TT102 to TT106), and so has the surface.
+
+    Fails:
+
+        {"rows": 2, "columns": 3, "kinds": {"up": {"kind": "stairs"}}}
+
+    Fails:
+
+        {"rows": 2, "columns": 3, "tile": 4, "kinds": {"up": {"kind": "waves", "border": 2}}}
+
+    Passes:
+
+        {"rows": 2, "columns": 3, "tile": 8, "kinds": {"up": {"kind": "waves", "border": 2}}}
+
+    To mend: the hint names what is known or what fits; docs/curriculum.md has all kinds and keys.
+    """,
+)
