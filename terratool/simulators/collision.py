@@ -18,7 +18,7 @@ from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.simulators.footing import rest_of
 from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Ints
-from terratool.simulators.patches import CELLS, Surroundings, lay_patches
+from terratool.simulators.patches import CELLS, Surroundings, lay_patches, spread
 from terratool.simulators.solids import VOID, Budget, Ground, Solid, areas_of, cover
 from terratool.text.display import length
 
@@ -82,10 +82,9 @@ class Collision(NamedTuple):
         """On how much of them they are by more than so much, in percent of their area."""
         over = whole = 0.0
         for patch in self.patches:
-            west, south, east, north = patch.bounds
-            cell = (east - west) * (north - south) / patch.used.size
+            cell = math.prod(patch.cell)
             whole += cell * np.count_nonzero(patch.used)
-            over += cell * np.count_nonzero(patch.used & (patch.misses > error))
+            over += cell * np.count_nonzero(patch.used & ~patch.near & (patch.misses > error))
         return 100.0 * over / whole
 
 
@@ -137,12 +136,11 @@ def collision_of(
     held = held.buffer(_HAIR, join_style="mitre")
     shapely.prepare(held)
     around = Surroundings(terrain, mesh.origin[:2], walls, sharp, held, ground, max_error)
-    footings = lay_patches(around, extent, int(_FIELDS * most))
-    patches = [one.patch for one in footings if one.patch.used.any()]
-    index, pieces = rest_of(footings, ground)
+    laid = lay_patches(around, extent, int(_FIELDS * most))
+    index, pieces = rest_of([one.footing for one in laid], ground)
     left = (index < len(faces)) & ~cutting.done[np.minimum(index, len(faces) - 1)]
     index, pieces = index[left], pieces[left]
-    room = most - len(cutting.solids) - sum(len(patch.worn) for patch in patches)
+    room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
     relief = float(np.ptp(mesh.vertices[:, 2]))
     area = float(areas_of(pieces).sum())
     while True:
@@ -155,7 +153,10 @@ def collision_of(
         say(f"covering what is near walls within {length(height)}")
         if height > _GROW * relief:  # and still there are too many
             room = len(triangles)
-    return Collision(cutting.solids + found, patches, height)
+    solids = cutting.solids + found
+    laid = spread(laid, most - len(solids))
+    patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
+    return Collision(solids, patches, height)
 
 
 @dataclass

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from terratool.simulators.height_patch import Bools, Floats, Indices
+
+Height = Callable[[Floats, Floats], Floats]
 
 _LINKS = (0, 1), (1, 0), (1, 1)
 """From a node to the next ones, in rows and columns: MuJoCo parts a cell along the last."""
@@ -18,7 +18,9 @@ _ASIDE = 1e-4
 _ON = 1e-6
 """A wall that is nearer to a node than this goes through it."""
 _AWAY = 0.5
-"""A slope is taken between a wall and a node that is no nearer than this."""
+"""A slope is taken between a wall and a node that is no nearer than this …"""
+_LEAST_AWAY = 0.1
+"""… or than this, if there is no other node."""
 
 
 class _Crossings(NamedTuple):
@@ -29,15 +31,17 @@ class _Crossings(NamedTuple):
         column: (n,) of it.
         first: (n,) where the first wall crosses it, from 0 to 1.
         last: (n,) where the last one does.
+        blocked: (n,) whether a wall crosses the link before it, between its nodes.
     """
 
     row: Indices
     column: Indices
     first: Floats
     last: Floats
+    blocked: Bools
 
 
-def continued(nodes: Floats, walls: Floats, height: Callable[[Floats, Floats], Floats]) -> Floats:
+def continued(nodes: Floats, walls: Floats, height: Height, least: float) -> Floats:
     """Heights at nodes, where those behind a wall go on with the lower ground before it.
 
     So a height field is right up to the foot of a wall. Whether it is below all other ground is
@@ -47,14 +51,17 @@ def continued(nodes: Floats, walls: Floats, height: Callable[[Floats, Floats], F
         nodes: (n, m) heights of the ground, rows from the south.
         walls: (k, 2, 2) their ends seen from above; x and y count columns and rows.
         height: the ground at such x and y.
+        least: lower steps are none.
     """
     out = nodes.copy()
-    for step in _LINKS:
-        found = _crossings(walls, nodes.shape, step)
-        if not len(found.row):
-            continue
-        for ahead in (True, False):
-            _pull(out, nodes, found, step, ahead, height)
+    for rows, columns in _LINKS:
+        found = _crossings(walls, nodes.shape, (rows, columns))
+        if len(found.row):
+            _pull(out, found, (rows, columns), height, least)
+            row, column = found.row + rows, found.column + columns
+            blocked = _blocked(found, nodes.shape, row, column)
+            back = _Crossings(row, column, 1.0 - found.last, 1.0 - found.first, blocked)
+            _pull(out, back, (-rows, -columns), height, least)
     return out
 
 
@@ -84,43 +91,37 @@ def _crossings(walls: Floats, shape: tuple[int, ...], step: tuple[int, int]) -> 
     row, column, part = row[order], column[order], part[order]
     new = np.append(True, (np.diff(row) != 0) | (np.diff(column) != 0))[: len(row)]
     ends = np.append(new[1:], True)[: len(row)]
-    return _Crossings(row[new], column[new], part[new], part[ends])
+    row, column, first, last = row[new], column[new], part[new], part[ends]
+    found = _Crossings(row, column, first, last, np.zeros(len(row), np.bool_))
+    return found._replace(blocked=_blocked(found, shape, row - rows, column - columns))
+
+
+def _blocked(found: _Crossings, shape: tuple[int, ...], row: Indices, column: Indices) -> Bools:
+    """Whether walls cross links, by where these begin, between their nodes."""
+    crossed = np.zeros((shape[0] + 2, shape[1] + 2), np.bool_)
+    crossed[found.row + 1, found.column + 1] = (found.first < 1.0) & (found.last > 0.0)
+    return crossed[row + 1, column + 1]
 
 
 def _pull(
-    out: Floats,
-    nodes: Floats,
-    found: _Crossings,
-    step: tuple[int, int],
-    ahead: bool,
-    height: Callable[[Floats, Floats], Floats],
+    out: Floats, found: _Crossings, step: tuple[int, int], height: Height, least: float
 ) -> None:
     """Lower the nodes at the far ends of links, if walls rise on the way to them."""
-    rows, columns = step if ahead else (-step[0], -step[1])
-    row = found.row if ahead else found.row - rows
-    column = found.column if ahead else found.column - columns
-    first, last = (found.first, found.last) if ahead else (1 - found.last, 1 - found.first)
+    rows, columns = step
 
-    def at(part: Floats) -> Floats:
-        part = np.clip(part, 0.0, 1.0)
-        return height(column + part * columns, row + part * rows)
+    def at(part: Floats | float) -> Floats:
+        x, y = found.column + part * columns, found.row + part * rows
+        return height(np.asarray(x, np.float64), np.asarray(y, np.float64))
 
-    foot = np.maximum(first - _ASIDE, 0.0)
+    foot = np.maximum(found.first - _ASIDE, 0.0)
     before = at(foot)
-    rises = (at(first + _ASIDE) > before) & (at(last + _ASIDE) > at(last - _ASIDE))
-    back_row, back_column = row - rows, column - columns
-    there = (back_row >= 0) & (back_row < nodes.shape[0])
-    there &= (back_column >= 0) & (back_column < nodes.shape[1])
-    back = np.where(there, nodes[back_row % nodes.shape[0], back_column % nodes.shape[1]], np.nan)
-    crossed = np.zeros(nodes.shape, bool)
-    crossed[found.row, found.column] = True
-    start_row, start_column = (back_row, back_column) if ahead else (row, column)
-    there &= ~crossed[start_row % nodes.shape[0], start_column % nodes.shape[1]]
-    near = nodes[row, column]
-    own = foot >= _AWAY
-    use_back = ~own & there & np.isfinite(back)
-    base, distance = np.where(use_back, back, near), foot + use_back
-    slope = np.where(distance >= 0.1, (before - base) / np.maximum(distance, 0.1), 0.0)
+    rises = at(np.minimum(found.first + _ASIDE, 1.0)) - before > least
+    rises &= at(np.minimum(found.last + _ASIDE, 1.0)) - at(found.last - _ASIDE) > least
+    # the slope before the wall: from the link's own begin, or where that is near, from one before
+    back = np.where(found.blocked, np.nan, at(_ASIDE - 1.0))
+    own = (foot >= _AWAY) | (np.isnan(back) & (foot >= _LEAST_AWAY))
+    run = np.where(own, np.maximum(foot, _LEAST_AWAY), foot + 1.0 - _ASIDE)
+    slope = (before - np.where(own, at(0.0), back)) / run
     value = before + slope * (1.0 - foot)
     good = rises & np.isfinite(value)
-    np.minimum.at(out, (row[good] + rows, column[good] + columns), value[good])
+    np.minimum.at(out, (found.row[good] + rows, found.column[good] + columns), value[good])

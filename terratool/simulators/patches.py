@@ -26,6 +26,8 @@ _CURVED = 0.75
 """This part of all height fields may be split where ground is curved."""
 _FINEST = 40.0
 """Cells of so many errors are not split for what is left at walls."""
+_STEP = 0.25
+"""Steps that are lower than this part of the error are no walls."""
 _MARGIN = 0.3
 """Cells are at a wall that are nearer than this part of their side to a wall."""
 _NODES = 4_000_000
@@ -66,7 +68,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True)
-class _Laid:
+class Laid:
     """A height field, and what is to be asked of it."""
 
     patch: HeightPatch
@@ -90,7 +92,7 @@ class _Laid:
         return float(shapely.area(self.footing.parts).sum())
 
 
-def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Footing]:
+def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Laid]:
     """Height fields for all that solids do not hold.
 
     They are split in four where they are worst, until they are good or too many: first where they
@@ -99,27 +101,30 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Footing
     Args:
         around: what they stand for.
         extent: west, south, east, north of it.
-        most: so many are enough.
+        most: no more than so many, if that can be.
     """
     laid = list(_laid(around, extent))
     laid = _split(laid, lambda one: one.excess, int(_CURVED * most))
-    laid = _split(laid, lambda one: one.rest, most)
-    return [one.footing for one in laid]
+    return _split(laid, lambda one: one.rest, most)
 
 
-def _laid(around: Surroundings, bounds: Bounds) -> Iterator[_Laid]:
+def spread(laid: list[Laid], most: int) -> list[Laid]:
+    """Height fields, split where they are worst and no wall is, up to so many."""
+    return _split(laid, lambda one: 0.0 if one.patch.near.any() else one.excess, most)
+
+
+def _laid(around: Surroundings, bounds: Bounds) -> Iterator[Laid]:
     for patch in _without_void(_patch(around, bounds)):
-        yield _Laid(patch, around)
+        yield Laid(patch, around)
 
 
-def _split(laid: list[_Laid], badness: Callable[[_Laid], float], most: int) -> list[_Laid]:
-    """Height fields in four where they are worst, until none is bad or they are enough."""
+def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> list[Laid]:
+    """Height fields in four where they are worst, until none is bad or they would be too many."""
     queue = [(-badness(one), number, one) for number, one in enumerate(laid)]
     heapq.heapify(queue)
-    number = len(queue)
-    nodes, used = _size(laid)
-    while queue[0][0] < 0.0 and used <= most and nodes <= _NODES:
-        _, _, worst = heapq.heappop(queue)
+    number, size = len(queue), _size(laid)
+    while queue[0][0] < 0.0:
+        _, _, worst = queue[0]
         west, south, east, north = worst.patch.bounds
         x, y = 0.5 * (west + east), 0.5 * (south + north)
         parts = [
@@ -128,15 +133,18 @@ def _split(laid: list[_Laid], badness: Callable[[_Laid], float], most: int) -> l
             for left, right in ((west, x), (x, east))
             for one in _laid(worst.around, (left, bottom, right, top))
         ]
+        size += _size(parts) - _size([worst])
+        if (size > (_NODES, most)).any():
+            break
+        heapq.heappop(queue)
         for one in parts:
             number += 1
             heapq.heappush(queue, (-badness(one), number, one))
-        nodes, used = np.array([nodes, used]) + _size(parts) - _size([worst])
     return [one for _, _, one in sorted(queue, key=lambda item: item[1])]
 
 
-def _size(laid: list[_Laid]) -> NDArray[np.intp]:
-    """How many nodes and surfaces of height fields they take."""
+def _size(laid: list[Laid]) -> NDArray[np.intp]:
+    """How many nodes height fields have, and how many they are, one for each surface."""
     used = [one.patch for one in laid if one.patch.used.any()]
     return np.array([sum(one.heights.size for one in used), sum(len(one.worn) for one in used)])
 
@@ -158,9 +166,7 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     boxes = shapely.box(left, bottom, left + cell[0], bottom + cell[1])
     held = shapely.covers(around.held, boxes)
     surfaces = around.surface(left + 0.5 * cell[0], bottom + 0.5 * cell[1])
-    return HeightPatch(
-        bounds, nodes, np.isfinite(misses) & ~held, held, near, surfaces, misses
-    )
+    return HeightPatch(bounds, nodes, np.isfinite(misses) & ~held, held, near, surfaces, misses)
 
 
 def _continued(
@@ -170,13 +176,13 @@ def _continued(
     west, south, east, north = bounds
     low, high = around.walls.min(axis=1), around.walls.max(axis=1)
     margin = np.array(cell)
-    here = ((low < np.array([east, north]) + margin) & (high > np.array([west, south]) - margin))
+    here = (low < np.array([east, north]) + margin) & (high > np.array([west, south]) - margin)
     walls = (around.walls[here.all(axis=1)] - [west, south]) / cell
 
     def height(x: Floats, y: Floats) -> Floats:
         return around.height(west + x * cell[0], south + y * cell[1])
 
-    found = continued(nodes, walls, height)
+    found = continued(nodes, walls, height, _STEP * around.max_error)
     changed = (found != nodes) & np.isfinite(nodes)
     cells = changed[:-1, :-1] | changed[1:, :-1] | changed[:-1, 1:] | changed[1:, 1:]
     return found, cells

@@ -40,7 +40,7 @@ _SAMPLE = 64
 """Ground is cut into so many pieces first, if it takes as many …"""
 _GOLDEN = 0.6180339887498949
 """… and of these each is far from the one before."""
-_EARLY = 0.25
+_EARLY = 0.5
 """Once this part of the ground has its solids, …"""
 _FAR = 1.4
 """… it is given up if all of it will take so many times what it may."""
@@ -416,12 +416,23 @@ def _gap(along: Floats) -> tuple[float, float]:
 
 
 def _misses(points: Floats, along: Floats, strips: int) -> Floats:
-    """How far points in each strip are from their plane at most: (strips,) at least."""
+    """How far points in each strip are from their plane at most, as `_fit` says; without empty."""
     low, high = along.min(), along.max()
     strip = np.minimum((strips * (along - low) / max(high - low, 1e-300)).astype(int), strips - 1)
     order = np.argsort(strip, kind="stable")
-    begins = np.flatnonzero(np.diff(strip[order])) + 1
-    return np.array([_fit(part).miss for part in np.split(points[order], begins)])
+    begins = np.flatnonzero(np.append(True, np.diff(strip[order]) > 0))
+    count = np.diff(np.append(begins, len(points)))
+    sums = np.add.reduceat(points[order].T, begins, axis=1)
+    x, y, z = away = points[order].T - np.repeat(sums / count, count, axis=1)
+    xx, xy, xz = np.add.reduceat(away * x, begins, axis=1)
+    _, yy, yz = np.add.reduceat(away * y, begins, axis=1)
+    size = xx * yy - xy * xy
+    flat = size <= 1e-12 * (xx + yy) ** 2
+    size = np.where(flat, np.inf, size)
+    a, b = (xz * yy - yz * xy) / size, (yz * xx - xz * xy) / size
+    rest = z - np.repeat(a, count) * x - np.repeat(b, count) * y
+    spread = np.maximum.reduceat(rest, begins) - np.minimum.reduceat(rest, begins)
+    return np.asarray(0.5 * spread / np.sqrt(1.0 + a * a + b * b))
 
 
 def _divided(ground: Ground, piece: Floats, bad: Floats) -> list[Floats]:

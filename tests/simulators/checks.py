@@ -109,8 +109,24 @@ def bytes_of(folder: Path) -> dict[str, bytes]:
     }
 
 
-def walls_of(ground: Ground, count: int, seed: int, least: float = 0.15) -> list[Wall]:
-    """Walls across the axes with level ground 0.7 m before them, found by heights alone."""
+def walls_of(
+    ground: Ground,
+    count: int,
+    seed: int,
+    least: float = 0.15,
+    level: float = 1e-4,
+    reach: float = 0.7,
+) -> list[Wall]:
+    """Walls across the axes with level ground before them, found by heights alone.
+
+    Args:
+        ground: of which.
+        count: no more than so many.
+        seed: of places.
+        least: no lower ones.
+        level: the ground before them differs by less …
+        reach: … so far away.
+    """
     west, south, east, north = ground.bounds
     rng = np.random.default_rng(seed)
     found: list[Wall] = []
@@ -141,11 +157,11 @@ def walls_of(ground: Ground, count: int, seed: int, least: float = 0.15) -> list
             continue  # a slope, or a void
         sign = 1.0 if zb > za else -1.0
         at, z = 0.5 * (a + b), min(za, zb)
-        before = at - sign * np.linspace(1e-4, 0.7, 300)
+        before = at - sign * np.linspace(1e-4, reach, 300)
         aside = np.linspace(-1.5 * RADIUS, 1.5 * RADIUS, 13)[:, None]
         front = heights(before[None, :], aside)
         behind = heights(at + sign * np.linspace(1e-4, 1e-3, 3)[None, :], aside)
-        if np.ptp(front) < 1e-4 and np.nanmin(behind) > z + least:
+        if np.ptp(front) < level and np.nanmin(behind) > z + least:
             x, y = (at, other) if along == 0 else (other, at)
             direction = (sign, 0.0) if along == 0 else (0.0, sign)
             found.append(Wall(x, y, direction, z, max(za, zb)))
@@ -173,7 +189,7 @@ def check_rays(simulator: Simulator, ground: Ground, error: float, count: int = 
 def check_walls(simulator: Simulator, ground: Ground, error: float, count: int = 25) -> float:
     """Rays 5 mm on both sides of walls, and into them; the worst difference, m."""
     worst = 0.0
-    for wall in walls_of(ground, count, 2):
+    for wall in walls_of(ground, count, 2, level=0.04, reach=0.1):
         (dx, dy), aside = wall.direction, 0.005
         for sign in (-1, 1):
             x, y = wall.x + sign * aside * dx, wall.y + sign * aside * dy
@@ -182,7 +198,7 @@ def check_walls(simulator: Simulator, ground: Ground, error: float, count: int =
             worst = max(worst, abs(found - float(ground.height(x, y))))
         z = wall.low + 0.3 * (wall.high - wall.low)
         hit = simulator.ray(
-            [wall.x - 0.5 * dx, wall.y - 0.5 * dy, z], [wall.x + 0.5 * dx, wall.y + 0.5 * dy, z]
+            [wall.x - 0.1 * dx, wall.y - 0.1 * dy, z], [wall.x + 0.1 * dx, wall.y + 0.1 * dy, z]
         )
         assert hit is not None, f"there is no wall at {wall.x} {wall.y}"
         worst = max(worst, abs((hit[0] - wall.x) * dx + (hit[1] - wall.y) * dy))

@@ -25,24 +25,78 @@ mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 ERROR = 0.0025
 """Of what collides, and of numbers in float32."""
 
+# curved ground, oblong and symmetric in no way, with what is hard: narrow, round, turned, low, void
+YARD: dict[str, Any] = {
+    "size": [12, 7],
+    "surfTypes": {"soil": {"fricAngle": 30}, "stone": {"fricAngle": 40}, "gap": {"void": True}},
+    "elemTypes": {
+        "ground": {"x": "0.5 - 0.5*cos(2*pi*t)", "y": "0.4*t*t", "combine": "sum"},
+        "block": {"x": [1]},
+        "tub": {"x": [1], "combine": "radial"},
+        "hump": {"x": "cosbell", "combine": "radial"},
+    },
+    "elemTree": {
+        "type": "ground",
+        "surface": "soil",
+        "vScale": 0.5,
+        "children": [
+            {"type": kind, "at": at, "extent": extent, "vScale": up, **more}
+            for kind, at, extent, up, more in [
+                ("block", [2.1, 1.6], [2.3, 1.7], 0.4, {"turnDeg": 25, "surface": "stone"}),
+                ("tub", [5, 2], [2, 2.2], 0.3, {}),
+                ("tub", [8, 2.2], [2.1, 3], -0.35, {"surface": "stone"}),
+                ("block", [9.805, 3.5], [0.012, 6], -0.3, {}),
+                ("block", [10.805, 3.5], [0.012, 6], 0.5, {}),
+                ("block", [1.3, 5.2], [0.3, 2.5], 0, {"surface": "gap"}),
+                ("hump", [3.5, 5], [3, 2], 0.3, {}),
+                ("block", [7.3, 5.3], [2.5, 1.5], 0.03, {"surface": "stone"}),
+            ]
+        ],
+    },
+}
+
 
 def sample(name: str) -> Terrain:
     return terratool.load(f"samples/{name}.json")
 
 
-@pytest.mark.parametrize("name", ["warehouse", "stairs-and-kerbs", "wheel-tracks", "sandy-cove"])
+@pytest.mark.parametrize(
+    "name", ["warehouse", "stairs-and-kerbs", "paper-example", "sandy-cove", "yard"]
+)
 def test_rays_and_bodies_find_the_terrain(name: str, tmp_path: Path) -> None:
     """Ground, both sides of walls, rests, and where a sphere stops that rolls to a wall."""
-    folder, ground, manifest = written(sample(name), tmp_path / "out", "mujoco", origin="center")
+    terrain = terrain_of(YARD) if name == "yard" else sample(name)
+    folder, ground, manifest = written(terrain, tmp_path / "out", "mujoco", origin="center")
     simulator = MuJoCo(folder)
     assert sum(manifest["collision"][kind] for kind in ("box", "mesh", "hfield")) <= 2000
     checks.check_rays(simulator, ground, ERROR)
     checks.check_rest(simulator, ground)
-    if name in ("warehouse", "stairs-and-kerbs"):
+    if name != "sandy-cove":  # it has no walls
         checks.check_walls(simulator, ground, ERROR)
+    if name in ("warehouse", "stairs-and-kerbs"):  # others have no level ground before walls
         checks.check_roll(simulator, ground)
     seen = MuJoCo(folder, group=2)
     checks.check_rays(seen, ground, ERROR)
+
+
+def test_narrow_things_are_there(tmp_path: Path) -> None:
+    """A ditch and a fence of 12 mm, found to a millimetre of their walls; a slot is open."""
+    folder, ground, manifest = written(terrain_of(YARD), tmp_path / "out", "mujoco", origin="world")
+    assert manifest["collision"]["hfield"] > 0
+    simulator = MuJoCo(folder)
+    y = np.random.default_rng(8).uniform(0.6, 6.4, 60)
+    for middle in (9.805, 10.805):
+        for aside in (-0.007, -0.005, 0.0, 0.005, 0.007):
+            for at in y.tolist():
+                found = simulator.ray_down(middle + aside, at)
+                assert found is not None
+                assert abs(found - float(ground.height(middle + aside, at))) < ERROR
+    for at in y[(y > 3.96) & (y < 6.44)].tolist():
+        for x in (1.152, 1.3, 1.448):
+            assert simulator.ray_down(x, at) is None
+        for x in (1.148, 1.452):
+            found = simulator.ray_down(x, at)
+            assert found is not None and abs(found - float(ground.height(x, at))) < ERROR
 
 
 @pytest.mark.parametrize(

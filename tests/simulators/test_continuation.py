@@ -1,0 +1,128 @@
+"""Height fields at walls: lower ground goes on, and nothing rises above the ground."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from terratool.simulators.continuation import continued
+from terratool.simulators.footing import footing_of, rest_of
+from terratool.simulators.height_patch import HeightPatch
+from terratool.simulators.solids import Ground, areas_of
+
+
+@pytest.mark.parametrize("angle", [0.0, 90.0, 180.0, -90.0, 33.0, 45.0, 110.0, 250.0])
+@pytest.mark.parametrize("place", [5.0, 5.2, 5.9, 5.0000003])
+def test_a_plane_goes_on_under_a_plateau(angle: float, place: float) -> None:
+    """One wall at any angle, through nodes or not: the next nodes behind it are on the plane."""
+    across = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
+    along = np.array([-across[1], across[0]])
+    middle = np.array([6.0, 5.0])
+    edge = place - 5.0
+
+    def plane(x: Any, y: Any) -> Any:
+        return 0.3 + 0.2 * x - 0.07 * y
+
+    def behind(x: Any, y: Any) -> Any:
+        return (x - middle[0]) * across[0] + (y - middle[1]) * across[1] - edge
+
+    def height(x: Any, y: Any) -> Any:
+        return plane(x, y) + 1.5 * (behind(x, y) >= 0)
+
+    x, y = np.meshgrid(np.arange(13.0), np.arange(11.0))
+    foot = middle + edge * across
+    walls = np.array([[foot - 30 * along, foot + 30 * along]])
+    found = continued(height(x, y), walls, height, 0.01)
+    away = behind(x, y)
+    low = found < height(x, y) - 1.0
+    assert not low[away < -1e-6].any()
+    assert np.allclose(found[low], plane(x, y)[low], atol=1e-9)
+    # each node that a link ties to the lower ground is low
+    for right, up in ((1, 0), (0, 1), (1, 1)):
+        for sign in (1, -1):
+            other = behind(x + sign * right, y + sign * up)
+            inside = (x + sign * right >= 0) & (x + sign * right <= 12)
+            inside &= (y + sign * up >= 0) & (y + sign * up <= 10)
+            assert low[inside & (away > 1e-5) & (other < -1e-5)].all()
+    assert not low[away > 1.5].any()
+
+
+def test_a_fence_pulls_no_node_and_a_ditch_none() -> None:
+    """Between two nodes, what rises and falls again leaves both as they are."""
+    for step in (1.0, -1.0):
+
+        def height(x: Any, y: Any, step: float = step) -> Any:
+            return 0.1 * x + step * ((x >= 3.4) & (x < 3.6)) + 0.0 * y
+
+        x, y = np.meshgrid(np.arange(8.0), np.arange(5.0))
+        walls = np.array([[[at, -1.0], [at, 6.0]] for at in (3.4, 3.6)])
+        nodes = height(x, y)
+        assert np.array_equal(continued(nodes, walls, height, 0.01), nodes)
+
+
+def strips(heights: dict[tuple[float, float], float]) -> Ground:
+    """Level strips from west to east by their ends; 5 long from south to north."""
+    found = []
+    for (west, east), z in heights.items():
+        a, b, c, d = ([x, y, z] for x, y in ((west, 0), (east, 0), (east, 5), (west, 5)))
+        found += [[a, b, c], [a, c, d]]
+    ends = [x for one in heights for x in one]
+    sharp = [[[x, 0.0], [x, 5.0]] for x in sorted(set(ends))]
+    return Ground(np.array(found, float), np.zeros(len(found), np.int32), np.array(sharp))
+
+
+def level(z: float, near: slice) -> HeightPatch:
+    """A height field of 8 by 5 cells of 1."""
+    shape = 5, 8
+    cells = np.zeros(shape, np.bool_)
+    cells[:, near] = True
+    return HeightPatch(
+        (0.0, 0.0, 8.0, 5.0),
+        np.full((6, 9), z),
+        np.ones(shape, np.bool_),
+        np.zeros(shape, np.bool_),
+        cells,
+        np.zeros(shape, np.int32),
+        np.zeros(shape),
+    )
+
+
+def nodes_of(used: Any) -> Any:
+    """The nodes that used cells keep."""
+    padded = np.pad(used, 1)
+    return padded[:-1, :-1] | padded[1:, :-1] | padded[:-1, 1:] | padded[1:, 1:]
+
+
+def test_no_cell_bridges_a_ditch() -> None:
+    """All four nodes of a cell over a narrow ditch are good; yet they are not all kept."""
+    ground = strips({(0, 3.4): 0.0, (3.4, 3.5): -1.0, (3.5, 8): 0.0})
+    found = footing_of(level(0.0, slice(3, 4)), ground, 0.01)
+    kept = nodes_of(found.patch.used)
+    whole = kept[:-1, 3] & kept[1:, 3] & (kept[:-1, 4] | kept[1:, 4])
+    assert not whole.any()
+    whole = kept[:-1, 4] & kept[1:, 4] & (kept[:-1, 3] | kept[1:, 3])
+    assert not whole.any()
+    # what it gives up is told: the ditch, and ground beside it
+    index, pieces = rest_of([found], ground)
+    assert areas_of(pieces).sum() >= 40.0 - np.count_nonzero(found.patch.used) - 1e-9
+    assert set(ground.triangles[index, 0, 2].tolist()) == {0.0, -1.0}
+
+
+def test_lower_ground_goes_on_under_higher() -> None:
+    """Cells at a wall are used for the lower ground, and the higher is left."""
+    ground = strips({(0, 3.4): 0.0, (3.4, 8): 2.0})
+    patch = level(0.0, slice(3, 8))
+    found = footing_of(patch, ground, 0.01)
+    assert found.patch.used[:, :4].all()
+    assert not found.patch.used[:, 4:].any()
+    _, pieces = rest_of([found], ground)
+    assert np.allclose(pieces[:, :, 2], 2.0)
+    assert areas_of(pieces).sum() == pytest.approx(4.6 * 5)
+
+
+def test_what_is_higher_than_the_ground_is_left_out() -> None:
+    found = footing_of(level(0.5, slice(0, 8)), strips({(0, 8): 0.0}), 0.01)
+    assert not found.patch.used.any()
