@@ -26,8 +26,10 @@ _PART = 0.1
 """… and no less than this part of the relief."""
 _SINK = 8.0
 """What a height field leaves out lies so many reliefs below: so its sides are steep."""
+_FINE = 500_000
+"""Where the mesh to be seen has fewer faces, solids are cut from a finer one …"""
 _MESH_SHARE = 0.5
-"""This part of the error is that of the mesh which solids are cut from."""
+"""… within this part of the error."""
 _ROLLING = "0.005 0.0001"
 """Torsional and rolling friction: MuJoCo's own."""
 
@@ -117,7 +119,9 @@ class _Solids:
     def add(self) -> tuple[str, str, dict[str, object]]:
         """Add what collides; says what it is, what is lost, and figures."""
         options = self._scene.options
-        built = self._scene.mesh_within(_MESH_SHARE * options.max_error)
+        built = self._scene.built
+        if len(built.mesh.faces) < _FINE:
+            built = self._scene.mesh_within(_MESH_SHARE * options.max_error)
         found = collision_of(
             self._scene.terrain, built, options.max_error, options.max_geoms, self._scene.say
         )
