@@ -42,8 +42,8 @@ _SHARE = 0.5
 """Plane and hilly ground may take this part of all that there may be …"""
 _FIELDS = 1 / 3
 """… and height fields this part."""
-_SEAM = 0.02
-"""How far a solid may reach into another surface of the same height, in units of the terrain."""
+_SEAM = 10.0
+"""How far a solid may reach into another surface of the same height, in errors."""
 _BORDER = 1e-8
 """What is nearer to the border of the terrain than this part of its side is on it."""
 _HAIR = 1e-7
@@ -124,7 +124,9 @@ def collision_of(
         sharp,
     )
     groups = components(joints.pairs[joints.smooth], len(faces))
-    cutting = _Cutting(ground, np.zeros(len(faces), np.bool_), int(_SHARE * most))
+    cutting = _Cutting(
+        ground, np.zeros(len(faces), np.bool_), int(_SHARE * most), _SEAM * max_error
+    )
     say("finding plane ground")
     cutting.take_planes(joints, _PLAIN * (max(extent) / CELLS) ** 2, height)
     say("finding hills and ramps")
@@ -167,12 +169,14 @@ class _Cutting:
         ground: the ground; its last triangles are those of the void.
         done: (n,) whether a triangle of a mesh has its solid.
         most: so many solids plane ground and hills may have.
+        seam: how far a solid may reach into another surface of the same height.
         solids: those that are there.
     """
 
     ground: Ground
     done: Bools
     most: int
+    seam: float
     solids: list[Solid] = field(default_factory=list)
 
     def _take(self, part: NDArray[np.intp], height: float, most: int) -> None:
@@ -181,7 +185,7 @@ class _Cutting:
         budget = Budget(most, float(areas_of(piece).sum()))
         if most <= 0:
             return
-        found = cover(self.ground, piece, surface, height, _SEAM, budget)
+        found = cover(self.ground, piece, surface, height, self.seam, budget)
         if not budget.spent:
             self.solids += found
             self.done[part] = True
@@ -218,7 +222,7 @@ class _Cutting:
         for part in _parts(labels):
             surface = int(surfaces[part[0]])
             if not budget.spent:
-                found += cover(self.ground, pieces[part], surface, height, _SEAM, budget)
+                found += cover(self.ground, pieces[part], surface, height, self.seam, budget)
         return found
 
 

@@ -79,6 +79,21 @@ def test_rays_and_bodies_find_the_terrain(name: str, tmp_path: Path) -> None:
     checks.check_rays(seen, ground, ERROR)
 
 
+def test_turned_boxes(tmp_path: Path) -> None:
+    """An oblong block that is turned, on level ground, is one box, and turned the same way."""
+    block = {"type": "one", "at": [3, 2], "extent": [2.4, 0.8], "turnDeg": 25, "vScale": 0.5}
+    tree = {"type": "flat", "children": [block]}
+    terrain = terrain_of(
+        {"size": [7, 5], "elemTypes": {"flat": {"x": [0]}, "one": {"x": [1]}}, "elemTree": tree}
+    )
+    folder, ground, manifest = written(terrain, tmp_path / "out", "mujoco", origin="world")
+    assert manifest["collision"]["box"] == 2
+    simulator = MuJoCo(folder)
+    for x, y in ground.points(400, 9).tolist():
+        found = simulator.ray_down(x, y)
+        assert found == pytest.approx(float(ground.height(x, y)), abs=1e-6)
+
+
 def test_narrow_things_are_there(tmp_path: Path) -> None:
     """A ditch and a fence of 12 mm, found to a millimetre of their walls; a slot is open."""
     folder, ground, manifest = written(terrain_of(YARD), tmp_path / "out", "mujoco", origin="world")
