@@ -56,7 +56,7 @@ _GROW = 1.25
 """By this factor their error grows at least where there are too many of them …"""
 _LEAP = 4.0
 """… and by this at most …"""
-_RATE = 1.5
+_RATE = 1.2
 """… to this power of what the part that was covered lets expect."""
 
 
@@ -77,6 +77,12 @@ class Collision(NamedTuple):
     def worst(self) -> float:
         """How far any height field is from the terrain, along z, as measured."""
         return max((patch.error for patch in self.patches), default=0.0)
+
+    @property
+    def ragged(self) -> float:
+        """How far from the line between two surfaces one may end and the other begin: a cell."""
+        several = [patch for patch in self.patches if len(patch.worn) > 1]
+        return max((max(patch.cell) for patch in several), default=0.0)
 
     def share_over(self, error: float) -> float:
         """On how much of them they are by more than so much, in percent of their area."""
@@ -137,7 +143,7 @@ def collision_of(
     held = shapely.union_all(shapely.polygons(triangles[cutting.done][:, :, :2]))
     held = held.buffer(_HAIR, join_style="mitre")
     shapely.prepare(held)
-    around = Surroundings(terrain, mesh.origin[:2], walls, sharp, held, ground, max_error)
+    around = Surroundings(terrain, mesh.origin[:2], walls, held, ground, max_error)
     laid = lay_patches(around, extent, int(_FIELDS * most))
     index, pieces = rest_of([one.footing for one in laid], ground)
     left = (index < len(faces)) & ~cutting.done[np.minimum(index, len(faces) - 1)]

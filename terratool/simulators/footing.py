@@ -14,7 +14,7 @@ from terratool.simulators.solids import Ground
 
 _SLIVER = 1e-9
 """Smaller areas are nothing, in square units of the terrain."""
-_HALVES = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]])
+HALVES = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]])
 """Rows and columns of the nodes of the two triangles of a cell, as MuJoCo parts it."""
 
 
@@ -44,12 +44,12 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
         error: how far it may be off.
     """
     row, column = np.nonzero(patch.near & np.isfinite(patch.misses))
-    at = np.stack([row, column], axis=1)[:, None, None] + _HALVES  # (n, 2, 3, 2)
+    at = np.stack([row, column], axis=1)[:, None, None] + HALVES  # (n, 2, 3, 2)
     halves = patch.at(at[..., 0], at[..., 1]).reshape(-1, 3, 3)
     pairs = _pairs(ground, shapely.polygons(halves[:, :, :2]))
     points, which = shapely.get_coordinates(pairs.shared, return_index=True)
-    over = _heights(halves[pairs.first[which]], points)
-    over -= _heights(ground.triangles[pairs.triangle[which]], points)
+    over = heights_of(halves[pairs.first[which]], points)
+    over -= heights_of(ground.triangles[pairs.triangle[which]], points)
     above, below = _most(over, which), _most(-over, which)
     cell = pairs.first // 2
     higher = np.zeros((*patch.near.shape, 2), bool)
@@ -76,7 +76,7 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
 def _without(used: Bools, higher: Bools) -> Bools:
     """The used cells that leave no half, which is higher than the ground, all its nodes."""
     row, column, half = np.nonzero(higher)
-    at = np.stack([row, column], axis=1)[:, None] + _HALVES[half]  # (n, 3, 2)
+    at = np.stack([row, column], axis=1)[:, None] + HALVES[half]  # (n, 3, 2)
     used = np.pad(used, 1)
     while True:
         nodes = used[:-1, :-1] | used[1:, :-1] | used[:-1, 1:] | used[1:, 1:]
@@ -122,7 +122,7 @@ def _most(values: Floats, which: Indices) -> Floats:
     return np.maximum.reduceat(values, begins) if len(values) else values
 
 
-def _heights(triangles: Floats, points: Floats) -> Floats:
+def heights_of(triangles: Floats, points: Floats) -> Floats:
     """Heights of the planes of triangles, one for each point."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     u, v, away = b - a, c - a, points - a[:, :2]
@@ -150,7 +150,7 @@ def rest_of(footings: list[Footing], ground: Ground) -> tuple[Indices, Floats]:
     hulls = shapely.convex_hull(shapely.linestrings(points[order], indices=line))
     fans, of = _fans(hulls)
     index = index[of]
-    heights = _heights(np.repeat(ground.triangles[index], 3, axis=0), fans.reshape(-1, 2))
+    heights = heights_of(np.repeat(ground.triangles[index], 3, axis=0), fans.reshape(-1, 2))
     return index, np.concatenate([fans, heights.reshape(-1, 3, 1)], axis=2)
 
 

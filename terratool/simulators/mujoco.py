@@ -207,6 +207,8 @@ def _lost(found: Collision, solids: float, wanted: float, most: int) -> str:
         parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
         if found.worst > wanted:
             parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
+        if found.ragged:
+            parts.append(f"lines between surfaces on them up to {length(found.ragged)}, a cell")
     return f"What collides: {'; '.join(parts)}."
 
 

@@ -24,12 +24,12 @@ _SAMPLES = 4
 """Each cell is held against the terrain at so many points a side, and its end."""
 _CURVED = 0.75
 """This part of all height fields may be split where ground is curved."""
+_STEEP = 2.0
+"""Cells of so many errors are not split: what is wrong in them is a step, or nearly."""
 _FINEST = 40.0
 """Cells of so many errors are not split for what is left at walls."""
 _STEP = 0.25
 """Steps that are lower than this part of the error are no walls."""
-_MARGIN = 0.3
-"""Cells are at a wall that are nearer than this part of their side to a wall."""
 _NODES = 4_000_000
 """So many nodes all height fields have together, about."""
 _FEWEST = 4
@@ -44,7 +44,6 @@ class Surroundings:
         terrain: its heights.
         corner: (2,) float64, world position of the zero of …
         walls: … (k, 2, 2) float64 their ends …
-        sharp: … (n, 2, 2) those, and the ends of rims of the ground and creases …
         held: … and what needs no height field, prepared.
         ground: all of the ground, void included.
         max_error: how far they may be from it, along z.
@@ -53,7 +52,6 @@ class Surroundings:
     terrain: Terrain
     corner: Floats
     walls: Floats
-    sharp: Floats
     held: shapely.Geometry
     ground: Ground
     max_error: float
@@ -82,6 +80,8 @@ class Laid:
     @property
     def excess(self) -> float:
         """How much farther than it may be from the terrain it is away from walls."""
+        if min(self.patch.cell) < _STEEP * self.around.max_error:
+            return 0.0
         return max(self.patch.error - self.around.max_error, 0.0)
 
     @property
@@ -110,7 +110,8 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Laid]:
 
 def spread(laid: list[Laid], most: int) -> list[Laid]:
     """Height fields, split where they are worst and no wall is, up to so many."""
-    return _split(laid, lambda one: 0.0 if one.patch.near.any() else one.excess, most)
+    at_walls = sum(len(one.footing.patch.worn) - len(one.patch.worn) for one in laid)
+    return _split(laid, lambda one: 0.0 if one.patch.near.any() else one.excess, most - at_walls)
 
 
 def _laid(around: Surroundings, bounds: Bounds) -> Iterator[Laid]:
@@ -158,12 +159,12 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     x, y = np.linspace(west, east, columns * k + 1), np.linspace(south, north, rows * k + 1)
     heights = around.height(x[None, :], y[:, None])
     cell = (east - west) / columns, (north - south) / rows
-    near = _near(around.sharp, bounds, (rows, columns), cell)
-    nodes, pulled = _continued(around, heights[::k, ::k], bounds, cell)
-    near |= pulled
-    misses = _misses(heights, k)
+    nodes, near = _continued(around, heights[::k, ::k], bounds, cell)
+    misses = misses_of(heights, k)
     left, bottom = np.meshgrid(x[:-1:k], y[:-1:k])
     boxes = shapely.box(left, bottom, left + cell[0], bottom + cell[1])
+    sharp, _ = around.ground.sharp_tree.query(boxes.ravel(), predicate="intersects")
+    near.flat[sharp] = True
     held = shapely.covers(around.held, boxes)
     surfaces = around.surface(left + 0.5 * cell[0], bottom + 0.5 * cell[1])
     return HeightPatch(bounds, nodes, np.isfinite(misses) & ~held, held, near, surfaces, misses)
@@ -188,7 +189,7 @@ def _continued(
     return found, cells
 
 
-def _misses(heights: Floats, k: int) -> Floats:
+def misses_of(heights: Floats, k: int) -> Floats:
     """How far cells are from the terrain at most, (n, m), where each has k + 1 samples a side.
 
     MuJoCo parts each cell from its south-west to its north-east corner.
@@ -234,30 +235,3 @@ def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:
         halves = (0, n, 0, m // 2), (0, n, m // 2, m)
     for half in halves:
         yield from _without_void(middle.cropped(*half))
-
-
-def _near(
-    sharp: Floats, bounds: Bounds, shape: tuple[int, int], cell: tuple[float, float]
-) -> Bools:
-    """Whether each cell of a shape, (rows, columns), is near to a wall, a rim or a crease."""
-    out = np.zeros(shape, bool)
-    rows, columns = shape
-    west, south, east, north = bounds
-    low, high = sharp.min(axis=1), sharp.max(axis=1)
-    margin = _MARGIN * np.array(cell)
-    far, near = np.array([east, north]) + margin, np.array([west, south]) - margin
-    here = ((low < far) & (high > near)).all(axis=1)
-    ends = sharp[here]
-    steps = np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (0.25 * min(cell)))
-    steps = np.maximum(steps.astype(np.int64), 1) + 1
-    which = np.repeat(np.arange(len(ends)), steps)
-    share = (np.arange(len(which)) - np.repeat(np.cumsum(steps) - steps, steps)) / np.maximum(
-        np.repeat(steps, steps) - 1, 1
-    )
-    points = ends[which, 0] + share[:, None] * (ends[which, 1] - ends[which, 0])
-    for dx in (-1, 0, 1):
-        for dy in (-1, 0, 1):
-            at = np.floor((points + margin * [dx, dy] - [west, south]) / cell).astype(np.int64)
-            inside = ((at >= 0) & (at < [columns, rows])).all(axis=1)
-            out[at[inside, 1], at[inside, 0]] = True
-    return out

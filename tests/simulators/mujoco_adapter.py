@@ -80,6 +80,15 @@ class MuJoCo:
         )
         return None if far < 0 or far > length else (begin + way / length * far).tolist()
 
+    def friction_down(self, x: float, y: float) -> float:
+        """The friction of what a ray from above meets."""
+        geom = np.zeros(1, np.int32)
+        way = np.array([0.0, 0.0, -1.0])
+        self._mujoco.mj_ray(
+            self.model, self.data, np.array([x, y, 500.0]), way, self._groups, 1, -1, geom
+        )
+        return float(self.model.geom_friction[geom[0], 0])
+
     def drop(self, x: float, y: float, z: float, radius: float) -> float | None:
         assert radius == 0.1
         self._reset()

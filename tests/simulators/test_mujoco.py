@@ -14,6 +14,9 @@ import pytest
 
 import terratool
 from terratool.field.terrain import Terrain
+from terratool.simulators.footing import HALVES, heights_of
+from terratool.simulators.height_patch import HeightPatch
+from terratool.simulators.patches import misses_of
 from tests.conftest import terrain_of
 from tests.meshes import SITE
 from tests.simulators import checks
@@ -92,6 +95,80 @@ def test_turned_boxes(tmp_path: Path) -> None:
     for x, y in ground.points(400, 9).tolist():
         found = simulator.ray_down(x, y)
         assert found == pytest.approx(float(ground.height(x, y)), abs=1e-6)
+
+
+def test_each_surface_has_its_friction(tmp_path: Path) -> None:
+    """On one level: L-shaped and turned surfaces, to the seam between them."""
+    plates = [
+        {"type": "flat", "at": at, "extent": extent, "surface": name, "turnDeg": turn}
+        for name, at, extent, turn in [
+            ("ice", [2, 1], [3, 1], 0),
+            ("ice", [1, 2.5], [1, 2.5], 0),
+            ("rock", [4.5, 3], [1.5, 2.5], 30),
+        ]
+    ]
+    surfaces = {"ice": {"fricAngle": 5}, "rock": {"fricAngle": 40}, "soil": {"fricAngle": 25}}
+    terrain = terrain_of(
+        {
+            "size": [7, 5],
+            "surfTypes": surfaces,
+            "elemTypes": {"flat": {"x": [0]}},
+            "elemTree": {"type": "flat", "surface": "soil", "children": plates},
+        }
+    )
+    folder, ground, _ = written(terrain, tmp_path / "out", "mujoco", origin="world")
+    simulator = MuJoCo(folder)
+    angle = np.linspace(0, 2 * np.pi, 24)
+    met = set()
+    for x, y in ground.points(500, 10, 0.05).tolist():
+        around = terrain.sample(x + 0.025 * np.cos(angle), y + 0.025 * np.sin(angle)).surface
+        if np.ptp(around):
+            continue
+        name = terrain.surfaces[int(around[0])]
+        met.add(name)
+        expected = np.tan(np.radians(surfaces[name]["fricAngle"]))
+        assert simulator.friction_down(x, y) == pytest.approx(expected, rel=1e-5), (x, y, name)
+    assert met == set(surfaces)
+
+
+def test_cells_are_parted_as_mujoco_parts_them(tmp_path: Path) -> None:
+    """Rays on a height field of four nodes: its planes, and how far it is from other heights."""
+    rng = np.random.default_rng(11)
+    for number in range(6):
+        nodes = np.array([[0.0, 1.0], [1.0, 0.0]]) if number == 0 else rng.uniform(0, 1, (2, 2))
+        ray = _field_of(nodes, tmp_path / f"{number}.bin")
+        yes, zero = np.ones((1, 1), np.bool_), np.zeros((1, 1))
+        patch = HeightPatch((0, 0, 1, 1), nodes, yes, ~yes, ~yes, zero.astype(np.int32), zero)
+        halves = patch.at(HALVES[..., 0], HALVES[..., 1])
+        for x, y in rng.uniform(0.02, 0.98, (30, 2)).tolist():
+            level = heights_of(halves[[int(y > x)]], np.array([[x, y]]))
+            assert level[0] == pytest.approx(ray(x, y), abs=1e-5)
+        places = [(min(max(i / 4, 1e-6), 1 - 1e-6), j) for j in range(5) for i in range(5)]
+        own = np.array([ray(x, min(max(j / 4, 1e-6), 1 - 1e-6)) for x, j in places]).reshape(5, 5)
+        assert misses_of(own, 4)[0, 0] < 1e-4
+        other = own.copy()
+        other[1:4, 1:4] += rng.uniform(-1, 1, (3, 3))
+        assert misses_of(other, 4)[0, 0] == pytest.approx(np.abs(other - own).max(), abs=1e-4)
+
+
+def _field_of(nodes: np.ndarray, path: Path) -> Callable[[float, float], float]:
+    """Rays from above on a cell of 1 × 1 with these nodes, rows from the south."""
+    low, high = float(nodes.min()), float(nodes.max())
+    path.write_bytes(np.array([2, 2], "<i4").tobytes() + nodes.astype("<f4").tobytes())
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><asset><hfield name="h" file="{path}" size="0.5 0.5 {high - low} 1"/></asset>'
+        f'<worldbody><geom type="hfield" hfield="h" pos="0.5 0.5 {low}"/></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+
+    def ray(x: float, y: float) -> float:
+        way, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
+        return 9.0 - float(
+            mujoco.mj_ray(model, data, np.array([x, y, 9.0]), way, None, 1, -1, geom)
+        )
+
+    return ray
 
 
 def test_narrow_things_are_there(tmp_path: Path) -> None:
