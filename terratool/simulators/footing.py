@@ -73,6 +73,28 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     )
 
 
+def measured(patch: HeightPatch, points: Floats) -> HeightPatch:
+    """A height field that knows how far its cells are from points of the ground, too.
+
+    Args:
+        patch: the height field.
+        points: (n, 3), x rising.
+    """
+    west, south, east, north = patch.bounds
+    begin, end = np.searchsorted(points[:, 0], (west, east))
+    points = points[begin:end]
+    points = points[(points[:, 1] >= south) & (points[:, 1] <= north)]
+    size = np.array(patch.used.shape[::-1])
+    place = (points[:, :2] - (west, south)) / patch.cell
+    cell = np.minimum(place.astype(np.intp), size - 1)
+    u, v = (place - cell).T
+    at = cell[:, None, ::-1] + HALVES[(v > u).astype(np.intp)]
+    over = heights_of(patch.at(at[..., 0], at[..., 1]), points[:, :2]) - points[:, 2]
+    misses = patch.misses.copy()
+    np.maximum.at(misses, (cell[:, 1], cell[:, 0]), np.abs(over))
+    return replace(patch, misses=misses)
+
+
 def _without(used: Bools, higher: Bools) -> Bools:
     """The used cells that leave no half, which is higher than the ground, all its nodes."""
     row, column, half = np.nonzero(higher)

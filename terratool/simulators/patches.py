@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
 from terratool.simulators.continuation import continued
-from terratool.simulators.footing import Footing, footing_of
+from terratool.simulators.footing import Footing, footing_of, measured
 from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Ints
 from terratool.simulators.solids import Ground
 
@@ -55,6 +55,11 @@ class Surroundings:
     held: shapely.Geometry
     ground: Ground
     max_error: float
+
+    @cached_property
+    def points(self) -> Floats:
+        """All corners of the ground, (n, 3), x rising."""
+        return np.unique(self.ground.triangles.reshape(-1, 3), axis=0)
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Heights of the terrain."""
@@ -116,7 +121,7 @@ def spread(laid: list[Laid], most: int) -> list[Laid]:
 
 def _laid(around: Surroundings, bounds: Bounds) -> Iterator[Laid]:
     for patch in _without_void(_patch(around, bounds)):
-        yield Laid(patch, around)
+        yield Laid(measured(patch, around.points), around)
 
 
 def _split(laid: list[Laid], badness: Callable[[Laid], float], most: int) -> list[Laid]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from terratool.simulators.continuation import continued
-from terratool.simulators.footing import footing_of, rest_of
+from terratool.simulators.footing import footing_of, measured, rest_of
 from terratool.simulators.height_patch import HeightPatch
 from terratool.simulators.solids import Ground, areas_of
 
@@ -121,6 +121,28 @@ def test_lower_ground_goes_on_under_higher() -> None:
     _, pieces = rest_of([found], ground)
     assert np.allclose(pieces[:, :, 2], 2.0)
     assert areas_of(pieces).sum() == pytest.approx(4.6 * 5)
+
+
+def test_cells_are_held_against_corners_of_the_ground() -> None:
+    """A height field of a plane with oblong cells: points off it are found in their cell."""
+    shape = 3, 4
+    x, y = np.meshgrid(2 + 0.5 * np.arange(5), 1 + 0.25 * np.arange(4))
+    cells, zero = np.ones(shape, np.bool_), np.zeros(shape)
+    patch = HeightPatch(
+        (2.0, 1.0, 4.0, 1.75), 3 * x - y, cells, ~cells, ~cells, zero.astype(np.int32), zero
+    )
+    rng = np.random.default_rng(3)
+    points = rng.uniform((1.5, 0.5), (4.5, 2.0), (200, 2))
+    points = points[np.argsort(points[:, 0])]
+    off = rng.uniform(-0.1, 0.1, 200)
+    found = measured(patch, np.column_stack([points, 3 * points[:, 0] - points[:, 1] + off]))
+    expected = np.zeros(shape)
+    for (east, north), by in zip(points.tolist(), off.tolist(), strict=True):
+        if 2 <= east <= 4 and 1 <= north <= 1.75:
+            row, column = int((north - 1) / 0.25), int((east - 2) / 0.5)
+            expected[row, column] = max(expected[row, column], abs(by))
+    assert np.allclose(found.misses, expected, atol=1e-12)
+    assert np.count_nonzero(expected) > 8
 
 
 def test_what_is_higher_than_the_ground_is_left_out() -> None:
