@@ -14,6 +14,8 @@ from terratool.simulators.solids import Ground
 
 _SLIVER = 1e-9
 """Smaller areas are nothing, in square units of the terrain."""
+_ON = 1e-6
+"""A point is on an edge that is nearer, in parts of the height of the triangle over it."""
 HALVES = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]])
 """Rows and columns of the nodes of the two triangles of a cell, as MuJoCo parts it."""
 
@@ -36,7 +38,7 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     """Leave out of a height field what is above the ground at walls.
 
     Cells at walls are used that are nowhere higher than the ground, and as high as some of it. No
-    cell that is higher somewhere keeps all its nodes.
+    triangle or edge that is higher somewhere keeps all its nodes.
 
     Args:
         patch: the height field.
@@ -52,9 +54,13 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     over -= heights_of(ground.triangles[pairs.triangle[which]], points)
     above, below = _most(over, which), _most(-over, which)
     cell = pairs.first // 2
-    higher = np.zeros((*patch.near.shape, 2), bool)
-    high = pairs.first[above > error]
-    higher[row[high // 2], column[high // 2], high % 2] = True
+    high = np.unique(pairs.first[above > error])
+    higher = np.zeros(patch.near.shape, np.bool_)
+    higher[row[high // 2], column[high // 2]] = True
+    away = _weights(halves[pairs.first[which]], points)
+    edges = np.zeros((len(halves), 3), np.bool_)
+    spot, corner = np.nonzero((away < _ON) & (over > error)[:, None])
+    edges[pairs.first[which[spot]], corner] = True
     right = (above <= error) & (below <= error)
     area = np.zeros((len(row), int(ground.surfaces.max()) + 2))
     worn = ground.surfaces[pairs.triangle[right]] + 1
@@ -62,7 +68,10 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     surfaces, fits = patch.surfaces.copy(), ~patch.near
     surfaces[row, column] = area.argmax(axis=1) - 1
     fits[row, column] = area.max(axis=1) > _SLIVER
-    used = _without(patch.used & fits & ~higher.any(axis=2), higher)
+    nodes = at.reshape(-1, 3, 2)
+    used = _without(
+        patch.used & fits & ~higher, np.concatenate([nodes[high], _ridges(nodes, edges)])
+    )
     patch = replace(patch, used=used, surfaces=surfaces)
     apart = (below > error) & used[row[cell], column[cell]]
     loose = _pairs(ground, runs(patch, patch.loose))
@@ -95,14 +104,30 @@ def measured(patch: HeightPatch, points: Floats) -> HeightPatch:
     return replace(patch, misses=misses)
 
 
-def _without(used: Bools, higher: Bools) -> Bools:
-    """The used cells that leave no half, which is higher than the ground, all its nodes."""
-    row, column, half = np.nonzero(higher)
-    at = np.stack([row, column], axis=1)[:, None] + HALVES[half]  # (n, 3, 2)
+def _ridges(nodes: Indices, high: Bools) -> Indices:
+    """Edges that are higher than the ground on both sides, by their nodes, the last one twice.
+
+    Where it is so on one side only, the edge stands on a wall.
+
+    Args:
+        nodes: (n, 3, 2) rows and columns of the nodes of triangles.
+        high: (n, 3) whether the edge opposite to a node is higher somewhere in the triangle.
+    """
+    which, corner = np.nonzero(high)
+    ends = nodes[which[:, None], (corner[:, None] + [1, 2]) % 3]
+    order = np.lexsort((ends[..., 1], ends[..., 0]))
+    ends = np.take_along_axis(ends, order[..., None], axis=1).reshape(-1, 4)
+    edges, times = np.unique(ends, axis=0, return_counts=True)
+    both = edges[times > 1].reshape(-1, 2, 2)
+    return np.concatenate([both, both[:, 1:]], axis=1)
+
+
+def _without(used: Bools, wrong: Indices) -> Bools:
+    """The used cells that leave no group of nodes, (n, 3, 2), all of them."""
     used = np.pad(used, 1)
     while True:
         nodes = used[:-1, :-1] | used[1:, :-1] | used[:-1, 1:] | used[1:, 1:]
-        wrong = at[nodes[at[..., 0], at[..., 1]].all(axis=1)]
+        wrong = wrong[nodes[wrong[..., 0], wrong[..., 1]].all(axis=1)]
         if not len(wrong):
             return used[1:-1, 1:-1]
         count = np.zeros(nodes.shape, np.intp)
@@ -146,12 +171,17 @@ def _most(values: Floats, which: Indices) -> Floats:
 
 def heights_of(triangles: Floats, points: Floats) -> Floats:
     """Heights of the planes of triangles, one for each point."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    u, v, away = b - a, c - a, points - a[:, :2]
+    return np.asarray((_weights(triangles, points) * triangles[:, :, 2]).sum(axis=1))
+
+
+def _weights(triangles: Floats, points: Floats) -> Floats:
+    """How much of each corner points are, seen from above, (n, 3): 0 on the edge opposite to it."""
+    a, b, c = np.moveaxis(triangles[:, :, :2], 1, 0)
+    u, v, away = b - a, c - a, points - a
     size = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     s = (away[:, 0] * v[:, 1] - away[:, 1] * v[:, 0]) / size
     t = (u[:, 0] * away[:, 1] - u[:, 1] * away[:, 0]) / size
-    return np.asarray(a[:, 2] + s * u[:, 2] + t * v[:, 2])
+    return np.stack([1.0 - s - t, s, t], axis=1)
 
 
 def rest_of(footings: list[Footing], ground: Ground) -> tuple[Indices, Floats]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from terratool.simulators.continuation import continued
 from terratool.simulators.footing import footing_of, measured, rest_of
@@ -101,14 +103,44 @@ def test_no_cell_bridges_a_ditch() -> None:
     ground = strips({(0, 3.4): 0.0, (3.4, 3.5): -1.0, (3.5, 8): 0.0})
     found = footing_of(level(0.0, slice(3, 4)), ground, 0.01)
     kept = nodes_of(found.patch.used)
-    whole = kept[:-1, 3] & kept[1:, 3] & (kept[:-1, 4] | kept[1:, 4])
-    assert not whole.any()
-    whole = kept[:-1, 4] & kept[1:, 4] & (kept[:-1, 3] | kept[1:, 3])
-    assert not whole.any()
+    # nor an edge of one: it would be a blade in the ditch
+    assert not (kept[:, 3] & kept[:, 4]).any()
+    assert not (kept[:-1, 3] & kept[1:, 4]).any()
     # what it gives up is told: the ditch, and ground beside it
     index, pieces = rest_of([found], ground)
     assert areas_of(pieces).sum() >= 40.0 - np.count_nonzero(found.patch.used) - 1e-9
     assert set(ground.triangles[index, 0, 2].tolist()) == {0.0, -1.0}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_nothing_stands_in_slanting_ditches(seed: int) -> None:
+    """Two narrow ditches that cross: no triangle and no edge of what is kept is over them."""
+    rng = np.random.default_rng(seed)
+    ditches = []
+    for _ in range(2):
+        begin, end = (rng.uniform(0, 8), -1.0), (rng.uniform(0, 8), 6.0)
+        ditches.append(shapely.LineString([begin, end]).buffer(0.03, cap_style="flat"))
+    low = shapely.union_all(ditches).intersection(shapely.box(0, 0, 8, 5))
+    triangles = []
+    for shape, z in ((shapely.box(0, 0, 8, 5).difference(low), 0.0), (low, -1.0)):
+        for one in shapely.constrained_delaunay_triangles(shape).geoms:
+            corners = shapely.get_coordinates(shapely.geometry.polygon.orient(one))[:3]
+            triangles.append(np.column_stack([corners, np.full(3, z)]))
+    ground = Ground(np.array(triangles), np.zeros(len(triangles), np.int32), np.empty((0, 2, 2)))
+    patch = level(0.0, slice(0, 8))
+    cells = shapely.box(*np.meshgrid(np.arange(8), np.arange(5)), *np.meshgrid(
+        np.arange(1, 9), np.arange(1, 6)
+    ))  # fmt: skip
+    patch = replace(patch, near=shapely.intersects(cells, low))
+    found = footing_of(patch, ground, 0.01)
+    assert found.patch.used.any()
+    kept = nodes_of(found.patch.used)
+    nodes = [(i, j) for i in range(6) for j in range(9) if kept[i, j]]
+    for i, j in nodes:
+        for up, right in ((0, 1), (1, 0), (1, 1)):
+            if (i + up, j + right) in nodes:
+                edge = shapely.LineString([(j, i), (j + right, i + up)])
+                assert edge.intersection(low).length < 1e-6, edge
 
 
 def test_lower_ground_goes_on_under_higher() -> None:
