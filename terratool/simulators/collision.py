@@ -19,7 +19,7 @@ from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.simulators.footing import rest_of
 from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Ints
 from terratool.simulators.patches import CELLS, Surroundings, lay_patches, spread
-from terratool.simulators.solids import VOID, Budget, Ground, Solid, areas_of, cover
+from terratool.simulators.solids import VOID, Budget, Ground, Solid, Tolerance, areas_of, cover
 from terratool.text.display import length
 
 _VALLEY = 0.3
@@ -66,12 +66,14 @@ class Collision(NamedTuple):
     Attributes:
         solids: convex.
         patches: height fields.
-        height: how far a roof of a solid may be from the mesh, square to it.
+        height: how far a roof of a solid may be from the mesh, square to it …
+        raised: … and whether that is more than was wanted, as they were too many.
     """
 
     solids: list[Solid]
     patches: list[HeightPatch]
     height: float
+    raised: bool = False
 
     @property
     def worst(self) -> float:
@@ -81,8 +83,8 @@ class Collision(NamedTuple):
     @property
     def ragged(self) -> float:
         """How far from the line between two surfaces one may end and the other begin: a cell."""
-        several = [patch for patch in self.patches if len(patch.worn) > 1]
-        return max((max(patch.cell) for patch in several), default=0.0)
+        mixed = [patch for patch in self.patches if (patch.used & patch.mixed).any()]
+        return max((max(patch.cell) for patch in mixed), default=0.0)
 
     def share_over(self, error: float) -> float:
         """On how much of them they are by more than so much, in percent of their area."""
@@ -130,9 +132,7 @@ def collision_of(
         sharp,
     )
     groups = components(joints.pairs[joints.smooth], len(faces))
-    cutting = _Cutting(
-        ground, np.zeros(len(faces), np.bool_), int(_SHARE * most), _SEAM * max_error
-    )
+    cutting = _Cutting(ground, np.zeros(len(faces), np.bool_), int(_SHARE * most), max_error)
     say("finding plane ground")
     cutting.take_planes(joints, _PLAIN * (max(extent) / CELLS) ** 2, height)
     say("finding hills and ramps")
@@ -149,8 +149,9 @@ def collision_of(
     left = (index < len(faces)) & ~cutting.done[np.minimum(index, len(faces) - 1)]
     index, pieces = index[left], pieces[left]
     room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
+    room = max(room, 1)
     relief = float(np.ptp(mesh.vertices[:, 2]))
-    area = float(areas_of(pieces).sum())
+    area, wanted = float(areas_of(pieces).sum()), height
     while True:
         budget = Budget(room, area)
         found = cutting.cover_all(pieces, groups[index], surfaces[index], height, budget)
@@ -164,7 +165,7 @@ def collision_of(
     solids = cutting.solids + found
     laid = spread(laid, most - len(solids))
     patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
-    return Collision(solids, patches, height)
+    return Collision(solids, patches, height, height > wanted)
 
 
 @dataclass
@@ -175,15 +176,19 @@ class _Cutting:
         ground: the ground; its last triangles are those of the void.
         done: (n,) whether a triangle of a mesh has its solid.
         most: so many solids plane ground and hills may have.
-        seam: how far a solid may reach into another surface of the same height.
+        max_error: how far the ground may be from the terrain.
         solids: those that are there.
     """
 
     ground: Ground
     done: Bools
     most: int
-    seam: float
+    max_error: float
     solids: list[Solid] = field(default_factory=list)
+
+    def tolerance(self, height: float) -> Tolerance:
+        """What solids may do whose roofs may be so far from the ground."""
+        return Tolerance(height, 0.5 * height, _SEAM * self.max_error, 0.5 * self.max_error)
 
     def _take(self, part: NDArray[np.intp], height: float, most: int) -> None:
         most = min(most, self.most - len(self.solids))
@@ -191,7 +196,7 @@ class _Cutting:
         budget = Budget(most, float(areas_of(piece).sum()))
         if most <= 0:
             return
-        found = cover(self.ground, piece, surface, height, self.seam, budget)
+        found = cover(self.ground, piece, surface, self.tolerance(height), budget)
         if not budget.spent:
             self.solids += found
             self.done[part] = True
@@ -228,7 +233,7 @@ class _Cutting:
         for part in _parts(labels):
             surface = int(surfaces[part[0]])
             if not budget.spent:
-                found += cover(self.ground, pieces[part], surface, height, self.seam, budget)
+                found += cover(self.ground, pieces[part], surface, self.tolerance(height), budget)
         return found
 
 

@@ -181,7 +181,13 @@ def _earlier(place: Path) -> list[str]:
         files = [*manifest["files"], README, MANIFEST]
     except (OSError, ValueError, KeyError, TypeError):
         return []
-    return [name for name in files if isinstance(name, str) and (place / name).is_file()]
+    return [name for name in files if isinstance(name, str) and _is_own(place, name)]
+
+
+def _is_own(place: Path, name: str) -> bool:
+    """Whether a file lies in a folder; a manifest may have been written by anyone."""
+    path = place / name
+    return path.is_file() and path.resolve().is_relative_to(place.resolve())
 
 
 def _put(part: Path, place: Path) -> None:
@@ -279,6 +285,7 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
     lines += [f"Zero is at {zero} of the world; x points east, y north, z up, in metres.", ""]
     lines += ["| surface | friction | from |", "|---|---|---|"]
     for one in scene.used(written.meshed):
-        lines.append(f"| {one.name} | {one.friction:.4g} | {one.derivation} |".replace("\n", " "))
+        name = " ".join(one.name.replace("|", "\\|").split())
+        lines.append(f"| {name} | {one.friction:.4g} | {one.derivation} |")
     lines += ["", *_losses(scene, written), ""]
     return "\n".join(lines)

@@ -28,6 +28,7 @@ class HeightPatch:
         held: (n - 1, m - 1) bool, those that something else stands for.
         near: (n - 1, m - 1) bool, those at walls, where only lower ground is meant.
         surfaces: (n - 1, m - 1) int32 of these, -1 for none.
+        mixed: (n - 1, m - 1) bool, those of several surfaces.
         misses: (n - 1, m - 1) how far they are from the terrain, as measured; NaN at the void.
     """
 
@@ -37,6 +38,7 @@ class HeightPatch:
     held: Bools
     near: Bools
     surfaces: Ints
+    mixed: Bools
     misses: Floats
 
     @property
@@ -74,6 +76,7 @@ class HeightPatch:
             self.held[part],
             self.near[part],
             self.surfaces[part],
+            self.mixed[part],
             self.misses[part],
         )
 

@@ -14,6 +14,7 @@ from terratool.mesh.formats.common import points_of, shape_of
 from terratool.simulators.collision import Collision, collision_of
 from terratool.simulators.height_patch import HeightPatch
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
+from terratool.simulators.pieces import file_names
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.solids import Solid, rectangle
 from terratool.simulators.targets import Written
@@ -78,13 +79,14 @@ def write(scene: Scene, folder: Path) -> Written:
 def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
     """Add a material and a mesh for each surface, which nothing collides with."""
     points = points_of(scene.mesh)
-    for part in scene.parts:
-        one = scene.material(part.surface)
+    materials = [scene.material(part.surface) for part in scene.parts]
+    files = file_names(materials, "msh")
+    for part, one, file in zip(scene.parts, materials, files, strict=True):
         name = f"terrain_{one.word}"
-        _write_msh(folder / f"{one.word}.msh", *shape_of(points, part))
+        _write_msh(folder / file, *shape_of(points, part))
         child(asset, "material", name=name, rgba=rgba(one.color), specular=0, shininess=0)
         # it is open, so only its faces can have a mass
-        child(asset, "mesh", name=name, file=f"{one.word}.msh", inertia="shell")
+        child(asset, "mesh", name=name, file=file, inertia="shell")
         child(
             body, "geom", name=name, type="mesh", mesh=name, material=name, group=2,
             contype=0, conaffinity=0,
@@ -92,7 +94,11 @@ def _add_picture(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element
 
 
 def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
-    """MuJoCo's own binary mesh: numbers of vertices, normals, texture points, faces; then these."""
+    """MuJoCo's own binary mesh: numbers of vertices, normals, texture points, faces; then these.
+
+    It wants four vertices at least.
+    """
+    vertices = np.concatenate([vertices, vertices[: max(0, 4 - len(vertices))]])
     with open(path, "wb") as file:
         file.write(np.array([len(vertices), 0, 0, len(faces)], "<i4").tobytes())
         file.write(vertices.astype("<f4").tobytes())
@@ -140,7 +146,8 @@ class _Solids:
             f"{counts['mesh']:,} convex meshes, {counts['hfield']:,} height fields"
         )
         solids = found.height + built.error
-        return summary, _lost(found, solids, options.max_error, options.max_geoms), {
+        losses = _lost(found, solids, options.max_error, sum(counts.values()), options.max_geoms)
+        return summary, losses, {
             **counts,
             "max_geoms": options.max_geoms,
             "error": max(solids, found.worst),
@@ -150,7 +157,7 @@ class _Solids:
 
     def _named(self, kind: str) -> str:
         self._counts[kind] += 1
-        return f"terrain_{kind}_{self._counts[kind] - 1}"
+        return f"collision_{kind}_{self._counts[kind] - 1}"
 
     def _add_solid(self, solid: Solid) -> None:
         contact = _contact(self._scene.material(solid.surface))
@@ -185,7 +192,7 @@ class _Solids:
         name = self._named("hfield")
         with open(self._folder / f"{name}.bin", "wb") as file:
             file.write(np.array(heights.shape, "<i4").tobytes())
-            file.write(heights.astype("<f4").tobytes())
+            file.write((heights - low).astype("<f4").tobytes())
         # MuJoCo stretches heights to 0 … 1
         size = 0.5 * (east - west), 0.5 * (north - south), max(high - low, 1e-6), _BELOW
         child(self._asset, "hfield", name=name, file=f"{name}.bin", size=numbers(size))
@@ -196,13 +203,14 @@ class _Solids:
         )  # fmt: skip
 
 
-def _lost(found: Collision, solids: float, wanted: float, most: int) -> str:
+def _lost(found: Collision, solids: float, wanted: float, geoms: int, most: int) -> str:
     """How far what collides is from the terrain, in words."""
     parts = []
     if found.solids:
         parts.append(f"solids are up to {length(solids)} off the terrain, square to it")
-        if solids > 1.001 * wanted:
+        if found.raised:
             parts[0] += f", to keep to {counted(most, 'geom')}"
+            parts[0] += f", which is not enough: they are {geoms:,}" if geoms > most else ""
     if found.patches:
         parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
         if found.worst > wanted:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -90,6 +91,14 @@ class Laid:
         return max(self.patch.error - self.around.max_error, 0.0)
 
     @property
+    def border(self) -> float:
+        """The area of cells of several surfaces, where lines between these are ragged."""
+        if min(self.patch.cell) < _FINEST * self.around.max_error:
+            return 0.0
+        mixed = self.patch.used & self.patch.mixed
+        return float(math.prod(self.patch.cell) * np.count_nonzero(mixed))
+
+    @property
     def rest(self) -> float:
         """The area of the ground at walls that it does not stand for."""
         if min(self.patch.cell) < _FINEST * self.around.max_error:
@@ -101,7 +110,7 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Laid]:
     """Height fields for all that solids do not hold.
 
     They are split in four where they are worst, until they are good or too many: first where they
-    are far from the ground, then where much of the ground at walls is left.
+    are far from the ground, then where surfaces meet, then where much ground at walls is left.
 
     Args:
         around: what they stand for.
@@ -110,13 +119,15 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Laid]:
     """
     laid = list(_laid(around, extent))
     laid = _split(laid, lambda one: one.excess, int(_CURVED * most))
+    laid = _split(laid, lambda one: one.border, int(_CURVED * most))
     return _split(laid, lambda one: one.rest, most)
 
 
 def spread(laid: list[Laid], most: int) -> list[Laid]:
     """Height fields, split where they are worst and no wall is, up to so many."""
-    at_walls = sum(len(one.footing.patch.worn) - len(one.patch.worn) for one in laid)
-    return _split(laid, lambda one: 0.0 if one.patch.near.any() else one.excess, most - at_walls)
+    most -= sum(len(one.footing.patch.worn) - len(one.patch.worn) for one in laid)
+    laid = _split(laid, lambda one: 0.0 if one.patch.near.any() else one.excess, most)
+    return _split(laid, lambda one: 0.0 if one.patch.near.any() else one.border, most)
 
 
 def _laid(around: Surroundings, bounds: Bounds) -> Iterator[Laid]:
@@ -171,8 +182,33 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     sharp, _ = around.ground.sharp_tree.query(boxes.ravel(), predicate="intersects")
     near.flat[sharp] = True
     held = shapely.covers(around.held, boxes)
-    surfaces = around.surface(left + 0.5 * cell[0], bottom + 0.5 * cell[1])
-    return HeightPatch(bounds, nodes, np.isfinite(misses) & ~held, held, near, surfaces, misses)
+    misses[_void_cells(around.ground, left, bottom, cell)] = np.nan
+    surfaces, mixed = _surfaces(around.surface(x[None, :], y[:, None]), k)
+    return HeightPatch(
+        bounds, nodes, np.isfinite(misses) & ~held, held, near, surfaces, mixed, misses
+    )
+
+
+def _surfaces(samples: Ints, k: int) -> tuple[Ints, Bools]:
+    """The surfaces in the middle of cells, (n, m), and whether they have several."""
+    n, m = samples.shape
+    low, high = (
+        least.reduce([samples[j : n - k + j : k, i : m - k + i : k] for j, i in np.ndindex(k, k)])
+        for least in (np.minimum, np.maximum)
+    )
+    return samples[k // 2 :: k, k // 2 :: k], low != high
+
+
+def _void_cells(ground: Ground, left: Floats, bottom: Floats, cell: tuple[float, float]) -> Bools:
+    """Whether cells have any void, (n, m), however narrow."""
+    dx, dy = cell
+    inset = 1e-6 * dx, 1e-6 * dy
+    inner = shapely.box(
+        left + inset[0], bottom + inset[1], left + dx - inset[0], bottom + dy - inset[1]
+    )
+    found = np.zeros(left.shape, np.bool_)
+    found.flat[ground.void_tree.query(inner.ravel(), predicate="intersects")[0]] = True
+    return found
 
 
 def _continued(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,12 +29,16 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
         the material of each surface, and the name of its file.
     """
     materials = [scene.material(part.surface) for part in scene.parts]
-    # some systems take Sand.obj and sand.obj for one file
-    names = plain_names([one.word.lower() for one in materials], ascii_word, "surface")
-    files = [f"{name}.obj" for name in names]
+    files = file_names(materials, "obj")
     for part, one, file in zip(scene.parts, materials, files, strict=True):
         write_obj(_piece(scene.mesh, part, one), folder / file, scene.terrain.descr)
     return list(zip(materials, files, strict=True))
+
+
+def file_names(materials: Iterable[Material], ending: str) -> list[str]:
+    """A file for each material; some systems take Sand.obj and sand.obj for one."""
+    names = plain_names([one.word.lower() for one in materials], ascii_word, "surface")
+    return [f"{name}.{ending}" for name in names]
 
 
 def _piece(mesh: Mesh, part: SurfacePart, one: Material) -> Mesh:

@@ -106,23 +106,31 @@ class Ground:
         return shapely.STRtree(shapely.polygons(self.triangles[:, :, :2]))
 
     @cached_property
+    def void_tree(self) -> shapely.STRtree:
+        """The triangles of the void, by place."""
+        void = self.triangles[self.surfaces == VOID]
+        return shapely.STRtree(shapely.polygons(void[:, :, :2]))
+
+    @cached_property
     def sharp_tree(self) -> shapely.STRtree:
         """Walls and creases, by place."""
         return shapely.STRtree(shapely.linestrings(self.sharp))
 
 
-class _Tolerance(NamedTuple):
+class Tolerance(NamedTuple):
     """How far a solid may stand out.
 
     Attributes:
         height: of the ground, square to it.
         wall: of an edge over lower ground.
         seam: of an edge over other ground of about the same height.
+        rim: of an edge over the void.
     """
 
     height: float
     wall: float
     seam: float
+    rim: float
 
 
 @dataclass
@@ -154,7 +162,7 @@ class Budget:
 
 
 def cover(
-    ground: Ground, piece: Floats, surface: int, height: float, seam: float, budget: Budget
+    ground: Ground, piece: Floats, surface: int, tolerance: Tolerance, budget: Budget
 ) -> list[Solid]:
     """Cover triangles of one surface by convex solids that rise nowhere above the ground.
 
@@ -165,11 +173,9 @@ def cover(
         ground: all of the ground.
         piece: (m, 3, 3) the triangles, or parts of them.
         surface: theirs.
-        height: how far a roof may be from the ground, square to it, and an edge over lower ground.
-        seam: how far a solid may reach into another surface of the same height.
+        tolerance: how far solids may stand out.
         budget: is changed; once it is spent, what is found is not all.
     """
-    tolerance = _Tolerance(height, 0.5 * height, seam)
     found: list[Solid] = []
     # the largest are cut first, and then taken from all over: so a part of it tells of the whole
     pieces = [piece]
@@ -183,7 +189,7 @@ def cover(
 
 
 def _covered(
-    ground: Ground, piece: Floats, surface: int, tolerance: _Tolerance, budget: Budget
+    ground: Ground, piece: Floats, surface: int, tolerance: Tolerance, budget: Budget
 ) -> list[Solid]:
     found: list[Solid] = []
     for side in _solid_or_sides(ground, piece, surface, tolerance, budget, found):
@@ -199,7 +205,7 @@ def _solid_or_sides(
     ground: Ground,
     piece: Floats,
     surface: int,
-    tolerance: _Tolerance,
+    tolerance: Tolerance,
     budget: Budget,
     found: list[Solid],
 ) -> list[Floats]:
@@ -223,7 +229,7 @@ def _upright(triangle: Floats, surface: int) -> Solid:
 
 
 def _as_one(
-    ground: Ground, piece: Floats, surface: int, tolerance: _Tolerance
+    ground: Ground, piece: Floats, surface: int, tolerance: Tolerance
 ) -> tuple[Solid | None, Floats]:
     """The solid that stands for a piece, or what is in the way of a plane one, if anything is."""
     corners = np.unique(piece.reshape(-1, 3), axis=0)
@@ -241,7 +247,10 @@ def _as_one(
         return None, bad
     if 3 < len(piece) <= _MOST and _is_hill(piece, corners, tolerance.height):
         hull = _hull(corners[:, :2])
-        if hull.area - float(areas_of(piece).sum()) <= tolerance.wall * hull.length:
+        out = hull.area - float(areas_of(piece).sum())
+        rim = hull.buffer(-tolerance.rim, join_style="mitre")
+        near = ground.tree.query(rim, predicate="intersects")
+        if out <= tolerance.wall * hull.length and (ground.surfaces[near] != VOID).all():
             return Solid(corners, False, surface), none
     return None, none
 
@@ -276,20 +285,20 @@ def _is_hill(piece: Floats, corners: Floats, height: float) -> bool:
 
 
 def _in_the_way(
-    ground: Ground, hull: Any, plane: _Plane, surface: int, tolerance: _Tolerance
+    ground: Ground, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
 ) -> Floats:
     """Triangles of the ground that a plane within a polygon must not cover: (n, 3, 3)."""
     inner = hull.buffer(-tolerance.wall, join_style="mitre")
-    if inner.is_empty:
-        return np.empty((0, 3, 3))
-    near = np.sort(ground.tree.query(inner, predicate="intersects"))
+    near = np.sort(ground.tree.query(hull, predicate="intersects"))
     found = ground.triangles[near]
     above = plane.cosine * (plane.at(found) - found[:, :, 2])
     other = ground.surfaces[near] != surface
     bad = []
     narrow = hull.buffer(-max(tolerance.seam, tolerance.wall), join_style="mitre")
+    void = ground.surfaces[near] == VOID
     for zone, which, limit in (
         (inner, slice(None), tolerance.height + _SNAP),  # lower ground
+        (hull.buffer(-tolerance.rim, join_style="mitre"), void, 0.0),
         (narrow, other, -_SNAP),  # another surface
     ):
         if zone.is_empty:

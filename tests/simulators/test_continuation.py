@@ -88,6 +88,7 @@ def level(z: float, near: slice) -> HeightPatch:
         np.zeros(shape, np.bool_),
         cells,
         np.zeros(shape, np.int32),
+        np.zeros(shape, np.bool_),
         np.zeros(shape),
     )
 
@@ -161,7 +162,7 @@ def test_cells_are_held_against_corners_of_the_ground() -> None:
     x, y = np.meshgrid(2 + 0.5 * np.arange(5), 1 + 0.25 * np.arange(4))
     cells, zero = np.ones(shape, np.bool_), np.zeros(shape)
     patch = HeightPatch(
-        (2.0, 1.0, 4.0, 1.75), 3 * x - y, cells, ~cells, ~cells, zero.astype(np.int32), zero
+        (2.0, 1.0, 4.0, 1.75), 3 * x - y, cells, ~cells, ~cells, zero.astype(np.int32), ~cells, zero
     )
     rng = np.random.default_rng(3)
     points = rng.uniform((1.5, 0.5), (4.5, 2.0), (200, 2))

@@ -15,6 +15,7 @@ import pytest
 import terratool
 from terratool.simulators import nav2, targets
 from terratool.simulators.export import export_simulators
+from terratool.simulators.options import SceneOptions
 from tests.commands import ROOT, SAMPLE, YARD
 from tests.commands import call as run
 
@@ -280,3 +281,22 @@ def test_no_folder_for_the_folder(yard: str, tmp_path: Path) -> None:
     ran = run("export-sim", yard, str(tmp_path / "a" / "b"), "--target", "mujoco")
     assert ran.code == 3
     assert "there is no folder" in ran.err
+
+
+def test_a_manifest_of_others_removes_nothing_outside(tmp_path: Path) -> None:
+    """Names that lead out of the folder, or to it by a link, are not files of an earlier run."""
+    terrain = terratool.load("samples/sandy-cove.json")
+    options = SceneOptions(max_error=0.1)
+    export_simulators(terrain, tmp_path / "out", "mujoco", options)
+    victims = [tmp_path / "victim.txt", tmp_path / "out" / "near.txt", tmp_path / "far.txt"]
+    for victim in victims:
+        victim.write_text("keep me")
+    place = tmp_path / "out" / "mujoco"
+    (place / "link").symlink_to(tmp_path)
+    path = place / "manifest.json"
+    manifest = json.loads(path.read_text("utf-8"))
+    names = ["../../victim.txt", "../near.txt", str(victims[2]), "link/far.txt"]
+    manifest["files"].update(dict.fromkeys(names, "0"))
+    path.write_text(json.dumps(manifest), "utf-8")
+    export_simulators(terrain, tmp_path / "out", "mujoco", options, overwrite=True)
+    assert all(victim.read_text() == "keep me" for victim in victims)

@@ -82,6 +82,71 @@ def test_rays_and_bodies_find_the_terrain(name: str, tmp_path: Path) -> None:
     checks.check_rays(seen, ground, ERROR)
 
 
+def test_names_and_single_triangles(tmp_path: Path) -> None:
+    """Surfaces called as geoms are, or alike but for case, and one of three corners: it loads."""
+    plate = {"type": "one", "at": [2.5, 2], "extent": [1, 1], "surface": "box_0"}
+    aside = 0.4 / 2**0.5  # its edge is a diagonal of the plate
+    half = {"at": [2.5 + aside, 2 - aside], "extent": [3, 0.8], "turnDeg": -45}
+    cover = {"type": "one", "surface": "Box_0", **half}
+    tree = {"type": "one", "surface": "mesh_0", "children": [plate, cover]}
+    terrain = terrain_of(
+        {
+            "size": [5, 4],
+            "surfTypes": {name: {} for name in ("box_0", "Box_0", "mesh_0", "a|b")},
+            "elemTypes": {"one": {"x": [0]}},
+            "elemTree": tree,
+        }
+    )
+    folder, ground, _ = written(terrain, tmp_path / "out", "mujoco")
+    corner = (folder / "box_0_2.msh", folder / "box_0.msh")
+    faces = [int(np.fromfile(path, "<i4", 4)[3]) for path in corner]
+    assert 1 in faces
+    checks.check_rays(MuJoCo(folder, group=2), ground, ERROR)
+    checks.check_rays(MuJoCo(folder), ground, ERROR)
+
+
+@pytest.mark.parametrize("most", [3, 15])
+def test_few_geoms_leave_the_void_open(most: int, tmp_path: Path) -> None:
+    """However large the error grows: a round void, and a narrow one; what are too many is said."""
+    children = [
+        {"type": kind, "at": at, "extent": extent, "vScale": 0, "surface": "gap"}
+        for kind, at, extent in (("tub", [4, 3.5], [4, 3.4]), ("block", [9.31, 3], [0.03, 5]))
+    ]
+    tree = {**YARD["elemTree"], "children": children}
+    folder, ground, manifest = written(
+        terrain_of({**YARD, "elemTree": tree}), tmp_path / "out", "mujoco", max_geoms=most
+    )
+    simulator = MuJoCo(folder)
+    checks.check_void(simulator, ground)
+    for y in np.linspace(0.6, 5.4, 40).tolist():
+        assert simulator.ray_down(9.31, y) is None
+    counts = manifest["collision"]
+    geoms = sum(counts[kind] for kind in ("box", "mesh", "hfield"))
+    said = f"{geoms:,}" in manifest["losses"][-1]
+    assert geoms <= most or said
+    checks.check_rays(simulator, ground, 1.01 * counts["error"])
+
+
+def test_narrow_surfaces_keep_their_friction(tmp_path: Path) -> None:
+    """A strip on curved ground that is narrower than cells of a height field at first."""
+    strip = {"type": "block", "at": [20, 30], "extent": [0.5, 20], "vScale": 0, "surface": "ice"}
+    terrain = terrain_of(
+        {
+            **YARD,
+            "size": [100, 60],
+            "surfTypes": {"soil": {"fricAngle": 30}, "ice": {"fricAngle": 5}},
+            "elemTree": {**YARD["elemTree"], "children": [strip]},
+        }
+    )
+    folder, ground, manifest = written(terrain, tmp_path / "out", "mujoco", max_error=0.01)
+    simulator = MuJoCo(folder)
+    assert "lines between surfaces" in manifest["losses"][-1]
+    for y in np.linspace(21, 39, 60).tolist():
+        assert simulator.friction_down(20 - ground.zero[0], y) == pytest.approx(
+            np.tan(np.radians(5)), rel=1e-5
+        )
+
+
 def test_turned_boxes(tmp_path: Path) -> None:
     """An oblong block that is turned, on level ground, is one box, and turned the same way."""
     block = {"type": "one", "at": [3, 2], "extent": [2.4, 0.8], "turnDeg": 25, "vScale": 0.5}
@@ -138,7 +203,7 @@ def test_cells_are_parted_as_mujoco_parts_them(tmp_path: Path) -> None:
         nodes = np.array([[0.0, 1.0], [1.0, 0.0]]) if number == 0 else rng.uniform(0, 1, (2, 2))
         ray = _field_of(nodes, tmp_path / f"{number}.bin")
         yes, zero = np.ones((1, 1), np.bool_), np.zeros((1, 1))
-        patch = HeightPatch((0, 0, 1, 1), nodes, yes, ~yes, ~yes, zero.astype(np.int32), zero)
+        patch = HeightPatch((0, 0, 1, 1), nodes, yes, ~yes, ~yes, zero.astype(np.int32), ~yes, zero)
         halves = patch.at(HALVES[..., 0], HALVES[..., 1])
         for x, y in rng.uniform(0.02, 0.98, (30, 2)).tolist():
             level = heights_of(halves[[int(y > x)]], np.array([[x, y]]))

@@ -536,8 +536,14 @@ class _Reading:
         return x, y
 
 
+_HUGE = 1 << 1000
+"""Whole numbers may be any; beyond this they are no doubles."""
+
+
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    return math.isfinite(value) if isinstance(value, float) else abs(value) < _HUGE
 
 
 def misfits(kind: KindSpec, tile: tuple[float, float]) -> Iterator[tuple[str, str, str]]:
