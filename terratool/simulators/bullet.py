@@ -47,7 +47,7 @@ def write(scene: Scene, folder: Path) -> Written:
         summary=f"{counted(len(pieces), 'link')} collide, of {counted(faces, 'face')}",
         language="python",
         load=(
-            "import pybullet",
+            "import pybullet  # pip install pybullet",
             "pybullet.connect(pybullet.DIRECT)",
             "pybullet.setPhysicsEngineParameter(enableFileCaching=0)",
             f'terrain = pybullet.loadURDF("{_FILE}", useFixedBase=1)',

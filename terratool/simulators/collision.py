@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +44,12 @@ _FIELDS = 1 / 3
 """… and height fields this part."""
 _SEAM = 10.0
 """How far a solid may reach into another surface of the same height, in errors."""
+_RIM = 1e-3
+"""No solid reaches over the void by more than this part of the terrain's longer side."""
+_SPOILT = 0.1
+"""The ground is spoilt where it is off by more than this part of the relief: there are more …"""
+_PLENTY = 2000
+"""… unless so many height fields and solids are allowed."""
 _BORDER = 1e-8
 """What is nearer to the border of the terrain than this part of its side is on it."""
 _HAIR = 1e-7
@@ -67,12 +73,14 @@ class Collision(NamedTuple):
         solids: convex.
         patches: height fields.
         height: how far a roof of a solid may be from the mesh, square to it …
+        most: … so many were allowed …
         raised: … and whether that is more than was wanted, as they were too many.
     """
 
     solids: list[Solid]
     patches: list[HeightPatch]
     height: float
+    most: int
     raised: bool = False
 
     @property
@@ -103,11 +111,11 @@ def collision_of(
     most: int,
     say: Callable[[str], object] = lambda _: None,
 ) -> Collision:
-    """Cover the ground of a mesh by at most so many solids and height fields, about.
+    """Cover the ground of a mesh by at most so many solids and height fields.
 
-    Plane ground, and hills, become solids. Height fields are laid over the rest, but for what is
-    near to walls, creases and the void, which becomes solids, too. If these are too many, they may
-    be farther from the ground.
+    Plane ground, and hills, become solids. Height fields are laid over the rest, but for upper
+    edges of walls, creases and the void, which becomes solids, too. If these are too many, they
+    may be farther from the ground. Where that spoils it, there are more.
 
     Args:
         terrain: the terrain.
@@ -116,56 +124,97 @@ def collision_of(
         most: so many.
         say: is called with words that say how far it is.
     """
-    mesh, height = built.mesh, max(max_error - built.error, _LEAST * max_error)
+    task = _task_of(terrain, built, max_error, say)
+    spoilt = max(_SPOILT * float(np.ptp(built.mesh.vertices[:, 2])), 2.0 * max_error)
+    while True:
+        found = task.covered(most, spoilt)
+        if found is not None and (found.worst <= spoilt or most >= _PLENTY):
+            return found
+        most *= 2
+
+
+@dataclass(frozen=True)
+class _Task:
+    """The ground of a mesh, to be covered.
+
+    Attributes:
+        around: what height fields have to know of it.
+        triangles: (n, 3, 3) its triangles, without those of the void.
+        joints: edges between these.
+        groups: (n,) what hangs together without valleys.
+        extent: west, south, east, north of it.
+        height: how far solids may be from it.
+        say: is called with words that say how far it is.
+    """
+
+    around: Surroundings
+    triangles: Floats
+    joints: _Joints
+    groups: Ints
+    extent: Bounds
+    height: float
+    say: Callable[[str], object]
+
+    def covered(self, most: int, spoilt: float) -> Collision | None:
+        """What stands for the ground; None if solids must be farther from it than `spoilt`."""
+        ground, height, longest = self.around.ground, self.height, max(self.extent)
+        rim = min(0.5 * self.around.max_error, _RIM * longest)
+        seam = _SEAM * self.around.max_error
+        done = np.zeros(len(self.triangles), np.bool_)
+        cutting = _Cutting(ground, done, int(_SHARE * most), seam, rim)
+        self.say("finding plane ground")
+        cutting.take_planes(self.joints, _PLAIN * (longest / CELLS) ** 2, height)
+        self.say("finding hills and ramps")
+        cutting.take_hills(self.groups, height)
+        if done.all():
+            return Collision(cutting.solids, [], height, most)
+        self.say("laying height fields")
+        held = shapely.union_all(shapely.polygons(self.triangles[done][:, :, :2]))
+        held = held.buffer(_HAIR, join_style="mitre")
+        shapely.prepare(held)
+        laid = lay_patches(replace(self.around, held=held), self.extent, int(_FIELDS * most))
+        index, pieces = rest_of([one.footing for one in laid], ground)
+        left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
+        index, pieces = index[left], pieces[left]
+        room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
+        room, area = max(room, 1), float(areas_of(pieces).sum())
+        while True:
+            budget = Budget(room, area)
+            labels, surfaces = self.groups[index], ground.surfaces[index]
+            found = cutting.cover_all(pieces, labels, surfaces, height, budget)
+            if not budget.spent:
+                break
+            # curved ground takes about half as many solids within twice the height, rims more
+            height *= min(max((budget.expected / room) ** _RATE, _GROW), _LEAP)
+            if height > spoilt:
+                return None
+            self.say(f"covering what is near walls within {length(height)}")
+        solids = cutting.solids + found
+        laid = spread(laid, most - len(solids))
+        patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
+        return Collision(solids, patches, height, most, height > self.height)
+
+
+def _task_of(
+    terrain: Terrain, built: BuiltMesh, max_error: float, say: Callable[[str], object]
+) -> _Task:
+    mesh = built.mesh
     west, south, east, north = terrain.bounds
     extent = 0.0, 0.0, east - west, north - south
     faces = mesh.faces[~mesh.walls]
     triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~mesh.walls]
     joints = _joints(triangles, surfaces, faces)
-    rims = _rims(mesh, extent)
-    walls = _wall_ends(mesh)
-    sharp = np.concatenate([joints.sharp, walls, rims])
+    rims, walls = _rims(mesh, extent), _wall_ends(mesh)
     void = _void(terrain, mesh, rims, extent)
     ground = Ground(
         np.concatenate([triangles, void]),
         np.append(surfaces, np.full(len(void), VOID, np.int32)),
-        sharp,
+        np.concatenate([joints.sharp, walls, rims]),
     )
+    around = Surroundings(terrain, mesh.origin[:2], walls, shapely.Polygon(), ground, max_error)
     groups = components(joints.pairs[joints.smooth], len(faces))
-    cutting = _Cutting(ground, np.zeros(len(faces), np.bool_), int(_SHARE * most), max_error)
-    say("finding plane ground")
-    cutting.take_planes(joints, _PLAIN * (max(extent) / CELLS) ** 2, height)
-    say("finding hills and ramps")
-    cutting.take_hills(groups, height)
-    if cutting.done.all():
-        return Collision(cutting.solids, [], height)
-    say("laying height fields")
-    held = shapely.union_all(shapely.polygons(triangles[cutting.done][:, :, :2]))
-    held = held.buffer(_HAIR, join_style="mitre")
-    shapely.prepare(held)
-    around = Surroundings(terrain, mesh.origin[:2], walls, held, ground, max_error)
-    laid = lay_patches(around, extent, int(_FIELDS * most))
-    index, pieces = rest_of([one.footing for one in laid], ground)
-    left = (index < len(faces)) & ~cutting.done[np.minimum(index, len(faces) - 1)]
-    index, pieces = index[left], pieces[left]
-    room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
-    room = max(room, 1)
-    relief = float(np.ptp(mesh.vertices[:, 2]))
-    area, wanted = float(areas_of(pieces).sum()), height
-    while True:
-        budget = Budget(room, area)
-        found = cutting.cover_all(pieces, groups[index], surfaces[index], height, budget)
-        if not budget.spent:
-            break
-        # curved ground takes about half as many solids within twice the height, rims more
-        height *= min(max((budget.expected / room) ** _RATE, _GROW), _LEAP)
-        say(f"covering what is near walls within {length(height)}")
-        if height > _GROW * relief:  # and still there are too many
-            room = len(triangles)
-    solids = cutting.solids + found
-    laid = spread(laid, most - len(solids))
-    patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
-    return Collision(solids, patches, height, height > wanted)
+    height = max(max_error - built.error, _LEAST * max_error)
+    return _Task(around, triangles, joints, groups, extent, height, say)
 
 
 @dataclass
@@ -176,19 +225,21 @@ class _Cutting:
         ground: the ground; its last triangles are those of the void.
         done: (n,) whether a triangle of a mesh has its solid.
         most: so many solids plane ground and hills may have.
-        max_error: how far the ground may be from the terrain.
+        seam: how far a solid may reach into another surface of the same height.
+        rim: how far over the void.
         solids: those that are there.
     """
 
     ground: Ground
     done: Bools
     most: int
-    max_error: float
+    seam: float
+    rim: float
     solids: list[Solid] = field(default_factory=list)
 
     def tolerance(self, height: float) -> Tolerance:
         """What solids may do whose roofs may be so far from the ground."""
-        return Tolerance(height, 0.5 * height, _SEAM * self.max_error, 0.5 * self.max_error)
+        return Tolerance(height, 0.5 * height, self.seam, self.rim)
 
     def _take(self, part: NDArray[np.intp], height: float, most: int) -> None:
         most = min(most, self.most - len(self.solids))

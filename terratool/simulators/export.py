@@ -277,8 +277,10 @@ def _losses(scene: Scene, written: Written) -> Iterator[str]:
 
 def _readme(scene: Scene, target: Target, written: Written) -> str:
     """How to load the files, what they are, and what they lose."""
-    lines = [f"# {scene.name} in {target.title}", "", *filter(None, [scene.terrain.descr])]
-    lines += ["", f"```{written.language}", *written.load, "```", ""]
+    lines = [f"# {scene.name} in {target.title}", ""]
+    for text in filter(None, (scene.terrain.descr, f"Here: {written.summary}.")):
+        lines += [text, ""]
+    lines += [f"```{written.language}", *written.load, "```", ""]
     for note in written.notes:
         lines += [note, ""]
     zero = " ".join(f"{number:.12g}" for number in scene.zero)

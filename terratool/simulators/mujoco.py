@@ -34,7 +34,7 @@ _MESH_SHARE = 0.5
 _ROLLING = "0.005 0.0001"
 """Torsional and rolling friction: MuJoCo's own."""
 
-_NOTES = (
+_ATTACHED = (
     "Into a model of yours: put its file into this folder and write"
     f' `<include file="{_FILE}"/>` into it, or attach it from anywhere, as mjlab and'
     " dm_control do:",
@@ -43,9 +43,17 @@ _NOTES = (
     f'scene.attach(mujoco.MjSpec.from_file("{_FILE}"), frame=scene.worldbody.add_frame())\n'
     "model = scene.compile()\n"
     "```",
+)
+_LAYERS = (
     "Geoms of group 2 are the exact mesh: cameras and rangefinders see it, and nothing collides"
-    " with it. What collides is of group 3. Rays pass it, as its alpha is 0; set that to 1 to see"
-    " it. It has `priority` 1: the friction of the ground counts, whatever a robot says.",
+    " with it. What collides is of group 3, which rays pass, as its alpha is 0. To see it:"
+    " `model.geom_rgba[model.geom_group == 3, 3] = 1`, and group 3 switched on in the viewer."
+    " It has `priority` 1: the friction of the ground counts, whatever a robot says."
+)
+_FLEXES = (
+    "Geoms of group 2 are the exact mesh: cameras and rangefinders see it, and nothing collides"
+    " with it. The same mesh collides as rigid flexes of group 3, which are not seen. They have"
+    " `priority` 1: the friction of the ground counts, whatever a robot says."
 )
 
 
@@ -66,11 +74,11 @@ def write(scene: Scene, folder: Path) -> Written:
         summary=summary,
         language="python",
         load=(
-            "import mujoco",
+            "import mujoco  # pip install mujoco",
             f'model = mujoco.MjModel.from_xml_path("{_FILE}")',
             "data = mujoco.MjData(model)",
         ),
-        notes=_NOTES,
+        notes=(*_ATTACHED, _FLEXES if scene.options.flex else _LAYERS),
         losses=(losses,),
         facts={"collision": facts},
     )
@@ -209,14 +217,15 @@ def _lost(found: Collision, solids: float, wanted: float, geoms: int, most: int)
     if found.solids:
         parts.append(f"solids are up to {length(solids)} off the terrain, square to it")
         if found.raised:
-            parts[0] += f", to keep to {counted(most, 'geom')}"
-            parts[0] += f", which is not enough: they are {geoms:,}" if geoms > most else ""
+            parts[0] += f", to keep to {counted(found.most, 'geom')}"
     if found.patches:
         parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
         if found.worst > wanted:
             parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
         if found.ragged:
             parts.append(f"lines between surfaces on them up to {length(found.ragged)}, a cell")
+    if found.most > most:
+        parts.append(f"{counted(most, 'geom')} would be too far off, so there are {geoms:,}")
     return f"What collides: {'; '.join(parts)}."
 
 
