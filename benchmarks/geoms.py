@@ -1,0 +1,36 @@
+"""Print the table of docs/simulators.md: what MuJoCo collides with in each sample.
+
+python -m benchmarks.geoms [SAMPLE …]
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import terratool
+from terratool.simulators.export import export_simulators
+
+SAMPLES = (
+    "warehouse", "stairs-and-kerbs", "paper-example", "sandy-cove", "ramp-yard", "wheel-tracks",
+    "obstacle-course", "camber-road", "nested-site", "lunar-craters", "dunes", "planetary-site",
+)  # fmt: skip
+
+
+def row(name: str) -> str:
+    """Numbers of geoms, and how far they are off the terrain, in metres."""
+    terrain = terratool.load(f"samples/{name}.json")
+    with tempfile.TemporaryDirectory() as place:
+        [report] = export_simulators(terrain, Path(place) / "out", "mujoco")
+        counts = json.loads((report.folder / "manifest.json").read_text("utf-8"))["collision"]
+    solids = f"{counts['solids_error']:.2g}" if counts["box"] + counts["mesh"] else ""
+    fields = f"{counts['height_fields_error']:.2g}" if counts["hfield"] else ""
+    numbers = [f"{counts[kind]:,}" for kind in ("box", "mesh", "hfield")]
+    return f"| {' | '.join([name, *numbers, solids, fields])} |"
+
+
+if __name__ == "__main__":
+    for sample in sys.argv[1:] or SAMPLES:
+        print(row(sample), flush=True)
