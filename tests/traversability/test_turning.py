@@ -112,24 +112,29 @@ def least_loss(vehicle: Vehicle) -> float:
     """Radians for each metre of tread, as the motion in which the least is lost by friction.
 
     Coulomb's friction is the slope of what it loses, so that the motion in balance is the one that
-    loses least, of all turns about places in the middle. It is looked for in a lattice that
-    shrinks.
+    loses least, of all turns about places in the middle. The loss is convex in how far it turns
+    and how far its middle goes aside: the best of these is looked for in thirds, for each of many
+    turns, and then again between the neighbours of the best turn.
     """
     layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
-    middle, size = np.array([2.0, layout.x.mean()]), np.array([2.0, np.ptp(layout.x)])
-    for _ in range(100):
-        turn, centre = (
-            middle[n] + size[n] * np.linspace(-1, 1, 21).reshape((21, 1) if n else (1, 21))
-            for n in (0, 1)
-        )
-        lost = sum(
-            load * np.hypot(drives * (np.sign(y) - turn * y), turn * (x - centre))
+
+    def lost(turn: Any, aside: Any) -> Any:
+        return sum(
+            load * np.hypot(drives * (np.sign(y) - turn * y), turn * x - aside)
             for x, y, drives, load in zip(layout.x, layout.y, layout.driven, loads, strict=True)
         )
-        row, column = np.unravel_index(np.argmin(lost), (21, 21))
-        middle = np.array([turn[0, column], centre[row, 0]])
-        size *= 0.8
-    return float(middle[0])
+
+    least, most = 0.0, 2.0 / vehicle.track_width  # treads do not slip at all
+    for _ in range(8):
+        turn = np.linspace(least, most, 41)
+        low, high = np.full(41, -10.0), np.full(41, 10.0)
+        for _ in range(90):
+            one, other = low + (high - low) / 3, high - (high - low) / 3
+            better = lost(turn, one) < lost(turn, other)
+            low, high = np.where(better, low, one), np.where(better, other, high)
+        best = int(np.argmin(lost(turn, 0.5 * (low + high))))
+        least, most = float(turn[max(best - 1, 0)]), float(turn[min(best + 1, 40)])
+    return 0.5 * (least + most)
 
 
 @settings(max_examples=25)
