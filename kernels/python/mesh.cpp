@@ -4,6 +4,7 @@
 #include "../mesh/normals.hpp"
 #include "../mesh/refining.hpp"
 #include "../mesh/regions.hpp"
+#include "../mesh/roofs.hpp"
 #include "../mesh/seams.hpp"
 #include "../mesh/text.hpp"
 #include "../mesh/walls.hpp"
@@ -234,6 +235,16 @@ void bind_mesh(nb::module_ m) {
     def<&corner_normals>(
         m, "corner_normals", "Different normals, and that of each corner of faces.",
         {"points[_,3]", "faces[m,3]", "walls[m]", "error"}
+    );
+
+    def<&is_roof>(
+        m, "is_roof",
+        "Whether no corner lies above the plane of any triangle by more than a height.",
+        {"triangles[_,9]", "corners[_,3]", "height"}
+    );
+    def<&covered_points>(
+        m, "covered_points", "Whether points lie in triangles, seen from above.",
+        {"triangles[_,9]", "points[n,2]", "out[n]"}
     );
 
     def<&put_points>(

@@ -196,6 +196,22 @@ def corner_normals(
     Shapes: points[_,3], faces[m,3], walls[m].
     """
 
+def is_roof(triangles: NDArray[np.float64], corners: NDArray[np.float64], height: float) -> bool:
+    """
+    Whether no corner lies above the plane of any triangle by more than a height.
+
+    Shapes: triangles[_,9], corners[_,3].
+    """
+
+def covered_points(
+    triangles: NDArray[np.float64], points: NDArray[np.float64], out: NDArray[np.bool_]
+) -> None:
+    """
+    Whether points lie in triangles, seen from above.
+
+    Shapes: triangles[_,9], points[n,2], out[n].
+    """
+
 def put_points(
     out: NDArray[np.uint8],
     points: NDArray[np.float32] | NDArray[np.float64],

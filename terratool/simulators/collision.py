@@ -60,10 +60,10 @@ _LEAST = 0.1
 """Solids may take no less of the error than this part."""
 _GROW = 1.25
 """By this factor their error grows at least where there are too many of them …"""
-_LEAP = 4.0
+_LEAP = 2.0
 """… and by this at most …"""
-_RATE = 1.2
-"""… to this power of what the part that was covered lets expect."""
+_RATES = 1.2, 4.0
+"""… and it grows like the number to a power between these: curved ground needs few, rims more."""
 
 
 class Collision(NamedTuple):
@@ -178,14 +178,15 @@ class _Task:
         index, pieces = index[left], pieces[left]
         room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
         room, area = max(room, 1), float(areas_of(pieces).sum())
+        tried: list[tuple[float, float]] = []
         while True:
             budget = Budget(room, area)
             labels, surfaces = self.groups[index], ground.surfaces[index]
             found = cutting.cover_all(pieces, labels, surfaces, height, budget)
             if not budget.spent:
                 break
-            # curved ground takes about half as many solids within twice the height, rims more
-            height *= min(max((budget.expected / room) ** _RATE, _GROW), _LEAP)
+            tried.append((height, budget.expected))
+            height = _grown(tried, room)
             if height > spoilt:
                 return None
             self.say(f"covering what is near walls within {length(height)}")
@@ -193,6 +194,22 @@ class _Task:
         laid = spread(laid, most - len(solids))
         patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
         return Collision(solids, patches, height, most, height > self.height)
+
+
+def _grown(tried: list[tuple[float, float]], room: int) -> float:
+    """The error within which solids may be few enough.
+
+    Args:
+        tried: errors, and how many solids there would be within each.
+        room: so many may be.
+    """
+    height, count = tried[-1]
+    rate, most = _RATES
+    if len(tried) > 1:
+        before, more = tried[-2]
+        fewer = math.log(more / count)
+        rate = most if fewer <= 0.0 else np.clip(math.log(height / before) / fewer, rate, most)
+    return height * float(np.clip((count / room) ** rate, _GROW, _LEAP))
 
 
 def _task_of(

@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from terratool.mesh.formats.common import points_of, shape_of
+from terratool.mesh.types import BuiltMesh
 from terratool.simulators.collision import Collision, collision_of
 from terratool.simulators.height_patch import HeightPatch
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
@@ -31,6 +32,8 @@ _FINE = 500_000
 """Where the mesh to be seen has fewer faces, solids are cut from a finer one …"""
 _MESH_SHARE = 0.5
 """… within this part of the error."""
+_MANY = 1_500_000
+"""Where it has more, they are cut from a coarser one."""
 _ROLLING = "0.005 0.0001"
 """Torsional and rolling friction: MuJoCo's own."""
 
@@ -133,12 +136,8 @@ class _Solids:
     def add(self) -> tuple[str, str, dict[str, object]]:
         """Add what collides; says what it is, what is lost, and figures."""
         options = self._scene.options
-        built = self._scene.built
-        if len(built.mesh.faces) < _FINE:
-            built = self._scene.mesh_within(_MESH_SHARE * options.max_error)
-        found = collision_of(
-            self._scene.terrain, built, options.max_error, options.max_geoms, self._scene.say
-        )
+        built, error = self._to_cut()
+        found = collision_of(self._scene.terrain, built, error, options.max_geoms, self._scene.say)
         levels = built.mesh.vertices[:, 2]
         low, relief = float(levels.min()), float(np.ptp(levels))
         self._base = low - max(_BELOW, _PART * relief)
@@ -162,6 +161,17 @@ class _Solids:
             "solids_error": solids,
             "height_fields_error": found.worst,
         }  # fmt: skip
+
+    def _to_cut(self) -> tuple[BuiltMesh, float]:
+        """The mesh that solids are cut from, and how far they may be from the terrain."""
+        built, error = self._scene.built, self._scene.options.max_error
+        faces = len(built.mesh.faces)
+        if faces < _FINE:
+            return self._scene.mesh_within(_MESH_SHARE * error), error
+        if faces > _MANY:  # so few geoms cannot stand for it within that error anyway
+            error *= faces / _FINE
+            return self._scene.mesh_within(_MESH_SHARE * error), error
+        return built, error
 
     def _named(self, kind: str) -> str:
         self._counts[kind] += 1

@@ -12,6 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from terratool.kernels import mesh as kernels
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -34,20 +36,18 @@ _STRIPS = 16
 """… across the direction in which so many strips of it are flattest, or more where it is long …"""
 _MOST_STRIPS = 512
 """… but no more than these."""
-_SAMPLED = 64
-"""Whether ground is concave is asked at so many of its triangles first."""
+_TOLD = 4096
+"""So many triangles, about, tell how ground is bent."""
 _SAMPLE = 64
 """Ground is cut into so many pieces first, if it takes as many …"""
 _GOLDEN = 0.6180339887498949
 """… and of these each is far from the one before."""
-_EARLY = 0.5
-"""Once this part of the ground has its solids, …"""
-_FAR = 1.4
-"""… it is given up if all of it will take so many times what it may."""
+_FAR = 1.25
+"""Ground is given up once it has so many times the solids that its share may have …"""
+_FIRST = 0.1, 8
+"""… and this part of all of them, and so many, as the first ones tell little of the rest."""
 _MOST = 20_000
 """Ground of more triangles is no hill."""
-_CHUNK = 1 << 22
-"""So many distances are kept at a time."""
 
 
 class Solid(NamedTuple):
@@ -157,8 +157,9 @@ class Budget:
     @property
     def spent(self) -> bool:
         """Whether there are too many, or will be by far."""
-        early = self.done > _EARLY * self.area and self.expected > _FAR * self.most
-        return self.count > self.most or early
+        part, more = _FIRST
+        by_now = (part + _FAR * self.done / max(self.area, self.done, _SLIVER)) * self.most + more
+        return self.count > min(by_now, self.most)
 
 
 def cover(
@@ -179,7 +180,7 @@ def cover(
     found: list[Solid] = []
     # the largest are cut first, and then taken from all over: so a part of it tells of the whole
     pieces = [piece]
-    while 0 < len(pieces) < _SAMPLE:
+    while 0 < len(pieces) < _SAMPLE and not budget.spent:
         largest = pieces.pop(int(np.argmax([areas_of(one).sum() for one in pieces])))
         pieces += _solid_or_sides(ground, largest, surface, tolerance, budget, found)
     for k in sorted(range(len(pieces)), key=lambda k: k * _GOLDEN % 1.0):
@@ -232,7 +233,7 @@ def _as_one(
     ground: Ground, piece: Floats, surface: int, tolerance: Tolerance
 ) -> tuple[Solid | None, Floats]:
     """The solid that stands for a piece, or what is in the way of a plane one, if anything is."""
-    corners = np.unique(piece.reshape(-1, 3), axis=0)
+    corners = piece.reshape(-1, 3)
     plane = _fit(corners)
     none = np.empty((0, 3, 3))
     alone = len(piece) == 1
@@ -245,7 +246,10 @@ def _as_one(
                 ring = ring[::-1]
             return Solid(np.column_stack([ring, plane.at(ring)]), True, surface), none
         return None, bad
-    if 3 < len(piece) <= _MOST and _is_hill(piece, corners, tolerance.height):
+    if not 3 < len(piece) <= _MOST:
+        return None, none
+    corners = np.unique(corners, axis=0)
+    if kernels.is_roof(piece.reshape(-1, 9), corners, tolerance.height):
         hull = _hull(corners[:, :2])
         out = hull.area - float(areas_of(piece).sum())
         rim = hull.buffer(-tolerance.rim, join_style="mitre")
@@ -264,24 +268,6 @@ def _is_narrow(piece: Floats) -> bool:
     """Whether a piece is narrower everywhere than anything that counts."""
     hull = _hull(piece.reshape(-1, 3)[:, :2])
     return bool(hull.area <= 0.25 * _NARROW * hull.length)
-
-
-def _is_hill(piece: Floats, corners: Floats, height: float) -> bool:
-    """Whether no corner lies above the plane of any triangle, but for so much.
-
-    Then the convex hull is above no point of a triangle by more.
-    """
-    normals = np.cross(piece[:, 1] - piece[:, 0], piece[:, 2] - piece[:, 0])
-    slopes = -normals[:, :2] / normals[:, 2:]
-    at = piece[:, 0, 2] - (slopes * piece[:, 0, :2]).sum(axis=1)
-    cosines = 1.0 / np.sqrt(1.0 + (slopes**2).sum(axis=1))
-    sampled = slice(None, None, max(1, len(piece) // _SAMPLED))
-    step = max(1, _CHUNK // len(corners))
-    for which in (sampled, *(slice(k, k + step) for k in range(0, len(piece), step))):
-        planes = corners[:, :2] @ slopes[which].T + at[which]
-        if (cosines[which] * (corners[:, 2:] - planes)).max() > height:
-            return False
-    return True
 
 
 def _in_the_way(
@@ -343,13 +329,9 @@ def _within(piece: Floats, edges: Floats) -> Floats:
 
 def _holds(piece: Floats, points: Floats) -> NDArray[np.bool_]:
     """Whether points lie in a piece seen from above, (k,)."""
-    inside = np.ones((len(points), len(piece)), bool)
-    for k in range(3):
-        a, b = piece[:, k, :2], piece[:, (k + 1) % 3, :2]
-        edge = b - a
-        away = points[:, None] - a
-        inside &= edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0] >= 0.0
-    return np.asarray(inside.any(axis=1))
+    inside = np.empty(len(points), np.bool_)
+    kernels.covered_points(piece.reshape(-1, 9), points, inside)
+    return inside
 
 
 def _flatness(piece: Floats, along: Floats) -> float:
@@ -382,16 +364,17 @@ def _best_cut(
 
 def _across(piece: Floats) -> tuple[Floats, float]:
     """The normal and place of the cut across the direction in which a piece is bent most."""
-    corners = piece.reshape(-1, 3)
+    some = max(1, len(piece) // _TOLD)
+    corners = piece[::some].reshape(-1, 3)
     away = corners[:, :2] - corners[:, :2].mean(axis=0)
     _, axes = np.linalg.eigh(away.T @ away)
     best: tuple[float, Floats, Floats] | None = None
     gap = 0.0, axes[:, 0], 0.0
     for normal in (axes[:, 1], axes[:, 0], np.array([1.0, 0.0]), np.array([0.0, 1.0])):
-        along = corners[:, :2] @ normal
-        wide, at = _gap(along.reshape(-1, 3))
+        wide, at = _gap(piece[:, :, :2] @ normal)
         if wide > max(gap[0], _NARROW):
             gap = wide, normal, at
+        along = corners[:, :2] @ normal
         # in many strips, as two are no better than one where the ground is a wave
         wide = np.ptp(corners[:, :2] @ [-normal[1], normal[0]])
         strips = int(np.clip(2.0 * np.ptp(along) / max(wide, 1e-300), _STRIPS, _MOST_STRIPS))
