@@ -846,10 +846,12 @@ def test_what_is_wrong_is_said_once(name: str) -> None:
 @pytest.mark.parametrize(
     "key", ["rows", "seed", "border", "jitter", "tile", "origin", "difficulty"]
 )
-@pytest.mark.parametrize("sign", ["", "-"])
-def test_numbers_of_hundreds_of_digits_are_refused(key: str, sign: str, tmp_path: Any) -> None:
+@pytest.mark.parametrize(("sign", "digits"), [("-", 310), ("", 5000)])
+def test_numbers_of_hundreds_of_digits_are_refused(
+    key: str, sign: str, digits: int, tmp_path: Any
+) -> None:
     """They are whole numbers in JSON, and beyond all doubles."""
-    path, number = tmp_path / "spec.json", f"{sign}1{'0' * 5000}"
+    path, number = tmp_path / "spec.json", f"{sign}1{'0' * digits}"
     value = f"[0, {number}]" if key in ("origin", "difficulty") else number
     path.write_text(json.dumps(spec_with(**{key: "HERE"})).replace('"HERE"', value))
     done = run("curriculum", path, tmp_path / "out.json")
