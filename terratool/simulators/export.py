@@ -270,9 +270,8 @@ def _refuse_missing(path: Path) -> None:
     """
     try:
         path.stat()
-    except (OSError, ValueError) as error:
-        why = error if isinstance(error, OSError) else OSError(str(error))
-        raise ReadError.of(path, why) from error
+    except OSError as error:
+        raise ReadError.of(path, error) from error
 
 
 def _source(path: Path) -> dict[str, str]:

@@ -131,11 +131,11 @@ def refuse_uninstalled(targets: Mapping[str, Target]) -> None:
     }
     if missing:
         packages = listed([f"{package} for {name}" for name, (package, _) in missing.items()])
-        hint = f"un {install_command(*(extra for _, extra in missing.values()))}"
+        install = install_command(*(extra for _, extra in missing.values()))
         rest = _as_options([name for name in targets if name not in missing])
         raise RequestError(
             f"Not installed: {packages}.",
-            f"Choose the others ({rest}), or r{hint}" if rest else f"R{hint}",
+            f"Choose the others ({rest}), or run {install}" if rest else f"Run {install}",
         )
 
 

@@ -583,7 +583,7 @@ def misfits(kind: KindSpec, tile: tuple[float, float]) -> Iterator[tuple[str, st
     if around:
         lengths[around] = kind.range(around)[1]
     platform = lengths.get("platform", 0.0)
-    taken = 2.0 * (sum(lengths.values()) - platform)
+    taken = 2.0 * sum(long for key, long in lengths.items() if key != "platform")
     if taken + platform >= side:
         parts = [_part(kind, key, long) for key, long in lengths.items() if long]
         leave, which = ("leave", "one of them") if parts[1:] else ("leaves", "it")
