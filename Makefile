@@ -31,7 +31,7 @@ $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@command -v c++ >/dev/null || command -v clang++ >/dev/null || [ -n "$$CXX" ] || \
 	  { echo "Building the kernels needs a C++ compiler: apt install g++, dnf install gcc-c++, or see docs/build.md."; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@echo "Installing terratool and what it needs into $(VENV), and building its kernels: a minute or two …"
+	@echo "Installing terratool and what it needs into $(VENV), and building its kernels: a few minutes …"
 	@$(call TABLE,["build-system"]["requires"]) | $(BIN)/python $(PIP) --requirement /dev/stdin
 	@$(BIN)/python $(PIP) --no-build-isolation -Ceditable.rebuild=false $(CONFIG) --editable '.$(if $(filter-out none,$*),[$*])'
 	@touch $@

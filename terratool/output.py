@@ -6,6 +6,7 @@ import contextlib
 import os
 import platform
 import re
+import shlex
 import shutil
 import signal
 import threading
@@ -201,7 +202,10 @@ def refuse_missing_folder(path: Path) -> None:
         WriteError: it is not.
     """
     if not path.parent.is_dir():
-        raise WriteError(f"{path}: the folder {path.parent} does not exist.", "Create it first.")
+        raise WriteError(
+            f"{path}: the folder {path.parent} does not exist.",
+            f"Create it first: mkdir -p {shlex.quote(str(path.parent))}",
+        )
 
 
 def free_bytes(path: Path) -> int:

@@ -107,7 +107,17 @@ def as_dict(made: Curriculum, output: str, origins: str) -> dict[str, Any]:
 
 
 def lacking(made: Curriculum) -> Iterator[str]:
-    """Level places that were not found, in lines for people."""
+    """Kinds without a tile, and level places that were not found, in lines for people."""
+    spec = made.spec
+    for kind in spec.kinds:
+        if kind.proportion and not made.counts[kind.name]:
+            yield (
+                f"{shown(kind.name)}: no tile is of this kind, as its proportion is too small for "
+                f"{counted(spec.columns, 'column')}. Make it larger, or add columns."
+                if spec.curriculum
+                else f"{shown(kind.name)}: no tile is of this kind, as each has a random one. Make "
+                "its proportion larger, or add tiles."
+            )
     for name, missing in made.missing.items():
         if missing:
             tiles = counted(made.tiles_without(name), "tile")

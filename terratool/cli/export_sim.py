@@ -17,10 +17,24 @@ from terratool.simulators.options import (
     MAX_STEP,
     SceneOptions,
 )
-from terratool.simulators.targets import TARGETS
+from terratool.simulators.targets import TARGETS, chosen
 
 if TYPE_CHECKING:
+    from terratool.simulators.export import SimulatorReport
     from terratool.simulators.options import Origin
+
+_ABOUT = {
+    "max_geoms": ["mujoco"],
+    "flex": ["mujoco"],
+    "heightmap": ["gazebo"],
+    "vehicle": ["nav2", "grid-map"],
+    "max_slope": ["nav2"],
+    "max_step": ["nav2"],
+    "resolution": ["nav2", "grid-map"],
+}
+"""Options that only these targets look at …"""
+_IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
+"""… and those that this other option makes idle."""
 
 
 @click.command(
@@ -34,9 +48,8 @@ if TYPE_CHECKING:
     "--target",
     "targets",
     multiple=True,
-    required=True,
     metavar="|".join([*TARGETS, "all"]),
-    help="What to write for; several times for several.",
+    help="What to write for; several times for several.  [required]",
 )
 @click.option(
     "--max-error",
@@ -102,8 +115,16 @@ if TYPE_CHECKING:
 @library_root_option
 @click.option("--overwrite", is_flag=True, help="Write folders of an earlier run again.")
 @click.option("--json", "as_json", is_flag=True, help="Say what was written as JSON.")
+@click.pass_context
 def command(
-    file: str, folder: str, targets: tuple[str, ...], overwrite: bool, as_json: bool, **options: Any
+    ctx: click.Context,
+    /,
+    file: str,
+    folder: str,
+    targets: tuple[str, ...],
+    overwrite: bool,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Write FILE for simulators: each gets a folder in DIR, with a README.md and a manifest.json.
 
@@ -112,20 +133,62 @@ def command(
     """
     from terratool.simulators.export import plan_export
 
+    _refuse_idle(ctx, list(chosen(targets)))
     wanted = SceneOptions(origin=_origin(options.pop("origin")), **options)
-    plan = plan_export(folder, targets, wanted, overwrite=overwrite)
+    source = None if file == "-" else file
+    plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
     terrain = load(file)
     with Status("meshing") as status:
-        reports = plan.write(terrain, None if file == "-" else file, status.say)
+        reports = plan.write(terrain, status.say)
     if as_json:
-        found = {one.manifest["target"]: {"folder": str(one.folder)} for one in reports}
-        click.echo(json.dumps({"format_version": 1, "targets": found}, indent=2))
+        told = {
+            "format_version": 1,
+            "targets": {one.manifest["target"]: _told(one) for one in reports},
+        }
+        click.echo(json.dumps(told, indent=2, ensure_ascii=False))
         return
     for report in reports:
         manifest = report.manifest
         say(f"{report.folder}: {len(manifest['files']) + 2} files; {manifest['summary']}")
         for line in manifest["losses"]:
             say(f"  {line}")
+
+
+def _told(report: SimulatorReport) -> dict[str, Any]:
+    """What was written, ready for JSON; the manifest has the rest."""
+    said = {key: report.manifest[key] for key in ("summary", "losses")}
+    return {"folder": str(report.folder), **said}
+
+
+def _refuse_idle(ctx: click.Context, targets: list[str]) -> None:
+    """Refuse options that would have no effect.
+
+    Raises:
+        RequestError: which one it is.
+    """
+    from terratool.errors import RequestError
+    from terratool.text.display import listed
+
+    given = {
+        name
+        for name in ctx.params
+        if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    }
+    for name in _ABOUT:
+        users, option = _ABOUT[name], f"--{name.replace('_', '-')}"
+        if name not in given:
+            continue
+        if not {*users} & {*targets}:
+            are = "target is" if len(targets) == 1 else "targets are"
+            raise RequestError(
+                f"{option} is about {listed(users)}, but the {are} {listed(targets)}.",
+                f"Leave it out, or add {' or '.join(f'--target {user}' for user in users)}.",
+            )
+        if _IN_PLACE_OF.get(name) in given:
+            raise RequestError(
+                f"{option} has no effect with --{_IN_PLACE_OF[name]}.",
+                f"Leave out {option} or --{_IN_PLACE_OF[name]}.",
+            )
 
 
 def _origin(text: str) -> Origin:

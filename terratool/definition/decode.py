@@ -106,6 +106,14 @@ def unknown_key(kind: type, key: str, present: frozenset[str]) -> tuple[str, str
         close = get_close_matches(key, known, 2, 0.6)
     hint = f'Did you mean "{close[0]}"?' if close else f"It has {', '.join(known)}."
     fix = "" if close and close[0] in present else only_answer(key, close)
+    if kind in (Element, Track) and key in SLOTS[Surface]:
+        close, fix = [], ""
+        example = '{"void": true}' if key == "void" else f'{{"{key}": …}}'
+        name = "hole" if key == "void" else "new"
+        hint = (
+            f'It is a key of surfaces: write "{name}": {example} in "surfTypes", and '
+            f'"surface": "{name}" here.'
+        )
     if close and close[0] in present:
         hint = f'Remove it if it means the same as "{close[0]}", which is there already.'
     hint += " A key of your own begins with x-."

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.errors import RequestError
+from terratool.extras import install_command
 from terratool.field.friction import frictions_of
 from terratool.field.records import IN_CELLS, FieldArrays, TrackArrays
 
@@ -187,9 +188,7 @@ def required(module: str, package: str, extra: str) -> Any:
         RequestError: it is not installed.
     """
     if find_spec(module) is None:
-        raise RequestError(
-            f"{package} is not installed.", f"Install it by: pip install 'terratool[{extra}]'"
-        )
+        raise RequestError(f"{package} is not installed.", f"Run {install_command(extra)}")
     return import_module(module)
 
 

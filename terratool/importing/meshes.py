@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError, RequestError, TerratoolError
+from terratool.extras import install_command
 from terratool.importing.sources import (
     Triangles,
     join_triangles,
@@ -141,7 +142,7 @@ def _reader_of(path: Path) -> Reader:
         except ImportError as error:
             raise ReadError(
                 f"{path}: {reader.name} needs {package}, which is not installed.",
-                "Install it: pip install terratool[import].",
+                f"Run {install_command('import')}",
             ) from error
     return reader
 

@@ -110,7 +110,8 @@ class MeshOptions:
                 )
         if error is not None and not (math.isfinite(error) and error > 0):
             raise RequestError(
-                f"The largest error is {error:g}.", "Give a height above 0 with --max-error."
+                f"The largest error is {error:g}.",
+                "Give a finite height above 0 with --max-error, such as 0.01.",
             )
         if faces is not None and faces < 1:
             raise RequestError(f"At most {faces} faces are allowed.", "Allow 2 or more.")

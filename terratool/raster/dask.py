@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from terratool.errors import RequestError, TerratoolError, WriteError
+from terratool.extras import install_command
 from terratool.raster.tiles import Done, FinishedTile, Job, RasterTile, TileMaker, remove_scratch
 
 if TYPE_CHECKING:
@@ -46,9 +47,7 @@ def connected(address: str, processes: int) -> Iterator[Client]:
     try:
         import distributed  # noqa: F401 # before its log is made quiet
     except ImportError as error:
-        raise RequestError(
-            "Dask is not installed.", "Install it by: pip install 'terratool[dask]'"
-        ) from error
+        raise RequestError("Dask is not installed.", f"Run {install_command('dask')}") from error
     with _quiet(), _client(address, processes) as client:
         yield client
 

@@ -112,7 +112,7 @@ class Compression:
             )
         if not (math.isfinite(self.max_z_error) and self.max_z_error >= 0):
             raise RequestError(
-                f"The largest error is {self.max_z_error:g}.", "Give a number from 0."
+                f"The largest error is {self.max_z_error:g}.", "Give a finite number from 0 on."
             )
         if self.max_z_error and self.name != "lerc":
             raise RequestError(

@@ -44,7 +44,7 @@ def write(scene: Scene, folder: Path) -> Written:
     write_xml(robot, folder / _FILE)
     faces = len(scene.mesh.faces)
     return Written(
-        summary=f"{counted(len(pieces), 'link')} collide, of {counted(faces, 'face')}",
+        summary=f"{counted(len(pieces), 'link')} to collide with, of {counted(faces, 'face')}",
         language="python",
         load=(
             "import pybullet  # pip install pybullet",

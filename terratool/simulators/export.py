@@ -17,11 +17,17 @@ from terratool import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.mesh.formats.common import ascii_word, plain_names
-from terratool.output import hold_signals, os_errors, part_folder, stop_on_signals
+from terratool.output import (
+    hold_signals,
+    os_errors,
+    part_folder,
+    refuse_missing_folder,
+    stop_on_signals,
+)
 from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Scene
-from terratool.simulators.targets import Target, Written, chosen
+from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
 from terratool.text.display import plain
 
 MANIFEST = "manifest.json"
@@ -50,21 +56,21 @@ class ExportPlan:
         targets: the simulators, by name.
         options: what is wanted.
         judge: the vehicle that the options name.
+        source: the file of the definition; None where it has none.
     """
 
     folder: Path
     targets: Mapping[str, Target]
     options: SceneOptions
     judge: Judge | None
+    source: Path | None
 
     def write(
-        self,
-        terrain: Terrain,
-        source: str | Path | None = None,
-        progress: Callable[[str], object] = lambda _: None,
+        self, terrain: Terrain, progress: Callable[[str], object] = lambda _: None
     ) -> tuple[SimulatorReport, ...]:
         """Write a terrain; arguments and errors are those of `export_simulators`."""
-        stem = "terrain" if source is None else Path(source).stem
+        source = self.source
+        stem = "terrain" if source is None else source.stem
         [name] = plain_names([stem], _in_name, "terrain")
         scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
         for target in self.targets.values():
@@ -89,15 +95,20 @@ def plan_export(
     targets: str | Iterable[str],
     options: SceneOptions | None = None,
     *,
+    source: str | Path | None = None,
     overwrite: bool = False,
 ) -> ExportPlan:
     """Check what can be checked before there is a terrain; as of `export_simulators`."""
     options, folder = options or SceneOptions(), Path(folder)
-    options.check()
     wanted = chosen((targets,) if isinstance(targets, str) else tuple(targets))
-    _check_folders(folder, tuple(wanted), overwrite)
+    options.check()
     judge = None if options.vehicle is None else Judge.of(options.vehicle)
-    return ExportPlan(folder, wanted, options, judge)
+    source = None if source is None else Path(source)
+    if source is not None:
+        _refuse_missing(source)
+    refuse_uninstalled(wanted)
+    _check_folders(folder, tuple(wanted), overwrite)
+    return ExportPlan(folder, wanted, options, judge, source)
 
 
 def export_simulators(
@@ -123,12 +134,12 @@ def export_simulators(
 
     Raises:
         RequestError: a target is unknown or not installed, or what was asked for makes no sense.
-        ReadError: the vehicle's file cannot be read.
+        ReadError: the definition's or the vehicle's file cannot be read.
         DefinitionError: it has errors.
         WriteError: a folder is there already, holds something else, or cannot be written.
     """
-    plan = plan_export(folder, targets, options, overwrite=overwrite)
-    return plan.write(terrain, source, progress or (lambda _: None))
+    plan = plan_export(folder, targets, options, source=source, overwrite=overwrite)
+    return plan.write(terrain, progress or (lambda _: None))
 
 
 @contextlib.contextmanager
@@ -155,10 +166,7 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
     Raises:
         WriteError: a folder is there already and not to be written again, or holds files of others.
     """
-    if not folder.parent.is_dir():
-        raise WriteError(
-            f"{folder}: there is no folder {folder.parent}.", "Make it, or choose another."
-        )
+    refuse_missing_folder(folder)
     if folder.exists() and not folder.is_dir():
         raise WriteError(f"{folder}: is a file.", "Choose a folder.")
     for name in targets:
@@ -225,9 +233,7 @@ def _hashes(folder: Path) -> dict[str, str]:
     return found
 
 
-def _manifest(
-    scene: Scene, key: str, written: Written, source: str | Path | None
-) -> dict[str, Any]:
+def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> dict[str, Any]:
     west, south, east, north = scene.terrain.bounds
     x, y, _ = scene.zero
     return {
@@ -235,7 +241,7 @@ def _manifest(
         "generator": f"terratool {__version__}",
         "target": key,
         "summary": written.summary,
-        "source": None if source is None else _source(Path(source)),
+        "source": None if source is None else _source(source),
         "descr": scene.terrain.descr,
         "origin": list(scene.zero),
         "bounds": [west - x, south - y, east - x, north - y],
@@ -254,6 +260,18 @@ def _manifest(
         **({"mesh": msgspec.to_builtins(scene.loss, enc_hook=plain)} if written.meshed else {}),
         **written.facts,
     }
+
+
+def _refuse_missing(path: Path) -> None:
+    """Refuse a definition that is not there.
+
+    Raises:
+        ReadError: it is not.
+    """
+    try:
+        path.stat()
+    except OSError as error:
+        raise ReadError.of(path, error) from error
 
 
 def _source(path: Path) -> dict[str, str]:

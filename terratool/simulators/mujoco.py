@@ -149,8 +149,9 @@ class _Solids:
                 self._add_patch(patch, surface)
         counts = self._counts
         summary = (
-            f"{counted(sum(counts.values()), 'geom')} collide: {counts['box']:,} boxes, "
-            f"{counts['mesh']:,} convex meshes, {counts['hfield']:,} height fields"
+            f"{counted(sum(counts.values()), 'geom')} to collide with: "
+            f"{counted(counts['box'], 'box')}, {counted(counts['mesh'], 'convex mesh')}, "
+            f"{counted(counts['hfield'], 'height field')}"
         )
         solids = found.height + built.error
         losses = _lost(found, solids, options.max_error, sum(counts.values()), options.max_geoms)
@@ -257,7 +258,7 @@ def _add_flexes(scene: Scene, body: ET.Element) -> tuple[str, str, dict[str, obj
         )  # fmt: skip
     number = len(scene.mesh.faces)
     return (
-        f"{counted(number, 'face')} collide, in {len(scene.parts)} rigid flexes",
+        f"{counted(number, 'face')} to collide with, in {counted(len(scene.parts), 'rigid flex')}",
         "What has flat faces, such as a box, falls through triangles of a flex that are larger than"
         " it (seen with MuJoCo 4.0); spheres do not.",
         {"flexes": len(scene.parts), "faces": number},

@@ -62,11 +62,11 @@ class SceneOptions:
         if not (math.isfinite(self.max_error) and self.max_error > 0.0):
             raise RequestError(
                 f"The largest error is {self.max_error:g}.",
-                "Give a height above 0 with --max-error.",
+                "Give a finite height above 0 with --max-error, such as 0.01.",
             )
         if not (math.isfinite(self.friction) and self.friction >= 0.0):
             raise RequestError(
-                f"The assumed friction is {self.friction:g}.", "Give a number from 0 on."
+                f"The assumed friction is {self.friction:g}.", "Give a finite number from 0 on."
             )
         if isinstance(self.origin, tuple) and not all(map(math.isfinite, self.origin)):
             raise RequestError(
@@ -75,11 +75,11 @@ class SceneOptions:
             )
         if not 0.0 < self.max_slope < 90.0:
             raise RequestError(
-                f"The steepest slope is {self.max_slope:g}°.", "Give degrees between 0 and 90."
+                f"The steepest slope is {self.max_slope:g}°.", "Give degrees above 0 and below 90."
             )
         if not (math.isfinite(self.max_step) and self.max_step >= 0.0):
             raise RequestError(
-                f"The highest step is {self.max_step:g}.", "Give a height from 0 on."
+                f"The highest step is {self.max_step:g}.", "Give a finite height from 0 on."
             )
         if self.resolution is not None:
             refuse_resolution(self.resolution)

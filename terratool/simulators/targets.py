@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
@@ -11,7 +11,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from terratool.errors import RequestError
-from terratool.text.display import listed
+from terratool.extras import install_command
+from terratool.text.display import listed, shown
 
 if TYPE_CHECKING:
     from terratool.simulators.scene import Scene
@@ -91,26 +92,53 @@ def chosen(names: tuple[str, ...]) -> dict[str, Target]:
     """Targets by name, in the order of the table; "all" is all of them.
 
     Raises:
-        RequestError: there is no such target, or what it needs is not installed.
+        RequestError: there is no such target, or none is named.
     """
-    unknown = [name for name in names if name not in TARGETS and name != "all"]
-    if unknown or not names:
+    if not names:
         raise RequestError(
-            f"There is no target {unknown[0]!r}." if unknown else "No target is named.",
-            f"Choose of {', '.join(TARGETS)}, or all.",
+            "No target is named.", f"Name one with --target: {', '.join(TARGETS)}, or all."
         )
-    found = {name: one for name, one in TARGETS.items() if name in names or "all" in names}
+    for name in names:
+        if name not in TARGETS and name != "all":
+            raise RequestError(f"There is no target {shown(name)}.", _meant(name))
+    return {name: one for name, one in TARGETS.items() if name in names or "all" in names}
+
+
+def _meant(name: str) -> str:
+    """What to do about the name of a target that there is not."""
+    from difflib import get_close_matches
+
+    known = [*TARGETS, "all"]
+    parts = name.replace(",", " ").split()
+    near = [close for part in parts for close in get_close_matches(part.lower(), known, 1)]
+    if not near or len(near) < len(parts):
+        return f"Choose of {', '.join(TARGETS)}, or all."
+    if len(near) > 1:
+        return f"Name each by itself: {_as_options(near)}."
+    return f"Did you mean {near[0]}?"
+
+
+def refuse_uninstalled(targets: Mapping[str, Target]) -> None:
+    """Refuse targets that cannot be written here.
+
+    Raises:
+        RequestError: what some of them need is not installed.
+    """
     missing = {
         name: one.needs[1:]
-        for name, one in found.items()
+        for name, one in targets.items()
         if one.needs and find_spec(one.needs[0]) is None
     }
     if missing:
         packages = listed([f"{package} for {name}" for name, (package, _) in missing.items()])
-        hint = f"Run pip install 'terratool[{','.join(extra for _, extra in missing.values())}]'"
-        rest = " ".join(f"--target {name}" for name in found if name not in missing)
+        install = install_command(*(extra for _, extra in missing.values()))
+        rest = _as_options([name for name in targets if name not in missing])
         raise RequestError(
             f"Not installed: {packages}.",
-            f"{hint}, or choose the others: {rest}." if rest else f"{hint}.",
+            f"Choose the others ({rest}), or run {install}" if rest else f"Run {install}",
         )
-    return found
+
+
+def _as_options(names: Sequence[str]) -> str:
+    """Targets as a command is told them."""
+    return " ".join(f"--target {name}" for name in names)

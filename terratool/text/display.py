@@ -99,8 +99,9 @@ def plain(value: Any) -> Any:
 
 
 def counted(count: int, noun: str) -> str:
-    """A number of things in words: 1 file, 2,000 files, 3 libraries."""
-    many = f"{noun[:-1]}ies" if noun.endswith("ry") else f"{noun}s"
+    """A number of things in words: 1 file, 2,000 files, 3 libraries, 4 boxes."""
+    plural = "es" if noun.endswith(("x", "sh")) else "s"
+    many = f"{noun[:-1]}ies" if noun.endswith("ry") else f"{noun}{plural}"
     return f"{count:,} {noun if count == 1 else many}"
 
 

@@ -12,6 +12,7 @@ from terratool.text.scan import TEXT
 A_KEY = "a key in double quotes"
 A_VALUE = "a value"
 NO_TEXT = "Save the file as UTF-8; it may be UTF-16, or no text at all."
+_OTHER_FILE = "Check the name of the file; a definition is a JSON text in UTF-8."
 
 _word = re.compile(r"[\w.+-]*").match
 """What hangs together as a number or a word, right or wrong."""
@@ -22,6 +23,7 @@ _found = re.compile(
     r"""['`‘’‚“”„]([^"'`‘’‚“”„\r\n]*)['`‘’“”]|[\w$][\w$.+-]*|//|/\*|.""",
     re.DOTALL,
 ).match
+_behind_comments = re.compile(r"(?:\s++|(?://|#)[^\n]*+|/\*(?s:.*?)\*/)*+\{?").match
 _formula = re.compile(r'[^],}"\r\n]*').match
 _BETWEEN = rf'(?:[^][{{}}"]++|{TEXT})*+'
 _LEAVES = rf"(?:{_BETWEEN}(?:\{{{_BETWEEN}\}}|\[{_BETWEEN}\]))*+"
@@ -330,8 +332,11 @@ def bad_encoding(data: bytes, error: UnicodeDecodeError) -> JsonSyntaxError:
     hint = "Save the file as UTF-8."
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         message = "the file begins as UTF-16 where UTF-8 is expected."
-    elif b"\0" in data:
+    elif b"\0" in data and data.strip(b"\0 \t\r\n").startswith(b"{"):
         hint = NO_TEXT
+    elif b"\0" in data:
+        message = f"the file is no text: the byte 0x{data[error.start]:02X} is not valid UTF-8."
+        hint = _OTHER_FILE
     return JsonSyntaxError("TT109", len(before), message, hint)
 
 
@@ -419,7 +424,14 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSynta
     """Something at an offset, or the end of the file, where another thing must stand."""
     begin = innermost(text, offset)
     if begin < 0:
-        wanted, hint = 'the "{" of a definition', "Write a terrain or a vehicle, a JSON object."
+        wanted = 'the "{" of a definition'
+        if not _commented(text):
+            begins = _found(text, offset).group()  # type: ignore[union-attr]
+            if begins.isprintable():
+                message = (
+                    f'the file is no JSON text: it begins with {shown(begins)}, not with "{{".'
+                )
+                return JsonSyntaxError("TT101", offset, message, _OTHER_FILE)
     else:
         what, closing = ("an object", "}") if text[begin] == "{" else ("a list", "]")
         if offset == len(text):
@@ -440,6 +452,11 @@ def unexpected(text: str, offset: int, wanted: str, hint: str = "") -> JsonSynta
     hint = hint or _meant(text, offset, wanted) or f"Write {wanted}."
     message = f"{_name(found)} stands where {wanted} is expected."
     return JsonSyntaxError("TT101", offset, message, hint)
+
+
+def _commented(text: str) -> bool:
+    """Whether a text is an object behind comments, which it must not have."""
+    return _behind_comments(text).group().endswith("{")  # type: ignore[union-attr]
 
 
 def open_brackets(text: str, offset: int) -> tuple[list[int], int]:

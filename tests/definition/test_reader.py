@@ -500,3 +500,23 @@ def test_load_definition_raises_with_the_findings(tmp_path: Path) -> None:
     ]
     assert caught.value.message.startswith(f"{path}:1:10: TT106: ")
     assert caught.value.exit_code == 1
+
+
+@pytest.mark.parametrize("owner", ["element", "track"])
+@pytest.mark.parametrize(
+    ("key", "hint"),
+    [
+        ("void", 'write "hole": {"void": true} in "surfTypes", and "surface": "hole" here.'),
+        ("fricAngle", 'write "new": {"fricAngle": …} in "surfTypes", and "surface": "new" here.'),
+    ],
+)
+def test_keys_of_surfaces_elsewhere_are_told_where_they_go(owner: str, key: str, hint: str) -> None:
+    """An element or a track names its surface; what it is made of stands there."""
+    terrain = json.loads(GOOD)
+    if owner == "element":
+        terrain["elemTree"][key] = True
+    else:
+        terrain["tracks"] = [{"path": [[0, 0], [1, 1]], "width": 0.1, "depth": 0.1, key: True}]
+    (finding,) = check(json.dumps(terrain)).findings
+    assert finding.message.startswith(f'"{key}" is no key of a')
+    assert finding.hint.startswith(f"It is a key of surfaces: {hint}")

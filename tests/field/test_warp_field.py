@@ -382,7 +382,7 @@ class TestArrays:
 
     def test_without_the_package(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(warp_field, "find_spec", lambda name: None)
-        with pytest.raises(RequestError, match=r"pip install 'terratool\[warp\]'"):
+        with pytest.raises(RequestError, match=r'-m pip install "terratool\[warp\]"'):
             terrain_of(OBLONG).to_warp()
 
     def test_it_is_imported_when_it_is_wanted(self) -> None:

@@ -758,7 +758,7 @@ SHAPELESS = {
     "a boolean number": (spec_with(seed=True), "/seed", "no whole number"),
     "a difficulty of 2": (spec_with(difficulty=[0, 2]), "/difficulty/1", "is 2"),
     "a tile of 80 m": (spec_with(tile=80), "/tile", "is 80"),
-    "a tile of two texts": (spec_with(tile=["a", "b"]), "/tile", "no number"),
+    "a tile of two texts": (spec_with(tile=["a", "b"]), "/tile/0", "no number"),
     "a reserved name": (
         spec_with(kinds={"level": {"kind": "box"}}),
         "/kinds/level",
@@ -774,7 +774,22 @@ WRONG = {
     "an upturned range": (kind_with("box", height=[0.4, 0.2]), "/kinds/a/height", "begins above"),
     "too many tiles": (spec_with(rows=200, columns=51), "/columns", "more than 10,000"),
     "a tenth of a millimetre": (spec_with(tile=[8, 7.0001]), "/tile", "millimetres"),
-    "a large platform": (kind_with("gap", platform=7), "/kinds/a/platform", "take 9 m"),
+    "a large platform": (
+        kind_with("gap", platform=7),
+        "/kinds/a/platform",
+        '"platform" (7 m) and twice "gapWidth" (1 m, the default) leave nothing of the tile\'s 8 m',
+    ),
+    "a platform by default": (
+        kind_with("gap", gapWidth=[0, 2.5]),
+        "/kinds/a/platform",
+        '"platform" (3 m, the default) and twice "gapWidth" (2.5 m) leave nothing',
+    ),
+    "a wide border": (
+        kind_with("waves", border=4),
+        "/kinds/a/border",
+        'twice "border" (4 m) leaves nothing of the tile\'s 8 m',
+    ),
+    "no ground": (spec_with(surface={"void": True}), "/surface/void", "no tile would have ground"),
     "a wide step": (
         kind_with("pyramidStairs", stepWidth=3.5),
         "/kinds/a/stepWidth",
@@ -808,6 +823,83 @@ def test_what_is_wrong_with_a_spec_is_said_where_it_is(name: str, tmp_path: Any)
     assert found, [(f.pointer, f.message) for f in caught.value.findings]
     assert found[0].hint.endswith((".", "?")) and found[0].line >= 1
     assert str(caught.value).startswith(f"{path}:")
+
+
+ONCE = {
+    "kinds are missing": spec_with(kinds=None),
+    "a small tile": spec_with(tile=0.1),
+    "one side of a tile": spec_with(tile=[8, 0.1]),
+    "one end of a range": kind_with("box", height=[5, "high"]),
+    "nothing is left for steps": kind_with("pyramidStairs", border=4),
+    "nothing is left for rails": kind_with("rails", platform=8),
+    "a kind is missing": spec_with(kinds={"a": {"slope": 1}}),
+}
+
+
+@pytest.mark.parametrize("name", ONCE)
+def test_what_is_wrong_is_said_once(name: str) -> None:
+    with pytest.raises(DefinitionError) as caught:
+        curriculum(ONCE[name])
+    assert len(caught.value.findings) == 1, [f.message for f in caught.value.findings]
+
+
+@pytest.mark.parametrize(
+    "key", ["rows", "seed", "border", "jitter", "tile", "origin", "difficulty"]
+)
+@pytest.mark.parametrize(("sign", "digits"), [("-", 310), ("", 5000)])
+def test_numbers_of_hundreds_of_digits_are_refused(
+    key: str, sign: str, digits: int, tmp_path: Any
+) -> None:
+    """They are whole numbers in JSON, and beyond all doubles."""
+    path, number = tmp_path / "spec.json", f"{sign}1{'0' * digits}"
+    value = f"[0, {number}]" if key in ("origin", "difficulty") else number
+    path.write_text(json.dumps(spec_with(**{key: "HERE"})).replace('"HERE"', value))
+    done = run("curriculum", path, tmp_path / "out.json")
+    assert (done.code, done.out) == (1, "")
+    assert f'"{key}" is no ' in done.err and "number.\n  Write one from " in done.err
+    assert len(done.err) < 500 and "e+" not in done.err
+    assert run("validate", path).code == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "file"),
+    [
+        ("terrain", "paper-example.json"),
+        ("vehicle", "vehicles/husky-a200.json"),
+        ("library", "kit/roads.json"),
+    ],
+)
+def test_other_files_are_no_specs(kind: str, file: str, tmp_path: Any) -> None:
+    path = ROOT / "samples" / file
+    done = run("curriculum", path, tmp_path / "out.json")
+    assert (done.code, done.out) == (1, "")
+    assert done.err.splitlines() == [
+        f"terratool: {path}: is a {kind}, where the spec of a curriculum is wanted.",
+        "  Name a spec here, such as samples/curricula/rough.json.",
+    ]
+
+
+def test_kinds_without_a_tile_are_told(tmp_path: Any) -> None:
+    """Not where they are to have none."""
+    kinds = {
+        "many": {"kind": "pyramidStairs"},
+        "few": {"kind": "box", "proportion": 0.01},
+        "off": {"kind": "pit", "proportion": 0},
+    }
+    path = tmp_path / "spec.json"
+    path.write_text(json.dumps(spec_with(columns=3, kinds=kinds)))
+    done = run("curriculum", path, tmp_path / "out.json")
+    assert done.code == 0 and "3 tiles (3 many)" in done.out
+    assert done.err.splitlines() == [
+        '"few": no tile is of this kind, as its proportion is too small for 3 columns. '
+        "Make it larger, or add columns."
+    ]
+    path.write_text(json.dumps(spec_with(columns=3, kinds=kinds, curriculum=False)))
+    done = run("curriculum", path, tmp_path / "other.json")
+    assert '"few": no tile is of this kind, as each has a random one.' in done.err
+    assert '"off"' not in done.err
+    told = json.loads(run("curriculum", path, tmp_path / "third.json", "--json").out)
+    assert told["kinds"] == {"many": 3, "few": 0, "off": 0}
 
 
 def test_all_that_is_wrong_is_said(tmp_path: Any) -> None:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -149,9 +150,21 @@ def test_folders_of_others_are_kept(yard: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["--target", "unity"], 2, "There is no target 'unity'"),
+        ([], 2, "with --target: mujoco, gazebo, pybullet, usd, chrono, nav2, grid-map, or all."),
+        (["--target", "unity"], 2, 'There is no target "unity"'),
+        (["--target", "unity"], 2, "Choose of mujoco, gazebo,"),
+        (["--target", "mujco"], 2, "Did you mean mujoco?"),
+        (["--target", "MuJoCo"], 2, "Did you mean mujoco?"),
+        (["--target", "grid_map"], 2, "Did you mean grid-map?"),
+        (["--target", "mujoco", "--target", "al"], 2, "Did you mean all?"),
+        (["--target", "usd,nav2"], 2, "Name each by itself: --target usd --target nav2."),
+        (["--target", "usd, gazbo"], 2, "Name each by itself: --target usd --target gazebo."),
+        (["--target", "usd,unity"], 2, "Choose of mujoco, gazebo,"),
+        (["--target", ","], 2, "Choose of mujoco, gazebo,"),
         (["--target", "mujoco", "--max-error", "0"], 2, "The largest error is 0"),
         (["--target", "mujoco", "--max-error", "nan"], 2, "The largest error is nan"),
+        (["--target", "mujoco", "--max-error", "inf"], 2, "Give a finite height above 0"),
+        (["--target", "nav2", "--max-slope", "90"], 2, "Give degrees above 0 and below 90."),
         (["--target", "mujoco", "--origin", "here"], 2, "The origin is 'here'"),
         (["--target", "mujoco", "--origin", "1,2"], 2, "The origin is '1,2'"),
         (["--target", "mujoco", "--origin", "1,2,inf"], 2, "The origin is 1 2 inf"),
@@ -175,26 +188,141 @@ def test_nonsense_is_refused(arguments: list[str], code: int, words: str, tmp_pa
     [
         (
             "all", ("rosbags",), "rosbags for grid-map",
-            "'terratool[ros]', or choose the others: --target mujoco --target gazebo "
-            "--target pybullet --target usd --target chrono --target nav2",
+            "Choose the others (--target mujoco --target gazebo --target pybullet --target usd "
+            '--target chrono --target nav2), or run PYTHON -m pip install "terratool[ros]"',
         ),
         (
             "all", ("rosbags", "pxr"), "usd-core for usd and rosbags for grid-map",
-            "'terratool[usd,ros]', or choose the others: --target mujoco --target gazebo "
-            "--target pybullet --target chrono --target nav2",
+            "Choose the others (--target mujoco --target gazebo --target pybullet --target chrono "
+            '--target nav2), or run PYTHON -m pip install "terratool[usd,ros]"',
         ),
-        ("usd", ("pxr",), "usd-core for usd", "'terratool[usd]'"),
+        (
+            "usd", ("pxr",), "usd-core for usd", 'Run PYTHON -m pip install "terratool[usd]"',
+        ),
     ],
 )  # fmt: skip
 def test_what_is_not_installed(
     wanted: str, missing: tuple[str, ...], what: str, hint: str, tmp_path: Path
 ) -> None:
-    """It is named before the definition is read, which is not there; nothing is written."""
-    with patch.object(targets, "find_spec", lambda name: None if name in missing else name):
+    """It is named before the definition is read, which is none, but after one that is missing."""
+    (tmp_path / "yard.json").write_text("no JSON")
+    with (
+        patch.object(targets, "find_spec", lambda name: None if name in missing else name),
+        patch.object(sys, "executable", "PYTHON"),
+    ):
         ran = run("export-sim", tmp_path / "yard.json", tmp_path / "o", "--target", wanted)
-    assert ran.code == 2
-    assert ran.err == f"terratool: Not installed: {what}.\n  Run pip install {hint}.\n"
+        lost = run("export-sim", tmp_path / "lost.json", tmp_path / "o", "--target", wanted)
+    assert (ran.code, ran.err) == (2, f"terratool: Not installed: {what}.\n  {hint}\n")
+    assert lost.code == 3
+    assert f"{tmp_path / 'lost.json'}: cannot be read (no such file" in lost.err
     assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wrong", "hint"),
+    [
+        (
+            "gazebo --max-geoms 2000",
+            "--max-geoms is about mujoco, but the target is gazebo.",
+            "Leave it out, or add --target mujoco.",
+        ),
+        (
+            "gazebo --target nav2 --flex",
+            "--flex is about mujoco, but the targets are gazebo and nav2.",
+            "Leave it out, or add --target mujoco.",
+        ),
+        (
+            "mujoco --heightmap",
+            "--heightmap is about gazebo, but the target is mujoco.",
+            "Leave it out, or add --target gazebo.",
+        ),
+        (
+            "mujoco --vehicle not-there.json",
+            "--vehicle is about nav2 and grid-map, but the target is mujoco.",
+            "Leave it out, or add --target nav2 or --target grid-map.",
+        ),
+        (
+            "chrono --resolution 0.1",
+            "--resolution is about nav2 and grid-map, but the target is chrono.",
+            "Leave it out, or add --target nav2 or --target grid-map.",
+        ),
+        (
+            "usd --max-slope 20",
+            "--max-slope is about nav2, but the target is usd.",
+            "Leave it out, or add --target nav2.",
+        ),
+        (
+            "pybullet --max-step 0.1",
+            "--max-step is about nav2, but the target is pybullet.",
+            "Leave it out, or add --target nav2.",
+        ),
+        (
+            f"nav2 --vehicle {HUSKY} --max-slope 20",
+            "--max-slope has no effect with --vehicle.",
+            "Leave out --max-slope or --vehicle.",
+        ),
+        (
+            f"all --max-step 0.1 --vehicle {HUSKY}",
+            "--max-step has no effect with --vehicle.",
+            "Leave out --max-step or --vehicle.",
+        ),
+        (
+            "mujoco --flex --max-geoms 2000",
+            "--max-geoms has no effect with --flex.",
+            "Leave out --max-geoms or --flex.",
+        ),
+    ],
+)
+def test_options_without_effect_are_refused(
+    arguments: str, wrong: str, hint: str, yard: str, tmp_path: Path
+) -> None:
+    """Also where they say what is the default anyway."""
+    ran = run("export-sim", yard, tmp_path / "o", "--target", *arguments.split())
+    assert (ran.code, ran.out, ran.err) == (2, "", f"terratool: {wrong}\n  {hint}\n")
+    assert not (tmp_path / "o").exists()
+
+
+def test_all_targets_take_all_options(yard: str, tmp_path: Path) -> None:
+    """A --target further on counts; so does "all", which gets as far as what is missing."""
+    more = ["--max-geoms", "9", "--heightmap", "--max-slope", "9", "--resolution", "1"]
+    several = ["--target", "nav2", "--target", "gazebo", "--target", "mujoco"]
+    for chosen in (several, ["--target", "all"]):
+        ran = run("export-sim", yard, tmp_path / "no" / "o", *more, *chosen)
+        assert ran.code == 3
+        assert "does not exist" in ran.err
+
+
+def test_as_json(yard: str, tmp_path: Path) -> None:
+    """It has the folder of each target, and from its manifest what it is and what is lost."""
+    chosen = ("--target", "pybullet", "--target", "nav2")
+    ran = run("export-sim", yard, tmp_path / "o", *chosen, "--json")
+    assert ran.code == 0, ran.err
+    told = json.loads(ran.out)
+    assert list(told["targets"]) == ["pybullet", "nav2"]
+    for target, one in told["targets"].items():
+        manifest = manifest_of(tmp_path / "o" / target)
+        assert one == {
+            "folder": str(tmp_path / "o" / target),
+            "summary": manifest["summary"],
+            "losses": manifest["losses"],
+        }
+        assert one["losses"]
+
+
+def test_one_of_a_kind_is_said_so(tmp_path: Path) -> None:
+    """A box that is a level yard, of one surface."""
+    yard = {
+        "size": [4, 3],
+        "surfTypes": {"sand": {"fricAngle": 30}},
+        "elemTypes": {"flat": {"x": [1]}},
+        "elemTree": {"type": "flat", "surface": "sand", "vScale": 1},
+    }
+    targets = ("--target", "mujoco", "--target", "pybullet")
+    ran = run("export-sim", write(tmp_path, yard), tmp_path / "o", *targets)
+    assert "1 geom to collide with: 1 box, 0 convex meshes, 0 height fields\n" in ran.out
+    assert "1 link to collide with, of 2 faces\n" in ran.out
+    flexes = run("export-sim", write(tmp_path, yard), tmp_path / "f", *targets[:2], "--flex")
+    assert "2 faces to collide with, in 1 rigid flex\n" in flexes.out
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -278,9 +406,11 @@ def test_targets_are_a_name_or_names(wanted: Any, yard: str, tmp_path: Path) -> 
 
 
 def test_no_folder_for_the_folder(yard: str, tmp_path: Path) -> None:
-    ran = run("export-sim", yard, str(tmp_path / "a" / "b"), "--target", "mujoco")
-    assert ran.code == 3
-    assert "there is no folder" in ran.err
+    parent = tmp_path / "a b"
+    ran = run("export-sim", yard, parent / "c", "--target", "mujoco")
+    wrong = f"{parent / 'c'}: the folder {parent} does not exist."
+    hint = f"Create it first: mkdir -p '{parent}'"
+    assert (ran.code, ran.err) == (3, f"terratool: {wrong}\n  {hint}\n")
 
 
 def test_a_manifest_of_others_removes_nothing_outside(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ COMMENT = 'JSON has no comments: put the words in "descr" or in a key that begin
 ARITHMETIC = "JSON does no arithmetic: write the result, or an expression in double quotes."
 SPACE = "Remove it; only spaces, tabs and line ends may stand between values."
 NO_TEXT = "Save the file as UTF-8; it may be UTF-16, or no text at all."
+OTHER_FILE = "Check the name of the file; a definition is a JSON text in UTF-8."
 LIKE = "Write it like 12, -0.5 or 1e-3."
 COMMA = "there is no comma between two items."
 CLOSE_OBJECT = 'Complete it and close it with "}"; the file may have been cut off.'
@@ -121,13 +122,16 @@ def said(data: bytes) -> tuple[str, str]:
         ("[1 // one\n]", 'a comment stands where "," or "]" is expected.', COMMENT),
         ("[/* one */ 1]", f"a comment {VALUE}", COMMENT),
         ("# one\n{}", f"a comment {DEFINITION}", COMMENT),
+        ("// {\n/* one\n*/ # two\n {", f"a comment {DEFINITION}", COMMENT),
         ("{} // one", f"a comment {AFTER}", COMMENT),
         ("[1\xa0]", 'the character U+00A0 stands where "," or "]" is expected.', SPACE),
         ("\ufeff{}", f"the character U+FEFF {DEFINITION}", SPACE),
         # no JSON at all
         ("", "the file is empty.", "Write a terrain or a vehicle, a JSON object."),
-        ("GIF89a", f'"GIF89a" {DEFINITION}', "Write a terrain or a vehicle, a JSON object."),
-        ("size: 1", f'"size" {DEFINITION}', "Write a terrain or a vehicle, a JSON object."),
+        ("GIF89a", 'the file is no JSON text: it begins with "GIF89a", not with "{".', OTHER_FILE),
+        ("\nsize: 1", 'the file is no JSON text: it begins with "size", not with "{".', OTHER_FILE),
+        ("# A heading", 'the file is no JSON text: it begins with "#", not with "{".', OTHER_FILE),
+        ("/* one", 'the file is no JSON text: it begins with "/*", not with "{".', OTHER_FILE),
         ("{\0}\0", f"the character U+0000 {KEY}", NO_TEXT),
     ],
 )  # fmt: skip
@@ -140,7 +144,8 @@ def test_what_is_said_of_a_text(text: str, message: str, hint: str) -> None:
     ("data", "message", "hint"),
     [
         (b'{"descr": "caf\xe9"}', "the byte 0xE9 is not valid UTF-8.", "Save the file as UTF-8."),
-        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "the byte 0x89 is not valid UTF-8.", NO_TEXT),
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR",
+         "the file is no text: the byte 0x89 is not valid UTF-8.", OTHER_FILE),
         (b"\xff\xfe{\0}\0", "the file begins as UTF-16 where UTF-8 is expected.",
          "Save the file as UTF-8."),
         (b"\xfe\xff\0{\0}", "the file begins as UTF-16 where UTF-8 is expected.",

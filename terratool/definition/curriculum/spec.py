@@ -14,7 +14,7 @@ import msgspec
 
 from terratool.definition.curriculum.parameters import KINDS, Parameter, Value
 from terratool.definition.findings import Finding
-from terratool.definition.keys import CURRICULUM_KEYS
+from terratool.definition.keys import CURRICULUM_KEYS, document_kind
 from terratool.definition.reader import Checked, CheckOptions, check, refusal
 from terratool.definition.rules import RULES
 from terratool.errors import DefinitionError, RequestError
@@ -185,6 +185,12 @@ def spec_of(source: Source | Mapping[str, Any]) -> Spec:
         raise refusal(check(source)) from error
     errors = [one for one in _findings(source, reading.faults) if one.severity == "error"]
     if errors:
+        kind = document_kind(source.data)
+        if kind not in ("curriculum", None):
+            raise DefinitionError(
+                f"{source.name}: is a {kind}, where the spec of a curriculum is wanted.",
+                "Name a spec here, such as samples/curricula/rough.json.",
+            )
         raise refusal(Checked(tuple(errors), Counter(one.code for one in errors)))
     assert reading.spec is not None
     return reading.spec
@@ -285,7 +291,7 @@ class _Reading:
         spec = Spec(
             rows=int(self._number(value, "rows", Parameter("whole", 1, "", 1, MOST_TILES))),
             columns=int(self._number(value, "columns", Parameter("whole", 1, "", 1, MOST_TILES))),
-            kinds=tuple(self._kinds(value.get("kinds", {}), tile)),
+            kinds=tuple(self._kinds(value["kinds"], tile)) if "kinds" in value else (),
             tile=tile or (1.0, 1.0),
             seed=int(self._number(value, "seed", Parameter("whole", 0, "", 0, _LAST_SEED))),
             curriculum=self._flag(value, "curriculum", True),
@@ -327,7 +333,12 @@ class _Reading:
     def _tile(self, value: Any) -> tuple[float, float] | None:
         """Sides of a tile; None if they are wrong."""
         before = len(self.faults)
-        sides = self._pair("/tile", [value, value] if _is_number(value) else value, 0.5, LONGEST)
+        sides: tuple[float, float] | None
+        if not isinstance(value, (list, tuple)):
+            side = self._one("/tile", '"tile"', value, Parameter("number", 8.0, "", 0.5, LONGEST))
+            sides = side, side
+        else:
+            sides = self._pair("/tile", value, 0.5, LONGEST)
         if sides is not None and any(side != round(side, 3) for side in sides):
             self.wrong(
                 "/tile",
@@ -422,6 +433,12 @@ class _Reading:
         for finding in check(Source("the spec", msgspec.json.encode(text))).findings:
             rest = finding.pointer.removeprefix("/surfTypes/floor")
             self.wrong(f"/surface{rest}", finding.message, finding.hint, finding.code)
+        if value.get("void") is True:
+            self.wrong(
+                "/surface/void",
+                '"surface" is void, so no tile would have ground.',
+                'Leave out "void", or all of "surface".',
+            )
         surface: Mapping[str, Any] = value
         return surface
 
@@ -493,14 +510,17 @@ class _Reading:
         if not _is_number(value) or (whole and value != int(value)):
             kind = "whole number" if whole else "number"
             self.wrong(
-                pointer, f"{what} is no {kind}.", f"Write one from {low:g} to {high:g}.", "TT105"
+                pointer,
+                f"{what} is no {kind}.",
+                f"Write one from {_limit(low)} to {_limit(high)}.",
+                "TT105",
             )
             return low
         if not low <= value <= high:
             self.wrong(
                 pointer,
                 f"{what} is {shown(value)}.",
-                f"Write a number from {low:,g} to {high:,g}.",
+                f"Write a number from {_limit(low)} to {_limit(high)}.",
                 "TT106",
             )
             return low
@@ -516,11 +536,12 @@ class _Reading:
                 pointer, f'"{key}" is no pair of numbers.', "Write [least, greatest].", "TT105"
             )
             return parameter.low, parameter.low
+        before = len(self.faults)
         first, second = (
             self._one(f"{pointer}/{index}", f'"{key}"', one, parameter)
             for index, one in enumerate(value)
         )
-        if first > second:
+        if first > second and len(self.faults) == before:
             self.wrong(pointer, f'"{key}" begins above its end.', "Write the smaller number first.")
         return first, second
 
@@ -532,7 +553,9 @@ class _Reading:
             self.wrong(pointer, f"{what} is no pair of numbers.", "Write [x, y].", "TT105")
             return None
         parameter = Parameter("number", 0.0, "", low, high)
-        x, y = (self._one(pointer, what, one, parameter) for one in value)
+        x, y = (
+            self._one(f"{pointer}/{index}", what, one, parameter) for index, one in enumerate(value)
+        )
         return x, y
 
 
@@ -546,30 +569,37 @@ def _is_number(value: Any) -> bool:
     return math.isfinite(value) if isinstance(value, float) else abs(value) < _HUGE
 
 
+def _limit(number: float) -> str:
+    """The least or the greatest number allowed, in full."""
+    return f"{number:,}" if isinstance(number, int) else f"{number:,.12g}"
+
+
 def misfits(kind: KindSpec, tile: tuple[float, float]) -> Iterator[tuple[str, str, str]]:
     """What of a kind does not fit into its tile: key, what is wrong, what to do."""
     side = min(tile)
     has = kind.values
-    taken = 2.0 * kind.number("border") if "border" in has else 0.0
+    lengths = {key: kind.number(key) for key in ("platform", "border") if key in has}
     around = {"gap": "gapWidth", "rails": "thickness", "star": "width"}.get(kind.kind)
     if around:
-        taken += 2.0 * kind.range(around)[1]
-    platform = kind.number("platform") if "platform" in has else 0.0
+        lengths[around] = kind.range(around)[1]
+    platform = lengths.get("platform", 0.0)
+    taken = 2.0 * sum(long for key, long in lengths.items() if key != "platform")
     if taken + platform >= side:
-        key = "platform" if "platform" in has else "border"
+        parts = [_part(kind, key, long) for key, long in lengths.items() if long]
+        leave, which = ("leave", "one of them") if parts[1:] else ("leaves", "it")
         yield (
-            key,
-            f'"{key}" and what is around it take {taken + platform:g} m of the tile\'s {side:g} m.',
-            "Make the platform, or what is around it, smaller, or the tile larger.",
+            next(iter(lengths)),
+            f"{listed(parts)} {leave} nothing of the tile's {side:g} m.",
+            f"Make {which} smaller, or the tile larger.",
         )
     for key in ("stepWidth", "gridWidth", "spacing"):
-        if key in has and kind.number(key) > (side - taken) / 2:
+        if key in has and side > taken and kind.number(key) > (side - taken) / 2:
             yield (
                 key,
                 f'"{key}" is more than half of the {side - taken:g} m that the tile has for it.',
                 "Make it smaller, or the tile larger.",
             )
-    if kind.kind == "rails" and kind.range("thickness")[1] > (side - platform) / 5:
+    if kind.kind == "rails" and 0.0 < side - platform < 5.0 * kind.range("thickness")[1]:
         yield (
             "thickness",
             f'"thickness" is more than {(side - platform) / 5:g} m, a fifth of the way across.',
@@ -585,3 +615,10 @@ def misfits(kind: KindSpec, tile: tuple[float, float]) -> Iterator[tuple[str, st
                 f'"noiseStep" is more than the {high - low:g} m between the ends of "noise".',
                 "Make it smaller.",
             )
+
+
+def _part(kind: KindSpec, key: str, long: float) -> str:
+    """What takes a length of a tile, on both sides but for the platform."""
+    default = KINDS[kind.kind][key].default == kind.values[key]
+    twice = "" if key == "platform" else "twice "
+    return f'{twice}"{key}" ({long:g} m{", the default" if default else ""})'

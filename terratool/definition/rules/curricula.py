@@ -9,8 +9,9 @@ reader_rule(
     A grid of training tiles cannot be made as its spec says.
 
     There is no such kind of tile, what stands on a tile does not fit into it, a name is none that a
-    definition can have, a range ends before it begins, or there are too many tiles. Keys, types and
-    ranges have the codes that they have in terrains (TT102 to TT106), and so has the surface.
+    definition can have, a range ends before it begins, the surface is void, or there are too many
+    tiles. Keys, types and ranges have the codes that they have in terrains (TT102 to TT106), and so
+    has the surface.
 
     Fails:
 

@@ -126,7 +126,8 @@ def step_for(max_error: float, highest: float) -> float:
     """
     if not (math.isfinite(max_error) and max_error > 0):
         raise RequestError(
-            f"The largest error is {max_error:g}.", "Give a number above 0 with --max-error."
+            f"The largest error is {max_error:g}.",
+            "Give a finite number above 0 with --max-error, such as 0.1.",
         )
     if max_error < _FINEST * highest:
         raise RequestError(

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from terratool.errors import RequestError
+from terratool.extras import install_command
 from terratool.mesh.formats.glb import write_glb
 from terratool.mesh.formats.obj import write_obj
 from terratool.mesh.formats.ply import write_ply
@@ -88,6 +89,6 @@ def mesh_format(path: Path, world: bool = False) -> MeshFormat:
     if form.package and find_spec(form.module) is None:
         raise RequestError(
             f"{path.name}: {form.package} is not installed.",
-            f"Run pip install 'terratool[{form.extra}]'.",
+            f"Run {install_command(form.extra)}",
         )
     return form
