@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from terratool.mesh.formats.common import ascii_word, plain_names
 from terratool.output import hold_signals, os_errors, part_folder, stop_on_signals
 from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
-from terratool.simulators.scene import Scene
+from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen
 from terratool.text.display import plain
 
@@ -239,7 +239,7 @@ def _manifest(
         "descr": scene.terrain.descr,
         "origin": list(scene.zero),
         "bounds": [west - x, south - y, east - x, north - y],
-        "max_error": scene.options.max_error,
+        "max_error": scene.options.max_error if written.meshed else None,
         "surfaces": {
             one.name: {
                 "word": one.word,
@@ -266,10 +266,13 @@ def _source(path: Path) -> dict[str, str]:
 def _losses(scene: Scene, written: Written) -> Iterator[str]:
     """What files lose, in sentences."""
     if written.meshed:
-        yield from scene.loss.sentences()
+        walls, lost = scene.loss.sentences()
+        yield walls
+        apart = "error" in written.facts.get("collision", {})
+        yield lost.replace("Lost", "Lost of the mesh, which is only seen", 1) if apart else lost
     yield from written.losses
-    used = scene.used(written.meshed)
-    assumed = [one.name for one in used if one.derivation.startswith("assumed")]
+    held = _frictions(scene, written)
+    assumed = [one.name for one in held if one.derivation.startswith("assumed")]
     if assumed:
         names = ", ".join(assumed)
         yield f"Friction {scene.options.friction:g} is assumed, as there is no fricAngle: {names}."
@@ -285,9 +288,15 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
         lines += [note, ""]
     zero = " ".join(f"{number:.12g}" for number in scene.zero)
     lines += [f"Zero is at {zero} of the world; x points east, y north, z up, in metres.", ""]
-    lines += ["| surface | friction | from |", "|---|---|---|"]
-    for one in scene.used(written.meshed):
+    held = _frictions(scene, written)
+    lines += ["| surface | friction | from |", "|---|---|---|"] * bool(held)
+    for one in held:
         name = " ".join(one.name.replace("|", "\\|").split())
         lines.append(f"| {name} | {one.friction:.4g} | {one.derivation} |")
-    lines += ["", *_losses(scene, written), ""]
+    lines += [*[""] * bool(held), *_losses(scene, written), ""]
     return "\n".join(lines)
+
+
+def _frictions(scene: Scene, written: Written) -> Sequence[Material]:
+    """The surfaces whose friction is in the files."""
+    return scene.used(written.meshed) if written.frictions is None else written.frictions

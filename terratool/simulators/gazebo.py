@@ -145,6 +145,7 @@ def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
             }
         },
         meshed=False,
+        frictions=(one,),
     )
 
 

@@ -14,7 +14,7 @@ from terratool.errors import RequestError
 from terratool.text.display import listed
 
 if TYPE_CHECKING:
-    from terratool.simulators.scene import Scene
+    from terratool.simulators.scene import Material, Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,7 @@ class Written:
         losses: what the files cannot hold, or hold only roughly, each a sentence.
         facts: figures for programs, ready for JSON.
         meshed: whether they hold the mesh of the scene.
+        frictions: the surfaces whose friction they hold; None for all that the scene uses.
     """
 
     summary: str
@@ -38,6 +39,7 @@ class Written:
     losses: tuple[str, ...] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
     meshed: bool = True
+    frictions: tuple[Material, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

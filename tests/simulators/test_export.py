@@ -80,6 +80,17 @@ def test_assumed_friction_is_said(tmp_path: Path) -> None:
     assert "Friction 0.4 is assumed, as there is no fricAngle: sand, wet, grey." in ran.out
 
 
+def test_what_is_lost_of_what_is_seen_is_not_what_collides(tmp_path: Path) -> None:
+    """The mesh of the yard is exact; what collides is not, and is named right after it."""
+    ran = run("export-sim", write(tmp_path, YARD), str(tmp_path / "o"), "--target", "mujoco",
+              "--target", "pybullet")  # fmt: skip
+    assert ran.code == 0, ran.err
+    losses = [manifest_of(tmp_path / "o" / name)["losses"] for name in ("mujoco", "pybullet")]
+    assert losses[0][1] == "Lost of the mesh, which is only seen: nothing."
+    assert losses[0][2].startswith("What collides: solids are up to 0.002 m off the terrain")
+    assert losses[1][1] == "Lost: nothing."
+
+
 BARE = {key: value for key, value in YARD["elemTree"].items() if key != "surface"}
 RUT = {"path": [[-4, -4], [4, -4]], "width": 0.3, "depth": 0.1, "surface": "sand"}
 
@@ -105,7 +116,13 @@ def test_all_targets_state_the_same_surfaces(more: dict, names: list[str], tmp_p
         assert ("none" in names) == (manifest["surfaces"].get("none", {}).get("friction") == 0.4)
         assumed = [line for line in manifest["losses"] if "is assumed" in line]
         wanted = "Friction 0.4 is assumed, as there is no fricAngle: none."
-        assert assumed == [wanted] * ("none" in names)
+        # the map for Nav2 has nothing of friction
+        assert assumed == [wanted] * ("none" in names and target != "nav2")
+        readme = (tmp_path / "o" / target / "README.md").read_text("utf-8")
+        rows = [line.split(" | ")[0][2:] for line in readme.splitlines() if line[:2] == "| "]
+        assert rows == ([] if target == "nav2" else ["surface", *names])
+        # nor is there a mesh within an error in those of cells
+        assert manifest["max_error"] == (0.002 if target == "pybullet" else None)
 
 
 @pytest.mark.parametrize(
@@ -259,7 +276,10 @@ def test_files_of_a_target_change_together(
     [
         (["nav2", "--resolution", "1e-5"], "makes 1,000,000,000,000 cells"),
         (["grid-map", "--resolution", "1e-3"], "a message of"),
-        (["nav2", "--resolution", "30", "--vehicle", HUSKY], "is too coarse for wheels"),
+        (["nav2", "--resolution", "9", "--vehicle", HUSKY], "is too coarse for wheels"),
+        (["grid-map", "--resolution", "9", "--vehicle", HUSKY], "is too coarse for wheels"),
+        (["nav2", "--resolution", "10.1"], "are larger than the terrain, of 10 × 10"),
+        (["grid-map", "--resolution", "10.1"], "are larger than the terrain, of 10 × 10"),
     ],
 )
 def test_impossible_maps_are_refused_before_other_targets_are_written(

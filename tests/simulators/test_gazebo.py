@@ -198,13 +198,15 @@ def test_heightmap_in_dart(drop: Drop, tmp_path: Path) -> None:
 
 def test_heightmap_says_what_is_lost(tmp_path: Path) -> None:
     """The void and the walls, in figures."""
-    _, _, manifest = written(terrain_of(SITE), tmp_path / "o", "gazebo", heightmap=True)
+    folder, _, manifest = written(terrain_of(SITE), tmp_path / "o", "gazebo", heightmap=True)
     figures = manifest["heightmap"]
     assert figures["void"] == pytest.approx(1 / 24, rel=0.1)
     assert figures["max_error"] > 1  # at the sides of a box that is 5 m high
     text = " ".join(manifest["losses"])
     assert "walls become slopes" in text
     assert "friction and colour of rock" in text
+    readme = (folder / "README.md").read_text("utf-8")
+    assert "| rock |" in readme and "| grass |" not in readme
 
 
 def test_the_same_bytes(tmp_path: Path) -> None:

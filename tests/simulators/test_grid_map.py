@@ -25,7 +25,7 @@ from terratool.simulators.export import export_simulators
 from terratool.simulators.options import SceneOptions
 from terratool.text.source import Source
 from terratool.traversability.map import stream_map
-from tests.commands import ROOT
+from tests.commands import ROOT, call
 
 HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
 LAYERS = [
@@ -174,6 +174,50 @@ def test_a_vehicle_has_a_layer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert set(np.unique(cells).tolist()) == {0, 205, 254}
     np.testing.assert_array_equal(cells[::-1].T, from_north)
     assert manifest["grid_map"]["vehicle"]["file"] == "husky-a200.json"
+
+
+def test_verdicts_are_those_of_the_map_for_nav2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where cells are larger than those: each has that in which its middle lies."""
+    monkeypatch.setattr("terratool.simulators.grid_map.MOST", 40)
+    judged = Mock(wraps=stream_map)
+    monkeypatch.setattr("terratool.traversability.map.stream_map", judged)
+    options = SceneOptions(vehicle=HUSKY, origin="world")
+    nav2, grid_map = export_simulators(yard(), tmp_path, ("nav2", "grid-map"), options)
+    assert judged.call_count == 1
+    bag, facts = Bag(grid_map.folder), grid_map.manifest["grid_map"]
+    pixels = (nav2.folder / "map.pgm").read_bytes().split(b"\n", 3)[3]
+    from_south = np.frombuffer(pixels, np.uint8).reshape(100, 180)[::-1]
+    (x, y), layer = bag.positions(), bag.layer("traversability")
+    assert (facts["resolution"], facts["judged_resolution"]) == (0.25, 0.05)
+    assert layer.shape == (36, 20)
+    wanted = from_south[np.floor((y - 30) / 0.05).astype(int)][
+        :, np.floor((x + 2) / 0.05).astype(int)
+    ].T
+    cells = np.where(layer > 0, 254, 0)
+    cells[np.isnan(layer)] = 205
+    known = ~np.isnan(bag.layer("elevation"))
+    assert np.isnan(layer[~known]).all() and not known.all()
+    np.testing.assert_array_equal(cells[known], wanted[known])
+    assert {0, 205, 254} == set(np.unique(wanted[known]).tolist())
+
+
+def test_what_lacks_a_soil_is_named(tmp_path: Path) -> None:
+    """In the words of `traversability`; not without a vehicle."""
+    file = tmp_path / "yard.json"
+    file.write_text(json.dumps(YARD))
+    ran = call("traversability", file, "--vehicle", HUSKY, "--resolution", "0.1")
+    lacking = (
+        'Surface "slab" lacks cohesion, fricAngle and sinkage; some of the ground has no surface.'
+    )
+    assert lacking in " ".join(ran.out.split())
+    for vehicle in (HUSKY, None):
+        options = SceneOptions(vehicle=vehicle, resolution=0.1)
+        place = tmp_path / str(vehicle is None)
+        for report in export_simulators(yard(), place, ("nav2", "grid-map"), options):
+            said = [line for line in report.manifest["losses"] if "lacks" in line]
+            assert said == [f"{lacking} Cells there are unknown."] * (vehicle is not None)
 
 
 def test_losses_are_measured(tmp_path: Path) -> None:
