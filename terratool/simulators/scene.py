@@ -195,7 +195,10 @@ class Scene:
         worn.discard(-1)  # of tracks that leave the ground its own
         is_void = [surface.void is True for surface in terrain.surface_types.values()]
         found = [self.material(index) for index in sorted(worn) if not is_void[index]]
-        bare = sum(counts.values()) < terrain.elements
+        west, south, east, north = terrain.bounds
+        # a round or turned root leaves the corners, where there is no surface either
+        corners = terrain.sample([west, east, west, east], [south, south, north, north]).surface
+        bare = sum(counts.values()) < terrain.elements or -1 in corners
         return found + [self.material(-1)] * bare
 
 

@@ -92,6 +92,8 @@ def test_what_is_lost_of_what_is_seen_is_not_what_collides(tmp_path: Path) -> No
 
 
 BARE = {key: value for key, value in YARD["elemTree"].items() if key != "surface"}
+ROUND = {**YARD["elemTree"], "type": "dome", "children": []}
+TYPES = {**YARD["elemTypes"], "dome": {"x": "dome", "combine": "radial"}}
 RUT = {"path": [[-4, -4], [4, -4]], "width": 0.3, "depth": 0.1, "surface": "sand"}
 
 
@@ -101,6 +103,9 @@ RUT = {"path": [[-4, -4], [4, -4]], "width": 0.3, "depth": 0.1, "surface": "sand
         ({}, ["sand", "wet, grey"]),
         ({"elemTree": BARE}, ["wet, grey", "none"]),
         ({"elemTree": BARE, "tracks": [RUT]}, ["sand", "wet, grey", "none"]),
+        ({"elemTree": ROUND, "elemTypes": TYPES}, ["sand", "none"]),
+        ({"elemTree": {**ROUND, "type": "flat", "turnDeg": 20}}, ["sand", "none"]),
+        ({"elemTree": {**ROUND, "type": "flat", "turnDeg": 90}}, ["sand"]),
     ],
 )
 def test_all_targets_state_the_same_surfaces(more: dict, names: list[str], tmp_path: Path) -> None:
