@@ -16,13 +16,13 @@ import msgspec
 from terratool import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.mesh.formats.common import ascii_word, plain_names
+from terratool.mesh.formats.common import ascii_word, lines_of, plain_names
 from terratool.output import hold_signals, os_errors, part_folder, stop_on_signals
 from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen
-from terratool.text.display import plain
+from terratool.text.display import plain, printable
 
 MANIFEST = "manifest.json"
 README = "README.md"
@@ -169,7 +169,7 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
             raise WriteError(f"{place}: exists already.", "Choose another folder, or --overwrite.")
         if not place.is_dir() or not _earlier(place):
             raise WriteError(
-                f"{place}: was not written by terratool, as its {MANIFEST} is missing.",
+                f"{place}: was not written by terratool, as no {MANIFEST} in it says so.",
                 "Choose another folder, or remove it.",
             )
 
@@ -272,7 +272,7 @@ def _losses(scene: Scene, written: Written) -> Iterator[str]:
         yield lost.replace("Lost", "Lost of the mesh, which is only seen", 1) if apart else lost
     yield from written.losses
     held = _frictions(scene, written)
-    assumed = [one.name for one in held if one.derivation.startswith("assumed")]
+    assumed = [printable(one.name) for one in held if one.derivation.startswith("assumed")]
     if assumed:
         names = ", ".join(assumed)
         yield f"Friction {scene.options.friction:g} is assumed, as there is no fricAngle: {names}."
@@ -291,10 +291,10 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
     held = _frictions(scene, written)
     lines += ["| surface | friction | from |", "|---|---|---|"] * bool(held)
     for one in held:
-        name = " ".join(one.name.replace("|", "\\|").split())
+        name = printable(one.name).replace("|", "\\|")
         lines.append(f"| {name} | {one.friction:.4g} | {one.derivation} |")
     lines += [*[""] * bool(held), *_losses(scene, written), ""]
-    return "\n".join(lines)
+    return "\n".join([*lines_of("\n".join(lines)), ""])
 
 
 def _frictions(scene: Scene, written: Written) -> Sequence[Material]:

@@ -10,6 +10,7 @@ p = 0.19608: unknown at a `free_thresh` of 0.196, but free at 0.25.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -142,8 +143,8 @@ def _yaml(resolution: float, origin: list[float]) -> str:
     return (
         "image: map.pgm\n"
         "mode: trinary\n"
-        f"resolution: {resolution!r}\n"
-        f"origin: {origin!r}\n"
+        f"resolution: {json.dumps(resolution)}\n"
+        f"origin: {json.dumps(origin)}\n"
         "negate: 0\n"
         "occupied_thresh: 0.65\n"
         "free_thresh: 0.196\n"

@@ -266,6 +266,14 @@ def test_large_terrains_have_coarser_cells() -> None:
     assert grid.height * grid.resolution == pytest.approx(150)
 
 
+def test_numbers_of_numpy(tmp_path: Path) -> None:
+    """They stand in the YAML as others do."""
+    terrain = terrain_of(size=(3, 2))
+    origin = tuple(np.array([1.0, 2.5, 3.0]))
+    there, _ = exported(terrain, tmp_path, resolution=np.float64(0.25), origin=origin)
+    assert (there.resolution, there.origin) == (0.25, (WEST - 1.0, SOUTH - 2.5))
+
+
 def test_one_row_of_cells(tmp_path: Path) -> None:
     """Cells as large as the shorter side are no larger than the terrain."""
     there, _ = exported(terrain_of(size=(6.3, 2.1)), tmp_path, resolution=2.1)
