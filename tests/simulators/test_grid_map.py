@@ -130,6 +130,18 @@ def test_heights_are_where_they_stand(tmp_path: Path, origin: Any) -> None:
     assert info.pose.orientation.w == 1.0
 
 
+@pytest.mark.parametrize("side", [0.35, 5.0])
+def test_cells_that_do_not_divide_the_terrain(tmp_path: Path, side: float) -> None:
+    """They count from the south-west corner; what reaches over the edge is not known."""
+    bag, _ = exported(tmp_path, origin="world", resolution=side)
+    x, y = bag.positions()
+    assert (x[-1], y[-1]) == pytest.approx((-2 + side / 2, 30 + side / 2))
+    assert (len(x), len(y)) == (math.ceil(9 / side), math.ceil(5 / side))
+    wanted = yard().height(x[:, None], y)
+    np.testing.assert_allclose(bag.layer("elevation"), wanted, atol=1e-6)
+    assert np.isnan(wanted[0]).all() == (x[0] > 7)
+
+
 def test_layers(tmp_path: Path) -> None:
     """What the definition says of four places, in all layers."""
     bag, manifest = exported(tmp_path, origin="world", friction=0.4)
