@@ -29,7 +29,7 @@ from terratool.traversability.results import GroundClass
 MOST = 1024
 """The longer side has at most so many cells, if no resolution is given …"""
 MOST_BYTES = 1 << 30
-"""… and a message at most so many bytes, as ROS 2 sends it in one piece."""
+"""… and a message at most so many bytes: ROS 2 sends it in one piece."""
 TOPIC = "/grid_map"
 BAG = "grid_map"
 TYPE = "grid_map_msgs/msg/GridMap"

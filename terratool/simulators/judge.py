@@ -130,6 +130,6 @@ class Judge:
         lacking = lacking_of(missing, bare)
         facts = {"vehicle": dict(self.file), "judged_resolution": grid.resolution}
         return Verdict(
-            vehicle.name, grid, classes, f"{lacking} Cells there are unknown." if lacking else "",
+            vehicle.name, grid, classes, f"{lacking} Nothing is known of that ground." if lacking else "",
             {**facts, "classes": by_class},
         )  # fmt: skip

@@ -240,7 +240,7 @@ def test_what_lacks_a_soil_is_named(tmp_path: Path) -> None:
         place = tmp_path / str(vehicle is None)
         for report in export_simulators(yard(), place, ("nav2", "grid-map"), options):
             said = [line for line in report.manifest["losses"] if "lacks" in line]
-            assert said == [f"{lacking} Cells there are unknown."] * (vehicle is not None)
+            assert said == [f"{lacking} Nothing is known of that ground."] * (vehicle is not None)
 
 
 def test_losses_are_measured(tmp_path: Path) -> None:
