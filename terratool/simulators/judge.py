@@ -128,8 +128,9 @@ class Judge:
         }
         bare = bool((builder.surfaces[builder.ground] == 0).any())
         lacking = lacking_of(missing, bare)
-        facts = {"vehicle": dict(self.file), "judged_resolution": grid.resolution}
-        return Verdict(
-            vehicle.name, grid, classes, f"{lacking} Nothing is known of that ground." if lacking else "",
-            {**facts, "classes": by_class},
-        )  # fmt: skip
+        if lacking:
+            lacking += " Nothing is known of that ground."
+        facts = {
+            "vehicle": dict(self.file), "judged_resolution": grid.resolution, "classes": by_class,
+        }  # fmt: skip
+        return Verdict(vehicle.name, grid, classes, lacking, facts)
