@@ -16,8 +16,10 @@ import terratool
 from terratool.simulators import nav2, targets
 from terratool.simulators.export import export_simulators
 from terratool.simulators.options import SceneOptions
+from terratool.simulators.targets import TARGETS
 from tests.commands import ROOT, SAMPLE, YARD
 from tests.commands import call as run
+from tests.commands import run as run_apart
 
 
 def write(folder: Path, definition: dict) -> str:
@@ -137,6 +139,25 @@ def test_origins(origin: str, zero: list[float], yard: str, tmp_path: Path) -> N
     ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "nav2", "--origin", origin)
     assert ran.code == 0, ran.err
     assert manifest_of(tmp_path / "o" / "nav2")["origin"] == zero
+
+
+def test_the_same_bytes_in_another_process(tmp_path: Path) -> None:
+    """Whatever the order of sets, the zone of the clock, and the folders; for all targets."""
+    for needed in ("pxr", "rosbags"):
+        pytest.importorskip(needed, reason=f"{needed} is not installed")
+    soil = {"fricAngle": 30, "cohesion": 1, "sinkage": 0}
+    definition = {**YARD, "surfTypes": {**SURFACES, "sand": soil}}
+    found = []
+    for seed, zone in (("0", "UTC"), ("1", "Asia/Tokyo")):
+        place = tmp_path / seed
+        place.mkdir()
+        file = write(place, definition)
+        ran = run_apart("export-sim", file, place / "o", "--target", "all", "--vehicle", HUSKY,
+                        PYTHONHASHSEED=seed, TZ=zone)  # fmt: skip
+        assert ran.code == 0, ran.err
+        found.append(contents(place / "o"))
+    assert set(TARGETS) <= set(found[0])
+    assert found[0] == found[1]
 
 
 def test_overwriting(yard: str, tmp_path: Path) -> None:
