@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from terratool.field.bounds import finest_details, largest_heights, nonzero_edges
+from terratool.field.bounds import finest_details, largest_heights
 from terratool.field.summary import spread_points
 from terratool.field.terrain import Terrain
+from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Planes
@@ -341,8 +341,7 @@ class LossFinder:
         self._terrain = terrain = by_elements or terrain
         self._grid = grid
         self._dtype = np.dtype(dtype)
-        self._edges = nonzero_edges(terrain.arrays)
-        self._idle: deque[kernels.WallFinder] = deque()
+        self._finders = WallFinders(terrain)
         largest = float(largest_heights(terrain.arrays).max())
         self._level = max(_LEVEL * largest, _LOW * grid.resolution)
 
@@ -373,14 +372,12 @@ class LossFinder:
         pixels, all_pixels = window.height * window.width, self._grid.height * self._grid.width
         tests = max(_TESTS, all_pixels // _PIXELS_PER_TEST)
         chosen = _spread(count, max(_LEAST_TESTS, tests * pixels // all_pixels))
-
-        try:
-            finder = self._idle.pop()
-        except IndexError:
-            finder = kernels.WallFinder(self._terrain.field, self._edges)
         x, y = self._grid.columns(whole), self._grid.rows(whole)
         jumps, lengths = np.empty(len(chosen)), np.empty(len(chosen))
-        kernels.measure_walls(finder, pairs[chosen], x, y, resolution, self._level, jumps, lengths)
+        with self._finders.one() as finder:
+            kernels.measure_walls(
+                finder, pairs[chosen], x, y, resolution, self._level, jumps, lengths
+            )
         share = count / len(chosen)
         steepest, highest = (0.0, 0), (0.0, 0)
         if jumps.any():
@@ -393,14 +390,14 @@ class LossFinder:
         if len(chosen) < count:
             steeper = np.flatnonzero(rises > steepest[0])
             steeper = steeper[np.argsort(-rises[steeper], kind="stable")][: len(chosen)]
-            at, jump = kernels.first_wall(
-                finder, pairs[steeper], _SHARE * rises[steeper], x, y, resolution, self._level
-            )
+            with self._finders.one() as finder:
+                at, jump = kernels.first_wall(
+                    finder, pairs[steeper], _SHARE * rises[steeper], x, y, resolution, self._level
+                )
             if at >= 0:
                 name = -self._name(whole, int(pairs[steeper[at]]))
                 steepest = float(rises[steeper[at]]), name
                 highest = max(highest, (float(jump), name))
-        self._idle.append(finder)
         return LossCounts(
             candidates=count,
             tested=len(chosen),

@@ -8,12 +8,16 @@ from terratool.raster.grid import Grid, count_pixels, refuse_resolution, resolut
 from terratool.text.display import counted
 
 DEFAULT_SIDE = 0.05
-"""The side of a cell if none is said, in units of the terrain: what maps of Nav2 mostly have."""
+"""The side of a cell if none is said, in units of the terrain: what maps of Nav2 mostly have …"""
+MOST = 4096
+"""… and at most so many cells on the longer side."""
 MOST_CELLS = 1 << 28
 """So many take up to 2 GB."""
+_WHOLE = 1e-6
+"""What is larger by no more, in parts of it, is as large."""
 
 
-def cell_grid(terrain: Terrain, resolution: float | None, most: int) -> Grid:
+def cell_grid(terrain: Terrain, resolution: float | None, most: int = MOST) -> Grid:
     """Cells that cover all of a terrain, counted from its south-west corner.
 
     Where their side does not divide that of the terrain, the last ones reach over its edge.
@@ -24,7 +28,8 @@ def cell_grid(terrain: Terrain, resolution: float | None, most: int) -> Grid:
         most: … so many cells on the longer side.
 
     Raises:
-        RequestError: the resolution is no number above 0, or makes too many cells.
+        RequestError: the resolution is no number above 0, is larger than a side of the terrain, or
+            makes too many cells.
     """
     west, south, east, north = terrain.bounds
     width, depth = east - west, north - south
@@ -33,6 +38,11 @@ def cell_grid(terrain: Terrain, resolution: float | None, most: int) -> Grid:
         if count_pixels(max(width, depth), resolution) > most:
             resolution, _ = resolution_within(width, depth, most)
     refuse_resolution(resolution)
+    if resolution > min(width, depth) * (1.0 + _WHOLE):
+        raise RequestError(
+            f"Cells of {resolution:g} are larger than the terrain, of {width:g} × {depth:g}.",
+            f"Give at most {min(width, depth):g} with --resolution.",
+        )
     columns, rows = count_pixels(width, resolution), count_pixels(depth, resolution)
     if columns * rows > MOST_CELLS:
         raise RequestError(

@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import msgspec
 from terratool import __version__
 from terratool.errors import ReadError, WriteError
 from terratool.field.terrain import Terrain
-from terratool.mesh.formats.common import ascii_word, plain_names
+from terratool.mesh.formats.common import ascii_word, lines_of, plain_names
 from terratool.output import (
     hold_signals,
     os_errors,
@@ -26,9 +26,9 @@ from terratool.output import (
 )
 from terratool.simulators.judge import Judge
 from terratool.simulators.options import SceneOptions
-from terratool.simulators.scene import Scene
+from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Target, Written, chosen, refuse_uninstalled
-from terratool.text.display import plain
+from terratool.text.display import plain, printable
 
 MANIFEST = "manifest.json"
 README = "README.md"
@@ -177,7 +177,7 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
             raise WriteError(f"{place}: exists already.", "Choose another folder, or --overwrite.")
         if not place.is_dir() or not _earlier(place):
             raise WriteError(
-                f"{place}: was not written by terratool, as its {MANIFEST} is missing.",
+                f"{place}: was not written by terratool, as no {MANIFEST} in it says so.",
                 "Choose another folder, or remove it.",
             )
 
@@ -245,7 +245,7 @@ def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> 
         "descr": scene.terrain.descr,
         "origin": list(scene.zero),
         "bounds": [west - x, south - y, east - x, north - y],
-        "max_error": scene.options.max_error,
+        "max_error": scene.options.max_error if written.meshed else None,
         "surfaces": {
             one.name: {
                 "word": one.word,
@@ -284,10 +284,13 @@ def _source(path: Path) -> dict[str, str]:
 def _losses(scene: Scene, written: Written) -> Iterator[str]:
     """What files lose, in sentences."""
     if written.meshed:
-        yield from scene.loss.sentences()
+        walls, lost = scene.loss.sentences()
+        yield walls
+        apart = "error" in written.facts.get("collision", {})
+        yield lost.replace("Lost", "Lost of the mesh, which is only seen", 1) if apart else lost
     yield from written.losses
-    used = scene.used(written.meshed)
-    assumed = [one.name for one in used if one.derivation.startswith("assumed")]
+    held = _frictions(scene, written)
+    assumed = [printable(one.name) for one in held if one.derivation.startswith("assumed")]
     if assumed:
         names = ", ".join(assumed)
         yield f"Friction {scene.options.friction:g} is assumed, as there is no fricAngle: {names}."
@@ -303,9 +306,15 @@ def _readme(scene: Scene, target: Target, written: Written) -> str:
         lines += [note, ""]
     zero = " ".join(f"{number:.12g}" for number in scene.zero)
     lines += [f"Zero is at {zero} of the world; x points east, y north, z up, in metres.", ""]
-    lines += ["| surface | friction | from |", "|---|---|---|"]
-    for one in scene.used(written.meshed):
-        name = " ".join(one.name.replace("|", "\\|").split())
+    held = _frictions(scene, written)
+    lines += ["| surface | friction | from |", "|---|---|---|"] * bool(held)
+    for one in held:
+        name = printable(one.name).replace("|", "\\|")
         lines.append(f"| {name} | {one.friction:.4g} | {one.derivation} |")
-    lines += ["", *_losses(scene, written), ""]
-    return "\n".join(lines)
+    lines += [*[""] * bool(held), *_losses(scene, written), ""]
+    return "\n".join([*lines_of("\n".join(lines)), ""])
+
+
+def _frictions(scene: Scene, written: Written) -> Sequence[Material]:
+    """The surfaces whose friction is in the files."""
+    return scene.used(written.meshed) if written.frictions is None else written.frictions

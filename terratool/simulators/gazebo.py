@@ -145,6 +145,7 @@ def _heightmap(scene: Scene, link: ET.Element, folder: Path) -> Written:
             }
         },
         meshed=False,
+        frictions=(one,),
     )
 
 
@@ -156,8 +157,8 @@ def _picture_losses(
         f"Heights are in steps of {length(step)}, from 8 bits, at every"
         f" {length(size[0] / (found.side - 1))} × {length(size[1] / (found.side - 1))}; walls"
         " become slopes.",
-        f"At {found.points:,} random points they are {length(found.rms)} off (root mean square),"
-        f" and {length(found.worst)} at most.",
+        f"At {counted(found.points, 'random point')} they are {length(found.rms)} off (root mean"
+        f" square), and {length(found.worst)} at most.",
     ]
     if found.void:
         lines.append(

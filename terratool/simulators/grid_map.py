@@ -20,6 +20,7 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.loss import LossCounts, LossFinder, RasterLoss
 from terratool.raster.painter import Painter
 from terratool.raster.prefetch import TILE, prefetch, processors
+from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import Written
 from terratool.text.display import counted, length
@@ -65,7 +66,8 @@ _NOTE = (
 )
 _TRAVERSABILITY = (
     "traversability of {}, with its middle there: 1 for go, 0.5 for caution, 0 for what it "
-    "cannot be driven on, get to or come back from, NaN for what is not known. "
+    "cannot be driven on, get to or come back from, NaN for what is not known, judged in cells of "
+    "{}, those of the map for Nav2. "
 )
 _PLAY = (
     "The bag is MCAP; on Humble install ros-humble-rosbag2-storage-mcap. grid_map_msgs comes with "
@@ -77,16 +79,19 @@ def write(scene: Scene, folder: Path) -> Written:
     """Write a folder grid_map, which is the bag.
 
     Raises:
-        RequestError: there are too many cells, or they do not go with the vehicle.
+        RequestError: as of `check`.
     """
-    grid = scene.cells(MOST)
+    grid = _cells(scene)
     scene.say("sampling cells")
     layers, loss = _sampled(scene, grid)
-    by, more = dict[str, Any](), ""
-    verdict = scene.verdict(grid)
+    by, more, lacking = dict[str, Any](), "", ""
+    verdict = scene.verdict
     if verdict is not None:
-        layers["traversability"] = _traversability(verdict.classes)
-        by, more = {**verdict.facts}, _TRAVERSABILITY.format(verdict.vehicle)
+        values = _traversability(verdict.at_middles(grid))
+        values[np.isnan(layers["elevation"])] = np.nan
+        layers["traversability"] = values
+        by, lacking = {**verdict.facts}, verdict.lacking
+        more = _TRAVERSABILITY.format(verdict.vehicle, length(verdict.grid.resolution))
     x, y, _ = scene.zero
     west, south, east, north = grid.bounds
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y
@@ -101,6 +106,7 @@ def write(scene: Scene, folder: Path) -> Written:
         losses=(
             "A cell has what is at its middle, not a mean.",
             loss.sentence(grid.resolution),
+            *filter(None, [lacking]),
         ),
         facts={
             "grid_map": {
@@ -124,15 +130,21 @@ def check(scene: Scene) -> None:
     """Refuse cells that no message can have.
 
     Raises:
-        RequestError: there are too many, or they do not go with the vehicle.
+        RequestError: there are too many, they are too large, or they do not go with the vehicle.
     """
-    grid, layers = scene.cells(MOST), len(_NAMES) + (scene.judge is not None)
+    scene.cells()
+    grid, layers = _cells(scene), len(_NAMES) + (scene.judge is not None)
     size = 4 * layers * grid.width * grid.height
     if size > MOST_BYTES:
         raise RequestError(
             f"{grid.width} × {grid.height} cells make a message of {size / 1e9:.1f} GB.",
             f"Give a coarser --resolution; a message may have {MOST_BYTES / 1e9:.1f} GB.",
         )
+
+
+def _cells(scene: Scene) -> Grid:
+    """Those of the layers: fewer than those that the vehicle judges."""
+    return cell_grid(scene.terrain, scene.options.resolution, MOST)
 
 
 class _Part(NamedTuple):

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.mesh.export import no_ground
+from terratool.text.display import length
 from terratool.traversability.report.drawing import png
 
 _SIDES = 129, 257, 513, 1025
@@ -61,41 +62,48 @@ def write_heightmap(terrain: Terrain, path: Path) -> HeightMap:
     x = np.linspace(west, east, side)
     y = np.linspace(north, south, side)
     heights = np.stack([terrain.height(x, np.full(side, row)) for row in y])
-    if np.isnan(heights).all():
-        raise no_ground()
+    ground = ~np.isnan(heights)
+    if not ground.any():
+        raise RequestError(
+            "There is no ground for a picture: all of it is void, but for what is narrower than "
+            f"{length(longer / (side - 1))}.",
+            "Leave out --heightmap, or ask terratool info what the terrain is.",
+        )
+    rows, columns = np.nonzero(ground)
+    surfaces = terrain.sample(x[columns], y[rows]).surface
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     # a level picture has a range, too, or it could not be scaled
     extent = high - low if high > low else 1.0
     pixels = np.rint(np.where(np.isnan(heights), 0.0, (heights - low) / extent) * 255)
     path.write_bytes(png(pixels.astype(np.uint8)[:, :, None]))
-    return _compared(terrain, low + pixels / 255 * extent, low, extent)
+    points, rms, worst = _compared(terrain, low + pixels / 255 * extent)
+    return HeightMap(
+        side=side,
+        low=low,
+        range=extent,
+        surface=int(np.argmax(np.bincount(surfaces + 1))) - 1,
+        points=points,
+        rms=rms,
+        worst=worst,
+        void=1.0 - points / _POINTS,
+    )
 
 
-def _compared(
-    terrain: Terrain, heights: NDArray[np.float64], low: float, extent: float
-) -> HeightMap:
-    """The record of a picture with some heights, (side, side), from north to south."""
+def _compared(terrain: Terrain, heights: NDArray[np.float64]) -> tuple[int, float, float]:
+    """At how many random points with ground (side, side) heights, from the north, are compared.
+
+    And the root mean square of what they differ by, and the largest.
+    """
     west, south, east, north = terrain.bounds
     side = len(heights)
     rng = np.random.default_rng(_SEED)
     u, v = rng.random((2, _POINTS))
-    sample = terrain.sample(west + u * (east - west), north - v * (north - south))
+    exact = terrain.height(west + u * (east - west), north - v * (north - south))
     column, row = u * (side - 1), v * (side - 1)
     i, j = row.astype(int), column.astype(int)
     s, t = row - i, column - j
     above = (1 - t) * heights[i, j] + t * heights[i, j + 1]
     below = (1 - t) * heights[i + 1, j] + t * heights[i + 1, j + 1]
-    ground = ~np.isnan(sample.height)
-    off = ((1 - s) * above + s * below - sample.height)[ground]
-    surfaces = sample.surface[ground]
-    counts = np.bincount(surfaces + 1)
-    return HeightMap(
-        side=side,
-        low=low,
-        range=extent,
-        surface=int(np.argmax(counts)) - 1 if len(counts) else -1,
-        points=int(ground.sum()),
-        rms=math.sqrt(float((off**2).mean())) if len(off) else 0.0,
-        worst=float(np.abs(off).max(initial=0.0)),
-        void=1.0 - float(ground.mean()),
-    )
+    off = ((1 - s) * above + s * below - exact)[~np.isnan(exact)]
+    rms = math.sqrt(float((off**2).mean())) if len(off) else 0.0
+    return len(off), rms, float(np.abs(off).max(initial=0.0))

@@ -26,13 +26,17 @@ class Verdict:
 
     Attributes:
         vehicle: its name.
+        grid: the cells.
         classes: (height, width) uint8 `GroundClass`, rows from the north; UNKNOWN where there is no
             ground.
+        lacking: which surfaces lack a soil, in sentences; empty where none does.
         facts: who judged, and how many cells are what, for a manifest.
     """
 
     vehicle: str
+    grid: Grid
     classes: NDArray[np.uint8]
+    lacking: str
     facts: Mapping[str, Any]
 
     @property
@@ -40,6 +44,20 @@ class Verdict:
         """Where it can be driven to, and away from again."""
         classes = self.classes
         return np.asarray((classes == GroundClass.GO) | (classes == GroundClass.CAUTION))
+
+    def at_middles(self, grid: Grid) -> NDArray[np.uint8]:
+        """Those at the middles of other cells; beyond these here all is UNKNOWN.
+
+        (height, width), rows from the north.
+        """
+        own = self.grid
+        columns = np.floor((grid.columns(grid.whole) - own.west) / own.resolution).astype(np.int64)
+        rows = np.floor((grid.rows(grid.whole) - own.south) / own.resolution).astype(np.int64)
+        beyond = (rows >= own.height)[:, None] | (columns >= own.width)
+        at = np.minimum(rows, own.height - 1), np.minimum(columns, own.width - 1)
+        found: NDArray[np.uint8] = self.classes[::-1][np.ix_(*at)]
+        found[beyond] = GroundClass.UNKNOWN
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +104,8 @@ class Judge:
         """
         from terratool.raster.prefetch import processors
         from terratool.traversability.map import MapBuilder, stream_map
-        from terratool.traversability.soil import turnings
+        from terratool.traversability.report.wording import lacking_of
+        from terratool.traversability.soil import missing_of, turnings
 
         vehicle, surveyor = self.vehicle, self.surveyor(terrain, grid)
         builder = MapBuilder(terrain, surveyor, False, turnings(terrain, vehicle))
@@ -102,4 +121,16 @@ class Judge:
         classes[~builder.ground] = GroundClass.UNKNOWN
         counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()
         by_class = dict(zip([one.label for one in GroundClass], counts, strict=True))
-        return Verdict(vehicle.name, classes, {"vehicle": dict(self.file), "classes": by_class})
+        missing = {
+            name: missing_of(surface)
+            for name, surface in terrain.surface_types.items()
+            if surface.void is not True
+        }
+        bare = bool((builder.surfaces[builder.ground] == 0).any())
+        lacking = lacking_of(missing, bare)
+        if lacking:
+            lacking += " Nothing is known of that ground."
+        facts = {
+            "vehicle": dict(self.file), "judged_resolution": grid.resolution, "classes": by_class,
+        }  # fmt: skip
+        return Verdict(vehicle.name, grid, classes, lacking, facts)

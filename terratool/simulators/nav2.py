@@ -10,6 +10,7 @@ p = 0.19608: unknown at a `free_thresh` of 0.196, but free at 0.25.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,6 @@ from terratool.simulators.targets import Written
 from terratool.text.display import length
 from terratool.traversability.results import GroundClass
 
-MOST = 4096
-"""The longer side has at most so many cells, if no resolution is given."""
 BRIGHTNESS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 """Of pixels, as map_saver writes them."""
 
@@ -35,14 +34,15 @@ _UNKNOWN_NOTE = (
     "the costmap. Keep free_thresh at 0.196: with 0.25 unknown cells are read as free."
 )
 _LIMITS_NOTE = (
-    "A cell is occupied where a slope in it is steeper than the limit or a wall higher than it "
-    "stands in it; a wall on the line between two cells is in the upper one. What is on top of "
-    "something is free, if it is level, with occupied cells around. The relief of rough surfaces "
-    "counts; --no-roughness leaves it out."
+    "A cell is {side} wide (--resolution). It is occupied where a slope in it is steeper than "
+    "{slope:g}° (--max-slope) or a wall higher than {step} (--max-step) stands in it; a wall on "
+    "the line between two cells is in the upper one. The relief of rough surfaces counts; "
+    "--no-roughness leaves it out."
 )
 _VEHICLE_NOTE = (
-    "Cells say where the middle of the vehicle may stand, with one heading at least; its length "
-    "and width are in that already, so the costmap needs no inflation for them. Occupied is what "
+    "A cell is {side} wide (--resolution). It says whether the middle of the vehicle, {vehicle}, "
+    "may stand there, with one heading at least; its length and width are in that already, so the "
+    "costmap needs no inflation for them. Occupied is what "
     "it cannot be driven on, what it cannot get to from the largest part of the ground, or cannot "
     "come back from, and where it would stand over the edge. Unknown is what has no ground, or "
     "soil that is not known."
@@ -53,31 +53,35 @@ def check(scene: Scene) -> None:
     """Refuse cells that no map can have.
 
     Raises:
-        RequestError: there are too many, or they do not go with the vehicle.
+        RequestError: there are too many, they are too large, or they do not go with the vehicle.
     """
-    scene.cells(MOST)
+    scene.cells()
 
 
 def write(scene: Scene, folder: Path) -> Written:
     """Write map.yaml and map.pgm.
 
     Raises:
-        RequestError: there are too many cells, or they do not go with the vehicle.
+        RequestError: as of `check`.
     """
     options, terrain = scene.options, scene.terrain
-    grid = scene.cells(MOST)
-    verdict = scene.verdict(grid)
+    grid, verdict = scene.cells(), scene.verdict
+    side = length(grid.resolution)
     if verdict is None:
         scene.say("looking for slopes and walls")
         cells = occupancy(terrain, grid, Limits.of(options.max_slope, options.max_step))
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
         limits = f"slopes of {options.max_slope:g}° and steps of {length(options.max_step)}"
-        notes, losses = _LIMITS_NOTE, _limits_losses(grid.resolution)
+        notes = _LIMITS_NOTE.format(
+            side=side, slope=options.max_slope, step=length(options.max_step)
+        )
+        losses = _limits_losses(grid.resolution)
     else:
         cells = np.where(verdict.drivable, np.int8(FREE), np.int8(OCCUPIED))
         cells[verdict.classes == GroundClass.UNKNOWN] = UNKNOWN
         by, limits = {**verdict.facts}, verdict.vehicle
-        notes, losses = _VEHICLE_NOTE, (_VEHICLE_LOSS,)
+        notes = _VEHICLE_NOTE.format(side=side, vehicle=verdict.vehicle)
+        losses = _VEHICLE_LOSS, *filter(None, [verdict.lacking])
     _write_pgm(folder / "map.pgm", cells)
     x, y, _ = scene.zero
     origin = [grid.west - x, grid.south - y, 0.0]
@@ -85,8 +89,7 @@ def write(scene: Scene, folder: Path) -> Written:
     shares = {name: float((cells == value).mean()) for value, name in _NAMES.items()}
     said = ", ".join(f"{100 * share:.1f} % {name}" for name, share in shares.items())
     return Written(
-        summary=f"{grid.width} × {grid.height} cells of {length(grid.resolution)} for {limits}: "
-        f"{said}",
+        summary=f"{grid.width} × {grid.height} cells of {side} for {limits}: {said}",
         load=(
             "ros2 run nav2_map_server map_server --ros-args -p yaml_filename:=map.yaml",
             "# in another terminal",
@@ -106,6 +109,7 @@ def write(scene: Scene, folder: Path) -> Written:
             }
         },
         meshed=False,
+        frictions=(),
     )
 
 
@@ -118,6 +122,7 @@ _VEHICLE_LOSS = (
 def _limits_losses(resolution: float) -> tuple[str, ...]:
     return (
         "Heights, slopes and surfaces are not in the map.",
+        "The level top of something high is free, with occupied cells around it.",
         f"Slopes are looked at every {length(0.5 * resolution)}, and at crests; pits narrower than "
         "that, and corners that reach into a cell by less, may be missed.",
     )
@@ -138,8 +143,8 @@ def _yaml(resolution: float, origin: list[float]) -> str:
     return (
         "image: map.pgm\n"
         "mode: trinary\n"
-        f"resolution: {resolution!r}\n"
-        f"origin: {origin!r}\n"
+        f"resolution: {json.dumps(resolution)}\n"
+        f"origin: {json.dumps(origin)}\n"
         "negate: 0\n"
         "occupied_thresh: 0.65\n"
         "free_thresh: 0.196\n"

@@ -8,14 +8,14 @@ found by its crests. Heights come from the terrain itself, not from a raster of 
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.bounds import crest_lines, curve_weights, nonzero_edges
+from terratool.field.bounds import crest_lines, curve_weights
 from terratool.field.terrain import Terrain
+from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Painter
@@ -111,10 +111,9 @@ class ObstacleFinder:
         self._painter = Painter(
             terrain, self._nodes, np.float64, surfaces=False, slopes=True, labels=True
         )
-        self._edges = nonzero_edges(terrain.arrays)
+        self._finders = WallFinders(terrain)
         self._lines = crest_lines(terrain.arrays)
         self._weights = curve_weights(terrain.arrays)
-        self._idle: deque[kernels.WallFinder] = deque()
 
     def find(self, window: Window) -> _Found:
         """Look at the cells of a window."""
@@ -162,14 +161,10 @@ class ObstacleFinder:
         pairs = pairs[rises > self._limits.step - self._limits.slope * self._nodes.resolution]
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
         if len(pairs):
-            try:
-                finder = self._idle.pop()
-            except IndexError:
-                finder = kernels.WallFinder(self._terrain.field, self._edges)
-            kernels.walls_between(
-                finder, pairs, x, y, self._nodes.resolution, self._least, places, jumps
-            )
-            self._idle.append(finder)
+            with self._finders.one() as finder:
+                kernels.walls_between(
+                    finder, pairs, x, y, self._nodes.resolution, self._least, places, jumps
+                )
         index, which = np.nonzero(np.abs(jumps) > self._limits.step)
         rows, columns = np.divmod(pairs[index] >> 1, len(x))
         down = (pairs[index] & 1)[:, None] == 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from msgspec import UNSET
@@ -110,23 +110,28 @@ class Scene:
         """The faces of the mesh by surface, those of no surface last."""
         return surface_parts(self.mesh)
 
-    def cells(self, most: int) -> Grid:
-        """Cells for a map that the vehicle, if there is one, can judge; as of `cell_grid`.
+    def cells(self) -> Grid:
+        """Cells for a map for navigation; the vehicle, if there is one, can judge them.
 
         Raises:
-            RequestError: there are too many, or they are too coarse or too fine for the vehicle.
+            RequestError: they are as `cell_grid` refuses them, or too coarse or too fine for the
+                vehicle.
         """
-        grid = cell_grid(self.terrain, self.options.resolution, most)
+        grid = cell_grid(self.terrain, self.options.resolution)
         if self.judge is not None:
             self.judge.surveyor(self.terrain, grid)
         return grid
 
     @cached_property
-    def verdict(self) -> Callable[[Grid], Verdict | None]:
-        """What the vehicle makes of `cells`, found out once; None without a vehicle."""
-        return cache(
-            lambda grid: self.judge.verdict(self.terrain, grid, self.say) if self.judge else None
-        )
+    def verdict(self) -> Verdict | None:
+        """What the vehicle makes of `cells`; None without a vehicle.
+
+        Raises:
+            RequestError: as of `cells`.
+        """
+        if self.judge is None:
+            return None
+        return self.judge.verdict(self.terrain, self.cells(), self.say)
 
     @property
     def zero(self) -> tuple[float, float, float]:
@@ -151,7 +156,7 @@ class Scene:
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:
-        """Those of all surfaces but void, by their index; last is that of ground without one."""
+        """Those of all surfaces by their index, void or not; last is that of ground without one."""
         return tuple(self._materials())
 
     def _materials(self) -> Iterator[Material]:
@@ -190,7 +195,10 @@ class Scene:
         worn.discard(-1)  # of tracks that leave the ground its own
         is_void = [surface.void is True for surface in terrain.surface_types.values()]
         found = [self.material(index) for index in sorted(worn) if not is_void[index]]
-        bare = sum(counts.values()) < terrain.elements
+        west, south, east, north = terrain.bounds
+        # a round or turned root leaves the corners, where there is no surface either
+        corners = terrain.sample([west, east, west, east], [south, south, north, north]).surface
+        bare = sum(counts.values()) < terrain.elements or -1 in corners
         return found + [self.material(-1)] * bare
 
 

@@ -15,7 +15,7 @@ from terratool.extras import install_command
 from terratool.text.display import listed, shown
 
 if TYPE_CHECKING:
-    from terratool.simulators.scene import Scene
+    from terratool.simulators.scene import Material, Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +30,7 @@ class Written:
         losses: what the files cannot hold, or hold only roughly, each a sentence.
         facts: figures for programs, ready for JSON.
         meshed: whether they hold the mesh of the scene.
+        frictions: the surfaces whose friction they hold; None for all that the scene uses.
     """
 
     summary: str
@@ -39,6 +40,7 @@ class Written:
     losses: tuple[str, ...] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
     meshed: bool = True
+    frictions: tuple[Material, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

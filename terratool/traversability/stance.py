@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -11,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.bounds import crest_lines, curve_weights, nonzero_edges
+from terratool.field.bounds import crest_lines, curve_weights
 from terratool.field.terrain import Terrain
+from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Painter
@@ -380,10 +380,9 @@ class GroundPainter:
         terrain = terrain.written_out
         self._terrain, self._grid, self._least, self._radii = terrain, grid, least, radii
         self._painter = Painter(terrain, grid, slopes=slopes, labels=True)
-        self._edges = nonzero_edges(terrain.arrays)
+        self._finders = WallFinders(terrain)
         self._lines = crest_lines(terrain.arrays)
         self._weights = curve_weights(terrain.arrays)
-        self._idle: deque[kernels.WallFinder] = deque()
 
     def paint(self, window: Window) -> Ground:
         """The ground of a window."""
@@ -438,15 +437,11 @@ class GroundPainter:
     def _walls(self, window: Window, pairs: NDArray[np.int64]) -> Walls:
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
         if len(pairs):
-            try:
-                finder = self._idle.pop()
-            except IndexError:
-                finder = kernels.WallFinder(self._terrain.field, self._edges)
-            kernels.walls_between(
-                finder, pairs, self._grid.columns(window), self._grid.rows(window),
-                self._grid.resolution, 0.5 * self._least, places, jumps,
-            )  # fmt: skip
-            self._idle.append(finder)
+            with self._finders.one() as finder:
+                kernels.walls_between(
+                    finder, pairs, self._grid.columns(window), self._grid.rows(window),
+                    self._grid.resolution, 0.5 * self._least, places, jumps,
+                )  # fmt: skip
         return walls_in_order(pairs, window.width, places, jumps, self._grid.resolution)
 
 

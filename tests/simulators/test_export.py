@@ -17,8 +17,10 @@ import terratool
 from terratool.simulators import nav2, targets
 from terratool.simulators.export import export_simulators
 from terratool.simulators.options import SceneOptions
+from terratool.simulators.targets import TARGETS
 from tests.commands import ROOT, SAMPLE, YARD
 from tests.commands import call as run
+from tests.commands import run as run_apart
 
 
 def write(folder: Path, definition: dict) -> str:
@@ -81,7 +83,20 @@ def test_assumed_friction_is_said(tmp_path: Path) -> None:
     assert "Friction 0.4 is assumed, as there is no fricAngle: sand, wet, grey." in ran.out
 
 
+def test_what_is_lost_of_what_is_seen_is_not_what_collides(tmp_path: Path) -> None:
+    """The mesh of the yard is exact; what collides is not, and is named right after it."""
+    ran = run("export-sim", write(tmp_path, YARD), str(tmp_path / "o"), "--target", "mujoco",
+              "--target", "pybullet")  # fmt: skip
+    assert ran.code == 0, ran.err
+    losses = [manifest_of(tmp_path / "o" / name)["losses"] for name in ("mujoco", "pybullet")]
+    assert losses[0][1] == "Lost of the mesh, which is only seen: nothing."
+    assert losses[0][2].startswith("What collides: solids are up to 0.002 m off the terrain")
+    assert losses[1][1] == "Lost: nothing."
+
+
 BARE = {key: value for key, value in YARD["elemTree"].items() if key != "surface"}
+ROUND = {**YARD["elemTree"], "type": "dome", "children": []}
+TYPES = {**YARD["elemTypes"], "dome": {"x": "dome", "combine": "radial"}}
 RUT = {"path": [[-4, -4], [4, -4]], "width": 0.3, "depth": 0.1, "surface": "sand"}
 
 
@@ -91,6 +106,9 @@ RUT = {"path": [[-4, -4], [4, -4]], "width": 0.3, "depth": 0.1, "surface": "sand
         ({}, ["sand", "wet, grey"]),
         ({"elemTree": BARE}, ["wet, grey", "none"]),
         ({"elemTree": BARE, "tracks": [RUT]}, ["sand", "wet, grey", "none"]),
+        ({"elemTree": ROUND, "elemTypes": TYPES}, ["sand", "none"]),
+        ({"elemTree": {**ROUND, "type": "flat", "turnDeg": 20}}, ["sand", "none"]),
+        ({"elemTree": {**ROUND, "type": "flat", "turnDeg": 90}}, ["sand"]),
     ],
 )
 def test_all_targets_state_the_same_surfaces(more: dict, names: list[str], tmp_path: Path) -> None:
@@ -106,7 +124,13 @@ def test_all_targets_state_the_same_surfaces(more: dict, names: list[str], tmp_p
         assert ("none" in names) == (manifest["surfaces"].get("none", {}).get("friction") == 0.4)
         assumed = [line for line in manifest["losses"] if "is assumed" in line]
         wanted = "Friction 0.4 is assumed, as there is no fricAngle: none."
-        assert assumed == [wanted] * ("none" in names)
+        # the map for Nav2 has nothing of friction
+        assert assumed == [wanted] * ("none" in names and target != "nav2")
+        readme = (tmp_path / "o" / target / "README.md").read_text("utf-8")
+        rows = [line.split(" | ")[0][2:] for line in readme.splitlines() if line[:2] == "| "]
+        assert rows == ([] if target == "nav2" else ["surface", *names])
+        # nor is there a mesh within an error in those of cells
+        assert manifest["max_error"] == (0.002 if target == "pybullet" else None)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +140,25 @@ def test_origins(origin: str, zero: list[float], yard: str, tmp_path: Path) -> N
     ran = run("export-sim", yard, str(tmp_path / "o"), "--target", "nav2", "--origin", origin)
     assert ran.code == 0, ran.err
     assert manifest_of(tmp_path / "o" / "nav2")["origin"] == zero
+
+
+def test_the_same_bytes_in_another_process(tmp_path: Path) -> None:
+    """Whatever the order of sets, the zone of the clock, and the folders; for all targets."""
+    for needed in ("pxr", "rosbags"):
+        pytest.importorskip(needed, reason=f"{needed} is not installed")
+    soil = {"fricAngle": 30, "cohesion": 1, "sinkage": 0}
+    definition = {**YARD, "surfTypes": {**SURFACES, "sand": soil}}
+    found = []
+    for seed, zone in (("0", "UTC"), ("1", "Asia/Tokyo")):
+        place = tmp_path / seed
+        place.mkdir()
+        file = write(place, definition)
+        ran = run_apart("export-sim", file, place / "o", "--target", "all", "--vehicle", HUSKY,
+                        PYTHONHASHSEED=seed, TZ=zone)  # fmt: skip
+        assert ran.code == 0, ran.err
+        found.append(contents(place / "o"))
+    assert set(TARGETS) <= set(found[0])
+    assert found[0] == found[1]
 
 
 def test_overwriting(yard: str, tmp_path: Path) -> None:
@@ -387,7 +430,10 @@ def test_files_of_a_target_change_together(
     [
         (["nav2", "--resolution", "1e-5"], "makes 1,000,000,000,000 cells"),
         (["grid-map", "--resolution", "1e-3"], "a message of"),
-        (["nav2", "--resolution", "30", "--vehicle", HUSKY], "is too coarse for wheels"),
+        (["nav2", "--resolution", "9", "--vehicle", HUSKY], "is too coarse for wheels"),
+        (["grid-map", "--resolution", "9", "--vehicle", HUSKY], "is too coarse for wheels"),
+        (["nav2", "--resolution", "10.1"], "are larger than the terrain, of 10 × 10"),
+        (["grid-map", "--resolution", "10.1"], "are larger than the terrain, of 10 × 10"),
     ],
 )
 def test_impossible_maps_are_refused_before_other_targets_are_written(

@@ -16,6 +16,7 @@ import rasterio
 from rasterio.errors import NotGeoreferencedWarning
 
 import terratool
+from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from tests.conftest import terrain_of
 from tests.meshes import HILL, SITE
@@ -198,13 +199,32 @@ def test_heightmap_in_dart(drop: Drop, tmp_path: Path) -> None:
 
 def test_heightmap_says_what_is_lost(tmp_path: Path) -> None:
     """The void and the walls, in figures."""
-    _, _, manifest = written(terrain_of(SITE), tmp_path / "o", "gazebo", heightmap=True)
+    folder, _, manifest = written(terrain_of(SITE), tmp_path / "o", "gazebo", heightmap=True)
     figures = manifest["heightmap"]
     assert figures["void"] == pytest.approx(1 / 24, rel=0.1)
     assert figures["max_error"] > 1  # at the sides of a box that is 5 m high
     text = " ".join(manifest["losses"])
     assert "walls become slopes" in text
     assert "friction and colour of rock" in text
+    readme = (folder / "README.md").read_text("utf-8")
+    assert "| rock |" in readme and "| grass |" not in readme
+
+
+def test_heightmap_of_little_ground(tmp_path: Path) -> None:
+    """Its friction is that of the ground, be it so little that no random point meets it."""
+    island = {"at": [3, 6 - 86 * 6 / 128], "extent": [0.03, 0.02], "type": "box", "surface": "rock"}
+    text: dict[str, Any] = {
+        "size": [8, 6], "surfTypes": {"rock": {"fricAngle": 20}, "hole": {"void": True}},
+        "elemTypes": {"box": {"x": [1]}},
+        "elemTree": {"type": "box", "vScale": 0, "surface": "hole", "children": [island]},
+    }  # fmt: skip
+    folder, _, manifest = written(terrain_of(text), tmp_path / "o", "gazebo", heightmap=True)
+    assert "At 0 random points" in " ".join(manifest["losses"])
+    mu = {one.text for one in ET.parse(folder / "model.sdf").iter("mu")}
+    assert mu == {f"{math.tan(math.radians(20)):.6g}"}
+    text["elemTree"]["children"] = [{**island, "at": [3.03, 2]}]  # between pixels
+    with pytest.raises(RequestError, match=r"narrower than 0\.0625 m"):
+        written(terrain_of(text), tmp_path / "none", "gazebo", heightmap=True)
 
 
 def test_the_same_bytes(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from terratool.simulators.export import export_simulators
 from terratool.simulators.options import SceneOptions
 from terratool.text.source import Source
 from terratool.traversability.map import stream_map
-from tests.commands import ROOT
+from tests.commands import ROOT, call
 
 HUSKY = ROOT / "samples" / "vehicles" / "husky-a200.json"
 LAYERS = [
@@ -130,6 +130,18 @@ def test_heights_are_where_they_stand(tmp_path: Path, origin: Any) -> None:
     assert info.pose.orientation.w == 1.0
 
 
+@pytest.mark.parametrize("side", [0.35, 5.0])
+def test_cells_that_do_not_divide_the_terrain(tmp_path: Path, side: float) -> None:
+    """They count from the south-west corner; what reaches over the edge is not known."""
+    bag, _ = exported(tmp_path, origin="world", resolution=side)
+    x, y = bag.positions()
+    assert (x[-1], y[-1]) == pytest.approx((-2 + side / 2, 30 + side / 2))
+    assert (len(x), len(y)) == (math.ceil(9 / side), math.ceil(5 / side))
+    wanted = yard().height(x[:, None], y)
+    np.testing.assert_allclose(bag.layer("elevation"), wanted, atol=1e-6)
+    assert np.isnan(wanted[0]).all() == (x[0] > 7)
+
+
 def test_layers(tmp_path: Path) -> None:
     """What the definition says of four places, in all layers."""
     bag, manifest = exported(tmp_path, origin="world", friction=0.4)
@@ -174,6 +186,61 @@ def test_a_vehicle_has_a_layer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert set(np.unique(cells).tolist()) == {0, 205, 254}
     np.testing.assert_array_equal(cells[::-1].T, from_north)
     assert manifest["grid_map"]["vehicle"]["file"] == "husky-a200.json"
+
+
+def test_verdicts_are_those_of_the_map_for_nav2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where cells are larger than those: each has that in which its middle lies."""
+    monkeypatch.setattr("terratool.simulators.grid_map.MOST", 27)
+    judged = Mock(wraps=stream_map)
+    monkeypatch.setattr("terratool.traversability.map.stream_map", judged)
+    options = SceneOptions(vehicle=HUSKY, origin="world")
+    # the hole ends between middles of cells of 0.05 and of a third
+    *rest, hole = YARD["elemTree"]["children"]
+    text = {
+        **YARD,
+        "elemTree": {**YARD["elemTree"], "children": [*rest, {**hole, "at": [6.67, 1.25]}]},
+    }
+    terrain = Terrain(check(Source("yard.json", json.dumps(text).encode())))
+    nav2, grid_map = export_simulators(terrain, tmp_path, ("nav2", "grid-map"), options)
+    assert judged.call_count == 1
+    bag, facts = Bag(grid_map.folder), grid_map.manifest["grid_map"]
+    pixels = (nav2.folder / "map.pgm").read_bytes().split(b"\n", 3)[3]
+    from_south = np.frombuffer(pixels, np.uint8).reshape(100, 180)[::-1]
+    (x, y), layer = bag.positions(), bag.layer("traversability")
+    assert (facts["resolution"], facts["judged_resolution"]) == (pytest.approx(1 / 3), 0.05)
+    assert layer.shape == (27, 15)
+    columns, rows = (x + 2) / 0.05, (y - 30) / 0.05
+    wanted = from_south[np.ix_(rows.astype(int), columns.astype(int))].T
+    cells = np.where(layer > 0, 254, 0)
+    cells[np.isnan(layer)] = 205
+    known = ~np.isnan(bag.layer("elevation"))
+    assert np.isnan(layer[~known]).all() and (wanted[~known] != 205).any()
+    # middles on the line between two cells may be in either
+    for whole in (columns, rows):
+        apart = np.abs(whole - np.round(whole)) > 1e-6
+        known &= apart[:, None] if whole is columns else apart
+    assert known.sum() > 100
+    np.testing.assert_array_equal(cells[known], wanted[known])
+    assert {0, 205, 254} == set(np.unique(wanted[known]).tolist())
+
+
+def test_what_lacks_a_soil_is_named(tmp_path: Path) -> None:
+    """In the words of `traversability`; not without a vehicle."""
+    file = tmp_path / "yard.json"
+    file.write_text(json.dumps(YARD))
+    ran = call("traversability", file, "--vehicle", HUSKY, "--resolution", "0.1")
+    lacking = (
+        'Surface "slab" lacks cohesion, fricAngle and sinkage; some of the ground has no surface.'
+    )
+    assert lacking in " ".join(ran.out.split())
+    for vehicle in (HUSKY, None):
+        options = SceneOptions(vehicle=vehicle, resolution=0.1)
+        place = tmp_path / str(vehicle is None)
+        for report in export_simulators(yard(), place, ("nav2", "grid-map"), options):
+            said = [line for line in report.manifest["losses"] if "lacks" in line]
+            assert said == [f"{lacking} Nothing is known of that ground."] * (vehicle is not None)
 
 
 def test_losses_are_measured(tmp_path: Path) -> None:

@@ -71,6 +71,17 @@ def test_no_ground(target: str, heightmap: bool, tmp_path: Path) -> None:
     assert not (tmp_path / "o").exists()
 
 
+def test_readmes_can_be_shown(tmp_path: Path) -> None:
+    """Names and descriptions bring no control characters and no rows of their own."""
+    definition = named("a|b\x1b[31m\nc", descr="red\x1b[31m\nfox")
+    folder, _, manifest = written(terrain_of(definition), tmp_path / "o", "pybullet")
+    text = (folder / "README.md").read_text("utf-8")
+    assert "\nfox\n" in text
+    assert "\x1b" not in text and text[-1:] == "\n"
+    assert "| a\\|b\\x1b[31m\\nc | 0.7 |" in text
+    assert manifest["losses"][-1].endswith(r"fricAngle: a|b\x1b[31m\nc.")
+
+
 def test_targets_name_their_module() -> None:
     for target in TARGETS.values():
         assert target.write.__module__ == f"terratool.simulators.{target.writer}"

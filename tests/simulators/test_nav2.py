@@ -118,7 +118,7 @@ def exported(terrain: Terrain, folder: Path, **options: Any) -> tuple[Map, dict[
 
 def cells_of(terrain: Terrain, side: float, slope: float = 20.0, step: float = 0.1) -> Any:
     """What cells are, rows from the south."""
-    grid = cell_grid(terrain, side, 4096)
+    grid = cell_grid(terrain, side)
     return occupancy(terrain, grid, Limits.of(slope, step))[::-1]
 
 
@@ -261,9 +261,40 @@ def test_what_reaches_over_the_edge_is_unknown() -> None:
 
 
 def test_large_terrains_have_coarser_cells() -> None:
-    grid = cell_grid(terrain_of(size=(600.0, 150.0)), None, 4096)
+    grid = cell_grid(terrain_of(size=(600.0, 150.0)), None)
     assert grid.width <= 4096 and grid.width * grid.resolution == pytest.approx(600)
     assert grid.height * grid.resolution == pytest.approx(150)
+
+
+def test_numbers_of_numpy(tmp_path: Path) -> None:
+    """They stand in the YAML as others do."""
+    terrain = terrain_of(size=(3, 2))
+    origin = tuple(np.array([1.0, 2.5, 3.0]))
+    there, _ = exported(terrain, tmp_path, resolution=np.float64(0.25), origin=origin)
+    assert (there.resolution, there.origin) == (0.25, (WEST - 1.0, SOUTH - 2.5))
+
+
+def test_one_row_of_cells(tmp_path: Path) -> None:
+    """Cells as large as the shorter side are no larger than the terrain."""
+    there, _ = exported(terrain_of(size=(6.3, 2.1)), tmp_path, resolution=2.1)
+    assert there.cells.tolist() == [[FREE, FREE, FREE]]
+
+
+def test_the_readme_says_what_decided(tmp_path: Path) -> None:
+    """The limits or the vehicle, the side of a cell, and that tops are free."""
+    _, manifest = exported(
+        terrain_of(*YARD), tmp_path / "a", max_slope=17.5, max_step=0.25, resolution=0.125
+    )
+    text = (tmp_path / "a" / "nav2" / "README.md").read_text("utf-8")
+    for words in ("0.125 m wide", "17.5° (--max-slope)", "0.25 m (--max-step)"):
+        assert words in text
+    assert any(
+        line.startswith("The level top of something high is free") for line in manifest["losses"]
+    )
+    exported(terrain_of(*YARD), tmp_path / "b", vehicle=HUSKY, resolution=0.125)
+    text = (tmp_path / "b" / "nav2" / "README.md").read_text("utf-8")
+    assert "0.125 m wide" in text and "the vehicle, husky-a200," in text
+    assert "--max-s" not in text
 
 
 def test_a_vehicle_decides(tmp_path: Path) -> None:
@@ -307,6 +338,7 @@ def test_the_same_bytes(tmp_path: Path) -> None:
         ({"max_step": math.nan}, "highest step is nan"),
         ({"resolution": 0.0}, "resolution is 0"),
         ({"resolution": 1e-5}, "makes 240,000,000,000 cells"),
+        ({"resolution": 4.01}, "Cells of 4.01 are larger than the terrain, of 6 × 4"),
     ],
 )
 def test_refused(tmp_path: Path, options: dict[str, Any], says: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -342,13 +342,23 @@ def likely(report: TraversabilityReport) -> str:
 
 def lacking(report: TraversabilityReport) -> str:
     """Which surfaces lack what, in a sentence; nothing where none does."""
+    return lacking_of(
+        {one.surface: one.missing for one in report.surfaces}, without_surface(report)
+    )
+
+
+def lacking_of(missing: Mapping[str, Sequence[str]], bare: bool) -> str:
+    """Which surfaces lack what, in a sentence; nothing where none does.
+
+    Args:
+        missing: what each surface lacks, by its name.
+        bare: whether there is ground without a surface.
+    """
     lacks = [
-        f"surface {shown(one.surface)} lacks {listed(one.missing)}"
-        for one in report.surfaces
-        if one.missing
+        f"surface {shown(name)} lacks {listed(keys)}" for name, keys in missing.items() if keys
     ]
-    if without_surface(report):
-        lacks.append(f"{'some of ' * bool(report.surfaces)}the ground has no surface")
+    if bare:
+        lacks.append(f"{'some of ' * bool(missing)}the ground has no surface")
     text = "; ".join(lacks)
     return f"{text[:1].upper()}{text[1:]}." if text else ""
 

@@ -1,0 +1,34 @@
+"""What looks for the walls of a terrain, for several threads."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from terratool.field.bounds import nonzero_edges
+from terratool.field.terrain import Terrain
+from terratool.kernels import field as kernels
+
+
+class WallFinders:
+    """Finders of a terrain's walls: each thread needs its own, and one is made anew or used again.
+
+    Args:
+        terrain: with all parts written out.
+    """
+
+    def __init__(self, terrain: Terrain) -> None:
+        self._terrain = terrain
+        self._edges = nonzero_edges(terrain.arrays)
+        self._idle: deque[kernels.WallFinder] = deque()
+
+    @contextmanager
+    def one(self) -> Iterator[kernels.WallFinder]:
+        """A finder that no other thread has meanwhile."""
+        try:
+            finder = self._idle.pop()
+        except IndexError:
+            finder = kernels.WallFinder(self._terrain.field, self._edges)
+        yield finder
+        self._idle.append(finder)
