@@ -58,12 +58,12 @@ _DEEP = -1e6
 """The height of what is no ground."""
 _LEAST = 0.1
 """Solids may take no less of the error than this part."""
-_GROW = 1.25
-"""By this factor their error grows at least where there are too many of them …"""
-_LEAP = 2.0
-"""… and by this at most …"""
-_RATES = 1.2, 4.0
-"""… and it grows like the number to a power between these: curved ground needs few, rims more."""
+_GROW = 2.0
+"""By this factor their error grows where there are too many of them …"""
+_CLOSE = 1.25
+"""… and then shrinks, until it is no farther from one with too many …"""
+_ENOUGH = 0.8
+"""… or this part of all that there may be is used."""
 
 
 class Collision(NamedTuple):
@@ -178,38 +178,29 @@ class _Task:
         index, pieces = index[left], pieces[left]
         room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
         room, area = max(room, 1), float(areas_of(pieces).sum())
-        tried: list[tuple[float, float]] = []
+        labels, surfaces = self.groups[index], ground.surfaces[index]
+        too_low, best = 0.0, None
         while True:
             budget = Budget(room, area)
-            labels, surfaces = self.groups[index], ground.surfaces[index]
             found = cutting.cover_all(pieces, labels, surfaces, height, budget)
             if not budget.spent:
-                break
-            tried.append((height, budget.expected))
-            height = _grown(tried, room)
-            if height > spoilt:
+                best = height, found
+            elif height >= spoilt:
                 return None
+            else:
+                too_low = height
+            if best is None:
+                height = min(_GROW * height, spoilt)
+            elif too_low * _CLOSE >= best[0] or len(best[1]) >= _ENOUGH * room or not too_low:
+                break
+            else:
+                height = math.sqrt(too_low * best[0])
             self.say(f"covering what is near walls within {length(height)}")
+        height, found = best
         solids = cutting.solids + found
         laid = spread(laid, most - len(solids))
         patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
         return Collision(solids, patches, height, most, height > self.height)
-
-
-def _grown(tried: list[tuple[float, float]], room: int) -> float:
-    """The error within which solids may be few enough.
-
-    Args:
-        tried: errors, and how many solids there would be within each.
-        room: so many may be.
-    """
-    height, count = tried[-1]
-    rate, most = _RATES
-    if len(tried) > 1:
-        before, more = tried[-2]
-        fewer = math.log(more / count)
-        rate = most if fewer <= 0.0 else np.clip(math.log(height / before) / fewer, rate, most)
-    return height * float(np.clip((count / room) ** rate, _GROW, _LEAP))
 
 
 def _task_of(
@@ -264,7 +255,7 @@ class _Cutting:
         budget = Budget(most, float(areas_of(piece).sum()))
         if most <= 0:
             return
-        found = cover(self.ground, piece, surface, self.tolerance(height), budget)
+        found = cover(self.ground, [piece], [surface], self.tolerance(height), budget)
         if not budget.spent:
             self.solids += found
             self.done[part] = True
@@ -297,12 +288,10 @@ class _Cutting:
         self, pieces: Floats, labels: Ints, surfaces: Ints, height: float, budget: Budget
     ) -> list[Solid]:
         """Solids for triangles that have a label and a surface each; not all if that is spent."""
-        found: list[Solid] = []
-        for part in _parts(labels):
-            surface = int(surfaces[part[0]])
-            if not budget.spent:
-                found += cover(self.ground, pieces[part], surface, self.tolerance(height), budget)
-        return found
+        parts = _parts(labels)
+        worn = [int(surfaces[part[0]]) for part in parts]
+        tolerance = self.tolerance(height)
+        return cover(self.ground, [pieces[part] for part in parts], worn, tolerance, budget)
 
 
 class _Joints(NamedTuple):

@@ -17,7 +17,7 @@ from terratool.field.terrain import Terrain
 from terratool.simulators.continuation import continued
 from terratool.simulators.footing import Footing, footing_of, measured
 from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Ints
-from terratool.simulators.solids import Ground
+from terratool.simulators.solids import VOID, Ground
 
 CELLS = 96
 """Cells of a height field along its longer side."""
@@ -67,8 +67,14 @@ class Surroundings:
         return np.asarray(self.terrain.height(x + self.corner[0], y + self.corner[1]))
 
     def surface(self, x: Floats, y: Floats) -> Ints:
-        """Indices of its surfaces."""
-        return self.terrain.sample(x + self.corner[0], y + self.corner[1]).surface
+        """Indices of its surfaces at all columns x of rows y, which rise."""
+        near = self.ground.tree.query(shapely.box(x[0], y[0], x[-1], y[-1]))
+        worn = np.unique(self.ground.surfaces[near])
+        worn = worn[worn != VOID]
+        if len(worn) == 1:
+            return np.full((len(y), len(x)), worn[0])
+        sample = self.terrain.sample(x[None, :] + self.corner[0], y[:, None] + self.corner[1])
+        return sample.surface
 
 
 @dataclass(frozen=True)
@@ -183,7 +189,7 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     near.flat[sharp] = True
     held = shapely.covers(around.held, boxes)
     misses[_void_cells(around.ground, left, bottom, cell)] = np.nan
-    surfaces, mixed = _surfaces(around.surface(x[None, :], y[:, None]), k)
+    surfaces, mixed = _surfaces(around.surface(x, y), k)
     return HeightPatch(
         bounds, nodes, np.isfinite(misses) & ~held, held, near, surfaces, mixed, misses
     )
@@ -201,12 +207,15 @@ def _surfaces(samples: Ints, k: int) -> tuple[Ints, Bools]:
 
 def _void_cells(ground: Ground, left: Floats, bottom: Floats, cell: tuple[float, float]) -> Bools:
     """Whether cells have any void, (n, m), however narrow."""
+    found = np.zeros(left.shape, np.bool_)
     dx, dy = cell
+    around = shapely.box(left[0, 0], bottom[0, 0], left[-1, -1] + dx, bottom[-1, -1] + dy)
+    if not len(ground.void_tree.query(around)):
+        return found
     inset = 1e-6 * dx, 1e-6 * dy
     inner = shapely.box(
         left + inset[0], bottom + inset[1], left + dx - inset[0], bottom + dy - inset[1]
     )
-    found = np.zeros(left.shape, np.bool_)
     found.flat[ground.void_tree.query(inner.ravel(), predicate="intersects")[0]] = True
     return found
 

@@ -29,7 +29,7 @@ _NARROW = 2e-5
 _CUTS = 12
 """So many edges of what is in the way are tried as cuts."""
 _CONSIDERED = 256
-"""So many triangles of what is in the way are looked at, the largest."""
+"""So many triangles of what is in the way are looked at, or walls and creases, the largest."""
 _SHARES = 0.5, 0.25, 0.75, 0.375, 0.625
 """Where bent ground is cut, in parts of its width …"""
 _STRIPS = 16
@@ -150,11 +150,6 @@ class Budget:
     count: int = 0
 
     @property
-    def expected(self) -> float:
-        """How many there will be for all of it, if the rest takes as many."""
-        return self.count * self.area / max(self.done, _SLIVER)
-
-    @property
     def spent(self) -> bool:
         """Whether there are too many, or will be by far."""
         part, more = _FIRST
@@ -163,29 +158,34 @@ class Budget:
 
 
 def cover(
-    ground: Ground, piece: Floats, surface: int, tolerance: Tolerance, budget: Budget
+    ground: Ground, pieces: list[Floats], surfaces: list[int], tolerance: Tolerance, budget: Budget
 ) -> list[Solid]:
-    """Cover triangles of one surface by convex solids that rise nowhere above the ground.
+    """Cover triangles by convex solids that rise nowhere above the ground.
 
     A solid may lie under other, higher ground. What is bent is cut where that straightens it most,
     and where a solid would stand over lower ground it is cut along the edge of that.
 
     Args:
         ground: all of the ground.
-        piece: (m, 3, 3) the triangles, or parts of them.
-        surface: theirs.
+        pieces: (m, 3, 3) triangles, or parts of them, that hang together.
+        surfaces: those of the pieces.
         tolerance: how far solids may stand out.
         budget: is changed; once it is spent, what is found is not all.
     """
     found: list[Solid] = []
     # the largest are cut first, and then taken from all over: so a part of it tells of the whole
-    pieces = [piece]
-    while 0 < len(pieces) < _SAMPLE and not budget.spent:
-        largest = pieces.pop(int(np.argmax([areas_of(one).sum() for one in pieces])))
-        pieces += _solid_or_sides(ground, largest, surface, tolerance, budget, found)
-    for k in sorted(range(len(pieces)), key=lambda k: k * _GOLDEN % 1.0):
+    parts = list(zip(pieces, surfaces, strict=True))
+    sizes = [float(areas_of(piece).sum()) for piece in pieces]
+    while 0 < len(parts) < _SAMPLE and not budget.spent:
+        largest = int(np.argmax(sizes))
+        piece, surface = parts.pop(largest)
+        sizes.pop(largest)
+        for side in _solid_or_sides(ground, piece, surface, tolerance, budget, found):
+            parts.append((side, surface))
+            sizes.append(float(areas_of(side).sum()))
+    for k in sorted(range(len(parts)), key=lambda k: k * _GOLDEN % 1.0):
         if not budget.spent:
-            found += _covered(ground, pieces[k], surface, tolerance, budget)
+            found += _covered(ground, *parts[k], tolerance, budget)
     return found
 
 
@@ -312,7 +312,7 @@ def _bent(ground: Ground, piece: Floats) -> list[Floats]:
 def _within(piece: Floats, edges: Floats) -> Floats:
     """Edges that a piece lies on both sides of, (k, 2, 2): as many as are tried, the longest."""
     lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
-    edges = edges[np.argsort(-lengths, kind="stable")]
+    edges = edges[np.argsort(-lengths, kind="stable")[:_CONSIDERED]]
     found = edges[:0]
     for k in range(0, len(edges), 2 * _CUTS):
         some = edges[k : k + 2 * _CUTS]

@@ -17,6 +17,7 @@ from terratool.field.terrain import Terrain
 from terratool.simulators.footing import HALVES, heights_of
 from terratool.simulators.height_patch import HeightPatch
 from terratool.simulators.patches import misses_of
+from terratool.text.display import length
 from tests.conftest import terrain_of
 from tests.meshes import SITE
 from tests.simulators import checks
@@ -411,4 +412,18 @@ def test_one_geom_is_not_enough(tmp_path: Path) -> None:
     counts = manifest["collision"]
     assert 1 < sum(counts[kind] for kind in ("box", "mesh", "hfield")) < 100
     assert any("1 geom would be too far off" in line for line in manifest["losses"])
+    checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])
+
+
+def test_ground_of_many_faces_is_cut_from_a_coarser_mesh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What collides is farther off then, and no farther than is said; the picture is as asked."""
+    monkeypatch.setattr("terratool.simulators.mujoco._FINE", 1_000)
+    monkeypatch.setattr("terratool.simulators.mujoco._MANY", 3_000)
+    folder, ground, manifest = written(sample("sandy-cove"), tmp_path / "a", "mujoco")
+    counts = manifest["collision"]
+    assert manifest["max_error"] == 0.002
+    assert 0.004 < counts["solids_error"] < 0.1
+    assert f"{length(counts['solids_error'])} off the terrain" in manifest["losses"][-1]
     checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])

@@ -348,26 +348,35 @@ def pyramid_slope(name: str, tile: Rectangle, border: int, platform: float) -> S
     ways = [cut + (1.0 - cut) * k / max(1, rows) for k in range(rows + 1)]
 
     def at(way: float, side: int) -> float:
-        """Where X, or Y, is so much."""
-        return (border + way / 2 * (side - 2 * border)) / side
+        """Where X, or Y, is so much, mm."""
+        return border + way / 2 * (side - 2 * border)
 
-    primitives = {}
+    scale = round(cut * inner.w / 2 / MM, 6)
+    primitives: dict[str, Members] = {}
+    children = []
     for k, way in enumerate(ways):
-        before = ways[k - 1] if k else 0.0
-        along = [(at(0.0, tile.w), 0.0), (at(cut / way, tile.w), 1.0)]
-        hat = [(at(before, tile.h), 0.0), (at(way, tile.h), 1.0)]
+        own = f"{name} {k}"
+        along = [(at(0.0, tile.w) / tile.w, 0.0), (at(cut / way, tile.w) / tile.w, 1.0)]
+        hat = [(at(ways[k - 1] if k else 0.0, tile.h), 0.0), (at(way, tile.h), 1.0)]
         if k < rows:
             hat.append((at(ways[k + 1], tile.h), 0.0))
-        primitives[f"{name} {k}"] = {"x": _curve(_mirrored(along)), "y": _curve(_mirrored(hat))}
-    scale = round(cut * inner.w / 2 / MM, 6)
-    children = [
-        {"cellX": 0, "cellY": 0, "type": primitive, "vScale": scale} for primitive in primitives
-    ]
+        # a row is a strip of whole mm, up to the rows beside it; the last lies on both sides
+        first = math.floor(hat[0][0])
+        end = math.ceil(hat[-1][0]) if k < rows else tile.h - first
+        strip = [((y - first) / (end - first), z) for y, z in hat]
+        primitives[own] = {
+            "x": _curve(_mirrored(along)),
+            "y": _curve(strip if k < rows else _mirrored(strip)),
+        }
+        for y, turn in [(first, 0), (tile.h - end, 180)][: 1 + (k < rows)]:
+            place = {"cellX": 0, "cellY": y, "span": [1, end - first]}
+            turned = {"turnDeg": turn} if turn else {}
+            children.append({**place, "type": own, "vScale": scale, **turned})
     element = {
         "descr": "Slopes of 1 on four sides: X times Y up to the platform, all add up",
         "type": "ground",
         "vScale": 1,
-        "cells": 1,
+        "cells": [1, tile.h],
         "children": children,
     }
     if len(children) > 1:
