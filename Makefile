@@ -10,7 +10,8 @@ FUZZ ?=
 KILLS ?=
 TABLE = $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))$(1), sep="\n")'
 KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/raster/test_painter.py tests/field/test_tracks.py \
-  tests/raster/test_loss.py tests/mesh/test_build.py tests/mesh/test_solid.py tests/mesh/test_tracks.py \
+  tests/raster/test_loss.py tests/mesh/test_build.py tests/mesh/test_normals.py tests/mesh/test_solid.py \
+  tests/mesh/test_tracks.py tests/simulators/test_solids.py \
   tests/importing/test_zbuffer.py tests/importing/test_structure.py tests/importing/test_vrml_numbers.py \
   tests/importing/test_vrml_polygons.py tests/traversability/test_terramechanics.py tests/traversability/test_map.py \
   tests/traversability/test_route_graph.py

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from terratool.mesh.formats.common import points_of, shape_of
 from terratool.mesh.types import BuiltMesh
-from terratool.simulators.collision import Collision, collision_of
-from terratool.simulators.height_patch import HeightPatch
+from terratool.simulators.collision.build import Collision, collision_of
+from terratool.simulators.collision.height_patch import HeightPatch
+from terratool.simulators.collision.solids import Solid, rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.pieces import file_names
 from terratool.simulators.scene import Material, Scene
-from terratool.simulators.solids import Solid, rectangle
 from terratool.simulators.targets import Written
 from terratool.text.display import counted, length
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import shapely
 
-from terratool.simulators.continuation import continued
-from terratool.simulators.footing import footing_of, measured, rest_of
-from terratool.simulators.height_patch import HeightPatch
-from terratool.simulators.solids import Ground, areas_of
+from terratool.simulators.collision.continuation import continued
+from terratool.simulators.collision.footing import footing_of, measured, rest_of
+from terratool.simulators.collision.height_patch import HeightPatch
+from terratool.simulators.collision.solids import Ground, areas_of
 
 
 @pytest.mark.parametrize("angle", [0.0, 90.0, 180.0, -90.0, 33.0, 45.0, 110.0, 250.0])

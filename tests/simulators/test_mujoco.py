@@ -14,9 +14,9 @@ import pytest
 
 import terratool
 from terratool.field.terrain import Terrain
-from terratool.simulators.footing import HALVES, heights_of
-from terratool.simulators.height_patch import HeightPatch
-from terratool.simulators.patches import misses_of
+from terratool.simulators.collision.footing import HALVES, heights_of
+from terratool.simulators.collision.height_patch import HeightPatch
+from terratool.simulators.collision.patches import misses_of
 from terratool.text.display import length
 from tests.conftest import terrain_of
 from tests.meshes import SITE

@@ -10,7 +10,7 @@ import shapely
 
 from terratool.kernels import mesh as kernels
 from terratool.mesh.triangulate import delaunay
-from terratool.simulators.solids import Budget
+from terratool.simulators.collision.solids import Budget
 
 
 def ground(seed: int, count: int = 60) -> Any:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from terratool.simulators.height_patch import Bools, Floats, Indices
+from terratool.simulators.collision.height_patch import Bools, Floats, Indices
 
 Height = Callable[[Floats, Floats], Floats]
 

@@ -9,11 +9,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Indices, runs
-from terratool.simulators.solids import Ground
+from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Indices, runs
+from terratool.simulators.collision.solids import SLIVER, Ground
 
-_SLIVER = 1e-9
-"""Smaller areas are nothing, in square units of the terrain."""
 _ON = 1e-6
 """A point is on an edge that is nearer, in parts of the height of the triangle over it."""
 HALVES = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]])
@@ -67,7 +65,7 @@ def footing_of(patch: HeightPatch, ground: Ground, error: float) -> Footing:
     np.add.at(area, (cell[right], worn), shapely.area(pairs.shared[right]))
     surfaces, fits = patch.surfaces.copy(), ~patch.near
     surfaces[row, column] = area.argmax(axis=1) - 1
-    fits[row, column] = area.max(axis=1) > _SLIVER
+    fits[row, column] = area.max(axis=1) > SLIVER
     nodes = at.reshape(-1, 3, 2)
     used = _without(
         patch.used & fits & ~higher, np.concatenate([nodes[high], _ridges(nodes, edges)])
@@ -159,7 +157,7 @@ def _pairs(ground: Ground, shapes: NDArray[Any]) -> _Pairs:
     order = np.lexsort((triangle, first))
     first, triangle = first[order], triangle[order]
     shared = shapely.intersection(shapes[first], ground.tree.geometries[triangle])
-    some = shapely.area(shared) > _SLIVER
+    some = shapely.area(shared) > SLIVER
     return _Pairs(first[some], triangle[some], shared[some])
 
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
-from terratool.simulators.continuation import continued
-from terratool.simulators.footing import Footing, footing_of, measured
-from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Ints
-from terratool.simulators.solids import VOID, Ground
+from terratool.simulators.collision.continuation import continued
+from terratool.simulators.collision.footing import Footing, footing_of, measured
+from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
+from terratool.simulators.collision.solids import VOID, Ground
 
 CELLS = 96
 """Cells of a height field along its longer side."""

@@ -20,8 +20,8 @@ Ints = NDArray[np.int32]
 VOID = -2
 """In place of a surface: there is no ground."""
 
-_SLIVER = 1e-9
-"""Triangles of a smaller area are nothing, in square units of the terrain."""
+SLIVER = 1e-9
+"""Smaller areas are nothing, in square units of the terrain."""
 _SNAP = 1e-7
 """What is nearer to a cut than this is on it."""
 _NARROW = 2e-5
@@ -153,7 +153,7 @@ class Budget:
     def spent(self) -> bool:
         """Whether there are too many, or will be by far."""
         part, more = _FIRST
-        by_now = (part + _FAR * self.done / max(self.area, self.done, _SLIVER)) * self.most + more
+        by_now = (part + _FAR * self.done / max(self.area, self.done, SLIVER)) * self.most + more
         return self.count > min(by_now, self.most)
 
 
@@ -212,7 +212,7 @@ def _solid_or_sides(
 ) -> list[Floats]:
     """Adds the solid that stands for a piece, or else cuts it."""
     areas = areas_of(piece)
-    piece = piece[areas > _SLIVER]
+    piece = piece[areas > SLIVER]
     if not len(piece) or _is_narrow(piece):
         budget.done += float(areas.sum())
         return []
@@ -292,7 +292,7 @@ def _in_the_way(
         over = above[which] - limit
         one = (over > 0.0).any(axis=1)
         parts, _ = _clip(found[which][one], over[one], 1e-12)
-        parts = parts[areas_of(parts) > _SLIVER]
+        parts = parts[areas_of(parts) > SLIVER]
         bad.append(parts[shapely.intersects(zone, shapely.polygons(parts[:, :, :2]))])
     return np.concatenate(bad) if bad else np.empty((0, 3, 3))
 

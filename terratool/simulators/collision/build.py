@@ -1,4 +1,4 @@
-"""Ground as few convex solids and height fields, for simulators that collide only with such."""
+"""Cover the ground of a mesh: plane ground, hills, height fields, and what is left at walls."""
 
 from __future__ import annotations
 
@@ -16,10 +16,18 @@ from terratool.field.terrain import Terrain
 from terratool.mesh.components import components
 from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
-from terratool.simulators.footing import rest_of
-from terratool.simulators.height_patch import Bools, Floats, HeightPatch, Ints
-from terratool.simulators.patches import CELLS, Surroundings, lay_patches, spread
-from terratool.simulators.solids import VOID, Budget, Ground, Solid, Tolerance, areas_of, cover
+from terratool.simulators.collision.footing import rest_of
+from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
+from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patches, spread
+from terratool.simulators.collision.solids import (
+    VOID,
+    Budget,
+    Ground,
+    Solid,
+    Tolerance,
+    areas_of,
+    cover,
+)
 from terratool.text.display import length
 
 _VALLEY = 0.3
