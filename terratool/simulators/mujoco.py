@@ -227,15 +227,15 @@ def _lost(found: Collision, solids: float, wanted: float, geoms: int, most: int)
     parts = []
     if found.solids:
         parts.append(f"solids are up to {length(solids)} off the terrain, square to it")
-        if found.raised:
-            parts[0] += f", to keep to {counted(found.most, 'geom')}"
+        if found.raised and geoms <= most:
+            parts[0] += f", to keep to {counted(most, 'geom')}"
     if found.patches:
         parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
         if found.worst > wanted:
             parts[-1] += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
         if found.ragged:
             parts.append(f"lines between surfaces on them up to {length(found.ragged)}, a cell")
-    if found.most > most:
+    if geoms > most:
         parts.append(f"{counted(most, 'geom')} would be too far off, so there are {geoms:,}")
     return f"What collides: {'; '.join(parts)}."
 

@@ -17,7 +17,7 @@ from terratool.mesh.components import components
 from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.simulators.collision.footing import rest_of
-from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
+from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Indices, Ints
 from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patches, spread
 from terratool.simulators.collision.solids import (
     VOID,
@@ -55,9 +55,7 @@ _SEAM = 10.0
 _RIM = 1e-3
 """No solid reaches over the void by more than this part of the terrain's longer side."""
 _SPOILT = 0.1
-"""The ground is spoilt where it is off by more than this part of the relief: there are more …"""
-_PLENTY = 2000
-"""… unless so many height fields and solids are allowed."""
+"""Ground is spoilt where it is off by more than this part of the relief: then there are more."""
 _BORDER = 1e-8
 """What is nearer to the border of the terrain than this part of its side is on it."""
 _HAIR = 1e-7
@@ -81,14 +79,12 @@ class Collision(NamedTuple):
         solids: convex.
         patches: height fields.
         height: how far a roof of a solid may be from the mesh, square to it …
-        most: … so many were allowed …
         raised: … and whether that is more than was wanted, as they were too many.
     """
 
     solids: list[Solid]
     patches: list[HeightPatch]
     height: float
-    most: int
     raised: bool = False
 
     @property
@@ -134,11 +130,7 @@ def collision_of(
     """
     task = _task_of(terrain, built, max_error, say)
     spoilt = max(_SPOILT * float(np.ptp(built.mesh.vertices[:, 2])), 2.0 * max_error)
-    while True:
-        found = task.covered(most, spoilt)
-        if found is not None and (found.worst <= spoilt or most >= _PLENTY):
-            return found
-        most *= 2
+    return task.covered(most, spoilt)
 
 
 @dataclass(frozen=True)
@@ -163,52 +155,64 @@ class _Task:
     height: float
     say: Callable[[str], object]
 
-    def covered(self, most: int, spoilt: float) -> Collision | None:
-        """What stands for the ground; None if solids must be farther from it than `spoilt`."""
-        ground, height, longest = self.around.ground, self.height, max(self.extent)
+    def covered(self, most: int, spoilt: float) -> Collision:
+        """What stands for the ground: at most so many, or more where it would be spoilt."""
+        ground, longest = self.around.ground, max(self.extent)
         rim = min(0.5 * self.around.max_error, _RIM * longest)
         seam = _SEAM * self.around.max_error
         done = np.zeros(len(self.triangles), np.bool_)
         cutting = _Cutting(ground, done, int(_SHARE * most), seam, rim)
         self.say("finding plane ground")
-        cutting.take_planes(self.joints, _PLAIN * (longest / CELLS) ** 2, height)
+        cutting.take_planes(self.joints, _PLAIN * (longest / CELLS) ** 2, self.height)
         self.say("finding hills and ramps")
-        cutting.take_hills(self.groups, height)
+        cutting.take_hills(self.groups, self.height)
         if done.all():
-            return Collision(cutting.solids, [], height, most)
+            return Collision(cutting.solids, [], self.height)
         self.say("laying height fields")
         held = shapely.union_all(shapely.polygons(self.triangles[done][:, :, :2]))
         held = held.buffer(_HAIR, join_style="mitre")
         shapely.prepare(held)
-        laid = lay_patches(replace(self.around, held=held), self.extent, int(_FIELDS * most))
+        around = replace(self.around, held=held)
+        laid = lay_patches(around, self.extent, int(_FIELDS * most), spoilt)
         index, pieces = rest_of([one.footing for one in laid], ground)
         left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
         index, pieces = index[left], pieces[left]
         room = most - len(cutting.solids) - sum(len(one.footing.patch.worn) for one in laid)
-        room, area = max(room, 1), float(areas_of(pieces).sum())
-        labels, surfaces = self.groups[index], ground.surfaces[index]
-        too_low, best = 0.0, None
+        height, found = self._rest(cutting, index, pieces, max(room, 1), spoilt)
+        solids = cutting.solids + found
+        laid = spread(laid, most - len(solids))
+        patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
+        return Collision(solids, patches, height, height > self.height)
+
+    def _rest(
+        self, cutting: _Cutting, index: Indices, pieces: Floats, room: int, spoilt: float
+    ) -> tuple[float, list[Solid]]:
+        """Solids for parts of triangles, and how far they may be from these at most.
+
+        Where there are too many the error grows; where that spoils the ground, there may be more.
+        """
+        labels, surfaces = self.groups[index], self.around.ground.surfaces[index]
+        area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
+        height, too_low = self.height, 0.0
+        if fewest > room:  # the error hardly matters then
+            height, too_low = spoilt, height
+        best: tuple[float, list[Solid]] | None = None
         while True:
             budget = Budget(room, area)
             found = cutting.cover_all(pieces, labels, surfaces, height, budget)
             if not budget.spent:
                 best = height, found
             elif height >= spoilt:
-                return None
+                room = max(2 * room, fewest)
             else:
                 too_low = height
             if best is None:
                 height = min(_GROW * height, spoilt)
             elif too_low * _CLOSE >= best[0] or len(best[1]) >= _ENOUGH * room or not too_low:
-                break
+                return best
             else:
                 height = math.sqrt(too_low * best[0])
             self.say(f"covering what is near walls within {length(height)}")
-        height, found = best
-        solids = cutting.solids + found
-        laid = spread(laid, most - len(solids))
-        patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
-        return Collision(solids, patches, height, most, height > self.height)
 
 
 def _task_of(

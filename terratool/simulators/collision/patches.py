@@ -31,6 +31,8 @@ _FINEST = 40.0
 """Cells of so many errors are not split for what is left at walls."""
 _STEP = 0.25
 """Steps that are lower than this part of the error are no walls."""
+_PLENTY = 600
+"""So many may be where the ground would be spoilt by fewer."""
 _NODES = 4_000_000
 """So many nodes all height fields have together, about."""
 _FEWEST = 4
@@ -112,7 +114,7 @@ class Laid:
         return float(shapely.area(self.footing.parts).sum())
 
 
-def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Laid]:
+def lay_patches(around: Surroundings, extent: Bounds, most: int, spoilt: float) -> list[Laid]:
     """Height fields for all that solids do not hold.
 
     They are split in four where they are worst, until they are good or too many: first where they
@@ -121,9 +123,12 @@ def lay_patches(around: Surroundings, extent: Bounds, most: int) -> list[Laid]:
     Args:
         around: what they stand for.
         extent: west, south, east, north of it.
-        most: no more than so many, if that can be.
+        most: no more than so many, if that can be …
+        spoilt: … and none is farther from the ground than this.
     """
     laid = list(_laid(around, extent))
+    far = spoilt - around.max_error
+    laid = _split(laid, lambda one: max(one.excess - far, 0.0), max(most, _PLENTY))
     laid = _split(laid, lambda one: one.excess, int(_CURVED * most))
     laid = _split(laid, lambda one: one.border, int(_CURVED * most))
     return _split(laid, lambda one: one.rest, most)
