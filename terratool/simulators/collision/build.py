@@ -64,6 +64,8 @@ _DEEP = -1e6
 """The height of what is no ground."""
 _LEAST = 0.1
 """Solids may take no less of the error than this part."""
+_SPARE = 1.25
+"""Ground at walls may take so many times as many solids as it has parts."""
 _GROW = 2.0
 """By this factor their error grows where there are too many of them …"""
 _CLOSE = 1.25
@@ -193,9 +195,8 @@ class _Task:
         """
         labels, surfaces = self.groups[index], self.around.ground.surfaces[index]
         area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
-        height, too_low = self.height, 0.0
-        if fewest > room:  # the error hardly matters then
-            height, too_low = spoilt, height
+        room = max(room, math.ceil(_SPARE * fewest))
+        height, too_low, spoiling = self.height, 0.0, False
         best: tuple[float, list[Solid]] | None = None
         while True:
             budget = Budget(room, area)
@@ -203,12 +204,17 @@ class _Task:
             if not budget.spent:
                 best = height, found
             elif height >= spoilt:
-                room = max(2 * room, fewest)
+                room, spoiling = 2 * room, True
             else:
                 too_low = height
             if best is None:
                 height = min(_GROW * height, spoilt)
-            elif too_low * _CLOSE >= best[0] or len(best[1]) >= _ENOUGH * room or not too_low:
+            elif (
+                spoiling
+                or not too_low
+                or too_low * _CLOSE >= best[0]
+                or len(best[1]) >= _ENOUGH * room
+            ):
                 return best
             else:
                 height = math.sqrt(too_low * best[0])

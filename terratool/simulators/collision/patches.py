@@ -64,6 +64,11 @@ class Surroundings:
         """All corners of the ground, (n, 3), x rising."""
         return np.unique(self.ground.triangles.reshape(-1, 3), axis=0)
 
+    @cached_property
+    def wall_tree(self) -> shapely.STRtree:
+        """The walls, by place."""
+        return shapely.STRtree(shapely.linestrings(self.walls))
+
     def height(self, x: Floats, y: Floats) -> Floats:
         """Heights of the terrain."""
         return np.asarray(self.terrain.height(x + self.corner[0], y + self.corner[1]))
@@ -186,11 +191,15 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     x, y = np.linspace(west, east, columns * k + 1), np.linspace(south, north, rows * k + 1)
     heights = around.height(x[None, :], y[:, None])
     cell = (east - west) / columns, (north - south) / rows
-    nodes, near = _continued(around, heights[::k, ::k], bounds, cell)
-    misses = misses_of(heights, k)
     left, bottom = np.meshgrid(x[:-1:k], y[:-1:k])
     boxes = shapely.box(left, bottom, left + cell[0], bottom + cell[1])
-    sharp, _ = around.ground.sharp_tree.query(boxes.ravel(), predicate="intersects")
+    low = _lowered(around, heights[::k, ::k], x[::k], y[::k])
+    nodes, near = _continued(around, low, bounds, cell)
+    misses = misses_of(heights, k)
+    # walls of the mesh are chords: what is true ground beside them may lie on the other side
+    e = around.max_error
+    wide = shapely.box(left - e, bottom - e, left + cell[0] + e, bottom + cell[1] + e)
+    sharp, _ = around.ground.sharp_tree.query(wide.ravel(), predicate="intersects")
     near.flat[sharp] = True
     held = shapely.covers(around.held, boxes)
     misses[_void_cells(around.ground, left, bottom, cell)] = np.nan
@@ -198,6 +207,25 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     return HeightPatch(
         bounds, nodes, np.isfinite(misses) & ~held, held, near, surfaces, mixed, misses
     )
+
+
+def _lowered(around: Surroundings, nodes: Floats, x: Floats, y: Floats) -> Floats:
+    """Heights at nodes, where those at a wall of the mesh are on the lower ground beside it.
+
+    A chord of a round wall has some of the higher ground before it.
+    """
+    if not len(around.walls):
+        return nodes
+    e = around.max_error
+    columns, rows = np.meshgrid(x, y)
+    places = shapely.points(columns, rows).ravel()
+    at = np.unique(around.wall_tree.query(places, predicate="dwithin", distance=e)[0])
+    out = nodes.copy()
+    for east, north in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+        beside = around.height(columns.flat[at] + 2.0 * e * east, rows.flat[at] + 2.0 * e * north)
+        out.flat[at] = np.fmin(out.flat[at], beside)
+    out[np.isnan(nodes)] = np.nan
+    return out
 
 
 def _surfaces(samples: Ints, k: int) -> tuple[Ints, Bools]:

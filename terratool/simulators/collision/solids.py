@@ -46,6 +46,8 @@ _FAR = 1.25
 """Ground is given up once it has so many times the solids that its share may have …"""
 _FIRST = 0.1, 8
 """… and this part of all of them, and so many, as the first ones tell little of the rest."""
+_STEEP = 0.7
+"""Planes of a smaller cosine may end far above the ground at their edge."""
 _MOST = 20_000
 """Ground of more triangles is no hill."""
 
@@ -160,7 +162,7 @@ class Budget:
 def cover(
     ground: Ground, pieces: list[Floats], surfaces: list[int], tolerance: Tolerance, budget: Budget
 ) -> list[Solid]:
-    """Cover triangles by convex solids that rise nowhere above the ground.
+    """Cover triangles by convex solids that rise above the ground by no more than is tolerated.
 
     A solid may lie under other, higher ground. What is bent is cut where that straightens it most,
     and where a solid would stand over lower ground it is cut along the edge of that.
@@ -197,8 +199,11 @@ def _covered(
         if not budget.spent:
             found += _covered(ground, side, surface, tolerance, budget)
     if len(found) > len(piece):  # no better than each by itself
-        budget.count += len(piece) - len(found)
-        return [_upright(triangle, surface) for triangle in piece]
+        each = [
+            one for one in piece if areas_of(one[None])[0] > SLIVER and not _is_narrow(one[None])
+        ]
+        budget.count += len(each) - len(found)
+        return [Solid(one, True, surface) for one in each]
     return found
 
 
@@ -225,10 +230,6 @@ def _solid_or_sides(
     return []
 
 
-def _upright(triangle: Floats, surface: int) -> Solid:
-    return Solid(triangle, True, surface)
-
-
 def _as_one(
     ground: Ground, piece: Floats, surface: int, tolerance: Tolerance
 ) -> tuple[Solid | None, Floats]:
@@ -244,19 +245,41 @@ def _as_one(
             ring = shapely.get_coordinates(hull)[:-1]
             if not shapely.is_ccw(shapely.get_exterior_ring(hull)):
                 ring = ring[::-1]
-            return Solid(np.column_stack([ring, plane.at(ring)]), True, surface), none
+            return _under(ring, plane, corners, surface, tolerance.height), none
         return None, bad
     if not 3 < len(piece) <= _MOST:
         return None, none
     corners = np.unique(corners, axis=0)
     if kernels.is_roof(piece.reshape(-1, 9), corners, tolerance.height):
         hull = _hull(corners[:, :2])
-        out = hull.area - float(areas_of(piece).sum())
         rim = hull.buffer(-tolerance.rim, join_style="mitre")
         near = ground.tree.query(rim, predicate="intersects")
-        if out <= tolerance.wall * hull.length and (ground.surfaces[near] != VOID).all():
+        void = (ground.surfaces[near] == VOID).any()
+        if not void and _fills(piece, hull.buffer(-tolerance.wall, join_style="mitre")):
             return Solid(corners, False, surface), none
     return None, none
+
+
+def _fills(piece: Floats, shape: Any) -> bool:
+    """Whether a piece covers a shape, but for gaps that are none."""
+    triangles = shapely.polygons(piece[:, :, :2])
+    shapely.prepare(shape)
+    if shape.area - shapely.area(shapely.intersection(triangles, shape)).sum() <= SLIVER:
+        return True
+    gaps = shapely.difference(shape, shapely.union_all(triangles))
+    return bool(gaps.buffer(-0.5 * _NARROW, join_style="mitre").is_empty)
+
+
+def _under(ring: Floats, plane: _Plane, corners: Floats, surface: int, height: float) -> Solid:
+    """The solid below a plane within a ring of corners; where it is steep, no burr rises there."""
+    top = plane.at(ring)
+    if plane.cosine < _STEEP:
+        place = (corners[None, :, :2] == ring[:, None]).all(axis=2)
+        own = np.where(place, corners[:, 2], -np.inf).max(axis=1)
+        low = np.minimum(top, own + height)
+        if (low < top).any():
+            return Solid(np.column_stack([ring, low]), False, surface)
+    return Solid(np.column_stack([ring, top]), True, surface)
 
 
 def _hull(points: Floats) -> Any:
@@ -277,7 +300,9 @@ def _in_the_way(
     inner = hull.buffer(-tolerance.wall, join_style="mitre")
     near = np.sort(ground.tree.query(hull, predicate="intersects"))
     found = ground.triangles[near]
-    above = plane.cosine * (plane.at(found) - found[:, :, 2])
+    # square to the flatter of the two: over level ground a steep plane is a burr
+    cosines = np.maximum(plane.cosine, _cosines(found))[:, None]
+    above = cosines * (plane.at(found) - found[:, :, 2])
     other = ground.surfaces[near] != surface
     bad = []
     narrow = hull.buffer(-max(tolerance.seam, tolerance.wall), join_style="mitre")
@@ -295,6 +320,13 @@ def _in_the_way(
         parts = parts[areas_of(parts) > SLIVER]
         bad.append(parts[shapely.intersects(zone, shapely.polygons(parts[:, :, :2]))])
     return np.concatenate(bad) if bad else np.empty((0, 3, 3))
+
+
+def _cosines(triangles: Floats) -> Floats:
+    """Of the slopes of triangles, (n,)."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+    return np.asarray(np.abs(normals[:, 2]) / lengths)
 
 
 def _bent(ground: Ground, piece: Floats) -> list[Floats]:
