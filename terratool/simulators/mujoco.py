@@ -51,7 +51,8 @@ _LAYERS = (
     "Geoms of group 2 are the exact mesh: cameras and rangefinders see it, and nothing collides"
     " with it. What collides is of group 3, which rays pass, as its alpha is 0. To see it:"
     " `model.geom_rgba[model.geom_group == 3, 3] = 1`, and group 3 switched on in the viewer."
-    " It has `priority` 1: the friction of the ground counts, whatever a robot says."
+    " It has `priority` 1: the friction of the ground counts, whatever a robot says, and so do its"
+    " condim, solref and solimp. A geom that needs its own wants `priority` 2."
 )
 _FLEXES = (
     "Geoms of group 2 are the exact mesh: cameras and rangefinders see it, and nothing collides"

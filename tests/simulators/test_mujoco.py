@@ -427,3 +427,61 @@ def test_ground_of_many_faces_is_cut_from_a_coarser_mesh(
     assert 0.004 < counts["solids_error"] < 0.1
     assert f"{length(counts['solids_error'])} off the terrain" in manifest["losses"][-1]
     checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])
+
+
+def test_a_pit_in_a_hill_stays_open(tmp_path: Path) -> None:
+    """A dome is one solid, but for what is dug into it."""
+    terrain = terrain_of(
+        {"size": [20, 12], "surfTypes": {"soil": {"fricAngle": 30}},
+         "elemTypes": {"hill": {"x": "dome", "y": "dome"}, "pit": {"x": [1]}},
+         "elemTree": {"type": "hill", "surface": "soil", "vScale": 0.2, "children": [
+             {"type": "pit", "at": [12, 7], "extent": [0.12, 0.12], "vScale": -0.5}]}}
+    )  # fmt: skip
+    folder, ground, manifest = written(terrain, tmp_path / "a", "mujoco")
+    mujoco = MuJoCo(folder)
+    x, y = (middle - offset for middle, offset in zip((12, 7), ground.zero[:2], strict=True))
+    for dx, dy in ((0.0, 0.0), (0.05, 0.05), (-0.05, 0.03), (0.02, -0.05)):
+        height = mujoco.ray_down(x + dx, y + dy)
+        assert height == pytest.approx(ground.height(x + dx, y + dy), abs=0.002)
+    checks.check_rays(mujoco, ground, 1.01 * manifest["collision"]["error"])
+
+
+def test_a_steep_groove_has_no_burr(tmp_path: Path) -> None:
+    """Beside its lip the ground is level, and nothing stands above it."""
+    terrain = terrain_of(
+        {"size": [6, 4], "surfTypes": {"soil": {"fricAngle": 30}},
+         "elemTypes": {"flat": {"x": [0]}, "ridge": {"x": "cosbell"}},
+         "elemTree": {"type": "flat", "surface": "soil", "vScale": 1, "children": [
+             {"type": "ridge", "at": [3, 2], "extent": [0.02, 3], "turnDeg": 20, "vScale": -1}]}}
+    )  # fmt: skip
+    folder, _, _ = written(terrain, tmp_path / "a", "mujoco", origin="world")
+    mujoco = MuJoCo(folder)
+    turn = np.radians(20.0)
+    across, along = (np.random.default_rng(3).uniform(-reach, reach, 400) for reach in (0.015, 1.4))
+    for u, v in zip(across, along, strict=True):
+        x, y = 3 + np.cos(turn) * u + np.sin(turn) * v, 2 - np.sin(turn) * u + np.cos(turn) * v
+        height = mujoco.ray_down(x, y)
+        assert height is not None
+        assert height <= 0.0021
+
+
+def test_round_walls_on_waves_leave_no_spikes(tmp_path: Path) -> None:
+    """Walls of the mesh are chords of a disc: what is true ground before them is not higher."""
+    terrain = terrain_of(
+        {"size": [29, 10], "surfTypes": {"soil": {"fricAngle": 30}},
+         "elemTypes": {"wave": {"x": "0.5 - 0.5*cos(4*pi*t)", "y": "0.4*t*t", "combine": "sum"},
+                       "tub": {"x": [1], "combine": "radial"}},
+         "elemTree": {"type": "wave", "surface": "soil", "vScale": 0.03, "children": [
+             {"type": "tub", "at": [24.507, 6.608], "extent": [1.183, 0.745], "vScale": 0.6,
+              "turnDeg": 7.3},
+             {"type": "tub", "at": [14.507, 4.608], "extent": [5.183, 4.745], "vScale": 0.6}]}}
+    )  # fmt: skip
+    _, _, manifest = written(terrain, tmp_path / "a", "mujoco")
+    assert 0.0 < manifest["collision"]["height_fields_error"] <= 0.002
+
+
+def test_slivers_of_a_mesh_are_no_geoms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """MuJoCo takes no mesh whose corners lie on a line; it loads what is cut from a coarse mesh."""
+    monkeypatch.setattr("terratool.simulators.mujoco._FINE", 0)
+    folder, ground, manifest = written(terrain_of(YARD), tmp_path / "a", "mujoco")
+    checks.check_rays(MuJoCo(folder), ground, 1.01 * manifest["collision"]["error"])

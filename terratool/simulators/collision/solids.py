@@ -16,6 +16,7 @@ from terratool.kernels import mesh as kernels
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Indices = NDArray[np.intp]
 
 VOID = -2
 """In place of a surface: there is no ground."""
@@ -37,14 +38,16 @@ _STRIPS = 16
 _MOST_STRIPS = 512
 """… but no more than these."""
 _TOLD = 4096
-"""So many triangles, about, tell how ground is bent."""
+"""So many triangles, about, tell how ground is bent …"""
+_WAY = 32_768
+"""… and so many what is in the way, and where it is cut best."""
 _SAMPLE = 64
 """Ground is cut into so many pieces first, if it takes as many …"""
 _GOLDEN = 0.6180339887498949
 """… and of these each is far from the one before."""
 _FAR = 1.25
 """Ground is given up once it has so many times the solids that its share may have …"""
-_FIRST = 0.1, 8
+_FIRST = 0.2, 8
 """… and this part of all of them, and so many, as the first ones tell little of the rest."""
 _STEEP = 0.7
 """Planes of a smaller cosine may end far above the ground at their edge."""
@@ -297,8 +300,20 @@ def _in_the_way(
     ground: Ground, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
 ) -> Floats:
     """Triangles of the ground that a plane within a polygon must not cover: (n, 3, 3)."""
-    inner = hull.buffer(-tolerance.wall, join_style="mitre")
     near = np.sort(ground.tree.query(hull, predicate="intersects"))
+    bad = np.empty((0, 3, 3))
+    # where much is in the way, a part of it tells enough
+    for some in (near[:: max(1, len(near) // _WAY)], near):
+        if not len(bad):
+            bad = _wrong(ground, some, hull, plane, surface, tolerance)
+    return bad
+
+
+def _wrong(
+    ground: Ground, near: Indices, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
+) -> Floats:
+    """What of some triangles of the ground a plane within a polygon must not cover: (n, 3, 3)."""
+    inner = hull.buffer(-tolerance.wall, join_style="mitre")
     found = ground.triangles[near]
     # square to the flatter of the two: over level ground a steep plane is a burr
     cosines = np.maximum(plane.cosine, _cosines(found))[:, None]
@@ -379,16 +394,17 @@ def _best_cut(
     """The normal and place of the cut along an edge with the least score; None if none cuts."""
     lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
     best: tuple[float, Floats, float] | None = None
+    some = piece[:: max(1, len(piece) // _WAY)]
     for i in np.argsort(-lengths, kind="stable")[:_CUTS].tolist():
         if lengths[i] < 1e-6:
             break
         dx, dy = (edges[i, 1] - edges[i, 0]) / lengths[i]
         normal = np.array([-dy, dx])
         at = float(edges[i].mean(axis=0) @ normal)
-        along = piece[:, :, :2] @ normal - at
+        along = some[:, :, :2] @ normal - at
         if along.max() < _NARROW or along.min() > -_NARROW:
             continue
-        cost = score(piece, along)
+        cost = score(some, along)
         if best is None or cost < best[0]:
             best = cost, normal, at
     return None if best is None else best[1:]
