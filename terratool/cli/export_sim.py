@@ -131,8 +131,11 @@ def command(
     The README.md says in a few lines how to load it, the manifest.json lists surfaces with their
     friction, what is lost, and the files. The same FILE and options give the same bytes.
     """
+    from terratool.errors import RequestError
     from terratool.simulators.export import plan_export
 
+    if not folder:
+        raise RequestError("DIR is empty.", "Name a folder.")
     _refuse_idle(ctx, list(chosen(targets)))
     wanted = SceneOptions(origin=_origin(options.pop("origin")), **options)
     source = None if file == "-" else file

@@ -114,7 +114,7 @@ def _meant(name: str) -> str:
     parts = name.replace(",", " ").split()
     near = [close for part in parts for close in get_close_matches(part.lower(), known, 1)]
     if not near or len(near) < len(parts):
-        return f"Choose of {', '.join(TARGETS)}, or all."
+        return f"Choose from {', '.join(TARGETS)}, or all."
     if len(near) > 1:
         return f"Name each by itself: {_as_options(near)}."
     return f"Did you mean {near[0]}?"

@@ -190,20 +190,28 @@ def test_folders_of_others_are_kept(yard: str, tmp_path: Path) -> None:
     assert [path.name for path in place.iterdir()] == ["precious.txt"]
 
 
+def test_an_empty_folder_name_is_refused(yard: str) -> None:
+    """As of a variable that is not set: nothing is written where one stands."""
+    ran = run("export-sim", yard, "", "--target", "pybullet")
+    assert ran.code == 2
+    assert "DIR is empty" in ran.err
+    assert not (ROOT / "pybullet").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
         ([], 2, "with --target: mujoco, gazebo, pybullet, usd, chrono, nav2, grid-map, or all."),
         (["--target", "unity"], 2, 'There is no target "unity"'),
-        (["--target", "unity"], 2, "Choose of mujoco, gazebo,"),
+        (["--target", "unity"], 2, "Choose from mujoco, gazebo,"),
         (["--target", "mujco"], 2, "Did you mean mujoco?"),
         (["--target", "MuJoCo"], 2, "Did you mean mujoco?"),
         (["--target", "grid_map"], 2, "Did you mean grid-map?"),
         (["--target", "mujoco", "--target", "al"], 2, "Did you mean all?"),
         (["--target", "usd,nav2"], 2, "Name each by itself: --target usd --target nav2."),
         (["--target", "usd, gazbo"], 2, "Name each by itself: --target usd --target gazebo."),
-        (["--target", "usd,unity"], 2, "Choose of mujoco, gazebo,"),
-        (["--target", ","], 2, "Choose of mujoco, gazebo,"),
+        (["--target", "usd,unity"], 2, "Choose from mujoco, gazebo,"),
+        (["--target", ","], 2, "Choose from mujoco, gazebo,"),
         (["--target", "mujoco", "--max-error", "0"], 2, "The largest error is 0"),
         (["--target", "mujoco", "--max-error", "nan"], 2, "The largest error is nan"),
         (["--target", "mujoco", "--max-error", "inf"], 2, "Give a finite height above 0"),

@@ -365,3 +365,11 @@ def test_the_command(tmp_path: Path) -> None:
     done = call(*words, "--max-slope", "50", "--max-step", "0.6")
     assert done.code == 0 and "0.0 % occupied, 1.0 % unknown" in done.out  # 10 × 10 of 120 × 80
     assert (read(tmp_path / "o" / "nav2").cells != OCCUPIED).all()
+
+
+def test_few_obstacles_are_not_said_to_be_none(tmp_path: Path) -> None:
+    """One post on a large yard: neither all of it is free, nor nothing occupied."""
+    _, manifest = exported(terrain_of(at(7.0, 5.0, 0.2, 0.2, 1.0), size=(30, 20)), tmp_path)
+    shares = manifest["map"]["shares"]
+    assert 0.0 < shares["occupied"] < 0.0005
+    assert "more than 99.9 % free, less than 0.1 % occupied, 0.0 % unknown" in manifest["summary"]
