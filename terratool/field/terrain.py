@@ -192,6 +192,8 @@ class Terrain:
         """Names of the primitives."""
         self.surface_types = dict(definition.surfaces)
         """The surfaces by name."""
+        self.libraries = tuple(one.source.name for one in uses.document.reached)
+        """Files of the libraries that it uses, directly or through others, in order."""
 
     @property
     def arrays(self) -> FieldArrays:

@@ -144,8 +144,8 @@ class RasterLoss:
     interpolation: InterpolationError | None
     left_out: int = 0
 
-    def sentence(self, resolution: float) -> str:
-        """All of it in a line of text; `resolution` is the side of a pixel."""
+    def sentence(self, resolution: float, pixel: str = "pixel") -> str:
+        """All of it in a line of text; `resolution` is the side of a pixel, or as it is called."""
         parts = []
         ramp, jump = self.walls.steepest_ramp, self.walls.largest_jump
         if jump:
@@ -153,26 +153,26 @@ class RasterLoss:
             slope = f" of up to {ramp.degrees:.1f}°" if ramp else ""
             parts.append(
                 f"{about}{length(self.walls.length)} of wall became ramps{slope} "
-                f"({length(jump.height)} in one pixel)"
+                f"({length(jump.height)} in one {pixel})"
             )
         for features, (one, several), what in (
-            (self.narrow_elements, ("is", "are"), "narrower than a pixel"),
-            (self.narrow_details, ("has", "have"), "details narrower than a pixel"),
+            (self.narrow_elements, ("is", "are"), f"narrower than a {pixel}"),
+            (self.narrow_details, ("has", "have"), f"details narrower than a {pixel}"),
         ):
             if features.count:
                 verb = one if features.count == 1 else several
                 parts.append(f"{counted(features.count, 'element')} {verb} {what}")
         if self.interpolation and self.interpolation.largest > _NOISE * resolution:
             parts.append(
-                f"pixels differ from the model by up to {length(self.interpolation.largest)}"
+                f"{pixel}s differ from the model by up to {length(self.interpolation.largest)}"
             )
         if self.left_out:
             parts.append(
-                "walls and what is narrower than a pixel were not looked for, among "
+                f"walls and what is narrower than a {pixel} were not looked for, among "
                 f"{counted(self.left_out, 'element')}"
             )
         if not parts:
-            return "Lost: nothing; no walls, nothing narrower than a pixel."
+            return f"Lost: nothing; no walls, nothing narrower than a {pixel}."
         return f"Lost: {'; '.join(parts)}."
 
 

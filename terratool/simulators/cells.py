@@ -46,7 +46,7 @@ def cell_grid(terrain: Terrain, resolution: float | None, most: int = MOST) -> G
     columns, rows = count_pixels(width, resolution), count_pixels(depth, resolution)
     if columns * rows > MOST_CELLS:
         raise RequestError(
-            f"A resolution of {resolution:g} makes {counted(columns * rows, 'cell')}.",
-            f"Give a coarser one with --resolution; {counted(MOST_CELLS, 'cell')} can be written.",
+            f"A resolution of {resolution:g} makes more than {counted(MOST_CELLS, 'cell')}.",
+            "Give a coarser one with --resolution.",
         )
     return Grid(west, south, resolution, rows, columns)

@@ -83,7 +83,7 @@ class ExportPlan:
                     manifest = _manifest(scene, key, written, source)
                     manifest["files"] = _hashes(part)
                     (part / README).write_text(_readme(scene, target, written), "utf-8")
-                    text = json.dumps(manifest, indent=2, ensure_ascii=False)
+                    text = json.dumps(manifest, indent=2, ensure_ascii=False, default=plain)
                     (part / MANIFEST).write_text(text + "\n", "utf-8")
                     _put(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))
@@ -173,13 +173,13 @@ def _check_folders(folder: Path, targets: tuple[str, ...], overwrite: bool) -> N
         place = folder / name
         if not place.exists() and not place.is_symlink():
             continue
-        if not overwrite:
-            raise WriteError(f"{place}: exists already.", "Choose another folder, or --overwrite.")
         if not place.is_dir() or not _earlier(place):
             raise WriteError(
                 f"{place}: was not written by terratool, as no {MANIFEST} in it says so.",
                 "Choose another folder, or remove it.",
             )
+        if not overwrite:
+            raise WriteError(f"{place}: exists already.", "Choose another folder, or --overwrite.")
 
 
 def _earlier(place: Path) -> list[str]:
@@ -241,7 +241,7 @@ def _manifest(scene: Scene, key: str, written: Written, source: Path | None) -> 
         "generator": f"terratool {__version__}",
         "target": key,
         "summary": written.summary,
-        "source": None if source is None else _source(source),
+        "source": None if source is None else _source(source, scene.terrain.libraries),
         "descr": scene.terrain.descr,
         "origin": list(scene.zero),
         "bounds": [west - x, south - y, east - x, north - y],
@@ -274,9 +274,15 @@ def _refuse_missing(path: Path) -> None:
         raise ReadError.of(path, error) from error
 
 
-def _source(path: Path) -> dict[str, str]:
+def _source(path: Path, libraries: Iterable[str]) -> dict[str, Any]:
+    """The definition, and the libraries that it uses, by their place beside it; with hashes."""
+    used = {Path(os.path.relpath(one, path.parent)).as_posix(): _sha256(one) for one in libraries}
+    return {"file": path.name, "sha256": _sha256(path), "libraries": used}
+
+
+def _sha256(path: str | Path) -> str:
     try:
-        return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError as error:
         raise ReadError.of(path, error) from error
 

@@ -105,7 +105,7 @@ def write(scene: Scene, folder: Path) -> Written:
         notes=(_NOTE.format(more), _PLAY),
         losses=(
             "A cell has what is at its middle, not a mean.",
-            loss.sentence(grid.resolution),
+            loss.sentence(grid.resolution, "cell"),
             *filter(None, [lacking]),
         ),
         facts={

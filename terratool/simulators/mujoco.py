@@ -16,6 +16,7 @@ from terratool.simulators.collision.build import Collision, collision_of
 from terratool.simulators.collision.height_patch import HeightPatch
 from terratool.simulators.collision.solids import Solid, rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
+from terratool.simulators.options import SceneOptions
 from terratool.simulators.pieces import file_names
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import Written
@@ -33,7 +34,11 @@ _FINE = 500_000
 _MESH_SHARE = 0.5
 """… within this part of the error."""
 _MANY = 1_500_000
-"""Where it has more, they are cut from a coarser one."""
+"""Where it has more, they are cut from a coarser one …"""
+_COARSEST = 0.02
+"""… but not for an error of more than this part of the relief."""
+_SEAM = 10.0
+"""How far a solid may reach into another surface of the same height, in errors."""
 _ROLLING = "0.005 0.0001"
 """Torsional and rolling friction: MuJoCo's own."""
 
@@ -136,9 +141,10 @@ class _Solids:
 
     def add(self) -> tuple[str, str, dict[str, object]]:
         """Add what collides; says what it is, what is lost, and figures."""
-        options = self._scene.options
+        options, scene = self._scene.options, self._scene
         built, error = self._to_cut()
-        found = collision_of(self._scene.terrain, built, error, options.max_geoms, self._scene.say)
+        seam = _SEAM * options.max_error
+        found = collision_of(scene.terrain, built, error, seam, options.max_geoms, scene.say)
         levels = built.mesh.vertices[:, 2]
         low, relief = float(levels.min()), float(np.ptp(levels))
         self._base = low - max(_BELOW, _PART * relief)
@@ -155,12 +161,13 @@ class _Solids:
             f"{counted(counts['hfield'], 'height field')}"
         )
         solids = found.height + built.error
-        losses = _lost(found, solids, options.max_error, sum(counts.values()), options.max_geoms)
+        losses = _lost(found, solids, options, error, sum(counts.values()))
         return summary, losses, {
             **counts,
             "max_geoms": options.max_geoms,
             "error": max(solids, found.worst),
             "solids_error": solids,
+            "seam": seam,
             "height_fields_error": found.worst,
         }  # fmt: skip
 
@@ -171,7 +178,8 @@ class _Solids:
         if faces < _FINE:
             return self._scene.mesh_within(_MESH_SHARE * error), error
         if faces > _MANY:  # so few geoms cannot stand for it within that error anyway
-            error *= faces / _FINE
+            coarsest = _COARSEST * float(np.ptp(built.mesh.vertices[:, 2]))
+            error = min(error * faces / _FINE, max(error, coarsest))
             return self._scene.mesh_within(_MESH_SHARE * error), error
         return built, error
 
@@ -223,13 +231,18 @@ class _Solids:
         )  # fmt: skip
 
 
-def _lost(found: Collision, solids: float, wanted: float, geoms: int, most: int) -> str:
-    """How far what collides is from the terrain, in words."""
+def _lost(
+    found: Collision, solids: float, options: SceneOptions, allowed: float, geoms: int
+) -> str:
+    """How far what collides is from the terrain, in words; solids were allowed some error first."""
+    wanted, most = options.max_error, options.max_geoms
     parts = []
     if found.solids:
         parts.append(f"solids are up to {length(solids)} off the terrain, square to it")
-        if found.raised and geoms <= most:
+        if (found.raised or allowed > wanted) and geoms <= most:
             parts[0] += f", to keep to {counted(most, 'geom')}"
+        if len({solid.surface for solid in found.solids}) > 1:
+            parts.append(f"they reach up to {length(_SEAM * wanted)} into other surfaces")
     if found.patches:
         parts.append(f"height fields up to {length(found.worst)}, along z, as measured")
         if found.worst > wanted:

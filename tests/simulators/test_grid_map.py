@@ -248,7 +248,7 @@ def test_losses_are_measured(tmp_path: Path) -> None:
     _, manifest = exported(tmp_path)
     assert manifest["losses"][0] == "A cell has what is at its middle, not a mean."
     assert "of wall became ramps" in manifest["losses"][1]
-    assert "(3 m in one pixel)" in manifest["losses"][1]
+    assert "(3 m in one cell)" in manifest["losses"][1]
     # a hole has no friction to be assumed, ground without a surface has
     assert list(manifest["surfaces"]) == ["sand", "slab", "none"]
     assert manifest["losses"][2].endswith("as there is no fricAngle: slab, none.")

@@ -425,7 +425,25 @@ def test_ground_of_many_faces_is_cut_from_a_coarser_mesh(
     counts = manifest["collision"]
     assert manifest["max_error"] == 0.002
     assert 0.004 < counts["solids_error"] < 0.1
-    assert f"{length(counts['solids_error'])} off the terrain" in manifest["losses"][-1]
+    said = f"{length(counts['solids_error'])} off the terrain, square to it, to keep to 2,000 geoms"
+    assert said in manifest["losses"][-1]
+    checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])
+
+
+def test_height_fields_go_on_over_creases_where_there_are_too_many(tmp_path: Path) -> None:
+    """Each pyramid of a field of them would take four solids."""
+    pyramids = {"type": "pyramid", "at": [0.9, 0.7], "extent": [0.8, 0.6], "vScale": 1,
+                "repeat": {"count": [24, 18], "step": [0.9, 0.7]}}  # fmt: skip
+    terrain = terrain_of(
+        {"size": [24, 15], "surfTypes": {"soil": {"fricAngle": 30}},
+         "elemTypes": {"hill": {"x": "dome", "y": "dome"},
+                       "pyramid": {"x": "tent", "y": "tent", "combine": "min"}},
+         "elemTree": {"type": "hill", "surface": "soil", "vScale": 0.1, "children": [pyramids]}}
+    )  # fmt: skip
+    folder, ground, manifest = written(terrain, tmp_path / "a", "mujoco", max_geoms=300)
+    counts = manifest["collision"]
+    assert sum(counts[kind] for kind in ("box", "mesh", "hfield")) <= 300
+    assert counts["error"] < 0.1
     checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])
 
 

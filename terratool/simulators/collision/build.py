@@ -28,7 +28,7 @@ from terratool.simulators.collision.solids import (
     areas_of,
     cover,
 )
-from terratool.text.display import length
+from terratool.text.display import counted, length
 
 _VALLEY = 0.3
 """Ground is parted along valleys where its normal turns by more than this, a sine …"""
@@ -50,10 +50,8 @@ _SHARE = 0.5
 """Plane and hilly ground may take this part of all that there may be …"""
 _FIELDS = 1 / 3
 """… and height fields this part."""
-_SEAM = 10.0
-"""How far a solid may reach into another surface of the same height, in errors."""
-_RIM = 1e-3
-"""No solid reaches over the void by more than this part of the terrain's longer side."""
+_RIM = 0.05, 1e-3
+"""No solid reaches over the void by more than these parts of a seam and of the longer side."""
 _SPOILT = 0.1
 """Ground is spoilt where it is off by more than this part of the relief: then there are more."""
 _BORDER = 1e-8
@@ -67,9 +65,9 @@ _LEAST = 0.1
 _SPARE = 1.25
 """Ground at walls may take so many times as many solids as it has parts."""
 _GROW = 2.0
-"""By this factor their error grows where there are too many of them …"""
+"""Where there are too many of them, their error grows by this factor until there are not …"""
 _CLOSE = 1.25
-"""… and then shrinks, until it is no farther from one with too many …"""
+"""… and is then sought between the two, until these are no farther apart than by this one …"""
 _ENOUGH = 0.8
 """… or this part of all that there may be is used."""
 
@@ -114,6 +112,7 @@ def collision_of(
     terrain: Terrain,
     built: BuiltMesh,
     max_error: float,
+    seam: float,
     most: int,
     say: Callable[[str], object] = lambda _: None,
 ) -> Collision:
@@ -127,10 +126,11 @@ def collision_of(
         terrain: the terrain.
         built: its mesh; solids may take what its error leaves.
         max_error: how far they may be from the terrain.
+        seam: how far a solid may reach into another surface of the same height.
         most: so many.
         say: is called with words that say how far it is.
     """
-    task = _task_of(terrain, built, max_error, say)
+    task = _task_of(terrain, built, max_error, seam, say)
     spoilt = max(_SPOILT * float(np.ptp(built.mesh.vertices[:, 2])), 2.0 * max_error)
     return task.covered(most, spoilt)
 
@@ -144,8 +144,10 @@ class _Task:
         triangles: (n, 3, 3) its triangles, without those of the void.
         joints: edges between these.
         groups: (n,) what hangs together without valleys.
+        ends: (k, 2, 2) edges where height fields cannot go on, whatever it costs.
         extent: west, south, east, north of it.
         height: how far solids may be from it.
+        seam: how far one may reach into another surface.
         say: is called with words that say how far it is.
     """
 
@@ -153,28 +155,32 @@ class _Task:
     triangles: Floats
     joints: _Joints
     groups: Ints
+    ends: Floats
     extent: Bounds
     height: float
+    seam: float
     say: Callable[[str], object]
 
     def covered(self, most: int, spoilt: float) -> Collision:
         """What stands for the ground: at most so many, or more where it would be spoilt."""
         ground, longest = self.around.ground, max(self.extent)
-        rim = min(0.5 * self.around.max_error, _RIM * longest)
-        seam = _SEAM * self.around.max_error
+        rim = min(_RIM[0] * self.seam, _RIM[1] * longest)
         done = np.zeros(len(self.triangles), np.bool_)
-        cutting = _Cutting(ground, done, int(_SHARE * most), seam, rim)
+        cutting = _Cutting(ground, done, int(_SHARE * most), self.seam, rim)
         self.say("finding plane ground")
         cutting.take_planes(self.joints, _PLAIN * (longest / CELLS) ** 2, self.height)
         self.say("finding hills and ramps")
         cutting.take_hills(self.groups, self.height)
         if done.all():
             return Collision(cutting.solids, [], self.height)
-        self.say("laying height fields")
         held = shapely.union_all(shapely.polygons(self.triangles[done][:, :, :2]))
         held = held.buffer(_HAIR, join_style="mitre")
         shapely.prepare(held)
         around = replace(self.around, held=held)
+        # where there are too many parts at creases, height fields go on over these
+        if self._left_at(around.sharp, done) > (1.0 - _FIELDS) * most - len(cutting.solids):
+            around = replace(around, sharp=self.ends)
+        self.say("laying height fields")
         laid = lay_patches(around, self.extent, int(_FIELDS * most), spoilt)
         index, pieces = rest_of([one.footing for one in laid], ground)
         left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
@@ -186,6 +192,12 @@ class _Task:
         patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
         return Collision(solids, patches, height, height > self.height)
 
+    def _left_at(self, edges: Floats, done: Bools) -> int:
+        """How many parts of the ground without a solid touch edges, (n, 2, 2)."""
+        _, near = self.around.ground.tree.query(shapely.linestrings(edges), "intersects")
+        near = near[near < len(done)]
+        return len(np.unique(self.groups[near[~done[near]]]))
+
     def _rest(
         self, cutting: _Cutting, index: Indices, pieces: Floats, room: int, spoilt: float
     ) -> tuple[float, list[Solid]]:
@@ -195,8 +207,10 @@ class _Task:
         """
         labels, surfaces = self.groups[index], self.around.ground.surfaces[index]
         area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
-        room = max(room, math.ceil(_SPARE * fewest))
         height, too_low, spoiling = self.height, 0.0, False
+        if fewest > room:
+            self.say(f"covering {counted(fewest, 'part')} of the ground at walls")
+        room = max(room, math.ceil(_SPARE * fewest))
         best: tuple[float, list[Solid]] | None = None
         while True:
             budget = Budget(room, area)
@@ -222,7 +236,11 @@ class _Task:
 
 
 def _task_of(
-    terrain: Terrain, built: BuiltMesh, max_error: float, say: Callable[[str], object]
+    terrain: Terrain,
+    built: BuiltMesh,
+    max_error: float,
+    seam: float,
+    say: Callable[[str], object],
 ) -> _Task:
     mesh = built.mesh
     west, south, east, north = terrain.bounds
@@ -237,10 +255,13 @@ def _task_of(
         np.append(surfaces, np.full(len(void), VOID, np.int32)),
         np.concatenate([joints.sharp, walls, rims]),
     )
-    around = Surroundings(terrain, mesh.origin[:2], walls, shapely.Polygon(), ground, max_error)
+    ends = np.concatenate([walls, rims])
+    around = Surroundings(
+        terrain, mesh.origin[:2], walls, ground.sharp, shapely.Polygon(), ground, max_error
+    )
     groups = components(joints.pairs[joints.smooth], len(faces))
     height = max(max_error - built.error, _LEAST * max_error)
-    return _Task(around, triangles, joints, groups, extent, height, say)
+    return _Task(around, triangles, joints, groups, ends, extent, height, seam, say)
 
 
 @dataclass
@@ -268,11 +289,12 @@ class _Cutting:
         return Tolerance(height, 0.5 * height, self.seam, self.rim)
 
     def _take(self, part: NDArray[np.intp], height: float, most: int) -> None:
+        """A part of the ground becomes solids, if no more than so many."""
         most = min(most, self.most - len(self.solids))
         piece, surface = self.ground.triangles[part], int(self.ground.surfaces[part[0]])
-        budget = Budget(most, float(areas_of(piece).sum()))
         if most <= 0:
             return
+        budget = Budget(most, float(areas_of(piece).sum()))
         found = cover(self.ground, [piece], [surface], self.tolerance(height), budget)
         if not budget.spent:
             self.solids += found

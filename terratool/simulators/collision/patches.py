@@ -47,6 +47,7 @@ class Surroundings:
         terrain: its heights.
         corner: (2,) float64, world position of the zero of …
         walls: … (k, 2, 2) float64 their ends …
+        sharp: … (m, 2, 2) those of all that height fields leave out: walls, the void, creases …
         held: … and what needs no height field, prepared.
         ground: all of the ground, void included.
         max_error: how far they may be from it, along z.
@@ -55,6 +56,7 @@ class Surroundings:
     terrain: Terrain
     corner: Floats
     walls: Floats
+    sharp: Floats
     held: shapely.Geometry
     ground: Ground
     max_error: float
@@ -68,6 +70,11 @@ class Surroundings:
     def wall_tree(self) -> shapely.STRtree:
         """The walls, by place."""
         return shapely.STRtree(shapely.linestrings(self.walls))
+
+    @cached_property
+    def sharp_tree(self) -> shapely.STRtree:
+        """What is left out, by place."""
+        return shapely.STRtree(shapely.linestrings(self.sharp))
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Heights of the terrain."""
@@ -199,7 +206,7 @@ def _patch(around: Surroundings, bounds: Bounds) -> HeightPatch:
     # walls of the mesh are chords: what is true ground beside them may lie on the other side
     e = around.max_error
     wide = shapely.box(left - e, bottom - e, left + cell[0] + e, bottom + cell[1] + e)
-    sharp, _ = around.ground.sharp_tree.query(wide.ravel(), predicate="intersects")
+    sharp, _ = around.sharp_tree.query(wide.ravel(), predicate="intersects")
     near.flat[sharp] = True
     held = shapely.covers(around.held, boxes)
     misses[_void_cells(around.ground, left, bottom, cell)] = np.nan

@@ -53,6 +53,8 @@ _STEEP = 0.7
 """Planes of a smaller cosine may end far above the ground at their edge."""
 _MOST = 20_000
 """Ground of more triangles is no hill."""
+_LARGE = 2_048
+"""Ground of more triangles is halved first, as to cut off one solid by one takes long."""
 
 
 class Solid(NamedTuple):
@@ -489,8 +491,13 @@ def _divided(ground: Ground, piece: Floats, bad: Floats) -> list[Floats]:
         return float(shapely.area(shapely.intersection(hulls, outline)).sum())
 
     edges = np.concatenate([*_edges(outline), np.empty((0, 2, 2))])
-    best = _best_cut(piece, edges, covered)
+    best = _best_cut(piece, edges, _uneven if len(piece) > _LARGE else covered)
     return _bent(ground, piece) if best is None else _cut(piece, *best)
+
+
+def _uneven(_: Floats, along: Floats) -> float:
+    """How far a cut is from halving a piece; (n, 3) are distances of its corners."""
+    return abs(float(np.sign(along).sum()))
 
 
 def _edges(shape: Any) -> Iterator[Floats]:
