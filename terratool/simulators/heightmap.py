@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.raster.shading import png
 from terratool.text.display import length
-from terratool.traversability.report.drawing import png
 
 _SIDES = 129, 257, 513, 1025
 """Heights a side: one more than a power of 2, as Gazebo wants it."""

@@ -24,6 +24,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
 import terratool
+from terratool.raster import shading
 from terratool.raster.grid import Grid
 from terratool.text.display import columns_of
 from terratool.traversability.assess import verdict_of
@@ -293,13 +294,13 @@ class TestPage:
         plane = Preview(Grid(0, 0, 1, 20, 40), heights, np.ones((20, 40), np.uint8))
         page = as_page(reports.report(preview=plane, reach=None))
         assert "heights from 100 to 139\u00a0m, lines every 5\u00a0m" in page
-        assert drawing.contour_interval(plane) == 5
+        assert shading.contour_interval(plane.heights) == 5
         scale = 720 // 40
         row = drawing.map_picture(plane)[5, scale // 2 :: scale, 0].astype(int)
         dark = np.flatnonzero(row < row.max() - 20)
         assert dark.tolist() == [4, 9, 14, 19, 24, 29, 34]
         level = replace(plane, heights=heights * 0 + 7)
-        assert drawing.contour_interval(level) == 0
+        assert shading.contour_interval(level.heights) == 0
         assert "height 7\u00a0m" in as_page(reports.report(preview=level, reach=None))
 
     def test_the_way_lies_where_it_is(self) -> None:
@@ -349,14 +350,14 @@ class TestPicture:
     def test_light_comes_from_the_north_west(self) -> None:
         """A plane that falls to the north-west is brighter than level ground, by Horn's formula."""
         row, column = np.indices((6, 9), np.float32)
-        level = drawing.hillshade(np.zeros((6, 9), np.float32), 1.0)
+        level = shading.hillshade(np.zeros((6, 9), np.float32), 1.0)
         assert np.allclose(level, math.sin(math.pi / 4))
         # rises to the south-east by 45° in that direction: it faces the light exactly
-        facing = drawing.hillshade((row + column).astype(np.float32) / np.sqrt(2), 1.0)
+        facing = shading.hillshade((row + column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(facing, 1.0, atol=1e-6)
-        away = drawing.hillshade(-(row + column).astype(np.float32) / np.sqrt(2), 1.0)
+        away = shading.hillshade(-(row + column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(away, 0.0, atol=1e-6)
-        across = drawing.hillshade((row - column).astype(np.float32) / np.sqrt(2), 1.0)
+        across = shading.hillshade((row - column).astype(np.float32) / np.sqrt(2), 1.0)
         assert np.allclose(across, 0.5, atol=1e-6)
 
     def test_agrees_with_gdal(self, tmp_path: Any) -> None:
@@ -376,7 +377,7 @@ class TestPicture:
         subprocess.run([gdaldem, "hillshade", "-q", path, out], check=True, capture_output=True)
         with rasterio.open(out) as file:
             wanted = file.read(1).astype(float)
-        shade = drawing.hillshade(heights, 0.5)
+        shade = shading.hillshade(heights, 0.5)
         # gdaldem writes 1 + 254 · light
         assert np.allclose(1 + 254 * shade[1:-1, 1:-1], wanted[1:-1, 1:-1], atol=1.0)
 
@@ -400,9 +401,9 @@ class TestPicture:
         assert pixels[5, -5, 3] == 0  # no ground in the north-east
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with MemoryFile(drawing.png(pixels)) as memory, memory.open() as file:
+            with MemoryFile(shading.png(pixels)) as memory, memory.open() as file:
                 assert np.array_equal(np.moveaxis(file.read(), 0, -1), pixels)
-        assert drawing.png(pixels) == drawing.png(pixels)
+        assert shading.png(pixels) == shading.png(pixels)
 
 
 class TestChart:
@@ -456,7 +457,7 @@ class TestChart:
         last = first + side
         if last - first < 1e-9 * max(abs(first), abs(last)):
             return
-        found = drawing.ticks(first, last, count)
+        found = shading.ticks(first, last, count)
         assert len(found) <= count + 1
         slack = 1e-6 * side
         assert all(first - slack <= value <= last + slack for value in found)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
@@ -11,6 +10,7 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.raster.shading import LIGHT, contour_interval, exaggeration, hillshade, ticks
 from terratool.traversability.report import wording
 from terratool.traversability.results import COLORS, GroundClass, Preview, RouteProfile, Verdict
 
@@ -28,17 +28,8 @@ _HATCH = 12
 """Pixels from one line of the hatching to the next."""
 _OUTLINE = (11, 61, 145)
 """Colour of the outline of what can be reached."""
-_LIGHT = np.radians(315.0), np.radians(45.0)
-"""Azimuth and height of the light."""
-_RELIEF = np.tan(np.radians(40.0))
-"""Slope that the steeper ground of a flat terrain is exaggerated to."""
-_MOST = 10.0
-_CONTOURS = 8
-"""Contours of the ground, about so many."""
 _CONTOUR = 0.6
 """Share of a colour that is left on a contour."""
-_LEVEL = 1e-3
-"""Ground that differs by less, m, has no contours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,15 +154,6 @@ def _distances(total: float, width: int, bottom: float) -> Iterator[str]:
     )
 
 
-def ticks(first: float, last: float, count: int) -> list[float]:
-    """Round numbers from first to last: about so many, 1, 2 or 5 times a power of ten apart."""
-    raw = (last - first) / count
-    power = 10.0 ** math.floor(math.log10(raw))
-    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * 0.999)
-    start = math.ceil(first / step - 1e-9)
-    return [index * step for index in range(start, math.floor(last / step + 1e-9) + 1)]
-
-
 def _described(profile: RouteProfile, total: float) -> str:
     known = profile.height[np.isfinite(profile.height)]
     heights = ""
@@ -181,47 +163,6 @@ def _described(profile: RouteProfile, total: float) -> str:
     sunk = profile.sinkage[np.isfinite(profile.sinkage)]
     deepest = wording.length(float(sunk.max())) if sunk.size else "no"
     return f"Profile over {wording.length(total)}: {heights}{deepest} of sinkage at most."
-
-
-def exaggeration(map_: Preview) -> float:
-    """How much steeper the shading shows the ground, 1 to 10: so that gentle hills are seen."""
-    east, north = _gradient(map_.heights, map_.grid.resolution)
-    steepness = np.hypot(east, north)
-    steepness = steepness[steepness > 0.0]
-    if not steepness.size:
-        return 1.0
-    factor = float(np.clip(_RELIEF / np.quantile(steepness, 0.95), 1.0, _MOST))
-    return float(f"{factor:.1g}")
-
-
-def hillshade(
-    heights: NDArray[np.float32], resolution: float, exaggerated: float = 1.0
-) -> NDArray[np.float64]:
-    """Light on the ground, 0 to 1, (height, width) float64; level ground has sin 45°.
-
-    Slopes by Horn's formula (B. K. P. Horn, Hill shading and the reflectance map, Proceedings of
-    the IEEE 69(1), 1981), light from the north-west; missing neighbours count as level.
-
-    Args:
-        heights: (height, width), rows from the north, NaN where there is no ground.
-        resolution: side of a pixel.
-        exaggerated: factor on heights.
-    """
-    east, north = _gradient(heights, resolution)
-    azimuth, height = _LIGHT
-    east, north = east * exaggerated, north * exaggerated
-    towards = -east * np.sin(azimuth) - north * np.cos(azimuth)
-    light = (np.sin(height) + towards * np.cos(height)) / np.sqrt(1.0 + east**2 + north**2)
-    return np.asarray(np.clip(light, 0.0, 1.0))
-
-
-def contour_interval(map_: Preview) -> float:
-    """How far contours are apart, m: 1, 2 or 5 times a power of ten; 0 for none."""
-    known = map_.heights[np.isfinite(map_.heights)]
-    if not known.size or float(np.ptp(known)) < _LEVEL:
-        return 0.0
-    found = ticks(0.0, float(np.ptp(known)), _CONTOURS)
-    return found[1] if len(found) > 1 else 0.0
 
 
 def _contours(heights: NDArray[np.float32], interval: float) -> NDArray[np.bool_]:
@@ -240,13 +181,15 @@ def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDAr
     A pixel of the map is a square of as many pixels as it takes for the longer side to have 720.
     What can be reached, (height, width), gets an outline.
     """
-    shade = hillshade(map_.heights, map_.grid.resolution, exaggeration(map_))
+    shade = hillshade(
+        map_.heights, map_.grid.resolution, exaggeration(map_.heights, map_.grid.resolution)
+    )
     palette = np.array([COLORS[code] for code in sorted(COLORS)], np.float64)
-    level = np.sin(_LIGHT[1])
+    level = np.sin(LIGHT[1])
     # shading must not turn one verdict's lightness to another's
     light = np.clip(1.0 + 0.4 * (shade - level), *SHADING)
     painted = palette[map_.ground] * light[..., np.newaxis]
-    interval = contour_interval(map_)
+    interval = contour_interval(map_.heights)
     if interval:
         painted[_contours(map_.heights, interval)] *= _CONTOUR
     scale = max(1, -(-_SIDE // max(map_.ground.shape)))
@@ -278,38 +221,3 @@ def _outline(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     for row, column in ((0, 2), (4, 2), (2, 0), (2, 4)):
         shrunk &= core[row : row + rows, column : column + columns]
     return inside & ~shrunk
-
-
-def png(pixels: NDArray[np.uint8]) -> bytes:
-    """A picture, (height, width, bands) uint8, as the bytes of a PNG file."""
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning
-    from rasterio.io import MemoryFile
-
-    height, width, bands = pixels.shape
-    with rasterio.Env(GDAL_PAM_ENABLED=False), MemoryFile(ext=".png") as memory:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with memory.open(
-                driver="PNG", height=height, width=width, count=bands, dtype="uint8", ZLEVEL=9
-            ) as file:
-                file.write(np.moveaxis(pixels, -1, 0))
-        return bytes(memory.getbuffer())
-
-
-def _gradient(
-    heights: NDArray[np.float32], resolution: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rise for each unit to the east and to the north, by Horn's weights; 0 where unknown."""
-    padded = np.pad(heights.astype(np.float64), 1, mode="reflect", reflect_type="odd")
-    middle = padded[1:-1, 1:-1]
-    rows, columns = middle.shape
-
-    def at(row: int, column: int) -> NDArray[np.float64]:
-        near = padded[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
-        return np.where(np.isfinite(near), near, middle)
-
-    east = at(-1, 1) + 2.0 * at(0, 1) + at(1, 1) - at(-1, -1) - 2.0 * at(0, -1) - at(1, -1)
-    north = at(-1, -1) + 2.0 * at(-1, 0) + at(-1, 1) - at(1, -1) - 2.0 * at(1, 0) - at(1, 1)
-    span = 8.0 * resolution
-    return np.nan_to_num(east / span), np.nan_to_num(north / span)

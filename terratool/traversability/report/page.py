@@ -12,16 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from terratool import __version__
+from terratool.raster.shading import contour_interval, exaggeration, png, ticks
 from terratool.text.display import printable
 from terratool.traversability.report import curves, tables, wording
-from terratool.traversability.report.drawing import (
-    chart,
-    contour_interval,
-    exaggeration,
-    map_picture,
-    png,
-    ticks,
-)
+from terratool.traversability.report.drawing import chart, map_picture
 from terratool.traversability.report.tables import Table
 from terratool.traversability.results import (
     GroundClass,
@@ -148,7 +142,7 @@ def picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any]
 def _caption(report: TraversabilityReport, preview: Preview, outlined: bool) -> str:
     caption = "The verdict of the best heading at each place, over the hills in light from the "
     caption += "north-west"
-    factor = exaggeration(preview)
+    factor = exaggeration(preview.heights, preview.grid.resolution)
     caption += f", {wording.number(factor)} times as steep as they are. " if factor > 1 else ". "
     caption += f"North is up; a pixel is {wording.length(preview.grid.resolution)}. "
     crs = f" in {preview.crs}" if preview.crs else ""
@@ -169,7 +163,7 @@ def _heights(preview: Preview) -> str:
     low, high = (wording.number(float(z), 4) for z in (known.min(), known.max()))
     if low == high:
         return f"height {low} m"
-    interval = contour_interval(preview)
+    interval = contour_interval(preview.heights)
     lines = f", lines every {wording.length(interval)}" if interval else ""
     return f"heights from {low} to {high} m{lines}"
 

@@ -1,0 +1,104 @@
+"""Light on the ground, contours, round numbers, and PNG files: what all pictures need."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+Heights = NDArray[np.float32] | NDArray[np.float64]
+
+LIGHT = np.radians(315.0), np.radians(45.0)
+"""Azimuth and height of the light."""
+_RELIEF = np.tan(np.radians(40.0))
+"""Slope that the steeper ground of a flat terrain is exaggerated to."""
+_MOST = 10.0
+_CONTOURS = 8
+"""Contours of the ground, about so many."""
+_LEVEL = 1e-3
+"""Ground that differs by less, m, has no contours."""
+
+
+def exaggeration(heights: Heights, resolution: float) -> float:
+    """How much steeper the shading shows the ground, 1 to 10: so that gentle hills are seen."""
+    east, north = _gradient(heights, resolution)
+    steepness = np.hypot(east, north)
+    steepness = steepness[steepness > 0.0]
+    if not steepness.size:
+        return 1.0
+    factor = float(np.clip(_RELIEF / np.quantile(steepness, 0.95), 1.0, _MOST))
+    return float(f"{factor:.1g}")
+
+
+def hillshade(heights: Heights, resolution: float, exaggerated: float = 1.0) -> NDArray[np.float64]:
+    """Light on the ground, 0 to 1, (height, width) float64; level ground has sin 45°.
+
+    Slopes by Horn's formula (B. K. P. Horn, Hill shading and the reflectance map, Proceedings of
+    the IEEE 69(1), 1981), light from the north-west; missing neighbours count as level.
+
+    Args:
+        heights: (height, width), rows from the north, NaN where there is no ground.
+        resolution: side of a pixel.
+        exaggerated: factor on heights.
+    """
+    east, north = _gradient(heights, resolution)
+    azimuth, height = LIGHT
+    east, north = east * exaggerated, north * exaggerated
+    towards = -east * np.sin(azimuth) - north * np.cos(azimuth)
+    light = (np.sin(height) + towards * np.cos(height)) / np.sqrt(1.0 + east**2 + north**2)
+    return np.asarray(np.clip(light, 0.0, 1.0))
+
+
+def contour_interval(heights: Heights) -> float:
+    """How far contours are apart: 1, 2 or 5 times a power of ten; 0 for none."""
+    known = heights[np.isfinite(heights)]
+    if not known.size or float(np.ptp(known)) < _LEVEL:
+        return 0.0
+    found = ticks(0.0, float(np.ptp(known)), _CONTOURS)
+    return found[1] if len(found) > 1 else 0.0
+
+
+def ticks(first: float, last: float, count: int) -> list[float]:
+    """Round numbers from first to last: about so many, 1, 2 or 5 times a power of ten apart."""
+    raw = (last - first) / count
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * 0.999)
+    start = math.ceil(first / step - 1e-9)
+    return [index * step for index in range(start, math.floor(last / step + 1e-9) + 1)]
+
+
+def png(pixels: NDArray[np.uint8]) -> bytes:
+    """A picture, (height, width, bands) uint8, as the bytes of a PNG file."""
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+    from rasterio.io import MemoryFile
+
+    height, width, bands = pixels.shape
+    with rasterio.Env(GDAL_PAM_ENABLED=False), MemoryFile(ext=".png") as memory:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with memory.open(
+                driver="PNG", height=height, width=width, count=bands, dtype="uint8", ZLEVEL=9
+            ) as file:
+                file.write(np.moveaxis(pixels, -1, 0))
+        return bytes(memory.getbuffer())
+
+
+def _gradient(
+    heights: Heights, resolution: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rise for each unit to the east and to the north, by Horn's weights; 0 where unknown."""
+    padded = np.pad(heights.astype(np.float64), 1, mode="reflect", reflect_type="odd")
+    middle = padded[1:-1, 1:-1]
+    rows, columns = middle.shape
+
+    def at(row: int, column: int) -> NDArray[np.float64]:
+        near = padded[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
+        return np.where(np.isfinite(near), near, middle)
+
+    east = at(-1, 1) + 2.0 * at(0, 1) + at(1, 1) - at(-1, -1) - 2.0 * at(0, -1) - at(1, -1)
+    north = at(-1, -1) + 2.0 * at(-1, 0) + at(-1, 1) - at(1, -1) - 2.0 * at(1, 0) - at(1, 1)
+    span = 8.0 * resolution
+    return np.nan_to_num(east / span), np.nan_to_num(north / span)

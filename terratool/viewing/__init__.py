@@ -1,0 +1,1 @@
+"""What people look at: pictures, a page to turn a terrain about, and what an edit changed."""
