@@ -54,7 +54,7 @@ def test_the_picture_shows_each_measured_point() -> None:
 def test_the_page_is_found() -> None:
     """README and the manual lead to it."""
     assert "(docs/validation.md)" in (ROOT / "README.md").read_text("utf-8")
-    assert "(validation.md)" in (ROOT / "docs" / "traversability.md").read_text("utf-8")
+    assert "(validation.md)" in (ROOT / "docs" / "wheel-and-soil.md").read_text("utf-8")
 
 
 def test_each_file_of_data_names_its_source() -> None:

@@ -221,7 +221,7 @@ def unknown_preset(subject: Subject) -> Iterator[Remark]:
     The soils are dry-sand, sandy-loam-11, sandy-loam-15, sandy-loam-23, upland-sandy-loam,
     lete-sand, clayey-soil-38, clayey-soil-55, lean-clay-22, heavy-clay-25, snow-us, snow-sweden and
     lunar-nominal; hard ground is concrete, asphalt-wet, gravel, earth-road, earth-road-wet,
-    grass-wet, snow-packed and ice; docs/traversability.md has their figures. What a surface says
+    grass-wet, snow-packed and ice; docs/wheel-and-soil.md has their figures. What a surface says
     itself counts instead of what its preset has.
 
     Fails:
