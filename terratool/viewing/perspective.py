@@ -260,12 +260,13 @@ def draw_perspective(
     key = plan.key if options.legend else Key()
     title = terrain.descr if options.title is None else options.title
     margins = Margins(
-        left=14.0, bottom=36.0, right=key_width(key) + 28.0 if options.legend else 14.0,
+        left=14.0, bottom=48.0, right=key_width(key) + 28.0 if options.legend else 14.0,
         top=28.0 if title else 12.0,
     )  # fmt: skip
-    sheet, ground = _sheet(vertices, options, margins)
+    corners = vertices[np.unique(block.faces)]
+    sheet, ground = _sheet(corners, options, margins)
     camera = camera_for(
-        vertices, options.azimuth, options.elevation, (ground.width * FINER, ground.height * FINER)
+        corners, options.azimuth, options.elevation, (ground.width * FINER, ground.height * FINER)
     )
     progress("painting faces")
     points = camera.project(vertices)
@@ -276,7 +277,11 @@ def draw_perspective(
     axes = sheet.axes(ground)
     axes.imshow(pixels, aspect="auto", interpolation="none", origin="lower")
     axes.set_axis_off()
-    _draw_texts(sheet, ground, camera, vertices, options, (factor, unit_of(terrain)))
+    wide, deep = (number(float(f"{side:.6g}")) for side in sides)
+    unit = unit_of(terrain)
+    said = f"{wide} {unit} from west to east, {deep} {unit} from south to north."
+    steeper = f"{exaggerated(factor)}."
+    _draw_texts(sheet, ground, camera, corners, [said, steeper], options)
     if title:
         left = sheet.pixels(margins.left)
         sheet.title(title, left, sheet.width - 2 * left)
@@ -366,7 +371,10 @@ def _gridded(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple
     whole = known[:-1, :-1] & known[:-1, 1:] & known[1:, :-1] & known[1:, 1:]
     corners = (np.stack([sw, se, ne], axis=-1)[whole], np.stack([sw, ne, nw], axis=-1)[whole])
     faces = np.concatenate(corners)
-    surfaces = np.tile(ids[1:, :-1][whole].astype(np.int64), 2)
+    # a wall belongs to the higher ground, as in a mesh
+    four = np.stack([sw, se, ne, nw], axis=-1)[whole]
+    highest = np.take_along_axis(four, vertices[four, 2].argmax(axis=1)[:, None], axis=1)[:, 0]
+    surfaces = np.tile(ids.ravel()[highest].astype(np.int64), 2)
     # the sides of the block
     edge = np.concatenate([index[0], index[1:, -1], index[-1, -2::-1], index[-2:0:-1, 0]])
     around = np.stack([edge, np.roll(edge, -1)], axis=-1)
@@ -512,11 +520,10 @@ def _edges(seen: Seen, block: Block, drawn: NDArray[np.bool_], normal: Floats) -
 
 
 def _draw_texts(
-    sheet: Sheet, ground: Rectangle, camera: Camera, vertices: Floats, options: RenderOptions,
-    said: tuple[float, str],
+    sheet: Sheet, ground: Rectangle, camera: Camera, vertices: Floats, said: list[str],
+    options: RenderOptions,
 ) -> None:  # fmt: skip
-    """Draw the arrow to the north, the lengths of the nearer sides, and what is exaggerated."""
-    factor, unit = said
+    """Draw the arrow to the north, and say what there is to say and from where it is seen."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
 
     def at(point: Floats) -> Floats:
@@ -525,20 +532,16 @@ def _draw_texts(
         return corner
 
     middle = 0.5 * (low + high)
-    north = np.array([0.0, 0.05 * float(high[1] - low[1]) or 1.0, 0.0])
+    north = np.array([0.0, 0.05 * float(high[1] - low[1]), 0.0])
     foot, tip = at(middle), at(middle + north)
-    way = (tip - foot) / max(float(np.linalg.norm(tip - foot)), 1e-12)
-    corner = sheet.pixels(20.0), sheet.pixels(12.0)
-    right, up = float(way[0]), float(way[1])
-    x = corner[0] + (sheet.pixels(12.0) if right < -0.3 else 0)
-    y = corner[1] + (sheet.pixels(20.0) if up < 0.0 else 0)
+    right, up = ((tip - foot) / max(float(np.linalg.norm(tip - foot)), 1e-12)).tolist()
+    # the arrow and its letter stay on the sheet, wherever it leads
+    x = sheet.pixels(30.0 - 12.0 * right)
+    y = sheet.pixels(22.0 - 12.0 * up)
     sheet.north_arrow(x, y, (right, up))
-    wide, deep = (number(float(f"{side:.6g}")) for side in (high - low)[:2])
-    sheet.caption(
-        [
-            f"{wide} {unit} from west to east, {deep} {unit} from south to north. Seen from "
-            f"{number(options.azimuth)}° (clockwise from north), {number(options.elevation)}° "
-            f"above. {exaggerated(factor).capitalize()}.",
-        ],
-        sheet.pixels(56.0), sheet.pixels(6.0),
-    )  # fmt: skip
+    seen = (
+        f"Seen from {number(options.azimuth)}° (clockwise from north), "
+        f"{number(options.elevation)}° above."
+    )
+    line = " ".join([*(f"{text[0].upper()}{text[1:]}" for text in said), seen])
+    sheet.caption([line], sheet.pixels(64.0), sheet.pixels(6.0))
