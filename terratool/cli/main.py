@@ -14,6 +14,7 @@ from terratool import __version__
 from terratool.errors import TerratoolError, interruption, reason
 
 _COMMANDS = {
+    "new": ("new", "Make a terrain to start from: flat, ramp, stairs, rough, craters, …."),
     "validate": ("validate", "Check terrains and vehicles and say what is wrong, and where."),
     "format": ("format_", "Lay definitions out in the canonical way."),
     "add": ("add", "Add an element to a terrain or a library."),

@@ -1,0 +1,64 @@
+"""The site of these pages: `make site` builds it by Sphinx into out/site, without the net."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from terratool import __version__
+
+project = "terratool"
+author = "the terratool developers"
+release = version = __version__
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_click",
+    "sphinx_copybutton",
+]
+
+html_theme = "furo"
+html_title = f"terratool {release}"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_show_copyright = False
+html_show_sphinx = False
+html_copy_source = False
+html_show_sourcelink = False
+html_permalinks_icon = "#"
+pygments_style = "friendly"
+pygments_dark_style = "monokai"
+
+myst_heading_anchors = 4  # as GitHub has them
+myst_enable_extensions = ["attrs_block"]
+
+default_role = "code"  # docstrings write `code` as Markdown does
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+python_maximum_signature_line_length = 88
+add_module_names = False
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+
+copybutton_prompt_text = "$ "
+copybutton_here_doc_delimiter = "EOF"
+
+# some examples of the rules are no JSON, and that is the point of them
+suppress_warnings = ["misc.highlighting_failure"]
+
+PAGES = {"README": "index", "CONTRIBUTING": "contributing", "CHANGELOG": "changelog"}
+"""Files of the project's top folder, and the pages of the site that have them."""
+
+
+def setup(app: Any) -> None:
+    """Links to files of the top folder lead to their pages; on GitHub they lead to the files."""
+    pattern = re.compile(rf"\]\(\.\./({'|'.join(PAGES)})\.md")
+
+    def led_to_pages(app: Any, name: str, source: list[str]) -> None:
+        source[0] = pattern.sub(lambda found: f"]({PAGES[found[1]]}.md", source[0])
+
+    app.connect("source-read", led_to_pages)
