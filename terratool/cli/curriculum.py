@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command(
+    "curriculum",
     epilog="Example: terratool curriculum samples/curricula/rough.json course.json --seed 7"
 )
 @click.argument("spec")

@@ -26,6 +26,7 @@ def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> 
 
 
 @click.command(
+    "deform",
     epilog="Example: terratool deform samples/planetary-site.json --vehicle rover.json "
     "--path drive.csv --output driven.json"
 )
