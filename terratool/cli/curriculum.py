@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command(
     "curriculum",
-    epilog="Example: terratool curriculum samples/curricula/rough.json course.json --seed 7"
+    epilog="Example: terratool curriculum samples/curricula/rough.json course.json --seed 7",
 )
 @click.argument("spec")
 @click.argument("output")
