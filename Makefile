@@ -94,6 +94,7 @@ pages: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md, the tables and pict
 site: $(VENV)/.installed-docs  ## Build the site of docs/ into out/site, without the net; a warning is an error
 	@rm -rf out/site
 	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -d out/doctrees docs out/site
+	@! grep -rlE '(src|data-src)="(https?:)?//|url\(.?https?:' out/site || { echo "These ask the net."; exit 1; }
 	@echo "Open out/site/index.html"
 
 fuzz: $(VENV)/.installed-test  ## Try 1,400,000 broken files; FUZZ="rasters --share 0.01" for less

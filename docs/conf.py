@@ -27,6 +27,8 @@ html_show_sphinx = False
 html_copy_source = False
 html_show_sourcelink = False
 html_permalinks_icon = "#"
+highlight_language = "text"
+smartquotes = False  # "--strict" has two hyphens
 pygments_style = "friendly"
 pygments_dark_style = "monokai"
 
@@ -55,10 +57,29 @@ PAGES = {"README": "index", "CONTRIBUTING": "contributing", "CHANGELOG": "change
 
 
 def setup(app: Any) -> None:
-    """Links to files of the top folder lead to their pages; on GitHub they lead to the files."""
-    pattern = re.compile(rf"\]\(\.\./({'|'.join(PAGES)})\.md")
+    """Have the pages read well on GitHub and in the site, by what is replaced in their text."""
+    top = "|".join(PAGES)
+    replacements: tuple[tuple[str, Any], ...] = (
+        # links to files of the top folder lead to their pages
+        (rf"\]\(\.\./({top})\.md", lambda found: f"]({PAGES[found[1]]}.md"),
+        # a link that is called by its file gets the title of the page
+        (r"\[([\w-]+)\.md\]\(\1\.md\)", r"[](\1.md)"),
+        # commands and what they say look like a terminal
+        (r"^```\n\$ ", "```console\n$ "),
+    )
 
-    def led_to_pages(app: Any, name: str, source: list[str]) -> None:
-        source[0] = pattern.sub(lambda found: f"]({PAGES[found[1]]}.md", source[0])
+    def replaced(app: Any, name: str, source: list[str]) -> None:
+        for pattern, by in replacements:
+            source[0] = re.sub(pattern, by, source[0], flags=re.MULTILINE)
 
-    app.connect("source-read", led_to_pages)
+    def as_text(app: Any, command: Any, lines: list[str]) -> None:
+        lines[:] = [re.sub(r"([*`|\\])", r"\\\1", line) for line in lines]
+
+    def as_command(app: Any, command: Any, lines: list[str]) -> None:
+        text = re.sub(r"[\s|]+", " ", " ".join(lines))
+        examples = re.findall(r"terratool (?:(?!terratool ).)+", text)
+        lines[:] = ["", ".. code-block:: console", "", *(f"   $ {one}" for one in examples), ""]
+
+    app.connect("source-read", replaced)
+    app.connect("sphinx-click-process-description", as_text)
+    app.connect("sphinx-click-process-epilog", as_command)

@@ -7,10 +7,11 @@ from itertools import pairwise
 from pathlib import Path
 from urllib.parse import unquote
 
+import click  # noqa: TID251
 import pytest
 from markdown_it import MarkdownIt
 
-from terratool.cli.main import _COMMANDS
+from terratool.cli.main import _COMMANDS, cli
 from tests.commands import ROOT
 
 DOCS = ROOT / "docs"
@@ -75,3 +76,12 @@ def test_each_command_is_in_the_table() -> None:
     page = (DOCS / "commands.md").read_text("utf-8")
     named = re.findall(r"^\| `terratool ([\w-]+)", page, re.MULTILINE)
     assert sorted(named) == sorted(_COMMANDS)
+
+
+@pytest.mark.parametrize("name", _COMMANDS)
+def test_a_command_knows_its_name(name: str) -> None:
+    """The site calls it so, and shows its example."""
+    command = cli.get_command(click.Context(cli), name)
+    assert command is not None
+    assert command.name == name
+    assert re.search(rf"Examples?: terratool {name} ", command.epilog or "")
