@@ -12,7 +12,7 @@ import click
 from terratool import __version__
 from terratool.errors import TerratoolError
 
-_WORKING = ("test", "dev", "bench")
+_WORKING = ("test", "dev", "bench", "docs")
 """Extras for work on terratool itself."""
 _requirement = re.compile(r"([\w.-]+)(?:[^;]*?)(?:;.*extra == ['\"](\w+)['\"].*)?").fullmatch
 _MISSING = "not installed"
