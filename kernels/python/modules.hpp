@@ -1,4 +1,4 @@
-// The parts of the module. That of the field is bound in two files, which build side by side.
+// The parts of the module. That of the field is bound in three files, which build side by side.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -11,6 +11,7 @@ void bind_importing(nanobind::module_ m);
 void bind_mesh(nanobind::module_ m);
 void bind_painting(nanobind::module_ m);
 void bind_raster(nanobind::module_ m);
+void bind_rays(nanobind::module_ m);
 void bind_traversability(nanobind::module_ m);
 
 }  // namespace terratool::python

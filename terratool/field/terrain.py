@@ -27,6 +27,7 @@ from terratool.kernels import field as kernels
 if TYPE_CHECKING:
     import torch
 
+    from terratool.field.rays import RayHits
     from terratool.field.torch_field import TorchField
     from terratool.field.warp_field import WarpField
 
@@ -206,7 +207,7 @@ class Terrain:
         return kernels.Field(self.arrays)
 
     def __getstate__(self) -> dict[str, Any]:
-        dropped = "field", "written_out"
+        dropped = "field", "written_out", "ray_index"
         return {name: value for name, value in vars(self).items() if name not in dropped}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -324,6 +325,36 @@ class Terrain:
             normal.reshape(*shape, 3),
         )
 
+    @cached_property
+    def ray_index(self) -> kernels.RayIndex:
+        """What rays look things up in; of the terrain with its parts written out."""
+        from terratool.field.rays import ray_index
+
+        return ray_index(self)
+
+    def cast(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_range: ArrayLike = math.inf,
+        threads: int | None = None,
+    ) -> RayHits:
+        """What rays meet first: the ground or a wall; see `terratool.field.rays.cast`.
+
+        Args:
+            origins: (…, 3) where they begin, in the world.
+            directions: (…, 3) where they go, of any length but 0.
+            max_range: (…) how far.
+            threads: number of threads; as many as there are processors if None.
+
+        Raises:
+            RequestError: a number is NaN, a direction 0, or a range below 0; or the parts of the
+                terrain come to too many elements.
+        """
+        from terratool.field.rays import cast
+
+        return cast(self, origins, directions, max_range, threads)
+
     def to_torch(
         self,
         device: str | torch.device = "cpu",
@@ -342,7 +373,8 @@ class Terrain:
             RequestError: PyTorch or Warp is not installed, there is no such device, or the terrain
                 is too large for any.
         """
-        from terratool.field.torch_field import TorchField
+        from terratool.field.rays import RayHits
+    from terratool.field.torch_field import TorchField
 
         return TorchField(self, device, origin=origin, default_friction=default_friction)
 

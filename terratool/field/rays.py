@@ -1,0 +1,134 @@
+"""Rays against the field: what a straight line meets first."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terratool.errors import RequestError
+from terratool.kernels import field as kernels
+
+if TYPE_CHECKING:
+    from terratool.field.terrain import Terrain
+
+_SHARE = 1 << 14
+"""Rays that a thread takes at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class RayHits:
+    """What rays meet first, each array in the shape of the rays.
+
+    Attributes:
+        distance: float64, along the ray; inf where it meets nothing within its range.
+        point: (…, 3) float64, where; NaN where it meets nothing, and so are normals.
+        normal: (…, 3) float64, of length 1, towards the side that the ray comes from.
+        surface: int32, index into `Terrain.surfaces`; -1 for none.
+        element: int64, as `PointSamples` has it; of a wall that of its higher side; OUTSIDE where
+            the ray meets nothing.
+        wall: bool, whether it is a wall.
+    """
+
+    distance: NDArray[np.float64]
+    point: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    surface: NDArray[np.int32]
+    element: NDArray[np.int64]
+    wall: NDArray[np.bool_]
+
+
+def ray_index(terrain: Terrain) -> kernels.RayIndex:
+    """The index of a terrain whose parts are written out: bounds of heights, and what varies where.
+
+    It is made in about a second for a million elements, and takes some 200 bytes for each.
+    """
+    return kernels.RayIndex(terrain.field, terrain.cells())
+
+
+def cast(
+    terrain: Terrain,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    max_range: ArrayLike = np.inf,
+    threads: int | None = None,
+) -> RayHits:
+    """What rays meet first: the ground from above or below, or a wall.
+
+    The ground is that of `Terrain.height` at each point. A wall stands where it jumps across the
+    ray. A ray passes the void, and what is outside of the terrain: the rim has no wall. One that
+    begins on the ground meets it there.
+
+    Args:
+        terrain: what they meet.
+        origins: (…, 3) where they begin, in the world.
+        directions: (…, 3) where they go, of any length but 0.
+        max_range: (…) how far, 0 or more; may be inf.
+        threads: number of threads; as many as there are processors if None.
+
+    Raises:
+        RequestError: a number is NaN, an origin or direction infinite, a direction 0, or a range
+            below 0; or the parts of the terrain come to too many elements.
+    """
+    origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
+    most = np.asarray(max_range, np.float64)
+    for name, vectors in (("origins", origins), ("directions", directions)):
+        if vectors.ndim < 1 or vectors.shape[-1] != 3:
+            raise RequestError(
+                f"The {name} have the shape {vectors.shape}.", "Let the last axis be x, y, z."
+            )
+        if not np.isfinite(vectors).all():
+            raise RequestError(f"The {name} have a NaN or an infinity.", "Leave those rays out.")
+    if not (most >= 0.0).all():  # nor NaN
+        raise RequestError("A range is below 0, or NaN.", "Give 0 or more; inf is no limit.")
+    try:
+        shape = np.broadcast_shapes(origins.shape[:-1], directions.shape[:-1], most.shape)
+    except ValueError:
+        raise RequestError(
+            f"Origins {origins.shape}, directions {directions.shape} and ranges {most.shape} do "
+            "not fit together.",
+            "Give as many of each, or one of what they share.",
+        ) from None
+    # a length that neither overflows nor vanishes on the way
+    largest = np.abs(directions).max(axis=-1, keepdims=True, initial=0.0)
+    if not (largest > 0.0).all():
+        raise RequestError("A direction is 0 0 0.", "Leave that ray out.")
+    scaled = directions / largest
+    unit = scaled / np.sqrt((scaled * scaled).sum(axis=-1, keepdims=True))
+    starts, ways = (
+        np.ascontiguousarray(np.broadcast_to(one, (*shape, 3))).reshape(-1, 3)
+        for one in (origins, unit)
+    )
+    ranges = np.ascontiguousarray(np.broadcast_to(most, shape)).ravel()
+    written_out = terrain.written_out
+    index, count = written_out.ray_index, len(starts)
+    distance, element = np.empty(count), np.empty(count, np.int64)
+    point, normal, wall = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, bool)
+
+    def share(begin: int) -> None:
+        part = slice(begin, begin + _SHARE)
+        kernels.cast(
+            index, starts[part], ways[part], ranges[part],
+            distance[part], point[part], normal[part], element[part], wall[part],
+        )  # fmt: skip
+
+    begins = range(0, count, _SHARE)
+    wanted = min(threads or os.cpu_count() or 1, len(begins))
+    if wanted > 1:
+        with ThreadPoolExecutor(wanted) as pool:
+            list(pool.map(share, begins))
+    else:
+        for begin in begins:
+            share(begin)
+    return RayHits(
+        distance.reshape(shape),
+        point.reshape(*shape, 3),
+        normal.reshape(*shape, 3),
+        written_out.surface_of(element).reshape(shape),
+        element.reshape(shape),
+        wall.reshape(shape),
+    )
