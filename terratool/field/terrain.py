@@ -373,8 +373,7 @@ class Terrain:
             RequestError: PyTorch or Warp is not installed, there is no such device, or the terrain
                 is too large for any.
         """
-        from terratool.field.rays import RayHits
-    from terratool.field.torch_field import TorchField
+        from terratool.field.torch_field import TorchField
 
         return TorchField(self, device, origin=origin, default_friction=default_friction)
 

@@ -343,3 +343,29 @@ def walls_between(
 
     Shapes: pairs[n], x[_], y[_], places[n,m], jumps[n,m].
     """
+
+class RayIndex:
+    """Bounds of heights over quarters of the plan, for rays."""
+
+    def __init__(self, field: object, cells: object) -> None: ...
+    @property
+    def nbytes(self) -> int: ...
+    @property
+    def nodes(self) -> int: ...
+
+def cast(
+    index: RayIndex,
+    origins: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    most: NDArray[np.float64],
+    distance: NDArray[np.float64],
+    point: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    top: NDArray[np.int64],
+    wall: NDArray[np.bool_],
+) -> None:
+    """
+    What rays meet first.
+
+    Shapes: origins[n,3], directions[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n], wall[n].
+    """
