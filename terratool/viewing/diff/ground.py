@@ -22,12 +22,20 @@ from terratool.raster.prefetch import prefetch, processors
 from terratool.viewing.diff.regions import clipped, hull
 from terratool.viewing.diff.results import GroundChange, LargestChange, PixelGrid, SurfaceArea
 
-SIDE = 256
+SIDE = 128
 """Of a window, in pixels."""
-MOST_PIXELS = 1 << 24
-"""A grid that nobody asked for is not made finer beyond so many pixels that may differ."""
+FIRST_PIXELS = 1 << 20
+"""A grid that nobody asked for begins with so many pixels at most, of those that may differ …"""
+MOST_PIXELS = 1 << 22
+"""… and is not halved beyond so many."""
 ENOUGH = 1e-3
 """A grid that nobody asked for is fine enough where volumes are known to this share."""
+_EDGES = 16
+"""So many rectangles of what differs are laid on the edges of pixels …"""
+_FINER = 16
+"""… of which there may be so many times more for that."""
+_WHOLE = 1e-6
+"""A quotient this near to a whole number is one."""
 
 
 class Difference(NamedTuple):
@@ -220,9 +228,10 @@ def compare_ground(
 ) -> GroundChange:
     """Compare heights, surfaces and voids at the centres of pixels.
 
-    Without a resolution the grid lies over what can differ; it begins with pixels that show the
-    finest feature there, and is refined until the volumes hold, or there are too many pixels. The
-    error is estimated by the difference from the sum over pixels of twice the side.
+    Without a resolution the grid lies over what can differ. It begins with pixels that show the
+    finest feature there, on whose edges elements that differ have theirs if possible. It is halved
+    until volumes stay the same, or there are too many pixels. The error is estimated by what the
+    last halving changed; of a resolution that is given, by pixels of twice the side.
 
     Args:
         both: the terrains.
@@ -237,27 +246,49 @@ def compare_ground(
     if resolution is not None:
         grid = grid_over(both.old, resolution, both.bounds)
         sums = summed(both, grid, tolerance, threads)
-        error = _error(both, grid, sums, tolerance, threads)
+        error = _coarse_error(both, grid, sums, tolerance, threads)
         return _told(both, grid, sums, tolerance, error)
     part = both.bounds if both.regions is None else hull(both.regions, both.bounds)
     if part is None:
         part = both.bounds
-    finest = min(default_resolution(terrain, part)[0] for terrain in (both.old, both.new))
-    grid = grid_over(both.old, finest, part)
+    grid = _first_grid(both, part)
     sums = summed(both, grid, tolerance, threads)
-    error = _error(both, grid, sums, tolerance, threads)
-    while error > ENOUGH * (sums.cut + sums.fill) and _pixels(both, grid) * 4 <= MOST_PIXELS:
+    while True:
         finer = grid_over(both.old, grid.resolution / 2, part)
         before, sums, grid = sums, summed(both, finer, tolerance, threads), finer
         error = _apart(before, sums)
-    return _told(both, grid, sums, tolerance, error)
+        enough = error <= ENOUGH * (sums.cut + sums.fill)
+        if enough or 4 * _pixels(both, grid) > MOST_PIXELS:
+            return _told(both, grid, sums, tolerance, error)
+
+
+def _first_grid(both: Both, part: Bounds) -> Grid:
+    """Pixels over what can differ that show its finest feature, or are as many as one begins with.
+
+    Where pixels of some smaller side have the edges of what differs on theirs, they are taken.
+    """
+    finest = min(default_resolution(terrain, part)[0] for terrain in (both.old, both.new))
+    sides = part[2] - part[0], part[3] - part[1]
+    edges = [*sides]
+    for box in (both.regions or ())[:_EDGES]:
+        edges += (abs(box[k] - part[k % 2]) for k in range(4))
+    count = max(1, math.ceil(min(sides) / finest - _WHOLE))
+    for pixels in range(count, _FINER * count + 1):
+        resolution = min(sides) / pixels
+        if all(abs(edge / resolution - round(edge / resolution)) < _WHOLE for edge in edges):
+            finest = resolution
+            break
+    grid = grid_over(both.old, finest, part)
+    while _pixels(both, grid) > FIRST_PIXELS and 2 * grid.resolution < min(sides):
+        grid = grid_over(both.old, 2 * grid.resolution, part)
+    return grid
 
 
 def _pixels(both: Both, grid: Grid) -> int:
     return sum(window.width * window.height for window in both.windows(grid))
 
 
-def _error(both: Both, grid: Grid, sums: Sums, tolerance: float, threads: int) -> float:
+def _coarse_error(both: Both, grid: Grid, sums: Sums, tolerance: float, threads: int) -> float:
     """How far the volumes are from those of pixels of twice the side."""
     if sums.cut == sums.fill == 0.0:
         return 0.0

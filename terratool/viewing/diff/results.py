@@ -19,7 +19,12 @@ Pair = tuple[float, float]
 
 
 class KeyChange(Struct, frozen=True):
-    """A key whose value differs: both values as text, empty where there is none."""
+    """A key whose value differs.
+
+    Attributes:
+        key: its name; of what has no key what it is, as place, parent or order.
+        old, new: its values as text, empty where there is none.
+    """
 
     key: str
     old: str
@@ -98,7 +103,13 @@ class ElementChange(Struct, frozen=True):
 
 
 class PixelGrid(Struct, frozen=True):
-    """The pixels whose centres were compared."""
+    """The pixels whose centres were compared.
+
+    Attributes:
+        bounds: west, south, east, north of their edges.
+        resolution: side of a pixel.
+        width, height: how many there are along x and along y.
+    """
 
     bounds: Bounds
     resolution: float
@@ -129,7 +140,12 @@ class LargestChange(Struct, frozen=True):
 
 
 class SurfaceArea(Struct, frozen=True):
-    """Ground that wore one surface and wears another; None for no surface."""
+    """Ground that wore one surface and wears another.
+
+    Attributes:
+        old, new: their names, in the new definition where one was renamed; None for no surface.
+        area: of it.
+    """
 
     old: str | None
     new: str | None

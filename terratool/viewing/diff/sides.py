@@ -11,7 +11,7 @@ from msgspec import UNSET, Struct
 from terratool.definition.curves import shape_of
 from terratool.definition.libraries import Document, path_between
 from terratool.definition.model import Definition, Primitive, Surface
-from terratool.definition.reader import Checked, CheckOptions, check, refusal
+from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
 from terratool.definition.uses import Root, Uses
 from terratool.field.terrain import Terrain
 from terratool.text.source import Source, read_source
@@ -87,7 +87,9 @@ class Side(Struct, frozen=True, dict=True):
         return f"{path_between(self.document, root.home)}#{pointer}"
 
 
-def read_side(name: str, *, called: str | None, roots: tuple[str, ...], roughness: bool) -> Side:
+def read_side(
+    name: str, *, called: str | None = None, roots: tuple[str, ...] = (), roughness: bool = True
+) -> Side:
     """Read, check and compile one definition.
 
     Args:
@@ -110,7 +112,7 @@ def side_of(source: Source, *, roots: tuple[str, ...] = (), roughness: bool = Tr
     """Check and compile a text; raises as `read_side` does."""
     checked = check(source, CheckOptions(warnings=False, library_roots=roots))
     if checked.terrain is None:
-        raise refusal(checked)
+        raise no_terrain(source, checked)
     return Side(checked, Terrain(checked, roughness=roughness))
 
 
