@@ -14,6 +14,7 @@ from terratool import __version__
 from terratool.errors import TerratoolError, interruption, reason
 
 _COMMANDS = {
+    "new": ("new", "Make a terrain to start from: flat, ramp, stairs, rough, craters, …."),
     "validate": ("validate", "Check terrains and vehicles and say what is wrong, and where."),
     "format": ("format_", "Lay definitions out in the canonical way."),
     "add": ("add", "Add an element to a terrain or a library."),
@@ -24,6 +25,7 @@ _COMMANDS = {
     "export-obj": ("export_mesh:obj", "Write a mesh as Wavefront OBJ."),
     "export-vrml": ("export_mesh:vrml", "Write a mesh, or a grid of heights, as VRML97."),
     "export-sim": ("export_sim", "Write for simulators: MuJoCo, Gazebo, PyBullet, USD, Nav2, …."),
+    "render": ("render", "Draw a plan, a section or a perspective: PNG, SVG, PDF."),
     "import-primitive": ("import_primitive", "Make a primitive of a patch of a DEM or a mesh."),
     "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
     "deform": ("deform", "Drive a vehicle along a path and write the ruts of its wheels."),
