@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-EXTRAS ?= none
+EXTRAS ?= plot
 TESTS ?= tests
 PIP := -m pip install -qq --disable-pip-version-check
 CONFIG ?=
@@ -18,7 +18,7 @@ KERNEL_TESTS := tests/test_kernels.py tests/field/test_field.py tests/raster/tes
 KERNELS := CMakeLists.txt $(wildcard kernels/*.hpp kernels/*/*.hpp kernels/python/*.cpp)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test baseline lint bench docs stubs fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
+.PHONY: help install demo test baseline lint bench docs pages site stubs fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -37,7 +37,7 @@ $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@$(BIN)/python $(PIP) --no-build-isolation -Ceditable.rebuild=false $(CONFIG) --editable '.$(if $(filter-out none,$*),[$*])'
 	@touch $@
 
-install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool; EXTRAS=import,usd for more
+install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool; EXTRAS=plot,import,usd for more, none for less
 	@echo "terratool is at $(BIN)/terratool"
 
 demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example, write its DEM and its mesh to out/
@@ -83,11 +83,19 @@ bench: $(VENV)/.installed-bench  ## Measure speed and memory, as ratios from one
 stubs: $(VENV)/.installed-dev  ## Write the type stubs of the kernels
 	$(BIN)/python kernels/python/stubs.py
 
-docs: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md from the rules, the tables and picture of docs/validation.md, and docs/images/slip.svg
+docs: pages site  ## Write the pages that are generated, and build the site of all pages into out/site
+
+pages: $(VENV)/.installed-$(EXTRAS)  ## Write docs/rules.md, the tables and picture of docs/validation.md, and docs/images/slip.svg
 	$(BIN)/terratool rules --markdown > docs/rules.md
 	$(BIN)/python -m tests.validation
 	$(BIN)/terratool traversability samples/ramp-yard.json --vehicle samples/vehicles/husky-a200.json \
 		--report docs/images/slip.svg --overwrite > /dev/null
+
+site: $(VENV)/.installed-docs  ## Build the site of docs/ into out/site, without the net; a warning is an error
+	@rm -rf out/site
+	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -d out/doctrees docs out/site
+	@! grep -rlE '(src|data-src)="(https?:)?//|url\(.?https?:' out/site || { echo "These ask the net."; exit 1; }
+	@echo "Open out/site/index.html"
 
 fuzz: $(VENV)/.installed-test  ## Try 1,400,000 broken files; FUZZ="rasters --share 0.01" for less
 	$(BIN)/python -m tests.fuzz $(FUZZ)

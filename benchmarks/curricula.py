@@ -183,4 +183,6 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("Name the folder of Isaac Lab's terrains; the head of this file says how.")
     main(Path(sys.argv[1]))

@@ -20,11 +20,19 @@ from tests.commands import COMMAND, ENVIRONMENT, ROOT, call
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGRESS = re.compile(r"^terratool: .*\d s\n", re.MULTILINE)  # of a slow machine
-FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^```([\w{}-]*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SAVED = re.compile(
-    r"[Ss]ave this as `([^`]+)`[^\n]*\n(?:[^`\n]*\n)*?```json\n(.*?)^```$", re.MULTILINE | re.DOTALL
+    r"[Ss]ave this as `([^`]+)`[^\n]*\n(?:[^`\n]*\n)*?```(?:json|toml|csv)\n(.*?)^```$",
+    re.MULTILINE | re.DOTALL,
 )
-TUTORIAL = ROOT / "docs/tutorial.md"
+WALKS = [
+    ROOT / "docs" / f"{name}.md"
+    for name in (
+        "tutorial", "author-a-site", "edit-a-dem", "gate-a-repository", "drive-a-vehicle",
+        "load-in-a-simulator",
+    )
+]  # fmt: skip
+"""Pages that are walked through from an empty folder on, each block after the one before."""
 
 
 def blocks(page: Path) -> list[tuple[str, str]]:
@@ -41,7 +49,7 @@ def sessions() -> list[object]:
     """Blocks that show commands and what they say, with the last JSON that stands before each."""
     found = []
     for page in PAGES:
-        if page == TUTORIAL:
+        if page in WALKS:
             continue
         text = ""
         for language, block in blocks(page):
@@ -75,8 +83,8 @@ def commands(block: str) -> list[tuple[str, str]]:
     return [(command, shown) for command, _, shown in (part.partition("\n") for part in parts)]
 
 
-def assert_says(words: list[str], shown: str, folder: Path) -> None:
-    """Run a command; a line of "…" stands for whatever follows."""
+def assert_says(words: list[str], shown: str, folder: Path) -> int:
+    """Run a command, and give its exit code; a line of "…" stands for whatever follows."""
     done = subprocess.run(
         [*COMMAND, *words],
         stdout=subprocess.PIPE,
@@ -92,34 +100,47 @@ def assert_says(words: list[str], shown: str, folder: Path) -> None:
         shown = shown.removesuffix("…\n")
         said = said[: len(shown)]
     assert said == shown
+    return done.returncode
 
 
-def test_the_tutorial_goes_as_it_says(tmp_path: Path) -> None:
-    """From an empty folder on, in its order: files are saved, commands are run."""
+@pytest.mark.parametrize("page", WALKS, ids=lambda page: page.stem)
+def test_a_page_goes_as_it_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the folder of the project on, in its order: files are saved, commands are run."""
     shutil.copytree(ROOT / "samples", tmp_path / "samples")
-    folder, ran = tmp_path, []
-    text = TUTORIAL.read_text("utf-8")
+    monkeypatch.chdir(tmp_path)
+    text = page.read_text("utf-8")
     files = {found.end(): (found[1], found[2]) for found in SAVED.finditer(text)}
+    code, ran = 0, 0
     for fence in FENCE.finditer(text):
         if fence.end() in files:
             name, content = files[fence.end()]
-            (folder / name).write_text(content, "utf-8")
+            Path(name).write_text(content, "utf-8")
+        elif fence[1] == "python":
+            run_python(fence[2])
         for command, shown in commands(fence[2]):
             program, *words = shlex.split(command)
-            ran.append(program)
-            if program == "mkdir":
-                (folder / words[0]).mkdir()
-            elif program == "cp":
-                _, *sources, target = words
-                for source in sources:
-                    shutil.copytree(folder / source, folder / target / Path(source).name)
-            elif program == "cd":
-                folder = folder / words[0]
+            if program == "terratool":
+                code, ran = assert_says(words, shown, Path.cwd()), ran + 1
+            elif command == "echo $?":
+                assert shown == f"{code}\n"
             else:
-                assert program == "terratool"
-                assert_says(words, shown, folder)
-    assert ran.count("terratool") > 10
-    assert len(files) == 2
+                run_shell(program, words, monkeypatch)
+                assert not shown
+    assert ran >= 4
+    assert len(files) == text.count("ave this as `")
+
+
+def run_shell(program: str, words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """What pages ask of a shell besides terratool."""
+    if program == "mkdir":
+        Path(words[0]).mkdir()
+    elif program == "cd":
+        monkeypatch.chdir(words[0])
+    else:
+        assert program in ("cp", "sed")
+        subprocess.run([program, *words], check=True, timeout=10)
 
 
 @pytest.fixture(scope="module")
@@ -149,6 +170,7 @@ def pythons() -> list[object]:
     return [
         pytest.param(text, id=page.stem)
         for page in PAGES
+        if page not in WALKS
         for language, text in blocks(page)
         if language == "python"
     ]
@@ -159,9 +181,15 @@ def test_python_gives_what_its_comments_say(
     block: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All lines run; where a comment is a value or a shape, the expression before it has it."""
-    if "import torch" in block or "to_torch" in block:
-        pytest.importorskip("torch", reason="PyTorch is not installed")
     monkeypatch.chdir(folder)
+    run_python(block)
+
+
+def run_python(block: str) -> None:
+    """Run a block, and compare each expression with the value that its comment shows."""
+    for package in ("torch", "mujoco", "pybullet", "pxr"):
+        if re.search(rf"^(?:import|from) {package}|to_{package}\b", block, re.MULTILINE):
+            pytest.importorskip(package, reason=f"{package} is not installed")
     names: dict[str, Any] = {}
     exec(block, names)
     for line in block.splitlines():

@@ -49,11 +49,11 @@ class TestLibrary:
         assert canonical(text) == text
 
     def test_says_what_it_is(self, path: Path) -> None:
-        """In one line, and so does the README."""
+        """In one line, and so does docs/samples.md."""
         value = read(path)
         assert value["$schema"] == "../../schemas/library.schema.json"
         assert 20 < len(value["descr"]) < 130
-        assert f"samples/kit/{path.name}" in (ROOT / "README.md").read_text("utf-8")
+        assert f"samples/kit/{path.name}" in (ROOT / "docs" / "samples.md").read_text("utf-8")
 
     def test_soils_have_a_source(self, path: Path) -> None:
         """Their figures are those of a preset; what a surface says itself names a paper."""

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    epilog="Example: terratool curriculum samples/curricula/rough.json course.json --seed 7"
+    "curriculum",
+    epilog="Example: terratool curriculum samples/curricula/rough.json course.json --seed 7",
 )
 @click.argument("spec")
 @click.argument("output")

@@ -26,8 +26,9 @@ def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> 
 
 
 @click.command(
+    "deform",
     epilog="Example: terratool deform samples/planetary-site.json --vehicle rover.json "
-    "--path drive.csv --output driven.json"
+    "--path drive.csv --output driven.json",
 )
 @click.argument("file")
 @vehicle_options

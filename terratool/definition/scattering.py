@@ -65,7 +65,7 @@ def sown(
     low, high = 1.0 / (least * least), 1.0 / (most * most)
     sides = sorted(
         (
-            min(max(1.0 / math.sqrt(low + (high - low) * _share(seed, n, 0)), least), most)
+            min(max(1.0 / math.sqrt(low + (high - low) * share(seed, n, 0)), least), most)
             for n in range(wanted(scatter, lengths))
         ),
         reverse=True,
@@ -76,7 +76,7 @@ def sown(
     for n, side in enumerate(sides):
         turn = 0.0
         if turned:
-            turn = _share(seed, n, 1)
+            turn = share(seed, n, 1)
             turn = 90.0 * math.floor(4.0 * turn) if by_quarters else 360.0 * turn
         reach = side * (_HALF_DIAGONAL if any_turn else 0.5)
         room = lengths[0] - 2.0 * reach, lengths[1] - 2.0 * reach
@@ -85,8 +85,8 @@ def sown(
             continue
         for attempt in range(1 if near is None else _TRIES):
             middle = (
-                reach + room[0] * _share(seed, n, 2 + 2 * attempt),
-                reach + room[1] * _share(seed, n, 3 + 2 * attempt),
+                reach + room[0] * share(seed, n, 2 + 2 * attempt),
+                reach + room[1] * share(seed, n, 3 + 2 * attempt),
             )
             if near is None or near.takes(middle, side):
                 yield Strewn(middle, side, turn), attempt + 1
@@ -131,7 +131,7 @@ class _Near:
         return math.floor(middle[0] / pitch), math.floor(middle[1] / pitch)
 
 
-def _share(seed: int, number: int, draw: int) -> float:
+def share(seed: int, number: int, draw: int) -> float:
     """A number from 0 to below 1: the mixer of SplitMix64 over seed, copy and draw.
 
     Source: Steele, Lea and Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.

@@ -116,7 +116,7 @@ class LiveState(Struct, dict=True, eq=False):
             "slope": math.degrees(math.acos(min(1.0, float(found.normal[2])))) if known else None,
             "surface": terrain.surfaces[surface] if surface >= 0 else "",
             "element": name or "",
-            "descr": shown.places.descr(places) if places else "",
+            "descr": terrain.descr_of(element),
             "line": line,
         }
 

@@ -1,9 +1,9 @@
-"""Where elements stand in the texts that say them: file, line, description and keys."""
+"""Where elements stand in the texts that say them: file, line and keys."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,8 +27,6 @@ _link = re.compile(r">(?=(?:[^>]*#)?/parts/)")
 _copy = re.compile(r"(/children/\d+)\[[^\]/]*\]")
 """An element that stands for several, and which of them is meant."""
 _INNER = "children"
-_PART_DEPTH = 2
-"""Slashes of the pointer to a part."""
 
 
 class Site(NamedTuple):
@@ -150,18 +148,6 @@ class Places(Struct, frozen=True, dict=True):
             else shortened(item)
             for key, item in value.items()
         }
-
-    def descr(self, places: Sequence[Place]) -> str:
-        """What an element is said to be; of the root of a part the element that it stands for."""
-        first = len(places) - 1
-        while first > 0 and places[first].pointer.count("/") == _PART_DEPTH:
-            first -= 1
-        for place in places[first:]:
-            value = self.value(place)
-            text = value.get("descr") if isinstance(value, dict) else None
-            if isinstance(text, str) and text:
-                return text
-        return ""
 
 
 def shortened(value: Any) -> Any:

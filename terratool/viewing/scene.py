@@ -13,15 +13,14 @@ from msgspec import UNSET
 from terratool.definition.model import SOIL_FIGURES
 from terratool.definition.presets import preset_of, property_of
 from terratool.field.terrain import Terrain
-from terratool.mesh.build import GREY
 from terratool.mesh.export import (
     MeshOptions,
     loss_of,
 )
-from terratool.mesh.formats.common import NO_COLOR
 from terratool.mesh.types import Mesh
 from terratool.text.display import counted
 from terratool.traversability.results import COLORS, GroundClass, Route, TraversabilityReport
+from terratool.viewing.layers import surface_colors
 from terratool.viewing.mesh import (
     Ints,
     Progress,
@@ -165,7 +164,7 @@ def _elements(site: Site, used: list[int]) -> dict[str, Any]:
         "keys": {str(number): keys for number, keys in own.items()},
         "names": [name or "" for name in names],
         "chains": [[index[place] for place in chain] for chain in chains],
-        "descrs": [places.descr(chain) if chain else "" for chain in chains],
+        "descrs": [site.terrain.descr_of(element) for element in used],
     }
 
 
@@ -177,7 +176,8 @@ _SOIL = {
 def _surfaces(terrain: Terrain) -> list[dict[str, Any]]:
     """The surfaces and their soils, in the order of their indices; ground without one last."""
     listed: list[dict[str, Any]] = []
-    for name, surface in terrain.surface_types.items():
+    colors = surface_colors(terrain)[0].tolist()
+    for color, (name, surface) in zip(colors[1:], terrain.surface_types.items(), strict=True):
         soil = []
         for attribute, unit in _SOIL.items():
             value = getattr(surface, attribute)
@@ -191,10 +191,9 @@ def _surfaces(terrain: Terrain) -> list[dict[str, Any]]:
         preset = preset_of(surface)
         if preset is not None:
             soil.insert(0, ["soil", f"{surface.preset}: {preset.descr}"])
-        color = GREY if surface.color is UNSET else surface.color
         descr = "" if surface.descr is UNSET else surface.descr
-        listed.append({"name": name, "color": list(color), "soil": soil, "descr": descr})
-    return [*listed, {"name": "", "color": list(NO_COLOR), "soil": [], "descr": ""}]
+        listed.append({"name": name, "color": color, "soil": soil, "descr": descr})
+    return [*listed, {"name": "", "color": colors[0], "soil": [], "descr": ""}]
 
 
 _WORDS = {

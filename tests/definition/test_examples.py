@@ -83,10 +83,10 @@ def test_vehicle(path: Path) -> None:
 
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
 def test_sample_says_what_it_is(path: Path) -> None:
-    """In one line, and so does the README."""
+    """In one line, and so does docs/samples.md."""
     text = path.read_text("utf-8")
     assert 20 < len(json.loads(text)["descr"]) < 130
-    assert f"samples/{path.name}" in (HERE.parent / "README.md").read_text("utf-8")
+    assert f"samples/{path.name}" in (HERE.parent / "docs" / "samples.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("path", CURRICULA, ids=lambda path: path.stem)

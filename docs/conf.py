@@ -1,0 +1,85 @@
+"""The site of these pages: `make site` builds it by Sphinx into out/site, without the net."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from terratool import __version__
+
+project = "terratool"
+author = "the terratool developers"
+release = version = __version__
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_click",
+    "sphinx_copybutton",
+]
+
+html_theme = "furo"
+html_title = f"terratool {release}"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_show_copyright = False
+html_show_sphinx = False
+html_copy_source = False
+html_show_sourcelink = False
+html_permalinks_icon = "#"
+highlight_language = "text"
+smartquotes = False  # "--strict" has two hyphens
+pygments_style = "friendly"
+pygments_dark_style = "monokai"
+
+myst_heading_anchors = 4  # as GitHub has them
+myst_enable_extensions = ["attrs_block"]
+
+default_role = "code"  # docstrings write `code` as Markdown does
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+python_maximum_signature_line_length = 88
+add_module_names = False
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+
+copybutton_prompt_text = "$ "
+copybutton_here_doc_delimiter = "EOF"
+
+# some examples of the rules are no JSON, and that is the point of them
+suppress_warnings = ["misc.highlighting_failure"]
+
+PAGES = {"README": "index", "CONTRIBUTING": "contributing", "CHANGELOG": "changelog"}
+"""Files of the project's top folder, and the pages of the site that have them."""
+
+
+def setup(app: Any) -> None:
+    """Have the pages read well on GitHub and in the site, by what is replaced in their text."""
+    top = "|".join(PAGES)
+    replacements: tuple[tuple[str, Any], ...] = (
+        # links to files of the top folder lead to their pages
+        (rf"\]\(\.\./({top})\.md", lambda found: f"]({PAGES[found[1]]}.md"),
+        # a link that is called by its file gets the title of the page
+        (r"\[([\w-]+)\.md\]\(\1\.md\)", r"[](\1.md)"),
+        # commands and what they say look like a terminal
+        (r"^```\n\$ ", "```console\n$ "),
+    )
+
+    def replaced(app: Any, name: str, source: list[str]) -> None:
+        for pattern, by in replacements:
+            source[0] = re.sub(pattern, by, source[0], flags=re.MULTILINE)
+
+    def as_text(app: Any, command: Any, lines: list[str]) -> None:
+        lines[:] = [re.sub(r"([*`|\\])", r"\\\1", line) for line in lines]
+
+    def as_command(app: Any, command: Any, lines: list[str]) -> None:
+        text = re.sub(r"[\s|]+", " ", " ".join(lines))
+        examples = re.findall(r"terratool (?:(?!terratool ).)+", text)
+        lines[:] = ["", ".. code-block:: console", "", *(f"   $ {one}" for one in examples), ""]
+
+    app.connect("source-read", replaced)
+    app.connect("sphinx-click-process-description", as_text)
+    app.connect("sphinx-click-process-epilog", as_command)

@@ -1,0 +1,145 @@
+"""`terratool new`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from terratool.cli.terminal import Status, called, say
+from terratool.starters.build import KINDS, hint_for
+from terratool.starters.options import Option
+from terratool.text.display import listed
+
+_EXAMPLES = {
+    "flat": "flat yard.json --size 30 20 --soil grass-wet",
+    "ramp": "ramp ramp.json --slope 0.15 --rise 1.2",
+    "stairs": "stairs stairs.json --steps 8 --rise 0.15",
+    "rough": "rough rough.json --seed 7 --spacing 0.5",
+    "craters": "craters mare.json --size 100 80 --count 200",
+    "warehouse": "warehouse hall.json --size 60 40 --aisle 2.5",
+    "dunes": "dunes desert.json --seed 3 --count 4 --height 2",
+    "course": "course course.json --style legged-gym --rows 10",
+}
+_TYPES: dict[str, Any] = {"length": float, "pair": float, "number": float, "whole": int}
+
+
+class _Kind(click.Command):
+    """A kind of terrain; an option that only others take is said to be theirs."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            raise click.UsageError(_no_option(self.name or "", error.option_name), ctx) from error
+
+
+def _no_option(kind: str, given: str) -> str:
+    """What is wrong with an option that a kind does not take, and what to do."""
+    own = [f"--{option.name}" for option in KINDS[kind].options]
+    others = [name for name, one in KINDS.items() if given[2:] in {o.name for o in one.options}]
+    if others:
+        verb = "does" if len(others) == 1 else "do"
+        return f"{kind} takes no {given}, but {listed(others)} {verb}. It takes {listed(own)}."
+    return f"{kind} takes no {given}. {hint_for(given, [*own, '--overwrite', '--json'])}"
+
+
+class _Kinds(click.Group):
+    """Each kind is a command of its own, with its own options."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(KINDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        return _command_of(cmd_name) if cmd_name in KINDS else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        known = ctx.resilient_parsing or not args or args[0] in KINDS
+        if not known and not args[0].startswith("-"):
+            ctx.fail(f"There is no kind {args[0]!r}. {hint_for(args[0], list(KINDS))}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Kinds"):
+            formatter.write_dl([(name, kind.descr) for name, kind in KINDS.items()])
+
+
+@click.command(
+    "new",
+    cls=_Kinds,
+    subcommand_metavar="KIND OUT.json ...",
+    epilog="Example: terratool new stairs stairs.json --steps 8 --rise 0.15",
+)
+def command() -> None:
+    """Make a terrain to start from.
+
+    OUT.json is a definition to read and to change: short where it can be, laid out as terratool
+    format does, with a description of all that is in it. It needs no other file. The same kind,
+    options and seed give the same bytes. terratool new KIND --help lists the options of a kind.
+    """
+
+
+def _command_of(kind: str) -> click.Command:
+    """The command of a kind, from the table of its options."""
+
+    def make(output: str, overwrite: bool, as_json: bool, **values: Any) -> None:
+        _make(kind, output, overwrite, as_json, values)
+
+    return _Kind(
+        kind,
+        params=[
+            click.Argument(["output"], metavar="OUT.json"),
+            *(_option_of(option) for option in KINDS[kind].options),
+            click.Option(["--overwrite"], is_flag=True, help="Replace OUT.json if it exists."),
+            click.Option(["--json", "as_json"], is_flag=True, help="Say what was written as JSON."),
+        ],
+        callback=make,
+        help=f"{KINDS[kind].descr}\n\nOUT.json is gzipped if it ends with .gz; - is standard "
+        "output.",
+        epilog=f"Example: terratool new {_EXAMPLES[kind]}",
+    )
+
+
+def _option_of(option: Option) -> click.Option:
+    kind: Any = click.Choice(option.choices) if option.form == "choice" else _TYPES[option.form]
+    limits = "" if option.form == "choice" else f"{option.range}; "
+    text = option.descr.removesuffix(".")
+    return click.Option(
+        [f"--{option.name}", option.key],
+        type=kind,
+        nargs=2 if option.form == "pair" else 1,
+        metavar=option.metavar,
+        help=f"{text}.  [{limits}default: {option.shown_default}]",
+    )
+
+
+def _make(kind: str, output: str, overwrite: bool, as_json: bool, values: dict[str, Any]) -> None:
+    from terratool.errors import RequestError
+    from terratool.output import refuse_existing, refuse_missing_folder
+    from terratool.starters.build import new
+    from terratool.text.source import ALL, Source, write_source
+
+    shown = output == "-"
+    if not shown:
+        if not output.endswith(ALL) or Path(output).name in ALL:
+            raise RequestError(f"{output}: is no name of a definition.", "Let it end in .json.")
+        refuse_existing(Path(output), overwrite)
+        refuse_missing_folder(Path(output))
+    with Status("making") as status:
+        text = new(kind, **values)
+        if not shown:
+            status.say(f"writing {called(output)}")
+            write_source(Source("", text.encode(), output.endswith(".gz")), output, overwrite)
+    if shown:
+        click.echo(text.encode(), nl=False)  # JSON is UTF-8, whatever the terminal speaks
+        return
+    descr, size = json.loads(text)["descr"], len(text.encode())
+    if as_json:
+        report = {"format_version": 1, "file": output, "kind": kind, "descr": descr, "bytes": size}
+        click.echo(json.dumps(report, indent=2, ensure_ascii=False))
+        return
+    say(f"{output}: {descr}; {size:,} bytes")

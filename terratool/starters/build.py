@@ -1,0 +1,78 @@
+"""From a kind and its options to the text of a terrain, and into a file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from terratool.errors import RequestError
+from terratool.starters.built import FLAT, RAMP, STAIRS
+from terratool.starters.course import COURSE
+from terratool.starters.natural import CRATERS, DUNES
+from terratool.starters.options import Kind, Wanted
+from terratool.starters.rough import ROUGH
+from terratool.starters.warehouse import WAREHOUSE
+from terratool.text.display import listed
+
+KINDS: Mapping[str, Kind] = {
+    "flat": FLAT,
+    "ramp": RAMP,
+    "stairs": STAIRS,
+    "rough": ROUGH,
+    "craters": CRATERS,
+    "warehouse": WAREHOUSE,
+    "dunes": DUNES,
+    "course": COURSE,
+}
+"""Kinds of terrains to start from, by name."""
+
+
+def new(kind: str, **options: Any) -> str:
+    """The text of a new terrain, as `terratool format` lays it out.
+
+    The same kind and options give the same text on every machine.
+
+    Args:
+        kind: a key of `KINDS`.
+        options: of the kind, by their names with _ in place of -; None counts as left out.
+
+    Raises:
+        RequestError: there is no such kind or option, or what is asked for does not fit together.
+    """
+    if kind not in KINDS:
+        raise RequestError(f"There is no kind {kind!r}.", hint_for(kind, list(KINDS)))
+    known = {option.key: option for option in KINDS[kind].options}
+    for key in options:
+        if key not in known:
+            raise RequestError(f"{kind} takes no {key!r}.", hint_for(key, list(known)))
+    given = {key: value for key, value in options.items() if value is not None}
+    values = {
+        key: option.accepted(given[key]) if key in given else option.default
+        for key, option in known.items()
+    }
+    return text_of(KINDS[kind].make(Wanted(values)))
+
+
+def text_of(document: Mapping[str, Any]) -> str:
+    """A definition in the canonical layout.
+
+    Raises:
+        DefinitionError: it is no valid one.
+    """
+    from terratool.definition.layout import canonical
+    from terratool.definition.reader import CheckOptions, check, refusal
+    from terratool.text.source import Source
+
+    text = canonical(json.dumps(document, ensure_ascii=False))
+    checked = check(Source("the terrain", text.encode()), CheckOptions(warnings=False))
+    if checked.terrain is None:
+        raise refusal(checked)
+    return text
+
+
+def hint_for(name: str, names: list[str]) -> str:
+    """Which of some names was meant, or all of them."""
+    close = get_close_matches(name, names, 1)
+    return f"Did you mean {close[0]}?" if close else f"There is {listed(names)}."

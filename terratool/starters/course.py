@@ -1,0 +1,103 @@
+"""A course of training tiles, with the place where robots begin on each of them in the file."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from terratool.errors import DefinitionError, RequestError
+from terratool.starters.options import (
+    SEED,
+    Kind,
+    Members,
+    Option,
+    Wanted,
+    count_option,
+    length_option,
+)
+
+STYLES: dict[str, dict[str, Any]] = {
+    "isaac-lab": {
+        "jitter": 1,
+        "kinds": {
+            "stairs": {"kind": "pyramidStairs"},
+            "stairs down": {"kind": "pyramidStairs", "inverted": True},
+            "boxes": {"kind": "randomGrid"},
+            "rough": {"kind": "randomRough", "spacing": 0.2},
+            "slope": {"kind": "pyramidSlope"},
+            "slope down": {"kind": "pyramidSlope", "inverted": True},
+        },
+    },
+    "legged-gym": {
+        "jitter": 0,
+        "kinds": {
+            "slope": {"kind": "pyramidSlope", "platform": 3, "border": 0},
+            "rough slope": {"kind": "roughSlope"},
+            "stairs": {"kind": "pyramidStairs", "stepWidth": 0.31, "border": 0},
+            "stairs down": {
+                "kind": "pyramidStairs", "stepWidth": 0.31, "border": 0, "inverted": True,
+            },
+            "obstacles": {"kind": "discreteObstacles"},
+        },
+    },
+}  # fmt: skip
+"""Kinds of tiles of the rough terrains of both, each as often as the others."""
+_WHOSE = {"isaac-lab": "Isaac Lab", "legged-gym": "legged_gym"}
+
+
+def _course(wanted: Wanted) -> Members:
+    from terratool.simulators.curriculum.build import curriculum
+
+    style, rows = wanted.word("style"), wanted.whole("rows")
+    columns = wanted.values["columns"]
+    columns = len(STYLES[style]["kinds"]) if columns is None else wanted.whole("columns")
+    tile, seed = wanted.pair("tile"), wanted.whole("seed")
+    try:
+        made = curriculum(
+            {
+                **STYLES[style],
+                "rows": rows,
+                "columns": columns,
+                "tile": list(tile),
+                "border": wanted.number("border"),
+                "seed": seed,
+                "descr": f"{rows} × {columns} tiles of {tile[0]:g} × {tile[1]:g} m after "
+                f"{_WHOSE[style]}, more difficult from row to row, seed {seed}; x-tile says where "
+                "robots begin",
+            }
+        )
+    except DefinitionError as error:
+        first = error.findings[0]
+        raise RequestError(f"Such a course cannot be made: {first.message}", first.hint) from error
+    document: Members = json.loads(made.text)
+    root = document["elemTree"]
+    tiles = root["children"] if not wanted.number("border") else root["children"][0]["children"]
+    for element in tiles:
+        row, column = element["cellX"], element["cellY"]
+        element["x-tile"] = {
+            "kind": made.kind_names[made.assignment.kinds[row, column]],
+            "difficulty": round(float(made.assignment.difficulty[row, column]), 3),
+            "origin": [round(at, 6) for at in made.origins[row, column].tolist()],
+        }
+    return document
+
+
+COURSE = Kind(
+    "Training tiles of Isaac Lab or legged_gym, with the origin of each.",
+    (
+        Option(
+            "style", "choice", "isaac-lab", "Whose tiles.", choices=tuple(STYLES), metavar="NAME"
+        ),
+        SEED,
+        count_option("rows", 5, "Rows along x, from easy to hard.", 1, 100),
+        Option(
+            "columns", "whole", None, "Columns along y, kind after kind.", 1, 100,
+            otherwise="one of each kind", metavar="N",
+        ),
+        Option(
+            "tile", "pair", (8.0, 8.0), "Sides of a tile.", 6.0, 65.0, "m", metavar="X Y"
+        ),
+        length_option("border", 0.0, "Width of the level ground around all tiles.", 0.0, 1000.0),
+    ),
+    _course,
+)  # fmt: skip

@@ -1,0 +1,238 @@
+"""What a kind of terrain can be told, and what it was told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from terratool.definition.scattering import share
+from terratool.errors import RequestError
+from terratool.text.display import listed
+
+Members = dict[str, Any]
+"""Of an object of the definition."""
+Value = float | int | str | tuple[float, float]
+Form = Literal["length", "pair", "number", "whole", "choice"]
+
+MM = 1000
+"""mm in a metre."""
+LAST_SEED = 2**53 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One thing that a kind can be told.
+
+    Attributes:
+        name: on the command line, without its dashes.
+        form: what its value is: a length in whole millimetres, two of these, any number, a whole
+            one, or one of some words.
+        default: where it is left out; None where that follows from the others.
+        descr: one sentence that says what it is.
+        low: the least number allowed.
+        high: the greatest one.
+        unit: of its numbers; empty for none.
+        choices: the words.
+        otherwise: what counts where the default is None.
+        metavar: what stands for its values in the help.
+    """
+
+    name: str
+    form: Form
+    default: Value | None
+    descr: str
+    low: float = 0.0
+    high: float = 0.0
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    otherwise: str = ""
+    metavar: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its name in Python."""
+        return self.name.replace("-", "_")
+
+    @property
+    def shown_default(self) -> str:
+        """Its default in words."""
+        match self.default:
+            case None:
+                return self.otherwise
+            case (first, second):
+                return f"{first:g} {second:g}"
+            case float() | int() as number:
+                return f"{number:g}"
+            case word:
+                return str(word)
+
+    @property
+    def range(self) -> str:
+        """The values that it may have, in words."""
+        if self.form == "choice":
+            return listed(self.choices)
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.low:,.16g} to {self.high:,.16g}{unit}"
+
+    def accepted(self, value: Any) -> Value:
+        """A value that is good; lengths in whole millimetres.
+
+        Raises:
+            RequestError: it is none.
+        """
+        if self.form == "choice":
+            if value not in self.choices:
+                raise RequestError(f"--{self.name} is {value!r}.", f"Choose from {self.range}.")
+            return str(value)
+        if self.form == "pair":
+            first, second = value
+            return self._number(first), self._number(second)
+        return self._number(value)
+
+    def _number(self, value: Any) -> float | int:
+        if not self.low <= value <= self.high:  # nor NaN
+            raise RequestError(f"--{self.name} is {value:g}.", f"Give {self.range}.")
+        if self.form == "whole":
+            if value != int(value):
+                raise RequestError(f"--{self.name} is {value:g}.", "Give a whole number.")
+            return int(value)
+        return round(float(value) * MM) / MM if self.form in ("length", "pair") else float(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What was asked for, all of it good by itself.
+
+    Attributes:
+        values: by the keys of the kind's options, all of them.
+    """
+
+    values: Mapping[str, Value | None]
+
+    def number(self, key: str) -> float:
+        """A number, or a length in metres."""
+        value = self.values[key]
+        assert isinstance(value, (float, int))
+        return value
+
+    def mm(self, key: str) -> int:
+        """A length in whole millimetres."""
+        return mm(self.number(key))
+
+    def whole(self, key: str) -> int:
+        """A whole number."""
+        return int(self.number(key))
+
+    def word(self, key: str) -> str:
+        """One of some words."""
+        return str(self.values[key])
+
+    def pair(self, key: str) -> tuple[float, float]:
+        """Two lengths, m."""
+        value = self.values[key]
+        assert isinstance(value, tuple)
+        return value
+
+    def size(self, needed: tuple[int, int] | None = None) -> tuple[int, int]:
+        """Sides of the terrain in whole millimetres.
+
+        Args:
+            needed: them, where none were asked for.
+        """
+        if self.values["size"] is None:
+            assert needed is not None
+            return needed
+        x, y = self.pair("size")
+        return mm(x), mm(y)
+
+    @property
+    def draw(self) -> Draw:
+        """Random numbers by the seed."""
+        return Draw(self.whole("seed"))
+
+
+@dataclass(slots=True)
+class Draw:
+    """Random numbers that are the same on every machine and in every version.
+
+    They are the shares by which the format strews copies: whole numbers of 64 bits, mixed by
+    SplitMix64, and one division by a power of 2.
+
+    Attributes:
+        seed: what they follow from.
+        number: of the next one.
+    """
+
+    seed: int
+    number: int = 0
+
+    def share(self) -> float:
+        """From 0 to below 1."""
+        self.number += 1
+        return share(self.seed, self.number, 0)
+
+    def below(self, end: int) -> int:
+        """A whole number from 0 to below `end`."""
+        return math.floor(self.share() * end)
+
+    def between(self, low: int, high: int) -> int:
+        """A whole number from `low` to `high`, both included."""
+        return low + self.below(high - low + 1)
+
+
+def mm(metres: float) -> int:
+    """Metres in whole millimetres."""
+    return round(metres * MM)
+
+
+def m(millimetres: float) -> float | int:
+    """Millimetres in metres, as JSON has them at their shortest."""
+    metres = millimetres / MM
+    return int(metres) if metres == int(metres) else metres
+
+
+def place(x: float, y: float, w: int, h: int) -> Members:
+    """The free place of an element by its middle and its sides, all in mm."""
+    return {"at": [m(x), m(y)], "extent": [m(w), m(h)]}
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of terrain.
+
+    Attributes:
+        descr: what it is, in one line.
+        options: what it can be told.
+        make: the definition of what is wanted.
+    """
+
+    descr: str
+    options: tuple[Option, ...]
+    make: Callable[[Wanted], Members]
+
+
+def size_option(
+    default: tuple[float, float] | None, least: float = 1.0, most: float = 10_000.0
+) -> Option:
+    """Sides of the terrain, m."""
+    return Option(
+        "size", "pair", default, "Sides of the terrain along x and y.", least, most, "m",
+        otherwise="what is on it, and 2 m around", metavar="X Y",
+    )  # fmt: skip
+
+
+SEED = Option(
+    "seed", "whole", 0, "What all that is random follows from.", 0, LAST_SEED, metavar="N"
+)
+
+
+def length_option(name: str, default: float, descr: str, low: float, high: float) -> Option:
+    """A length, m, in whole millimetres."""
+    return Option(name, "length", default, descr, low, high, "m", metavar="M")
+
+
+def count_option(name: str, default: int, descr: str, low: int, high: int) -> Option:
+    """How many of something."""
+    return Option(name, "whole", default, descr, low, high, metavar="N")

@@ -1,0 +1,123 @@
+"""Rough ground: random heights at the nodes of a grid, as training terrains have them."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING
+
+from terratool.errors import RequestError
+from terratool.starters.built import sides_text
+from terratool.starters.options import (
+    SEED,
+    Kind,
+    Members,
+    Option,
+    Wanted,
+    length_option,
+    m,
+    size_option,
+)
+from terratool.starters.soils import SOILS, soil_option, surfaces
+
+if TYPE_CHECKING:
+    from terratool.simulators.curriculum.shapes import Lines
+
+MOST_NODES = 250_000
+"""Random heights of a terrain."""
+
+
+def _rough(wanted: Wanted) -> Members:
+    size, soil = wanted.size(), wanted.word("soil")
+    low, high = wanted.pair("height_range")
+    step, spacing = wanted.number("height_step"), wanted.mm("spacing")
+    if high < low:
+        raise RequestError(
+            f"--height-range begins at {low:g} and ends below, at {high:g}.",
+            "Give the lowest height first.",
+        )
+    levels = math.floor((high - low) / step + 1e-9) + 1
+    if levels < 2:
+        raise RequestError(
+            f"--height-step is {step:g} m, more than the {high - low:g} m of --height-range.",
+            "Make it smaller, or the range wider.",
+        )
+    columns, rows = (max(1, round(side / spacing)) + 1 for side in size)
+    if columns * rows > MOST_NODES:
+        raise RequestError(
+            f"{sides_text(size)} have {columns * rows:,} random heights, {m(spacing)} m apart, "
+            f"more than {MOST_NODES:,}.",
+            "Make --spacing wider, or the terrain smaller.",
+        )
+    draw = wanted.draw
+    heights = [[draw.below(levels) for _ in range(columns)] for _ in range(rows)]
+    ground = {**surfaces(soil)[SOILS[soil].name]}
+    finer = ""
+    if rms := wanted.number("rms"):
+        correlation = wanted.number("correlation")
+        if rms > correlation / 2:
+            raise RequestError(
+                f"--rms is {rms:g} m, more than half of --correlation, {correlation:g} m: that is "
+                "as steep as scree.",
+                "Make it smaller, or --correlation larger.",
+            )
+        ground["roughness"] = {"rms": rms, "correlation": correlation, "seed": draw.seed}
+        finer = f", and a finer relief of {rms:g} m rms"
+    return {
+        "descr": f"{sides_text(size)} of random heights from {low:g} to {high:g} m{finer}, seed "
+        f"{draw.seed}",
+        "size": [m(side) for side in size],
+        "surfTypes": {SOILS[soil].name: ground},
+        **_relief(heights, step, low, SOILS[soil].name),
+    }
+
+
+def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> Members:
+    """Primitives and the tree of heights in steps, by rows from the south."""
+    import numpy as np
+
+    from terratool.simulators.curriculum.shapes import PRIMITIVES, Rectangle, relief
+
+    shape = relief("heights", Rectangle(0, 0, 0, 0), np.array(heights), step, low)
+    primitives = {name: {**one, "x": _plain(one["x"])} for name, one in shape.primitives.items()}
+    element = {key: value for key, value in shape.element.items() if key not in _PLACED}
+    rows = len(heights)
+    element |= {
+        "descr": f"{rows} rows of {len(heights[0])} random heights: each is a tent along y, all "
+        f"add up. Primitives count them in steps of {step:g} m",
+        "surface": surface,
+        "children": _plain(element["children"]),
+    }
+    document: Members = {"elemTypes": {"ground": PRIMITIVES["ground"], **primitives}}
+    if any(height > 1 for row in heights for height in row):
+        document["x-ignore"] = ["TT306"]
+    return {**document, "elemTree": element}
+
+
+_PLACED = ("cellX", "cellY", "span")
+
+
+def _plain(lines: Lines | list[int]) -> object:
+    """A list whose items may be text already."""
+    return lines if isinstance(lines, list) else json.loads(f"[{','.join(lines.items)}]")
+
+
+ROUGH = Kind(
+    "Random heights on a grid, as in Isaac Lab's random_uniform_terrain.",
+    (
+        size_option((8.0, 8.0)),
+        SEED,
+        Option(
+            "height-range", "pair", (0.02, 0.1), "The lowest and the highest height.",
+            -100.0, 100.0, "m", metavar="LOW HIGH",
+        ),
+        length_option("height-step", 0.02, "Heights are multiples of it above LOW.", 0.001, 100.0),
+        length_option("spacing", 0.2, "Between heights; even slopes in between.", 0.01, 1000.0),
+        length_option(
+            "rms", 0.0, "Standard deviation of a finer relief of the surface; 0 is none.", 0.0, 1.0
+        ),
+        length_option("correlation", 0.1, "Correlation length of that.", 0.01, 100.0),
+        soil_option("gravel"),
+    ),
+    _rough,
+)  # fmt: skip

@@ -1,0 +1,84 @@
+"""Surfaces of the soils that have names, with the colours of the samples."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from terratool.starters.options import Option
+
+
+class Soil(NamedTuple):
+    """How a preset is called and shown.
+
+    Attributes:
+        name: of the surface.
+        descr: what it is, with the source of its figures.
+        color: red, green and blue.
+    """
+
+    name: str
+    descr: str
+    color: tuple[int, int, int]
+
+    def surface(self, preset: str) -> dict[str, Any]:
+        """Its members in `surfTypes`."""
+        return {"descr": self.descr, "preset": preset, "color": list(self.color)}
+
+
+SOILS: dict[str, Soil] = {
+    "dry-sand": Soil("drySand", "Dry sand (Wong 2008, table 2.3)", (232, 204, 146)),
+    "lete-sand": Soil("firmSand", "LETE sand, firm (Wong 2008, table 2.3)", (222, 184, 118)),
+    "sandy-loam-11": Soil(
+        "dryLoam", "Sandy loam, 11 % moisture (Wong 2008, table 2.3)", (186, 140, 108)
+    ),
+    "sandy-loam-15": Soil(
+        "sandyLoam", "Sandy loam, 15 % moisture (Wong 2008, table 2.3)", (160, 112, 88)
+    ),
+    "sandy-loam-23": Soil(
+        "wetLoam", "Sandy loam, 23 % moisture (Wong 2008, table 2.3)", (122, 86, 66)
+    ),
+    "upland-sandy-loam": Soil(
+        "uplandLoam", "Upland sandy loam, 51 % moisture (Wong 2008, table 2.3)", (104, 82, 58)
+    ),
+    "clayey-soil-38": Soil(
+        "clay", "Clayey soil, 38 % moisture (Wong 2008, table 2.3)", (146, 118, 92)
+    ),
+    "clayey-soil-55": Soil(
+        "wetClay", "Clayey soil, 55 % moisture (Wong 2008, table 2.3)", (116, 96, 80)
+    ),
+    "lean-clay-22": Soil(
+        "leanClay", "Lean clay, 22 % moisture (Wong 2008, table 2.3)", (212, 206, 192)
+    ),
+    "heavy-clay-25": Soil(
+        "heavyClay", "Heavy clay, 25 % moisture (Wong 2008, table 2.3)", (150, 104, 84)
+    ),
+    "snow-us": Soil("freshSnow", "Snow, US (Wong 2008, table 2.3)", (244, 246, 250)),
+    "snow-sweden": Soil("deepSnow", "Snow, Sweden (Wong 2008, table 2.3)", (232, 240, 248)),
+    "lunar-nominal": Soil(
+        "regolith",
+        "Lunar soil, nominal (Heiken, Vaniman and French 1991, chapter 9)",
+        (140, 138, 134),
+    ),
+    "concrete": Soil("concrete", "Concrete, dry (Wong 2008, table 1.3)", (186, 184, 178)),
+    "asphalt-wet": Soil("wetAsphalt", "Asphalt, wet (Wong 2008, table 1.3)", (58, 60, 66)),
+    "gravel": Soil("gravelRoad", "Gravel road (Wong 2008, table 1.3)", (176, 162, 138)),
+    "earth-road": Soil("earthRoad", "Earth road, dry (Wong 2008, table 1.3)", (150, 124, 96)),
+    "earth-road-wet": Soil("wetEarth", "Earth road, wet (Wong 2008, table 1.3)", (112, 90, 70)),
+    "grass-wet": Soil("wetGrass", "Wet grass (Noon 1994)", (88, 148, 62)),
+    "snow-packed": Soil("packedSnow", "Hard-packed snow (Wong 2008, table 1.3)", (226, 232, 242)),
+    "ice": Soil("ice", "Ice (Wong 2008, table 1.3)", (190, 212, 230)),
+}
+"""By the names of presets, all of them."""
+
+
+def soil_option(default: str) -> Option:
+    """The preset of the ground."""
+    return Option(
+        "soil", "choice", default, "The ground, by the name of a preset.",
+        choices=tuple(SOILS), metavar="PRESET",
+    )  # fmt: skip
+
+
+def surfaces(*presets: str) -> dict[str, Any]:
+    """`surfTypes` with the surfaces of presets, each once."""
+    return {SOILS[preset].name: SOILS[preset].surface(preset) for preset in presets}
