@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-EXTRAS ?= none
+EXTRAS ?= plot
 TESTS ?= tests
 PIP := -m pip install -qq --disable-pip-version-check
 CONFIG ?=
@@ -37,7 +37,7 @@ $(VENV)/.installed-%: pyproject.toml $(KERNELS)
 	@$(BIN)/python $(PIP) --no-build-isolation -Ceditable.rebuild=false $(CONFIG) --editable '.$(if $(filter-out none,$*),[$*])'
 	@touch $@
 
-install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool; EXTRAS=import,usd for more
+install: $(VENV)/.installed-$(EXTRAS)  ## Put terratool at .venv/bin/terratool; EXTRAS=plot,import,usd for more, none for less
 	@echo "terratool is at $(BIN)/terratool"
 
 demo: $(VENV)/.installed-$(EXTRAS)  ## Validate the paper's example, write its DEM and its mesh to out/

@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-NAMES = ("terrain", "library", "vehicle", "curriculum", "report", "comparison")
+NAMES = ("terrain", "library", "vehicle", "curriculum", "report", "comparison", "info")
 
 
 def schema(name: str = "terrain") -> dict[str, Any]:

@@ -40,6 +40,8 @@ class Compiled(NamedTuple):
         levels: levels of nesting, 1 for a root alone.
         primitives: (kinds,) index of each kind's primitive.
         steps: the end of each element's name, where the elements were written out from parts.
+        descrs: what elements are said to be, by their index; only of those that are.
+            None where parts are shared.
     """
 
     arrays: FieldArrays
@@ -50,6 +52,7 @@ class Compiled(NamedTuple):
     levels: int
     primitives: Ints
     steps: tuple[str, ...] | None = None
+    descrs: dict[int, str] | None = None
 
     def step(self, element: int) -> str:
         """The end of an element's name, behind that of its parent."""
@@ -110,7 +113,18 @@ def compile_definition(definition: Definition, tree: Tree, *, roughness: bool = 
         len(tree.levels) - 1,
         found.primitives,
         None if tree.steps is None else tuple(tree.steps[index] for index in order.tolist()),
+        _descrs(tree, order),
     )
+
+
+def _descrs(tree: Tree, order: Ints) -> dict[int, str]:
+    """What elements are said to be, by their index in order; only of those that are."""
+    column = tree.column("descr")
+    return {
+        place: text
+        for place, index in enumerate(order.tolist())
+        if (text := column[index]) is not UNSET and text
+    }
 
 
 def _columns(tree: Tree, definition: Definition) -> Columns:

@@ -55,7 +55,7 @@ def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
         rectangle = np.array([[west, south], [east, south], [east, north], [west, north]])
         outline = rectangle
         if radial[index] or pose["turned"]:
-            outline = _outline(rectangle, pose, bool(radial[index]))
+            outline = outline_of(rectangle, pose, bool(radial[index]))
         yield {
             "type": "Feature",
             "geometry": {"type": "Polygon", "coordinates": [_ring(outline)]},
@@ -88,7 +88,7 @@ def _ring(corners: Points) -> list[list[float]]:
     return [*ring, ring[0]]
 
 
-def _outline(rectangle: Points, pose: Any, disc: bool) -> Points:
+def outline_of(rectangle: Points, pose: Any, disc: bool) -> Points:
     """The footprint of a turned element or a disc: its corners, anticlockwise; (n, 2).
 
     Its cell trims it unless it stands at a free place.

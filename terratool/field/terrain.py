@@ -486,6 +486,21 @@ class Terrain:
         place: NDArray[np.int64] = halves[:, 0] + (halves[:, 1] << 16)
         return place
 
+    @property
+    def parents(self) -> NDArray[np.int32]:
+        """Index of each element's parent, (n,); -1 for the root.
+
+        Where parts are shared, `written_out` has all of them.
+        """
+        return self._compiled.parents
+
+    def descr_of(self, element: int) -> str:
+        """What the definition says that an element is, by its index; empty where it says nothing.
+
+        Nothing is known of tracks, and where parts are shared; `written_out` has all elements.
+        """
+        return (self._compiled.descrs or {}).get(element, "")
+
     def pointer(self, element: int) -> str | None:
         """JSON pointer of an element or track by its index, None for a negative one.
 

@@ -195,13 +195,7 @@ def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDAr
     scale = max(1, -(-_SIDE // max(map_.ground.shape)))
     painted = painted.repeat(scale, axis=0).repeat(scale, axis=1)
     what = map_.ground.repeat(scale, axis=0).repeat(scale, axis=1)
-    row, column = np.indices(what.shape, np.int32)
-    line = (row + column) % _HATCH < 3
-    painted[line & (what == GroundClass.NO_GO)] *= 0.55
-    other = (row - column) % _HATCH < 2
-    painted[other & ((what == GroundClass.CUT_OFF) | (what == GroundClass.ONE_WAY))] *= 0.7
-    dot = (row % _HATCH < 4) & (column % _HATCH < 4)
-    painted[dot & (what == GroundClass.UNKNOWN)] *= 0.6
+    hatch(painted, what)
     if reached is not None:
         inside = reached.repeat(scale, axis=0).repeat(scale, axis=1)
         painted[_outline(inside)] = _OUTLINE
@@ -211,6 +205,23 @@ def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDAr
     rgba[..., 3] = np.where(ground, 255, 0)
     rgba[~ground, :3] = 0
     return rgba
+
+
+def hatch(painted: NDArray[np.float64], what: NDArray[np.uint8], step: int = _HATCH) -> None:
+    """Darken lines and dots of a picture, by which its classes differ without colour.
+
+    Args:
+        painted: (height, width, 3) colours, which are changed.
+        what: (height, width) `GroundClass`.
+        step: pixels from one line to the next.
+    """
+    row, column = np.ogrid[: what.shape[0], : what.shape[1]]
+    line = (row + column) % step < step // 4
+    painted[line & (what == GroundClass.NO_GO)] *= 0.55
+    other = (row - column) % step < step // 6
+    painted[other & ((what == GroundClass.CUT_OFF) | (what == GroundClass.ONE_WAY))] *= 0.7
+    dot = (row % step < step // 3) & (column % step < step // 3)
+    painted[dot & (what == GroundClass.UNKNOWN)] *= 0.6
 
 
 def _outline(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -1,0 +1,165 @@
+"""`terratool render`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from terratool.cli.options import Names, library_root_option, roughness_option
+from terratool.cli.terminal import Status, load, say
+
+# as terratool.viewing.layers has them, which is not imported for --help; a test holds them equal
+LAYERS = ("height", "slope", "surface", "friction", "traversability")
+
+
+class _Interval(click.ParamType[Any]):
+    """A number, or nothing; what follows by mistake is told from it."""
+
+    name = "interval"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        if isinstance(value, float) or value == "auto":
+            return value
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is no number. Give a height after --contours, or write it last.")
+
+
+@click.command(
+    epilog="Example: terratool render samples/nested-site.json site.png --contours 2 --grid"
+)
+@click.argument("file")
+@click.argument("output", metavar="OUT")
+@click.option(
+    "--layer",
+    type=Names(LAYERS),
+    default="surface",
+    show_default=True,
+    metavar="NAME",
+    help=f"What the colours show: {', '.join(LAYERS)}.",
+)
+@click.option(
+    "--vehicle", metavar="V.json", help="The vehicle whose verdicts --layer traversability shows."
+)
+@click.option("--bounds", nargs=4, type=float, metavar="W S E N", help="World rectangle to draw.")
+@click.option(
+    "--contours",
+    is_flag=False,
+    flag_value="auto",
+    type=_Interval(),
+    metavar="[INTERVAL]",
+    help="Draw contours so far apart, in units of the terrain; by itself about eight.",
+)
+@click.option("--grid", is_flag=True, help="Draw nested cells, and what elements are said to be.")
+@click.option(
+    "--profile",
+    nargs=4,
+    type=float,
+    metavar="X0 Y0 X1 Y1",
+    help="Draw a section from one point to another instead of a plan.",
+)
+@click.option("--perspective", is_flag=True, help="Draw a view from the side instead of a plan.")
+@click.option(
+    "--azimuth",
+    type=float,
+    default=215.0,
+    show_default=True,
+    metavar="DEG",
+    help="From where a perspective is seen, clockwise from north.",
+)
+@click.option(
+    "--elevation",
+    type=float,
+    default=35.0,
+    show_default=True,
+    metavar="DEG",
+    help="How high above the horizon it is seen from.",
+)
+@click.option(
+    "--max-error",
+    type=float,
+    metavar="E",
+    help="The largest error of its mesh.  [default: half a pixel of the picture]",
+)
+@click.option(
+    "--exaggeration",
+    type=float,
+    metavar="F",
+    help="Factor on the heights of a section or a perspective.  [default: chosen, and said]",
+)
+@click.option("--title", metavar="TEXT", help='Over the picture.  [default: the "descr" of FILE]')
+@click.option("--no-legend", is_flag=True, help="Leave out what the colours mean.")
+@click.option(
+    "--size",
+    type=int,
+    default=1600,
+    show_default=True,
+    metavar="N",
+    help="Pixels of the longer side.",
+)
+@click.option(
+    "--dpi",
+    type=float,
+    default=150.0,
+    show_default=True,
+    metavar="N",
+    help="Pixels of an inch: with more, letters are larger.",
+)
+@roughness_option
+@library_root_option
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    /,
+    file: str,
+    output: str,
+    no_legend: bool,
+    overwrite: bool,
+    **options: Any,
+) -> None:
+    """Draw the terrain FILE into the picture OUT: .png, .svg or .pdf.
+
+    A plan shows the surfaces in their colours with light from the north-west, axes, a scale bar and
+    an arrow to the north. --profile draws a section with upright walls instead, --perspective a
+    view from the side. However fine the terrain is, only the pixels of the picture are painted.
+    The same FILE and options give the same bytes.
+    """
+    from terratool.viewing.options import RenderOptions
+    from terratool.viewing.render import check_request, render
+
+    _refuse_idle(ctx, options["perspective"])
+    wanted = RenderOptions(legend=not no_legend, **options)
+    _refuse_own(output, (file, options["vehicle"]))
+    check_request(output, wanted, overwrite)
+    terrain = load(file)
+    with Status("drawing") as status:
+        report = render(terrain, output, wanted, overwrite=overwrite, progress=status.say)
+    say(f"{report.path}: {report.width} × {report.height} pixels, {report.what}")
+    for note in report.notes:
+        say(f"  {note}")
+
+
+def _refuse_idle(ctx: click.Context, perspective: bool) -> None:
+    """Refuse options about a perspective where none is drawn."""
+    from terratool.errors import RequestError
+
+    for name in ("azimuth", "elevation", "max_error"):
+        given = ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+        if given and not perspective:
+            option = f"--{name.replace('_', '-')}"
+            raise RequestError(
+                f"{option} is about perspectives.", f"Add --perspective, or leave out {option}."
+            )
+
+
+def _refuse_own(output: str, sources: tuple[str | None, ...]) -> None:
+    """Refuse to write over what is read."""
+    from terratool.errors import WriteError
+    from terratool.output import is_same_file
+
+    for source in sources:
+        if source is not None and is_same_file(output, source):
+            raise WriteError(f"{output}: is read, too.", "Choose another name.")

@@ -1,0 +1,354 @@
+"""Layers of a picture: what colour each pixel of a grid over a terrain has, and what that means.
+
+Only the pixels of the picture are painted, however fine the terrain is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain
+from terratool.mesh.build import GREY
+from terratool.mesh.formats.common import NO_COLOR
+from terratool.raster.grid import Grid, grid_over
+from terratool.raster.layers import LAYERS, Bands, SurfaceValues, layer_painter
+from terratool.raster.painter import Painter, Planes
+from terratool.raster.prefetch import prefetch, processors
+from terratool.simulators.judge import Judge
+from terratool.text.display import listed, shown
+from terratool.traversability.map import default_resolution
+from terratool.traversability.report.drawing import SHADING, hatch
+from terratool.traversability.results import COLORS, GroundClass
+from terratool.viewing.sheet import Key, Scale, Swatch
+
+NAMES = ("height", "slope", "surface", "friction", "traversability")
+"""What can be shown."""
+
+VOID = (255, 255, 255)
+"""Where there is no ground, below lines that slant."""
+_VOID_LINE = (170, 170, 170)
+
+PALETTE = (
+    (230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0),
+    (204, 121, 167),
+)  # fmt: skip
+"""Colours for surfaces that have none, distinct for any kind of colour vision (M. Okabe and K. Ito,
+Color universal design, 2008)."""
+
+_COLORS = {"height": "cividis", "slope": "viridis", "friction": "viridis"}
+"""Maps of colour that are as even to any kind of colour vision (J. R. Nuñez, C. R. Anderton and
+R. S. Renslow, Optimizing colormaps with consideration for color vision deficiency, PLOS ONE 13(7),
+2018)."""
+_TITLES = {"height": "height (m)", "slope": "slope (°)", "friction": "friction angle (°)"}
+_ROWS = 128
+"""Rows of a window that a thread paints."""
+_MAP_PIXELS = 1024
+"""The longer side of a map of verdicts has at most so many pixels, unless these are too coarse."""
+_HATCHES = {
+    GroundClass.NO_GO: "////",
+    GroundClass.CUT_OFF: "\\\\\\\\",
+    GroundClass.ONE_WAY: "\\\\\\\\",
+    GroundClass.UNKNOWN: "..",
+}
+"""Those of `hatch`, as Matplotlib calls them."""
+
+Colors = NDArray[np.float64]
+
+
+class Light(NamedTuple):
+    """How light falls on colours.
+
+    Attributes:
+        contrast: how much of a colour it takes and gives …
+        shade, glare: … within these factors.
+        steeper: the ground is shaded so many times as steep at most.
+    """
+
+    contrast: float
+    shade: float
+    glare: float
+    steeper: float
+
+
+_ON_SURFACES = Light(0.75, 0.5, 1.2, 10.0)
+_ON_HEIGHTS = Light(0.4, 0.7, 1.1, 2.0)
+_ON_VERDICTS = Light(0.4, *SHADING, 10.0)
+"""Shading must not turn one verdict's lightness to another's."""
+
+
+@dataclass(frozen=True, slots=True)
+class LayerPicture:
+    """A layer over a grid.
+
+    Attributes:
+        grid: the pixels.
+        heights: (height, width) float64, rows from the north; NaN where there is no ground.
+        surfaces: (height, width) index of the surface and one, 0 for none.
+        colors: (height, width, 3) float64 from 0 to 255, without light; undefined where there is no
+            ground.
+        key: what the colours mean.
+        light: how light falls on the colours; None where it would hide what they stand for.
+        classes: (height, width) uint8 `GroundClass` of verdicts; None for other layers.
+        notes: sentences on what cannot be seen of the picture.
+    """
+
+    grid: Grid
+    heights: NDArray[Any]
+    surfaces: NDArray[Any]
+    colors: Colors
+    key: Key
+    light: Light | None
+    classes: NDArray[np.uint8] | None = None
+    notes: tuple[str, ...] = ()
+
+
+def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
+    """(surfaces + 1, 3) colours by id, that of ground without a surface first; who got one here.
+
+    Surfaces without a colour get those of `PALETTE` in turn, and grey once these are used up.
+    """
+    colors: list[tuple[int, ...]] = [NO_COLOR]
+    without: list[str] = []
+    for name, surface in terrain.surface_types.items():
+        if surface.color is not UNSET:
+            colors.append(tuple(surface.color))
+            continue
+        colors.append(PALETTE[len(without)] if len(without) < len(PALETTE) else GREY)
+        if surface.void is not True:
+            without.append(name)
+    return np.array(colors, np.uint8), without
+
+
+def paint_ground(terrain: Terrain, grid: Grid, slopes: bool = False) -> Planes:
+    """Heights, surfaces and, if wanted, slopes at the pixels of a grid, by all processors."""
+    painter = Painter(terrain, grid, np.float64, slopes=slopes)
+    whole = painter.blank(grid.whole)
+    windows = list(grid.windows(_ROWS, grid.width))
+
+    def paint(window: Any) -> None:
+        rows = slice(window.row, window.row + window.height)
+        part: Any = (None if plane is None else plane[rows] for plane in whole)
+        painter.paint(window, Planes(*part))
+
+    for _ in prefetch(paint, windows, processors()):
+        pass
+    return whole
+
+
+def layer_picture(
+    terrain: Terrain,
+    grid: Grid,
+    layer: str,
+    judge: Judge | None = None,
+    progress: Callable[[str], object] = lambda _: None,
+) -> LayerPicture:
+    """A layer at the pixels of a grid.
+
+    Args:
+        terrain: the ground.
+        grid: the pixels.
+        layer: one of `NAMES`.
+        judge: the vehicle, for verdicts.
+        progress: is called with words that say how far it is.
+
+    Raises:
+        RequestError: no surface has what the layer shows; there is no ground; or the ground is too
+            large for the vehicle's verdict.
+    """
+    if layer == "friction":
+        _refuse_unknown_friction(terrain)
+    progress("painting")
+    planes = paint_ground(terrain, grid, layer == "slope")
+    ground = ~np.isnan(planes.heights)
+    if not ground.any():
+        raise RequestError(
+            "There is no ground to be drawn: all of it is void.", "Choose other bounds."
+        )
+    assert planes.surfaces is not None
+    if layer == "surface":
+        return _surfaces(terrain, grid, planes)
+    if layer == "traversability":
+        assert judge is not None
+        return _verdicts(terrain, grid, planes, judge, progress)
+    return _numbers(terrain, grid, planes, layer)
+
+
+def _refuse_unknown_friction(terrain: Terrain) -> None:
+    values = SurfaceValues(terrain).values(LAYERS["friction"], np.dtype(np.float64))
+    if np.isnan(values).all():
+        raise RequestError(
+            "No surface of the terrain has a fricAngle, so there is no friction to be drawn.",
+            "Add one to a surface, or a preset; or choose another layer.",
+        )
+
+
+def _surfaces(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
+    assert planes.surfaces is not None
+    colors, without = surface_colors(terrain)
+    seen = np.bincount(planes.surfaces[~np.isnan(planes.heights)].ravel(), minlength=len(colors))
+    swatches = [
+        Swatch(name, _rgb(colors[id_])) for id_, name in enumerate(terrain.surfaces, 1) if seen[id_]
+    ]
+    if seen[0]:
+        swatches.append(Swatch("no surface", NO_COLOR))
+    drawn = [name for name in without if seen[terrain.surfaces.index(name) + 1]]
+    notes = []
+    if drawn:
+        has = "has" if len(drawn) == 1 else "have"
+        notes.append(
+            f"{listed([shown(name) for name in drawn])} {has} no color in the definition; those of "
+            "the legend were chosen here."
+        )
+    return LayerPicture(
+        grid, planes.heights, planes.surfaces, colors.astype(np.float64)[planes.surfaces],
+        Key("surface", (*swatches, *void_swatch(planes.heights))), _ON_SURFACES,
+        notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _numbers(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> LayerPicture:
+    from matplotlib import colormaps
+
+    bands, ground = np.empty((1, *planes.heights.shape)), ~np.isnan(planes.heights)
+    layer_painter(Bands((LAYERS[layer],), np.dtype(np.float64)), terrain)(planes, bands)
+    values = bands[0]
+    known = ground & np.isfinite(values)
+    low, high = (float(end(values[known])) if known.any() else 0.0 for end in (np.min, np.max))
+    if layer == "slope":
+        low = 0.0
+    if not high - low > 1e-9 * max(1.0, abs(high)):
+        low, high = low - 0.5 * (layer != "slope"), high + 0.5
+    scale = Scale(_TITLES[layer], low, high, _COLORS[layer])
+    part = np.where(known, (values - low) / (high - low), 0.0)
+    colors = colormaps[scale.colors](part)[..., :3] * 255.0
+    swatches = []
+    if (unknown := ground & ~known).any():
+        colors[unknown] = NO_COLOR
+        swatches.append(Swatch("no fricAngle" if layer == "friction" else "unknown", NO_COLOR))
+    key = Key("", (*swatches, *void_swatch(planes.heights)), scale)
+    light = _ON_HEIGHTS if layer == "height" else None
+    return LayerPicture(grid, planes.heights, _ids(planes), colors, key, light)
+
+
+def _verdicts(
+    terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object]
+) -> LayerPicture:
+    """What a map of traversability says, at the pixels of the picture."""
+    terrain = terrain.written_out
+    bounds = grid.bounds
+    part = _within(terrain, bounds)
+    resolution, why = _map_resolution(terrain, judge, part)
+    verdict = judge.verdict(terrain, grid_over(terrain, resolution, part), progress)
+    own = verdict.grid
+    columns = np.floor((grid.columns(grid.whole) - own.west) / own.resolution).astype(np.int64)
+    rows = np.floor((own.bounds[3] - grid.rows(grid.whole)) / own.resolution).astype(np.int64)
+    at = np.ix_(np.clip(rows, 0, own.height - 1), np.clip(columns, 0, own.width - 1))
+    classes = verdict.classes[at]
+    palette = np.array([COLORS[code] for code in sorted(COLORS)], np.float64)
+    ground = ~np.isnan(planes.heights)
+    seen = np.bincount(classes[ground], minlength=len(GroundClass))
+    order = (
+        GroundClass.GO, GroundClass.CAUTION, GroundClass.NO_GO, GroundClass.ONE_WAY,
+        GroundClass.CUT_OFF, GroundClass.EDGE, GroundClass.UNKNOWN,
+    )  # fmt: skip
+    swatches = [
+        Swatch(code.label, COLORS[code], _HATCHES.get(code, "")) for code in order if seen[code]
+    ]
+    share = seen[GroundClass.GO] + seen[GroundClass.CAUTION]
+    notes = [
+        f"{verdict.vehicle} can drive on {share / max(1, int(seen.sum())):.0%} of the ground drawn;"
+        f" judged at pixels of {resolution:.4g} m ({why})."
+    ]
+    if verdict.lacking:
+        notes.append(verdict.lacking)
+    return LayerPicture(
+        grid, planes.heights, _ids(planes), palette[classes],
+        Key(verdict.vehicle, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
+        classes, tuple(notes),
+    )  # fmt: skip
+
+
+def _map_resolution(terrain: Terrain, judge: Judge, part: Any) -> tuple[float, str]:
+    """The resolution of verdicts: as a map that goes into no file has it, if that is fine enough.
+
+    Raises:
+        RequestError: the ground is too long for the vehicle.
+    """
+    try:
+        return default_resolution(terrain, judge.vehicle, part, _MAP_PIXELS)
+    except RequestError:
+        pass
+    try:
+        return default_resolution(terrain, judge.vehicle, part)
+    except RequestError as error:
+        raise RequestError(error.message, "Look at a part of it with --bounds W S E N.") from error
+
+
+def _within(terrain: Terrain, bounds: Any) -> Any:
+    """The part of a rectangle that lies on the terrain."""
+    west, south, east, north = terrain.bounds
+    return max(west, bounds[0]), max(south, bounds[1]), min(east, bounds[2]), min(north, bounds[3])
+
+
+def _ids(planes: Planes) -> NDArray[Any]:
+    assert planes.surfaces is not None
+    return planes.surfaces
+
+
+def void_swatch(heights: NDArray[Any]) -> tuple[Swatch, ...]:
+    """The line of the legend that says where there is no ground, if there is any such place."""
+    return (Swatch("void, no ground", VOID, "///"),) if np.isnan(heights).any() else ()
+
+
+def _rgb(color: NDArray[np.uint8]) -> tuple[int, int, int]:
+    red, green, blue = (int(part) for part in color)
+    return red, green, blue
+
+
+def light_on(picture: LayerPicture, light: NDArray[np.float64], step: int) -> NDArray[np.uint8]:
+    """The pixels of a picture with light on them, (height, width, 3) uint8.
+
+    Args:
+        picture: the layer.
+        light: (height, width) factor on the colours.
+        step: pixels from one line of hatching to the next.
+    """
+    painted = picture.colors * light[..., None]
+    if picture.classes is not None:
+        hatch(painted, picture.classes, step)
+    void = np.isnan(picture.heights)
+    row, column = np.ogrid[: void.shape[0], : void.shape[1]]
+    line = (row + column) % step < max(1, step // 6)
+    painted[void] = VOID
+    painted[void & line] = _VOID_LINE
+    return np.clip(np.rint(painted), 0.0, 255.0).astype(np.uint8)
+
+
+def check_layer(layer: str, vehicle: object) -> None:
+    """Refuse a layer that is none, or that lacks its vehicle.
+
+    Raises:
+        RequestError: it is so.
+    """
+    if layer not in NAMES:
+        raise RequestError(f"There is no layer {layer!r}.", f"The layers are {', '.join(NAMES)}.")
+    if layer == "traversability" and vehicle is None:
+        raise RequestError("The layer traversability needs a vehicle.", "Add --vehicle V.json.")
+    if layer != "traversability" and vehicle is not None:
+        raise RequestError(
+            f"The layer {layer} needs no vehicle.",
+            "Add --layer traversability, or leave out --vehicle.",
+        )
+
+
+def level_light() -> float:
+    """Light on level ground, as `hillshade` has it."""
+    return math.sin(math.radians(45.0))

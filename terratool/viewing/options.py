@@ -1,0 +1,184 @@
+"""What is wanted of a picture, and what was drawn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from terratool.definition.findings import Bounds
+from terratool.errors import RequestError
+from terratool.viewing.sheet import FORMATS
+
+LEAST_SIZE, MOST_SIZE = 200, 4096
+"""Pixels that the longer side of a picture has at least, and at most."""
+LEAST_DPI, MOST_DPI = 36.0, 600.0
+MOST_EXAGGERATION = 1e6
+
+Contours = float | Literal["auto"] | None
+Line = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class RenderOptions:
+    """What is wanted of a picture.
+
+    Attributes:
+        layer: what the colours show: `terratool.viewing.layers.NAMES`.
+        vehicle: file of the vehicle whose verdicts the layer traversability shows.
+        bounds: west, south, east, north of what is drawn; the whole terrain if None.
+        contours: how far contours are apart, in units of the terrain; "auto" for a round number of
+            about eight; None for none.
+        grid: whether nested cells are drawn, with what elements are said to be.
+        profile: x and y of both ends of a section, which is drawn instead of a plan.
+        perspective: whether a view from the side is drawn instead of a plan.
+        azimuth: degrees clockwise from north from where a perspective is seen.
+        elevation: degrees above the horizon from where it is seen.
+        max_error: the largest error of its mesh, in units of the terrain; half a pixel if None.
+        exaggeration: factor on heights of a section or a perspective; chosen if None.
+        title: over the picture; what the terrain is said to be if None, none if empty.
+        legend: whether to say what the colours mean.
+        size: pixels of the longer side.
+        dpi: pixels of an inch; letters have the same size in inches.
+    """
+
+    layer: str = "surface"
+    vehicle: str | Path | None = None
+    bounds: Bounds | None = None
+    contours: Contours = None
+    grid: bool = False
+    profile: Line | None = None
+    perspective: bool = False
+    azimuth: float = 215.0
+    elevation: float = 35.0
+    max_error: float | None = None
+    exaggeration: float | None = None
+    title: str | None = None
+    legend: bool = True
+    size: int = 1600
+    dpi: float = 150.0
+
+    def check(self) -> None:
+        """Refuse what makes no sense for any terrain.
+
+        Raises:
+            RequestError: which option it is.
+        """
+        from terratool.viewing.layers import check_layer
+
+        check_layer(self.layer, self.vehicle)
+        if not LEAST_SIZE <= self.size <= MOST_SIZE:
+            raise RequestError(
+                f"The longer side is to have {self.size:,} pixels.",
+                f"Give --size from {LEAST_SIZE} to {MOST_SIZE:,}; look closer with --bounds, or "
+                "write a raster of any size with terratool export-dem.",
+            )
+        if not LEAST_DPI <= self.dpi <= MOST_DPI:
+            raise RequestError(
+                f"An inch is to have {self.dpi:g} pixels.",
+                f"Give --dpi from {LEAST_DPI:g} to {MOST_DPI:g}.",
+            )
+        if self.size / self.dpi < 3.0:
+            raise RequestError(
+                f"{self.size} pixels at {self.dpi:g} to an inch leave no room beside the letters.",
+                "Give a larger --size or a smaller --dpi.",
+            )
+        self._check_contours()
+        self._check_views()
+
+    def _check_contours(self) -> None:
+        interval = self.contours
+        if isinstance(interval, float) and not (math.isfinite(interval) and interval > 0.0):
+            raise RequestError(
+                f"Contours are to be {interval:g} apart.", "Give a finite height above 0."
+            )
+
+    def _check_views(self) -> None:
+        if self.profile is not None and self.perspective:
+            raise RequestError(
+                "A section and a perspective are two pictures.",
+                "Leave out --profile or --perspective.",
+            )
+        upright = self.profile is not None or self.perspective
+        what = "a section" if self.profile is not None else "a perspective"
+        for option, given in (("--contours", self.contours is not None), ("--grid", self.grid)):
+            if given and upright:
+                raise RequestError(f"{option} is about plans, not {what}.", f"Leave out {option}.")
+        if self.profile is not None:
+            self._check_profile(self.profile)
+        factor = self.exaggeration
+        if factor is not None:
+            if not upright:
+                raise RequestError(
+                    "Heights of a plan are not exaggerated.",
+                    "Leave out --exaggeration, or add --profile or --perspective.",
+                )
+            if not 0.0 < factor <= MOST_EXAGGERATION:
+                raise RequestError(
+                    f"The exaggeration is {factor:g}.",
+                    f"Give a factor above 0 and up to {MOST_EXAGGERATION:g}.",
+                )
+        if self.perspective:
+            self._check_perspective()
+
+    def _check_profile(self, line: Line) -> None:
+        if self.bounds is not None:
+            raise RequestError("A section ends where --profile says.", "Leave out --bounds.")
+        if self.layer != "surface":
+            raise RequestError(f"A section shows surfaces, not {self.layer}.", "Leave out --layer.")
+        if not all(map(math.isfinite, line)):
+            said = " ".join(f"{value:g}" for value in line)
+            raise RequestError(
+                f"The ends of the section are {said}.", "Give four finite numbers: X0 Y0 X1 Y1."
+            )
+        if line[:2] == line[2:]:
+            raise RequestError("Both ends of the section are one point.", "Give two points.")
+
+    def _check_perspective(self) -> None:
+        if not math.isfinite(self.azimuth):
+            raise RequestError(f"The azimuth is {self.azimuth:g}.", "Give degrees from north.")
+        if not 5.0 <= self.elevation <= 90.0:
+            raise RequestError(
+                f"The perspective is to be seen from {self.elevation:g} degrees above.",
+                "Give --elevation from 5 to 90.",
+            )
+        error = self.max_error
+        if error is not None and not (math.isfinite(error) and error > 0.0):
+            raise RequestError(f"The largest error is {error:g}.", "Give a finite height above 0.")
+
+
+@dataclass(frozen=True, slots=True)
+class RenderReport:
+    """What was drawn.
+
+    Attributes:
+        path: the file.
+        width, height: its pixels; for SVG and PDF those of a print at the `dpi` asked for.
+        what: what it shows, in words.
+        notes: sentences on what was chosen, and on what cannot be seen.
+    """
+
+    path: Path
+    width: int
+    height: int
+    what: str
+    notes: tuple[str, ...]
+
+
+def checked_format(path: Path) -> str:
+    """The suffix of a picture.
+
+    Raises:
+        RequestError: pictures are not written as that.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        named = f"{suffix!r}" if suffix else "no suffix"
+        raise RequestError(
+            f"{path.name}: a picture has {named}, which says no format."
+            if not suffix
+            else f"{path.name}: pictures are not written as {named}.",
+            f"Give a name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.",
+        )
+    return suffix

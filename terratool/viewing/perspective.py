@@ -1,0 +1,547 @@
+"""A perspective: a mesh with upright walls, seen from the side, with light on it.
+
+Faces are painted by NumPy into a z-buffer that keeps which face is nearest to the eye at each
+pixel. After the division by depth faces are still flat triangles, and the inverse depth is linear
+over them; so everything else follows from the number of the face.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
+from terratool.kernels import mesh as mesh_kernels
+from terratool.mesh.build import build
+from terratool.mesh.export import collapse_degenerate, no_ground
+from terratool.mesh.formats.common import NO_COLOR
+from terratool.mesh.types import BuiltMesh
+from terratool.raster.grid import grid_over
+from terratool.raster.shading import LIGHT
+from terratool.simulators.judge import Judge
+from terratool.text.display import counted, length
+from terratool.viewing.layers import (
+    LayerPicture,
+    layer_picture,
+    light_on,
+    paint_ground,
+    surface_colors,
+)
+from terratool.viewing.options import RenderOptions
+from terratool.viewing.plan import Drawn, Margins, unit_of
+from terratool.viewing.sheet import (
+    Key,
+    Rectangle,
+    Sheet,
+    exaggerated,
+    key_width,
+    new_sheet,
+    number,
+)
+
+FINER = 2
+"""So many pixels along each side are painted for one of the picture, which is their mean."""
+_MOST_ELEMENTS = 200_000
+"""Where more elements lie in what is drawn, the ground is drawn from a grid of heights."""
+_GRID_SIDE = 1200
+"""Nodes of its longer side."""
+_FAR = 3.0
+"""The eye is so many times the size of the ground away from its middle."""
+_BATCH = 1 << 22
+"""Pixels of faces that are looked at together, about."""
+_AMBIENT, _DIRECT, _FILL = 0.5, 0.6, 0.12
+"""Shares of a colour that light from everywhere gives, the light, and a weak one opposite to it."""
+_EDGE = 0.62
+"""Share of a colour that is left on an edge."""
+_SKIRT = 205, 201, 196
+"""Colour of the sides of the block that the ground is cut out as."""
+_ASPECT = 0.12
+"""Relief is exaggerated to such a part of the size of the ground, by a round factor …"""
+_FACTORS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
+"""… of these."""
+
+Floats = NDArray[np.float64]
+
+
+class Block(NamedTuple):
+    """What is drawn: faces, in the world but for an origin.
+
+    Attributes:
+        vertices: (n, 3) float64.
+        faces: (m, 3) int32.
+        surfaces: (m,) index of the surface and one, 0 for none, -1 for the sides of the block.
+        walls: (m,) bool, whether a face stands upright.
+        normals: (m, 3, 3) float64 unit normals at the corners of faces.
+    """
+
+    vertices: Floats
+    faces: NDArray[np.int32]
+    surfaces: NDArray[np.int64]
+    walls: NDArray[np.bool_]
+    normals: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Where the eye is, and how the world is laid onto the picture.
+
+    Attributes:
+        eye: (3,) position.
+        axes: (3, 3) rows: right, up, and towards what is looked at.
+        scale: pixels for a unit at depth 1.
+        shift: (2,) pixels.
+    """
+
+    eye: Floats
+    axes: Floats
+    scale: float
+    shift: Floats
+
+    def project(self, points: Floats) -> Floats:
+        """(n, 3) pixels to the right and up, and the inverse of the depth."""
+        seen = (points - self.eye) @ self.axes.T
+        inverse = 1.0 / seen[:, 2]
+        flat = seen[:, :2] * inverse[:, None] * self.scale + self.shift
+        return np.column_stack([flat, inverse])
+
+
+class Seen(NamedTuple):
+    """What is nearest to the eye at each pixel.
+
+    Attributes:
+        face: (height, width) int64, -1 where there is nothing; rows from the bottom.
+        inverse: (height, width) float64 inverse depth, 0 where there is nothing.
+    """
+
+    face: NDArray[np.int64]
+    inverse: Floats
+
+
+def camera_for(points: Floats, azimuth: float, elevation: float, size: tuple[int, int]) -> Camera:
+    """A camera that has all points in a picture of so many pixels, as large as they fit.
+
+    Args:
+        points: (n, 3).
+        azimuth: degrees clockwise from north from where it looks.
+        elevation: degrees above the horizon.
+        size: width and height in pixels.
+    """
+    turn, tilt = math.radians(azimuth), math.radians(elevation)
+    back = np.array(
+        [math.sin(turn) * math.cos(tilt), math.cos(turn) * math.cos(tilt), math.sin(tilt)]
+    )
+    right = np.array([-math.cos(turn), math.sin(turn), 0.0])
+    axes = np.stack([right, np.cross(back, right), -back])
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    far = _FAR * float(np.linalg.norm(np.ptp(points, axis=0)))
+    camera = Camera(middle + far * back, axes, 1.0, np.zeros(2))
+    flat = camera.project(points)[:, :2]
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    scale = float(np.min((np.array(size) - 2.0) / np.maximum(high - low, 1e-12)))
+    shift = 0.5 * np.array(size) - 0.5 - 0.5 * scale * (low + high)
+    return Camera(camera.eye, axes, scale, shift)
+
+
+def z_buffer(points: Floats, faces: NDArray[np.int32], height: int, width: int) -> Seen:
+    """The nearest face at the middle of each pixel; of equals that with the largest number.
+
+    Rows of pixels cut faces between two of their edges. Where a row cuts an edge follows from the
+    edge alone, so that faces with a common edge leave no gap.
+
+    Args:
+        points: (n, 3) pixels to the right and up, whole numbers at the middles, and the inverse
+            depth.
+        faces: (m, 3) indices of points.
+        height: rows of the picture.
+        width: columns of it.
+    """
+    inverse, face = np.zeros(height * width), np.full(height * width, -1, np.int64)
+    for those, row in _rows(points, faces, height):
+        corners = points[faces[those]]
+        left, right = _spans(corners, row)
+        first = np.maximum(np.ceil(left), 0.0).astype(np.int64)
+        last = np.minimum(np.floor(right), width - 1.0).astype(np.int64)
+        count = np.maximum(last - first + 1, 0)
+        span = np.repeat(np.arange(len(those)), count)
+        begin = np.repeat(np.cumsum(count) - count, count)
+        column = first[span] + np.arange(len(span)) - begin
+        depth = _planes(corners, span, column, row[span])
+        place = row[span] * width + column
+        np.maximum.at(inverse, place, depth)
+        nearest = depth == inverse[place]
+        place, number = place[nearest], those[span[nearest]]
+        face[place] = -1  # of an earlier batch, farther away
+        np.maximum.at(face, place, number)
+    return Seen(face.reshape(height, width), inverse.reshape(height, width))
+
+
+def _rows(
+    points: Floats, faces: NDArray[np.int32], height: int
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Faces, and rows that cut them, in batches: (n,) int64 each."""
+    v, u = points[faces, 1], points[faces, 0]
+    first = np.maximum(np.ceil(v.min(axis=1)), 0.0).astype(np.int64)
+    last = np.minimum(np.floor(v.max(axis=1)), height - 1.0).astype(np.int64)
+    count = np.maximum(last - first + 1, 0)
+    # a face covers no more pixels than its rows by its columns
+    cost = np.cumsum(count * (np.ptp(u, axis=1) + 2.0))
+    most = float(cost[-1]) if len(cost) else 0.0
+    cuts = np.searchsorted(cost, np.arange(_BATCH, most + _BATCH, _BATCH))
+    start = 0
+    for stop in np.unique(np.append(cuts, len(faces))).tolist():
+        part = count[start:stop]
+        those = np.repeat(np.arange(start, stop), part)
+        begin = np.repeat(np.cumsum(part) - part, part)
+        if len(those):
+            yield those, first[those] + np.arange(len(those)) - begin
+        start = stop
+
+
+def _spans(corners: Floats, row: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Where rows cut faces, from the left and from the right."""
+    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
+    for one, two in ((0, 1), (1, 2), (2, 0)):
+        a, b = corners[:, one], corners[:, two]
+        # always from the lower end, so that both faces of an edge find the same
+        swap = (a[:, 1] > b[:, 1]) | ((a[:, 1] == b[:, 1]) & (a[:, 0] > b[:, 0]))
+        low, high = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
+        cut = (low[:, 1] <= row) & (row <= high[:, 1])
+        rise = high[:, 1] - low[:, 1]
+        part = np.divide(row - low[:, 1], rise, out=np.zeros(len(row)), where=rise > 0.0)
+        at = low[:, 0] + part * (high[:, 0] - low[:, 0])
+        level = cut & (rise == 0.0)
+        left = np.where(cut, np.minimum(left, at), left)
+        right = np.where(cut, np.maximum(right, np.where(level, high[:, 0], at)), right)
+    return left, right
+
+
+def _planes(
+    corners: Floats, span: NDArray[np.int64], column: NDArray[np.int64], row: NDArray[np.int64]
+) -> Floats:
+    """Inverse depth of faces at pixels, within that of their corners; above 0."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    one, two = b - a, c - a
+    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+    safe = np.where(area == 0.0, 1.0, area)
+    per_u = np.where(area == 0.0, 0.0, (one[:, 2] * two[:, 1] - two[:, 2] * one[:, 1]) / safe)
+    per_v = np.where(area == 0.0, 0.0, (two[:, 2] * one[:, 0] - one[:, 2] * two[:, 0]) / safe)
+    depth = a[span, 2] + per_u[span] * (column - a[span, 0]) + per_v[span] * (row - a[span, 1])
+    low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
+    return np.asarray(np.clip(depth, low[span], high[span]))
+
+
+def draw_perspective(
+    terrain: Terrain,
+    options: RenderOptions,
+    judge: Judge | None = None,
+    progress: Callable[[str], object] = lambda _: None,
+) -> Drawn:
+    """Draw a perspective, within `terratool.viewing.sheet.settings`.
+
+    Raises:
+        RequestError: the bounds miss the terrain, there is no ground, or the layer has nothing to
+            show.
+    """
+    if options.bounds is not None:
+        check_bounds(options.bounds, terrain)
+    part = clip_bounds(terrain, options.bounds)
+    sides = np.array([part[2] - part[0], part[3] - part[1]])
+    plan = _plan(terrain, options, part, judge, progress)
+    block, made = _block(terrain, options, part, progress)
+    relief = float(np.ptp(block.vertices[block.faces[block.surfaces >= 0].ravel(), 2]))
+    factor = options.exaggeration or _chosen(float(sides.max()), relief)
+    vertices = block.vertices * (1.0, 1.0, factor)
+    key = plan.key if options.legend else Key()
+    title = terrain.descr if options.title is None else options.title
+    margins = Margins(
+        left=14.0, bottom=48.0, right=key_width(key) + 28.0 if options.legend else 14.0,
+        top=28.0 if title else 12.0,
+    )  # fmt: skip
+    corners = vertices[np.unique(block.faces)]
+    sheet, ground = _sheet(corners, options, margins)
+    camera = camera_for(
+        corners, options.azimuth, options.elevation, (ground.width * FINER, ground.height * FINER)
+    )
+    progress("painting faces")
+    points = camera.project(vertices)
+    seen = z_buffer(points, block.faces, ground.height * FINER, ground.width * FINER)
+    progress("drawing")
+    palette = surface_colors(terrain)[0] if options.layer == "surface" else None
+    pixels = _shaded(seen, block, camera, _Paint(plan, palette), factor)
+    axes = sheet.axes(ground)
+    axes.imshow(pixels, aspect="auto", interpolation="none", origin="lower")
+    axes.set_axis_off()
+    wide, deep = (number(float(f"{side:.6g}")) for side in sides)
+    unit = unit_of(terrain)
+    said = f"{wide} {unit} from west to east, {deep} {unit} from south to north."
+    steeper = f"{exaggerated(factor)}."
+    _draw_texts(sheet, ground, camera, corners, [said, steeper], options)
+    if title:
+        left = sheet.pixels(margins.left)
+        sheet.title(title, left, sheet.width - 2 * left)
+    if options.legend:
+        beside = ground.left + ground.width + sheet.pixels(14.0)
+        low, high = sheet.pixels(4.0), sheet.height - sheet.pixels(margins.top + 4.0)
+        sheet.key(key, Rectangle(beside, low, sheet.width - beside - low, high - low))
+    what = (
+        f"perspective from {number(options.azimuth)}°, {number(options.elevation)}° above; "
+        f"{made}; {exaggerated(factor)}"
+    )
+    return Drawn(sheet, what, plan.notes)
+
+
+def _chosen(side: float, relief: float) -> float:
+    """A round factor on heights by which the relief is seen."""
+    wanted = _ASPECT * side / max(relief, 1e-12)
+    return max(factor for factor in _FACTORS if factor <= max(wanted, 1.0))
+
+
+def _plan(
+    terrain: Terrain, options: RenderOptions, part: tuple[float, float, float, float],
+    judge: Judge | None, progress: Callable[[str], object],
+) -> LayerPicture:  # fmt: skip
+    """The layer seen from above, from which the ground takes its colours."""
+    resolution = max(part[2] - part[0], part[3] - part[1]) / options.size
+    resolution = min(resolution, part[2] - part[0], part[3] - part[1])
+    return layer_picture(
+        terrain, grid_over(terrain, resolution, part), options.layer, judge, progress
+    )
+
+
+def _block(
+    terrain: Terrain, options: RenderOptions, part: tuple[float, float, float, float],
+    progress: Callable[[str], object],
+) -> tuple[Block, str]:  # fmt: skip
+    """The ground as a block, and in words what it is made of.
+
+    Raises:
+        RequestError: there is no ground.
+    """
+    error = options.max_error
+    if error is None:
+        error = 0.5 * max(part[2] - part[0], part[3] - part[1]) / options.size
+    whole = terrain.by_elements
+    if whole is not None:
+        west, south, east, north = whole.footprints()
+        there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
+        if np.count_nonzero(there) > _MOST_ELEMENTS:
+            whole = None
+    if whole is None:
+        progress("painting heights")
+        return _gridded(terrain, part)
+    progress(f"meshing within {length(error)}")
+    built = collapse_degenerate(build(whole, error, options.bounds, base="below"))
+    if not len(built.mesh.faces):
+        raise no_ground()
+    return _meshed(built), f"{counted(len(built.mesh.faces), 'face')} within {length(error)}"
+
+
+def _meshed(built: BuiltMesh) -> Block:
+    mesh = built.mesh
+    found = mesh_kernels.corner_normals(mesh.vertices, mesh.faces, mesh.walls, built.error)
+    normals = found[0].astype(np.float64)[found[1]]
+    surfaces = mesh.surfaces.astype(np.int64) + 1
+    surfaces[built.shell :] = -1
+    vertices = mesh.vertices + mesh.origin
+    return Block(vertices, mesh.faces, surfaces, mesh.walls, normals)
+
+
+def _gridded(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple[Block, str]:
+    """The ground as a grid of heights, where there are too many elements for a mesh."""
+    longer = max(part[2] - part[0], part[3] - part[1])
+    grid = grid_over(terrain, longer / _GRID_SIDE, part)
+    planes = paint_ground(terrain, grid)
+    heights, ids = planes.heights, planes.surfaces
+    assert ids is not None
+    rows, columns = heights.shape
+    x, y = np.meshgrid(grid.columns(grid.whole), grid.rows(grid.whole))
+    known = np.isfinite(heights)
+    if not known.any():
+        raise no_ground()
+    low, high = float(heights[known].min()), float(heights[known].max())
+    vertices = np.column_stack([x.ravel(), y.ravel(), np.where(known, heights, low).ravel()])
+    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    nw, ne, sw, se = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    whole = known[:-1, :-1] & known[:-1, 1:] & known[1:, :-1] & known[1:, 1:]
+    corners = (np.stack([sw, se, ne], axis=-1)[whole], np.stack([sw, ne, nw], axis=-1)[whole])
+    faces = np.concatenate(corners)
+    # a wall belongs to the higher ground, as in a mesh
+    four = np.stack([sw, se, ne, nw], axis=-1)[whole]
+    highest = np.take_along_axis(four, vertices[four, 2].argmax(axis=1)[:, None], axis=1)[:, 0]
+    surfaces = np.tile(ids.ravel()[highest].astype(np.int64), 2)
+    # the sides of the block
+    edge = np.concatenate([index[0], index[1:, -1], index[-1, -2::-1], index[-2:0:-1, 0]])
+    around = np.stack([edge, np.roll(edge, -1)], axis=-1)
+    around = around[known.ravel()[around].all(axis=1)]
+    foot = vertices[edge].copy()
+    foot[:, 2] = low - max(0.1 * (high - low), 0.01 * longer)
+    number_of = np.zeros(rows * columns, np.int32)
+    number_of[edge] = np.arange(len(vertices), len(vertices) + len(edge), dtype=np.int32)
+    one, two = around.T
+    sides = np.concatenate(
+        [
+            np.stack([one, two, number_of[two]], axis=-1),
+            np.stack([one, number_of[two], number_of[one]], axis=-1),
+        ]
+    )
+    vertices = np.concatenate([vertices, foot])
+    faces = np.concatenate([faces, sides]).astype(np.int32)
+    surfaces = np.append(surfaces, np.full(len(sides), -1))
+    flat = np.cross(
+        vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]]
+    )
+    flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-300)[:, None]
+    normals = np.repeat(flat[:, None], 3, axis=1)
+    walls = np.zeros(len(faces), np.bool_)
+    walls[-len(sides) :] = True
+    made = (
+        f"{rows} × {columns} heights, as there are too many elements for a mesh: walls are as wide "
+        "as a step of these"
+    )
+    return Block(vertices, faces, surfaces, walls, normals), made
+
+
+def _sheet(vertices: Floats, options: RenderOptions, margins: Margins) -> tuple[Sheet, Rectangle]:
+    """A sheet around the picture of a block, whose longer side has the size wanted."""
+    per_point = options.dpi / 72.0
+    left, bottom, right, top = (math.ceil(part * per_point) for part in margins)
+    across, down = options.size - left - right, options.size - bottom - top
+    if min(across, down) < 24:
+        raise RequestError(
+            "There is no room for the ground beside the letters.",
+            "Give a larger --size or a smaller --dpi, or --no-legend.",
+        )
+    camera = camera_for(vertices, options.azimuth, options.elevation, (across, down))
+    flat = camera.project(vertices)[:, :2]
+    width, height = (math.ceil(side) + 2 for side in np.ptp(flat, axis=0))
+    width, height = min(width, across), min(height, down)
+    least = min(options.size, math.ceil(150.0 * per_point))
+    wide, tall = max(width + left + right, least), max(height + bottom + top, least)
+    sheet = new_sheet(wide, tall, options.dpi)
+    return sheet, Rectangle(left, tall - top - height, width, height)
+
+
+class _Paint(NamedTuple):
+    """Where faces take their colours from.
+
+    Attributes:
+        plan: the layer from above; for the ground.
+        palette: (surfaces + 1, 3) colours of surfaces, for ground and walls; None for other layers.
+    """
+
+    plan: LayerPicture
+    palette: NDArray[np.uint8] | None
+
+
+def _shaded(
+    seen: Seen, block: Block, camera: Camera, paint: _Paint, factor: float
+) -> NDArray[np.uint8]:
+    """The picture: colours of the faces with light on them, dark lines on edges, at its pixels."""
+    drawn = seen.face >= 0
+    face = seen.face[drawn]
+    row, column = np.nonzero(drawn)
+    points = camera.project(block.vertices * (1.0, 1.0, factor))
+    weights = _weights(points[block.faces[face]], column, row)
+    normal = np.einsum("nc,nck->nk", weights, block.normals[face]) / (1.0, 1.0, factor)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    place = np.einsum("nc,nck->nk", weights, block.vertices[block.faces[face]])
+    colors = _colors(block, face, place, paint)
+    azimuth, height = LIGHT
+    towards = np.array(
+        [
+            math.sin(azimuth) * math.cos(height),
+            math.cos(azimuth) * math.cos(height),
+            math.sin(height),
+        ]
+    )
+    lit = np.maximum(normal @ towards, 0.0)
+    opposite = np.maximum(normal @ (towards * (-1.0, -1.0, 1.0)), 0.0)
+    colors *= np.minimum(_AMBIENT + _DIRECT * lit + _FILL * opposite, 1.15)[:, None]
+    picture = np.full((*drawn.shape, 3), 255.0)
+    picture[drawn] = colors
+    picture[_edges(seen, block, drawn, normal)] *= _EDGE
+    rows, columns = drawn.shape
+    blocks = np.clip(picture, 0.0, 255.0).reshape(rows // FINER, FINER, columns // FINER, FINER, 3)
+    return np.asarray(np.rint(blocks.mean(axis=(1, 3))), np.uint8)
+
+
+def _weights(corners: Floats, column: NDArray[np.int64], row: NDArray[np.int64]) -> Floats:
+    """How much the corners of faces count at pixels, (n, 3): in the world, not on the picture."""
+    u, v = corners[..., 0] - column[:, None], corners[..., 1] - row[:, None]
+    one, two = np.roll(np.arange(3), -1), np.roll(np.arange(3), -2)
+    areas = u[:, one] * v[:, two] - u[:, two] * v[:, one]
+    whole = areas.sum(axis=1)
+    flat = np.where(
+        (whole == 0.0)[:, None], 1.0 / 3.0, areas / np.where(whole == 0.0, 1.0, whole)[:, None]
+    )
+    world = np.clip(flat, 0.0, 1.0) * corners[..., 2]
+    total: Floats = world / world.sum(axis=1, keepdims=True)
+    return total
+
+
+def _colors(block: Block, face: NDArray[np.int64], place: Floats, paint: _Paint) -> Floats:
+    """Colours without light: of the layer; walls are grey where that says nothing of them."""
+    surfaces, plan = block.surfaces[face], paint.plan
+    if paint.palette is not None:
+        colors = paint.palette[np.maximum(surfaces, 0)].astype(np.float64)
+    else:
+        grid = plan.grid
+        columns = np.floor((place[:, 0] - grid.west) / grid.resolution).astype(np.int64)
+        rows = np.floor((grid.bounds[3] - place[:, 1]) / grid.resolution).astype(np.int64)
+        at = np.clip(rows, 0, grid.height - 1), np.clip(columns, 0, grid.width - 1)
+        step = max(4, max(grid.width, grid.height) // 160)
+        colors = light_on(plan, np.ones(plan.heights.shape), step)[at].astype(np.float64)
+        colors[block.walls[face]] = NO_COLOR
+    colors[surfaces < 0] = _SKIRT
+    return colors
+
+
+def _edges(seen: Seen, block: Block, drawn: NDArray[np.bool_], normal: Floats) -> NDArray[np.bool_]:
+    """Pixels beyond which the ground turns sharply, lies far behind, or has another surface."""
+    facing = np.zeros((*drawn.shape, 3))
+    facing[drawn] = normal
+    surface = np.full(drawn.shape, -2, np.int64)
+    surface[drawn] = block.surfaces[seen.face[drawn]]
+    edges = np.zeros(drawn.shape, np.bool_)
+    for axis in (0, 1):
+        here = tuple(slice(None, -1) if n == axis else slice(None) for n in (0, 1))
+        there = tuple(slice(1, None) if n == axis else slice(None) for n in (0, 1))
+        both = drawn[here] & drawn[there]
+        turned = (facing[here] * facing[there]).sum(axis=-1) < math.cos(math.radians(30.0))
+        other = (surface[here] < 0) != (surface[there] < 0)
+        edges[here] |= (both & (turned | other)) | (drawn[here] != drawn[there])
+    return edges & drawn
+
+
+def _draw_texts(
+    sheet: Sheet, ground: Rectangle, camera: Camera, vertices: Floats, said: list[str],
+    options: RenderOptions,
+) -> None:  # fmt: skip
+    """Draw the arrow to the north, and say what there is to say and from where it is seen."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+
+    def at(point: Floats) -> Floats:
+        flat = camera.project(point[None])[0, :2] / FINER
+        corner: Floats = flat + np.array([ground.left, ground.bottom])
+        return corner
+
+    middle = 0.5 * (low + high)
+    north = np.array([0.0, 0.05 * float(high[1] - low[1]), 0.0])
+    foot, tip = at(middle), at(middle + north)
+    right, up = ((tip - foot) / max(float(np.linalg.norm(tip - foot)), 1e-12)).tolist()
+    # the arrow and its letter stay on the sheet, wherever it leads
+    x = sheet.pixels(30.0 - 12.0 * right)
+    y = sheet.pixels(22.0 - 12.0 * up)
+    sheet.north_arrow(x, y, (right, up))
+    seen = (
+        f"Seen from {number(options.azimuth)}° (clockwise from north), "
+        f"{number(options.elevation)}° above."
+    )
+    line = " ".join([*(f"{text[0].upper()}{text[1:]}" for text in said), seen])
+    sheet.caption([line], sheet.pixels(64.0), sheet.pixels(6.0))

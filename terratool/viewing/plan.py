@@ -1,0 +1,322 @@
+"""A plan: the terrain from above, with light on it, its axes, and what its colours mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.definition.findings import Bounds
+from terratool.errors import DefinitionError, RequestError
+from terratool.field.terrain import Terrain, check_bounds, clip_bounds
+from terratool.raster.geotiff import crs_of
+from terratool.raster.grid import grid_over
+from terratool.raster.shading import contour_interval, exaggeration, hillshade
+from terratool.simulators.judge import Judge
+from terratool.text.display import length
+from terratool.viewing.cells import LABEL, cell_lines
+from terratool.viewing.layers import LayerPicture, layer_picture, level_light, light_on
+from terratool.viewing.options import RenderOptions
+from terratool.viewing.sheet import (
+    INK,
+    Key,
+    Rectangle,
+    Sheet,
+    key_width,
+    new_sheet,
+    number,
+    set_ticks,
+    width_of,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FINER = 2
+"""So many pixels along each side are painted for one of the picture, which is their mean …"""
+_MOST_PAINTED = 1 << 24
+"""… unless these would be more."""
+_HATCH = 6.0
+"""Points from one line of hatching to the next."""
+_MOST_CONTOURS = 200
+_INDEX = 5
+"""Each so many contours are thicker, and have their height written on them."""
+_LEAST_MAP = 8
+"""Pixels that the shorter side of the ground has at least."""
+
+_UNITS = {"metre": "m", "meter": "m", "foot": "ft", "US survey foot": "US ft", "degree": "°"}
+
+
+class Layout(NamedTuple):
+    """Where things stand on a sheet, in pixels.
+
+    Attributes:
+        width, height: of the sheet.
+        ground: the picture of the ground.
+        key: what the colours mean; its height is 0 where that is not wanted.
+    """
+
+    width: int
+    height: int
+    ground: Rectangle
+    key: Rectangle
+
+
+class Margins(NamedTuple):
+    """Room around the ground, in points."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+
+class Drawn(NamedTuple):
+    """A sheet, what it shows, and what is to be said of it."""
+
+    sheet: Sheet
+    what: str
+    notes: tuple[str, ...]
+
+
+def unit_of(terrain: Terrain) -> str:
+    """What x and y are measured in: of the reference system; metres where there is none."""
+    try:
+        crs = crs_of(terrain)
+        if crs is None:
+            return "m"
+        name = "degree" if crs.is_geographic else str(crs.linear_units)
+    except (DefinitionError, ValueError):  # the library does not know the system, or its unit
+        return "units"
+    return _UNITS.get(name, name or "units")
+
+
+def layout(sides: tuple[float, float], options: RenderOptions, margins: Margins) -> Layout:
+    """Lay out a sheet around ground of these sides, so that its longer side has the size wanted.
+
+    Raises:
+        RequestError: the ground would be too narrow to be seen.
+    """
+    per_point = options.dpi / 72.0
+    left, bottom, right, top = (math.ceil(part * per_point) for part in margins)
+    across, down = options.size - left - right, options.size - bottom - top
+    if min(across, down) < 3 * _LEAST_MAP:
+        raise RequestError(
+            "There is no room for the ground beside the letters.",
+            "Give a larger --size or a smaller --dpi, or --no-legend.",
+        )
+    per_pixel = max(sides[0] / across, sides[1] / down)
+    width = round(sides[0] / per_pixel)
+    height = round(sides[1] / per_pixel)
+    if min(width, height) < _LEAST_MAP:
+        raise RequestError(
+            f"The ground is {length(sides[0])} by {length(sides[1])}: in the picture it would be "
+            f"{max(width, 1)} by {max(height, 1)} pixels.",
+            "Look at a part of it with --bounds W S E N.",
+        )
+    least = min(options.size, math.ceil(150.0 * per_point))
+    tall = max(height + bottom + top, least)
+    wide = max(width + left + right, least)
+    ground = Rectangle(left, tall - top - height, width, height)
+    beside = left + width + math.ceil(10.0 * per_point)
+    low = math.ceil(4.0 * per_point)
+    key = Rectangle(beside, low, max(wide - beside - low, 0), tall - top - low)
+    return Layout(wide, tall, ground, key)
+
+
+def draw_plan(
+    terrain: Terrain,
+    options: RenderOptions,
+    judge: Judge | None = None,
+    progress: Callable[[str], object] = lambda _: None,
+) -> Drawn:
+    """Draw a plan, within `terratool.viewing.sheet.settings`.
+
+    Raises:
+        RequestError: the bounds miss the terrain, the layer has nothing to show, contours would be
+            too many, or the ground is too narrow.
+    """
+    if options.bounds is not None:
+        check_bounds(options.bounds, terrain)
+    part = clip_bounds(terrain, options.bounds)
+    sides = part[2] - part[0], part[3] - part[1]
+    # the legend is known only when the ground is painted, and that takes its place from the legend
+    room = (150.0 if options.layer == "surface" else 110.0) if options.legend else 0.0
+    if options.legend and options.layer == "surface":
+        from terratool.viewing.sheet import Swatch
+
+        names = [Swatch(name, (0, 0, 0)) for name in (*terrain.surfaces, "void, no ground")]
+        room = key_width(Key("", tuple(names)))
+    title = terrain.descr if options.title is None else options.title
+    margins = Margins(
+        left=width_of(_labels(part[1], part[3])) + 26.0,
+        bottom=76.0,
+        right=room + 20.0 if options.legend else 14.0,
+        top=26.0 if title else 10.0,
+    )
+    places = layout(sides, options, margins)
+    picture, factor = _painted(terrain, places, part, options, judge, progress)
+    progress("drawing")
+    sheet = new_sheet(places.width, places.height, options.dpi)
+    axes = sheet.axes(places.ground)
+    grid, notes = picture.grid, list(picture.notes)
+    west, south, east, north = grid.bounds
+    axes.imshow(
+        _shaded(picture, options.dpi, factor), extent=(west, east, south, north), aspect="auto",
+        interpolation="none", origin="upper",
+    )  # fmt: skip
+    axes.set_xlim(west, east)
+    axes.set_ylim(south, north)
+    unit, captions = unit_of(terrain), []
+    if picture.light is not None:
+        captions.append(_light_caption(factor))
+    if options.contours is not None:
+        captions.append(_draw_contours(axes, picture, options.contours))
+    if options.grid:
+        notes += _draw_cells(axes, terrain, picture, sheet)
+    _draw_frame(sheet, axes, places, unit)
+    _draw_margins(sheet, places, picture, unit, captions)
+    if title:
+        left = places.ground.left
+        sheet.title(title, left, places.width - left - sheet.pixels(6.0))
+    if options.legend:
+        sheet.key(picture.key, places.key)
+    known = picture.heights[np.isfinite(picture.heights)]
+    what = (
+        f"plan of {number(float(f'{sides[0]:.6g}'))} × {number(float(f'{sides[1]:.6g}'))} {unit}, "
+        f"{options.layer}; {grid.resolution * FINER:.3g} {unit} a pixel, heights from "
+        f"{known.min():.4g} to {known.max():.4g} at the pixels"
+    )
+    return Drawn(sheet, what, tuple(notes))
+
+
+def _labels(low: float, high: float) -> list[str]:
+    """Labels as they may stand on an axis."""
+    from terratool.raster.shading import ticks
+
+    return [number(place) for place in ticks(low, high, 6)]
+
+
+def _painted(
+    terrain: Terrain, places: Layout, part: Bounds, options: RenderOptions, judge: Judge | None,
+    progress: Callable[[str], object],
+) -> tuple[LayerPicture, float]:  # fmt: skip
+    """The layer at pixels finer than those of the picture, and how much steeper light falls."""
+    resolution = (part[2] - part[0]) / (places.ground.width * FINER)
+    grid = grid_over(terrain, resolution, part)
+    picture = layer_picture(terrain, grid, options.layer, judge, progress)
+    if picture.light is None:
+        return picture, 1.0
+    return picture, min(exaggeration(picture.heights, grid.resolution), picture.light.steeper)
+
+
+def _shaded(picture: LayerPicture, dpi: float, factor: float) -> NDArray[np.uint8]:
+    """The picture with light on it, at its own pixels: each the mean of the finer ones."""
+    light = np.ones(picture.heights.shape)
+    if (how := picture.light) is not None:
+        shade = hillshade(picture.heights, picture.grid.resolution, factor)
+        light = np.clip(1.0 + how.contrast * (shade - level_light()), how.shade, how.glare)
+    fine = light_on(picture, light, FINER * max(4, round(_HATCH * dpi / 72.0)))
+    rows, columns = (-side % FINER for side in fine.shape[:2])
+    fine = np.pad(fine, ((rows, 0), (0, columns), (0, 0)), mode="edge")
+    blocks = fine.reshape(fine.shape[0] // FINER, FINER, fine.shape[1] // FINER, FINER, 3)
+    return np.asarray(np.rint(blocks.mean(axis=(1, 3))), np.uint8)
+
+
+def _light_caption(factor: float) -> str:
+    steeper = f"; slopes shaded {factor:g} times as steep" if factor != 1.0 else ""
+    return f"Light from the north-west{steeper}."
+
+
+def _draw_contours(axes: Axes, picture: LayerPicture, wanted: Any) -> str:
+    """Draw contours; a caption that says how far they are apart.
+
+    Raises:
+        RequestError: they would be too many.
+    """
+    grid, heights = picture.grid, picture.heights
+    interval = contour_interval(heights) if wanted == "auto" else float(wanted)
+    known = heights[np.isfinite(heights)]
+    low, high = float(known.min()), float(known.max())
+    if interval == 0.0:
+        return "The ground is level: no contours."
+    first, last = math.floor(low / interval) + 1, math.ceil(high / interval) - 1
+    if last - first >= _MOST_CONTOURS:
+        raise RequestError(
+            f"Contours {interval:g} apart would be {last - first + 1:,} on heights from {low:.4g} "
+            f"to {high:.4g}.",
+            f"Give at least {(high - low) / _MOST_CONTOURS:.2g}, or no number.",
+        )
+    caption = f"Contours {number(float(f'{interval:.6g}'))} m apart."
+    if last < first:
+        return f"{caption} None lies between the heights drawn."
+    step = np.s_[::FINER]
+    x, y = grid.columns(grid.whole)[step], grid.rows(grid.whole)[step]
+    z = np.ma.masked_invalid(heights[step, step])
+    if min(z.shape) < 2:
+        return caption
+    for which, width in ((False, 0.45), (True, 0.9)):
+        levels = [
+            index * interval
+            for index in range(first, last + 1)
+            if (index % _INDEX == 0) == which or (last - first < _INDEX and which)
+        ]
+        if not levels:
+            continue
+        drawn = axes.contour(
+            x, y, z, levels=levels, colors=INK, linewidths=width, alpha=0.7, linestyles="solid"
+        )
+        if which:
+            axes.clabel(drawn, fontsize=LABEL, fmt=number, inline_spacing=2)
+    return caption
+
+
+def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Sheet) -> list[str]:
+    """Draw nested cells, finer lines further down; sentences on what is not drawn."""
+    from matplotlib.collections import LineCollection
+
+    per_point = picture.grid.resolution * FINER * sheet.dpi / 72.0
+    found = cell_lines(terrain, picture.grid.bounds, per_point)
+    for level, (lines, outlines) in enumerate(zip(found.grids, found.elements, strict=True)):
+        thin, thick = max(0.6 * 0.7**level, 0.2), max(1.6 * 0.75**level, 0.4)
+        axes.add_collection(LineCollection(list(lines), colors=INK, linewidths=thin, alpha=0.45))
+        axes.add_collection(LineCollection(list(outlines), colors=INK, linewidths=thick))
+    for label in found.labels:
+        axes.text(
+            label.x, label.y, label.text, fontsize=LABEL, va="top", ha="left", color=INK,
+            linespacing=1.1, clip_on=True,
+            bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.8},
+        )  # fmt: skip
+    return list(found.notes)
+
+
+def _draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
+    """Draw the axes, in the units of the file."""
+    per_tick = sheet.pixels(54.0)
+    set_ticks(axes, "x", max(1, places.ground.width // per_tick))
+    set_ticks(axes, "y", max(1, places.ground.height // per_tick))
+    for spine in axes.spines.values():
+        spine.set_linewidth(0.6)
+    left, bottom, width, height = places.ground
+    sheet.text(left + width / 2, bottom - sheet.pixels(17.0), f"x ({unit})", ha="center", va="top")
+    sheet.text(
+        sheet.pixels(5.0), bottom + height / 2, f"y ({unit})", va="center", rotation=90, ha="left"
+    )
+
+
+def _draw_margins(
+    sheet: Sheet, places: Layout, picture: LayerPicture, unit: str, captions: list[str]
+) -> None:
+    """Draw what stands below the ground: scale bar, arrow, captions."""
+    left, bottom, width, _ = places.ground
+    row = bottom - sheet.pixels(54.0)
+    per_pixel = picture.grid.resolution * FINER
+    sheet.north_arrow(left + sheet.pixels(4.0), row - sheet.pixels(4.0))
+    bar_left = left + sheet.pixels(24.0)
+    room = max(min(width // 3, sheet.pixels(140.0)), sheet.pixels(24.0))
+    sheet.scale_bar(Rectangle(bar_left, row, room, 0), per_pixel, unit)
+    if captions:
+        sheet.caption([" ".join(captions)], left, sheet.pixels(4.0))

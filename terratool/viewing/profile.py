@@ -1,0 +1,422 @@
+"""A section: the ground along a line, its walls upright at their exact place, the void a gap."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.errors import RequestError
+from terratool.field.bounds import finest_details
+from terratool.field.terrain import Terrain
+from terratool.viewing.layers import surface_colors
+from terratool.viewing.options import Line, RenderOptions
+from terratool.viewing.plan import Drawn, Layout, Margins, layout, unit_of
+from terratool.viewing.sheet import (
+    INK,
+    Key,
+    Sheet,
+    Swatch,
+    exaggerated,
+    key_width,
+    new_sheet,
+    number,
+    set_ticks,
+    width_of,
+)
+
+EVEN = 8192
+"""So many even stretches of the line are looked at …"""
+_PER_DETAIL, _LEAST_PARTS, _MOST_PARTS = 4.0, 16, 4096
+"""… and so many for the finest detail of a curve that the line crosses, of each element: at least
+and at most these."""
+_MOST_PLACES = 1 << 20
+_HALVINGS = 64
+"""Until two doubles are neighbours."""
+_ROUNDS = 8
+"""So many walls in one stretch are looked for."""
+_LEVEL = 1e-9
+"""What jumps by less, in parts of the range of heights, is no wall."""
+_STEEPER = 4.0
+"""A wall rises by so many times more than the slopes beside it do."""
+_SHAPE = 2e-4
+"""Points are left out that lie within such a part of the range of heights from their chord."""
+
+_ASPECT = 0.3
+"""A section is about so high as a part of its length, if nothing is said …"""
+_FACTORS = (1.0, 2.0, 5.0)
+"""… by a factor of these times a power of ten."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """The ground along a line.
+
+    Attributes:
+        line: x and y of both ends.
+        distance: (n,) float64 along the line from its first end, not falling; two that are equal
+            are the foot and the top of a wall.
+        height: (n,) float64, NaN between stretches of ground: void, or outside of the terrain.
+        surface: (n,) int32, index of the surface from this point to the next; -1 for none.
+        walls: (m, 3) float64 of each wall: distance, height before it and height behind it.
+    """
+
+    line: Line
+    distance: Floats
+    height: Floats
+    surface: NDArray[np.int32]
+    walls: Floats
+
+    @property
+    def length(self) -> float:
+        """Of the line, seen from above."""
+        x0, y0, x1, y1 = self.line
+        return math.hypot(x1 - x0, y1 - y0)
+
+
+def section(terrain: Terrain, line: Line) -> Section:
+    """The ground along a line, with every wall that it crosses.
+
+    Between two places whose difference in height their slopes do not explain, a wall is looked for
+    by halving until two doubles are neighbours: the field itself says where it stands. Places are
+    even ones, and those that the elements under the line make necessary. A slot or a rib is missed
+    only where it is narrower than all of these.
+
+    Args:
+        terrain: the ground.
+        line: x and y of both ends, which differ.
+
+    Raises:
+        RequestError: none of the line is on the terrain, or no ground is.
+    """
+    x0, y0, x1, y1 = line
+    length = math.hypot(x1 - x0, y1 - y0)
+    walker = _Walker(terrain, line, length)
+    west, south, east, north = terrain.bounds
+    inside = _crossing(line, np.array([[west], [south], [east], [north]]))
+    if not inside[0, 0] < inside[1, 0]:
+        raise RequestError(
+            f"The section from {x0:g} {y0:g} to {x1:g} {y1:g} misses the terrain.",
+            f"It lies in {west:.12g} {south:.12g} {east:.12g} {north:.12g}.",
+        )
+    places = _places(terrain, line, length)
+    places = np.unique(np.concatenate([places, inside[:, 0] * length]))
+    heights = walker.heights(places)
+    if np.isnan(heights).all():
+        raise RequestError(
+            f"There is no ground on the section from {x0:g} {y0:g} to {x1:g} {y1:g}: it is void.",
+            "Give other ends.",
+        )
+    span = float(np.nanmax(heights) - np.nanmin(heights))
+    level = _LEVEL * max(span, 1e-6 * length, float(np.spacing(np.nanmax(np.abs(heights)))))
+    low, high = _jumps(walker, places, level)
+    # both sides of each wall, and of each end of the ground
+    places = np.unique(np.concatenate([places, low, high]))
+    seen = walker.seen(places)
+    middles = walker.surfaces(0.5 * (places + np.append(places[1:], length)))
+    at = np.searchsorted(places, low)
+    distance, height = places.copy(), seen.height
+    distance[at] = high  # upright, where the ground behind it begins
+    walls = np.column_stack([high, height[at], height[at + 1]])
+    walls = walls[np.isfinite(walls).all(axis=1)]
+    kept = _kept(distance, height, middles, np.concatenate([at, at + 1]), _SHAPE * (span or 1.0))
+    return Section(line, distance[kept], height[kept], middles[kept], walls)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What lies at places of a line: heights, and slopes along it."""
+
+    height: Floats
+    slope: Floats
+
+
+class _Walker:
+    """Asks the terrain at distances along a line."""
+
+    def __init__(self, terrain: Terrain, line: Line, length: float) -> None:
+        self._terrain, self._line = terrain, line
+        x0, y0, x1, y1 = line
+        self._along = (x1 - x0) / length, (y1 - y0) / length
+        self.length = length
+
+    def points(self, distance: Floats) -> tuple[Floats, Floats]:
+        """World x and y; the far end is that of the line to the last bit."""
+        x0, y0, x1, y1 = self._line
+        x, y = x0 + distance * self._along[0], y0 + distance * self._along[1]
+        end = distance >= self.length
+        return np.where(end, x1, x), np.where(end, y1, y)
+
+    def heights(self, distance: Floats) -> Floats:
+        """Heights, NaN where there is no ground."""
+        found: Floats = self._terrain.height(*self.points(distance))
+        return found
+
+    def seen(self, distance: Floats) -> _Seen:
+        """Heights, and slopes along the line."""
+        found = self._terrain.sample(*self.points(distance))
+        along = found.normal[:, 0] * self._along[0] + found.normal[:, 1] * self._along[1]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return _Seen(found.height, -along / found.normal[:, 2])
+
+    def surfaces(self, distance: Floats) -> NDArray[np.int32]:
+        """Indices of surfaces, -1 for none."""
+        return self._terrain.sample(*self.points(distance)).surface
+
+
+def _crossing(line: Line, rectangles: Floats) -> Floats:
+    """Where a line enters and leaves rectangles, (2, n) in parts of it; not in order if it misses.
+
+    Args:
+        line: x and y of both ends.
+        rectangles: (4, n) west, south, east, north.
+    """
+    enter, leave = np.zeros(rectangles.shape[1]), np.ones(rectangles.shape[1])
+    for axis in (0, 1):
+        start, way = line[axis], line[axis + 2] - line[axis]
+        low, high = rectangles[axis] - start, rectangles[axis + 2] - start
+        if way == 0.0:
+            leave[(low > 0.0) | (high < 0.0)] = -1.0
+            continue
+        one, other = low / way, high / way
+        enter = np.maximum(enter, np.minimum(one, other))
+        leave = np.minimum(leave, np.maximum(one, other))
+    return np.stack([enter, leave])
+
+
+def _places(terrain: Terrain, line: Line, length: float) -> Floats:
+    """Distances at which the ground is looked at first, in order."""
+    found = [np.linspace(0.0, length, EVEN + 1)]
+    whole = terrain.by_elements
+    if whole is not None:
+        enter, leave = _crossing(line, whole.footprints())
+        crossed = np.flatnonzero(enter < leave)
+        west, south, east, north = whole.cells()
+        details = finest_details(whole.arrays, east - west, north - south)[crossed]
+        across = (leave - enter)[crossed] * length
+        parts = np.clip(_PER_DETAIL * across / details, _LEAST_PARTS, _MOST_PARTS)
+        # where there are too many, each has fewer
+        parts = np.maximum(parts * min(1.0, _MOST_PLACES / max(1.0, float(parts.sum()))), 2.0)
+        for index, count in zip(crossed.tolist(), parts.astype(int).tolist(), strict=True):
+            found.append(np.linspace(enter[index], leave[index], count + 1) * length)
+    return np.unique(np.clip(np.concatenate(found), 0.0, length))
+
+
+def _jumps(walker: _Walker, places: Floats, level: float) -> tuple[Floats, Floats]:
+    """Neighbouring doubles between which the ground jumps, begins or ends."""
+    low, high = places[:-1], places[1:]
+    found: list[tuple[Floats, Floats]] = []
+    for _ in range(_ROUNDS):
+        one, two = walker.seen(low), walker.seen(high)
+        open_ = _unexplained(one, two, high - low) > level
+        low, high = low[open_], high[open_]
+        if not len(low):
+            break
+        begin, end = _halved(walker, low, high)
+        before, behind = walker.seen(begin), walker.seen(end)
+        jump = np.abs(behind.height - before.height)
+        slope = np.fmax(np.abs(before.slope), np.abs(behind.slope))
+        is_wall = (jump > level) & (jump > _STEEPER * slope * (end - begin))
+        is_wall |= np.isnan(before.height) != np.isnan(behind.height)
+        found.append((begin[is_wall], end[is_wall]))
+        # others may stand on both sides
+        low, high = (
+            np.concatenate([low[is_wall], end[is_wall]]),
+            np.concatenate([begin[is_wall], high[is_wall]]),
+        )
+        wide = low < high
+        low, high = low[wide], high[wide]
+    begins, ends = (np.concatenate(side) for side in zip(*found, strict=True)) if found else (
+        np.empty(0), np.empty(0),
+    )  # fmt: skip
+    order = np.argsort(begins, kind="stable")
+    return begins[order], ends[order]
+
+
+def _unexplained(one: _Seen, two: _Seen, width: Floats) -> Floats:
+    """How far the difference of two heights is from what the slopes there explain.
+
+    Infinite where only one of them is ground, 0 where neither is.
+    """
+    off = np.abs(two.height - one.height - 0.5 * width * (one.slope + two.slope))
+    first, second = np.isnan(one.height), np.isnan(two.height)
+    return np.where(first != second, np.inf, np.where(first, 0.0, off))
+
+
+def _halved(walker: _Walker, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Halve stretches until their ends are neighbours; kept is the half that is explained less."""
+    low, high = low.copy(), high.copy()
+    one, two = walker.seen(low), walker.seen(high)
+    for _ in range(_HALVINGS):
+        middle = low + 0.5 * (high - low)
+        if not ((low < middle) & (middle < high)).any():
+            break
+        at = walker.seen(middle)
+        left = _unexplained(one, at, middle - low) >= _unexplained(at, two, high - middle)
+        low, high = np.where(left, low, middle), np.where(left, middle, high)
+        one = _Seen(np.where(left, one.height, at.height), np.where(left, one.slope, at.slope))
+        two = _Seen(np.where(left, at.height, two.height), np.where(left, at.slope, two.slope))
+    return low, high
+
+
+def _kept(
+    distance: Floats, height: Floats, surface: NDArray[np.int32], corners: NDArray[np.int64],
+    tolerance: float,
+) -> NDArray[np.int64]:  # fmt: skip
+    """Indices of the points that the shape needs.
+
+    Left out, every other one at a time, are points near the chord of their neighbours. Walls, ends
+    of the ground and changes of the surface stay.
+    """
+    fixed = np.zeros(len(distance), np.bool_)
+    fixed[corners], fixed[[0, -1]] = True, True
+    fixed[1:] |= surface[1:] != surface[:-1]
+    known = np.isfinite(height)
+    fixed[1:] |= known[1:] != known[:-1]
+    fixed[:-1] |= known[1:] != known[:-1]
+    kept = np.flatnonzero(known | fixed)
+    rounds = 16
+    for turn in range(rounds):
+        x, z, stays = distance[kept], height[kept], fixed[kept]
+        width = np.maximum(x[2:] - x[:-2], np.finfo(float).tiny)
+        chord = z[:-2] + (z[2:] - z[:-2]) * (x[1:-1] - x[:-2]) / width
+        near = np.abs(z[1:-1] - chord) <= tolerance / rounds
+        drop = np.zeros(len(kept), np.bool_)
+        drop[1:-1] = near & ~stays[1:-1]
+        drop[turn % 2 :: 2] = False
+        kept = kept[~drop]
+    return kept
+
+
+def draw_section(
+    terrain: Terrain,
+    options: RenderOptions,
+    progress: Callable[[str], object] = lambda _: None,
+) -> Drawn:
+    """Draw a section, within `terratool.viewing.sheet.settings`.
+
+    Raises:
+        RequestError: none of the line is on the terrain, or no ground is.
+    """
+    line = options.profile
+    assert line is not None
+    progress("following the line")
+    found = section(terrain, line)
+    progress("drawing")
+    low, high = float(np.nanmin(found.height)), float(np.nanmax(found.height))
+    room = max(high - low, 1e-3 * found.length)
+    low, high = low - 0.25 * room, high + 0.15 * room
+    factor = options.exaggeration or _chosen(found.length, high - low)
+    key = _key(terrain, found) if options.legend else Key()
+    title = terrain.descr if options.title is None else options.title
+    margins = Margins(
+        left=width_of([number(place) for place in _round(low, high)]) + 26.0,
+        bottom=48.0,
+        right=key_width(key) + 20.0 if options.legend else 20.0,
+        top=44.0 if title else 28.0,
+    )
+    places = layout((found.length, (high - low) * factor), options, margins)
+    sheet = new_sheet(places.width, places.height, options.dpi)
+    _draw_ground(sheet, terrain, found, places, (low, high))
+    _draw_texts(sheet, terrain, found, places, factor)
+    if title:
+        left = places.ground.left
+        sheet.title(title, left, places.width - left - sheet.pixels(6.0))
+    if options.legend:
+        sheet.key(key, places.key)
+    x0, y0, x1, y1 = line
+    walls = len(found.walls)
+    what = (
+        f"section from {number(x0)} {number(y0)} to {number(x1)} {number(y1)}, "
+        f"{found.length:.6g} {unit_of(terrain)} long; {exaggerated(factor)}, "
+        f"{walls} wall{'s' * (walls != 1)}"
+    )
+    notes = []
+    if terrain.by_elements is None:
+        notes.append("There are too many elements to look at each: narrow ones may be missing.")
+    return Drawn(sheet, what, tuple(notes))
+
+
+def _round(low: float, high: float) -> list[float]:
+    from terratool.raster.shading import ticks
+
+    return ticks(low, high, 5)
+
+
+def _chosen(length: float, relief: float) -> float:
+    """A round factor on heights with which a section is about as high as sections should be."""
+    wanted = _ASPECT * length / relief
+    if wanted < 2.0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(wanted))
+    return max(factor * power for factor in _FACTORS if factor * power <= wanted)
+
+
+def _key(terrain: Terrain, found: Section) -> Key:
+    colors, _ = surface_colors(terrain)
+    ground = np.isfinite(found.height)
+    seen = sorted({*found.surface[ground].tolist()} - {-1})
+    is_void = [surface.void is True for surface in terrain.surface_types.values()]
+    names = [(index, terrain.surfaces[index]) for index in seen if not is_void[index]]
+    swatches = [Swatch(name, _color(colors, index)) for index, name in names]
+    if -1 in found.surface[ground]:
+        swatches.append(Swatch("no surface", _color(colors, -1)))
+    return Key("surface", tuple(swatches))
+
+
+def _color(colors: NDArray[np.uint8], surface: int) -> tuple[int, int, int]:
+    red, green, blue = (int(part) for part in colors[surface + 1])
+    return red, green, blue
+
+
+def _draw_ground(
+    sheet: Sheet, terrain: Terrain, found: Section, places: Layout, heights: tuple[float, float]
+) -> None:
+    """Draw the ground in the colours of its surfaces, its line on top, and the axes."""
+    axes = sheet.axes(places.ground)
+    axes.set_xlim(0.0, found.length)
+    axes.set_ylim(*heights)
+    colors, _ = surface_colors(terrain)
+    ground = np.isfinite(found.height)
+    breaks = np.flatnonzero((found.surface[1:] != found.surface[:-1]) | (ground[1:] != ground[:-1]))
+    for begin, end in zip([0, *(breaks + 1)], [*(breaks + 1), len(ground) - 1], strict=True):
+        part = slice(begin, end + 1)
+        if not ground[begin]:
+            continue
+        known = ground[part]
+        red, green, blue = (value / 255.0 for value in _color(colors, found.surface[begin]))
+        axes.fill_between(
+            found.distance[part][known], found.height[part][known], heights[0],
+            facecolor=(red, green, blue), linewidth=0.0,
+        )  # fmt: skip
+    axes.plot(
+        found.distance, found.height, color=INK, linewidth=1.0, solid_joinstyle="miter",
+        gid="ground",
+    )  # fmt: skip
+    set_ticks(axes, "x", max(1, places.ground.width // sheet.pixels(54.0)))
+    set_ticks(axes, "y", max(1, places.ground.height // sheet.pixels(24.0)))
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for spine in axes.spines.values():
+        spine.set_linewidth(0.6)
+
+
+def _draw_texts(
+    sheet: Sheet, terrain: Terrain, found: Section, places: Layout, factor: float
+) -> None:
+    """Say what the axes are, where the ends lie, and how much heights are exaggerated."""
+    left, bottom, width, height = places.ground
+    unit, top = unit_of(terrain), bottom + height + sheet.pixels(4.0)
+    x0, y0, x1, y1 = (number(float(f"{value:.9g}")) for value in found.line)
+    sheet.text(left, top, f"A ({x0}, {y0})", va="bottom", ha="left", fontweight="bold")
+    sheet.text(left + width, top, f"B ({x1}, {y1})", va="bottom", ha="right", fontweight="bold")
+    row = bottom - sheet.pixels(17.0)
+    sheet.text(left + width / 2, row, f"distance from A ({unit})", ha="center", va="top")
+    middle = bottom + height / 2
+    sheet.text(sheet.pixels(5.0), middle, "height (m)", va="center", rotation=90, ha="left")
+    sheet.caption([f"{exaggerated(factor).capitalize()}."], left, sheet.pixels(4.0))

@@ -1,0 +1,355 @@
+"""The sheet that a picture stands on: a figure of so many pixels, with its legend, scale and arrow.
+
+Matplotlib draws, and nothing of it but what is fixed here: no file of settings, no style and no
+clock has a say, and its global state is left as it was.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from terratool.errors import RequestError
+from terratool.extras import install_command
+from terratool.raster.shading import ticks
+from terratool.text.display import printable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FORMATS = (".png", ".svg", ".pdf")
+"""Suffixes of the files that pictures are written as."""
+
+INK = "#202020"
+_FAINT = "#606060"
+_FONT, _SMALL = 8.0, 7.0
+"""Sizes of letters, in points of 1/72 inch."""
+_LETTER = 0.55
+"""Width of a letter as a part of its size, about."""
+_LINE = 1.45
+"""From one line of text to the next, as a part of the size."""
+_SWATCH = 14.0
+"""Width of a patch of colour in the legend, in points."""
+_MOST_SWATCHES = 40
+
+_SETTINGS = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": _FONT,
+    "text.parse_math": False,  # a name may have two dollar signs
+    "svg.hashsalt": "terratool",
+    "svg.fonttype": "none",  # texts stay texts
+    "path.simplify": False,  # what stands upright stays so
+    "hatch.linewidth": 0.6,
+}
+_METADATA: dict[str, dict[str, Any]] = {
+    ".png": {"Software": None},
+    ".svg": {"Date": None, "Creator": "terratool"},
+    ".pdf": {"CreationDate": None, "Creator": "terratool", "Producer": None},
+}
+
+
+class Rectangle(NamedTuple):
+    """A rectangle on a sheet, in pixels from its south-west corner."""
+
+    left: int
+    bottom: int
+    width: int
+    height: int
+
+
+class Swatch(NamedTuple):
+    """A line of a legend.
+
+    Attributes:
+        label: what it says.
+        color: red, green, blue, 0 to 255.
+        hatch: pattern of Matplotlib over the colour; empty for none.
+    """
+
+    label: str
+    color: tuple[int, int, int]
+    hatch: str = ""
+
+
+class Scale(NamedTuple):
+    """The colours of numbers.
+
+    Attributes:
+        title: what they are, with their unit.
+        low, high: numbers at both ends.
+        colors: name of the colour map of Matplotlib.
+    """
+
+    title: str
+    low: float
+    high: float
+    colors: str
+
+
+class Key(NamedTuple):
+    """What the colours of a picture mean.
+
+    Attributes:
+        title: over the legend.
+        swatches: its lines.
+        scale: of numbers, if there are any.
+    """
+
+    title: str = ""
+    swatches: tuple[Swatch, ...] = ()
+    scale: Scale | None = None
+
+
+def require_matplotlib() -> None:
+    """Refuse to draw without Matplotlib.
+
+    Raises:
+        RequestError: it is not installed.
+    """
+    try:
+        import matplotlib  # noqa: F401, only whether it is there
+    except ImportError as error:
+        raise RequestError(
+            "Pictures are drawn by Matplotlib, which is not installed.",
+            f"Run {install_command('plot')}",
+        ) from error
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A figure whose places are counted in pixels.
+
+    Attributes:
+        figure: of Matplotlib.
+        width, height: pixels.
+        dpi: pixels of an inch, which has 72 points.
+    """
+
+    figure: Figure
+    width: int
+    height: int
+    dpi: float
+
+    def pixels(self, points: float) -> int:
+        """Points as whole pixels."""
+        return round(points * self.dpi / 72.0)
+
+    def axes(self, place: Rectangle) -> Axes:
+        """New axes at a place."""
+        left, bottom, width, height = place
+        axes: Axes = self.figure.add_axes(
+            (
+                left / self.width,
+                bottom / self.height,
+                width / self.width,
+                height / self.height,
+            )
+        )
+        return axes
+
+    def text(self, x: float, y: float, text: str, **style: Any) -> None:
+        """A text at a place in pixels."""
+        style = {"color": INK, "fontsize": _FONT, **style}
+        self.figure.text(x / self.width, y / self.height, text, **style)
+
+    def line(self, x: Sequence[float], y: Sequence[float], **style: Any) -> None:
+        """A line through places in pixels."""
+        from matplotlib.lines import Line2D
+
+        style = {"color": INK, "linewidth": 0.8, "solid_capstyle": "butt", **style}
+        places = [value / self.width for value in x], [value / self.height for value in y]
+        self.figure.add_artist(Line2D(*places, transform=self.figure.transFigure, **style))
+
+    def patch(self, x: Sequence[float], y: Sequence[float], **style: Any) -> None:
+        """A filled shape through places in pixels."""
+        from matplotlib.patches import Polygon
+
+        corners = [(a / self.width, b / self.height) for a, b in zip(x, y, strict=True)]
+        style = {"facecolor": INK, "edgecolor": INK, "linewidth": 0.6, **style}
+        self.figure.add_artist(
+            Polygon(corners, closed=True, transform=self.figure.transFigure, **style)
+        )
+
+    def key(self, key: Key, place: Rectangle) -> None:
+        """A legend at the top of a place, and a colour bar below it."""
+        top = place.bottom + place.height
+        line = self.pixels(_FONT * _LINE)
+        if key.title and key.swatches:
+            self.text(place.left, top, key.title, va="top", fontweight="bold")
+            top -= round(1.3 * line)
+        fits = max(1, (top - place.bottom) // line - (0 if key.scale is None else 8))
+        shown = min(len(key.swatches), fits, _MOST_SWATCHES)
+        if shown < len(key.swatches):
+            shown = max(shown - 1, 0)
+        wide, room = self.pixels(_SWATCH), place.width - self.pixels(1.5 * _SWATCH)
+        for swatch in key.swatches[:shown]:
+            low, high = top - round(0.85 * line), top - round(0.05 * line)
+            left, right = place.left, place.left + wide
+            red, green, blue = (part / 255.0 for part in swatch.color)
+            self.patch(
+                [left, right, right, left], [low, low, high, high],
+                facecolor=(red, green, blue), hatch=swatch.hatch or None,
+            )  # fmt: skip
+            label = self.cut(swatch.label, room, _FONT)
+            self.text(place.left + self.pixels(1.5 * _SWATCH), top, label, va="top")
+            top -= line
+        if shown < len(key.swatches):
+            left_out = f"and {len(key.swatches) - shown} more"
+            self.text(place.left, top, left_out, va="top", color=_FAINT)
+            top -= line
+        if key.scale is not None:
+            self._color_bar(key.scale, place, top - line // 2)
+
+    def _color_bar(self, scale: Scale, place: Rectangle, top: int) -> None:
+        import numpy as np
+
+        line = self.pixels(_FONT * _LINE)
+        self.text(place.left, top, scale.title, va="top", fontweight="bold")
+        top -= round(1.6 * line)
+        tall = max(4 * line, min(top - place.bottom, 14 * line))
+        axes = self.axes(Rectangle(place.left, top - tall, self.pixels(_SWATCH), tall))
+        axes.imshow(
+            np.linspace(0.0, 1.0, 256)[:, None], cmap=scale.colors, aspect="auto", origin="lower",
+            extent=(0.0, 1.0, scale.low, scale.high),
+        )  # fmt: skip
+        axes.set_xticks([])
+        axes.yaxis.tick_right()
+        set_ticks(axes, "y", max(2, tall // (3 * line)))
+
+    def cut(self, text: str, room: float, size: float = _FONT) -> str:
+        """As much of a text as about fits into so many pixels, on one line."""
+        text = " ".join(printable(text).split())
+        most = max(3, int(room / (self.pixels(size) * _LETTER)))
+        return text if len(text) <= most else f"{text[: most - 1]}…"
+
+    def title(self, text: str, left: int, room: int) -> None:
+        """A title at the very top."""
+        size = _FONT + 2.0
+        self.text(
+            left, self.height - self.pixels(6.0), self.cut(text, room, size), va="top",
+            fontsize=size, fontweight="bold",
+        )  # fmt: skip
+
+    def caption(self, lines: Sequence[str], left: int, bottom: int) -> None:
+        """Small lines, the last of which stands at the bottom."""
+        for up, text in enumerate(reversed(lines)):
+            y = bottom + up * self.pixels(_SMALL * _LINE)
+            self.text(left, y, text, va="bottom", fontsize=_SMALL, color=_FAINT)
+
+    def scale_bar(self, place: Rectangle, per_pixel: float, unit: str) -> None:
+        """A bar of a round length that fits into a place, in two halves.
+
+        `per_pixel` is how long a pixel is, in the unit.
+        """
+        room = place.width * per_pixel
+        power = 10.0 ** math.floor(math.log10(room))
+        whole = next(factor * power for factor in (5.0, 2.0, 1.0) if factor * power <= room)
+        long = whole / per_pixel
+        low, high = place.bottom, place.bottom + self.pixels(3.0)
+        for part, color in enumerate((INK, "white")):
+            left = place.left + part * long / 2.0
+            right = left + long / 2.0
+            self.patch([left, right, right, left], [low, low, high, high], facecolor=color)
+        above = high + self.pixels(2.0)
+        self.text(place.left, above, "0", ha="center", va="bottom", fontsize=_SMALL)
+        self.text(
+            place.left + long, above, f"{number(whole)} {unit}", ha="center", va="bottom",
+            fontsize=_SMALL,
+        )  # fmt: skip
+
+    def north_arrow(self, x: float, y: float, towards: tuple[float, float] = (0.0, 1.0)) -> None:
+        """An arrow whose foot is at a place in pixels, and which leads north: by so many lengths.
+
+        `towards` is where its tip lies from its foot, right and up, in parts of its length.
+        """
+        tall, half = self.pixels(20.0), self.pixels(4.5)
+        right, up = towards
+        long = math.hypot(right, up) or 1.0
+        across = -up / long * half, right / long * half
+        tip = x + right * tall, y + up * tall
+        notch = x + right * tall * 0.25, y + up * tall * 0.25
+        for side, color in ((1.0, INK), (-1.0, "white")):
+            wing = x + side * across[0], y + side * across[1]
+            self.patch(
+                [tip[0], wing[0], notch[0]], [tip[1], wing[1], notch[1]], facecolor=color,
+                joinstyle="round",
+            )  # fmt: skip
+        gap = self.pixels(5.5)
+        self.text(
+            tip[0] + right / long * gap, tip[1] + up / long * gap, "N", ha="center", va="center",
+            fontweight="bold",
+        )  # fmt: skip
+
+
+def number(value: float) -> str:
+    """A number as axes show it: no more digits than it has, and no zeros behind them."""
+    text = f"{value:.10g}"
+    return "0" if text == "-0" else text
+
+
+def exaggerated(factor: float) -> str:
+    """What is said of a factor on heights."""
+    if factor == 1.0:
+        return "heights not exaggerated"
+    return f"heights exaggerated {number(float(f'{factor:.6g}'))} times"
+
+
+def set_ticks(axes: Axes, axis: str, count: int) -> list[str]:
+    """Have about so many round numbers on an axis; what they are."""
+    low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
+    places = ticks(low, high, max(1, count))
+    labels = [number(place) for place in places]
+    side = axes.xaxis if axis == "x" else axes.yaxis
+    side.set_ticks(places, labels=labels)
+    side.set_tick_params(labelsize=_SMALL, length=3.0, width=0.6, colors=INK)
+    return labels
+
+
+def width_of(labels: Sequence[str]) -> float:
+    """How wide the widest of some small labels is, in points, about."""
+    return max((len(label) for label in labels), default=0) * _SMALL * 0.65
+
+
+def key_width(key: Key) -> float:
+    """How wide a legend is, in points, about; no more than a fourth of a sheet wants to be."""
+    letters = max((len(swatch.label) for swatch in key.swatches), default=0)
+    scale = 0 if key.scale is None else len(key.scale.title)
+    wanted = 1.5 * _SWATCH + letters * _FONT * 0.62
+    return min(max(wanted, scale * _FONT * 0.7, 60.0), 150.0)
+
+
+@contextlib.contextmanager
+def settings() -> Iterator[None]:
+    """Have Matplotlib draw by its own defaults and by what is fixed here, and by nothing else."""
+    import matplotlib as mpl
+
+    wanted: dict[Any, Any] = dict(mpl.rcParamsDefault)
+    wanted.update(_SETTINGS)
+    for name in [name for name in wanted if name.startswith("backend")]:
+        del wanted[name]  # of windows, of which there are none
+    with mpl.rc_context(wanted), warnings.catch_warnings():
+        # letters that the font lacks become boxes in a PNG; in an SVG they are still letters
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        yield
+
+
+def new_sheet(width: int, height: int, dpi: float) -> Sheet:
+    """An empty sheet of so many pixels, within `settings`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width / dpi, height / dpi), dpi=dpi, facecolor="white")
+    FigureCanvasAgg(figure)
+    return Sheet(figure, width, height, dpi)
+
+
+def write(sheet: Sheet, path: Path) -> None:
+    """Write a sheet as what the suffix of a path says, within `settings`."""
+    suffix = path.suffix.lower()
+    sheet.figure.savefig(path, format=suffix[1:], dpi=sheet.dpi, metadata=_METADATA[suffix])
