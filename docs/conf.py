@@ -83,8 +83,8 @@ def setup(app: Any) -> None:
         lines[:] = [re.sub(r"([*`|\\])", r"\\\1", line) for line in lines]
 
     def as_command(app: Any, command: Any, lines: list[str]) -> None:
-        text = re.sub(r"[\s|]+", " ", " ".join(lines))
-        examples = re.findall(r"terratool (?:(?!terratool ).)+", text)
+        text = re.sub(r"[\s|]+", " ", " ".join(lines)).strip()
+        examples = re.split(r" (?=terratool )", re.sub("^Examples?: ", "", text))
         lines[:] = ["", ".. code-block:: console", "", *(f"   $ {one}" for one in examples), ""]
 
     def shortened(app: Any, *described: Any) -> tuple[str | None, str | None] | None:
