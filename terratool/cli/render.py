@@ -28,7 +28,8 @@ class _Interval(click.ParamType[Any]):
 
 
 @click.command(
-    epilog="Example: terratool render samples/nested-site.json site.png --contours 2 --grid"
+    "render",
+    epilog="Example: terratool render samples/nested-site.json site.png --contours 2 --grid",
 )
 @click.argument("file")
 @click.argument("output", metavar="OUT")
