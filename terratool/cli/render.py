@@ -92,6 +92,7 @@ class _Interval(click.ParamType[Any]):
 )
 @click.option("--title", metavar="TEXT", help='Over the picture.  [default: the "descr" of FILE]')
 @click.option("--no-legend", is_flag=True, help="Leave out what the colours mean.")
+@click.option("--bare", is_flag=True, help="Leave out letters, axes and legend.")
 @click.option(
     "--size",
     type=int,
