@@ -78,17 +78,17 @@ def _text(s: dict[str, Any]) -> str:
             f"height         {height['low']:.6g} to {height['high']:.6g}, "
             f"at {height['points']:,} points"
         )
-    for number, one in enumerate(s.get("roughness", ())):
+    for number, one in enumerate(s["roughness"]):
         lines.append(
             f"{'' if number else 'roughness':15}{printable(one['surface'])}: rms {one['rms']:.6g}, "
             f"correlation {one['correlation']:.6g}, seed {one['seed']}"
         )
-    for number, one in enumerate(s.get("ranges", ())):
+    for number, one in enumerate(s["ranges"]):
         lines.append(
             f"{'' if number else 'soil ranges':15}{printable(one['surface'])}: {one['key']} "
             f"{one['low']:.6g} to {one['high']:.6g}"
         )
-    if "ranges" in s:
+    if s["ranges"]:
         lines.append(f"{'':15}where one number is wanted, the middle counts")
     lines.append(f"memory         {s['bytes']:,} bytes compiled")
     return "\n".join(lines)

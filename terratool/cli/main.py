@@ -10,7 +10,6 @@ from typing import Any
 
 import click
 
-from terratool import __version__
 from terratool.errors import TerratoolError, interruption, reason
 
 _COMMANDS = {
@@ -26,6 +25,7 @@ _COMMANDS = {
     "export-vrml": ("export_mesh:vrml", "Write a mesh, or a grid of heights, as VRML97."),
     "export-sim": ("export_sim", "Write for simulators: MuJoCo, Gazebo, PyBullet, USD, Nav2, …."),
     "render": ("render", "Draw a plan, a section or a perspective: PNG, SVG, PDF."),
+    "view": ("view", "Write a page to turn a terrain about in a browser, or follow a file."),
     "import-primitive": ("import_primitive", "Make a primitive of a patch of a DEM or a mesh."),
     "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
     "deform": ("deform", "Drive a vehicle along a path and write the ruts of its wheels."),
@@ -34,6 +34,7 @@ _COMMANDS = {
     "curriculum": ("curriculum", "Make a grid of training tiles, from a spec."),
     "bundle": ("bundle", "Write a terrain and what it needs of its libraries into one file."),
     "rules": ("rules", "List the validator's rules, or explain one."),
+    "completion": ("completion", "Print the script that has a shell complete terratool."),
 }
 
 
@@ -42,6 +43,10 @@ _REMOTE = (
     "OAPIF CSW Carto AmigoCloud Elastic NGW PLSCENES DERIVED GMLAS"
 )
 """Drivers of GDAL that ask the net, or lead there; they are not even registered."""
+
+
+COMPLETE = "_TERRATOOL_COMPLETE"
+"""The environment variable by which a shell asks what it may complete."""
 
 
 class _OutputError(Exception):
@@ -69,13 +74,27 @@ class _Lazy(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
+        known = ctx.resilient_parsing or not args or args[0] in _COMMANDS
+        if not known and not args[0].startswith("-"):
             from difflib import get_close_matches
 
             close = get_close_matches(args[0], _COMMANDS, 1)
             hint = f"Did you mean {close[0]}?" if close else "Run terratool --help for the list."
             ctx.fail(f"There is no command {args[0]!r}. {hint}")
         return super().resolve_command(ctx, args)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> Any:
+        """Commands by their names, without importing them, and options."""
+        from click.shell_completion import CompletionItem
+
+        return [
+            *(
+                CompletionItem(name, help=text)
+                for name, (_, text) in _COMMANDS.items()
+                if name.startswith(incomplete)
+            ),
+            *click.Command.shell_complete(self, ctx, incomplete),
+        ]
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -88,12 +107,26 @@ class _Lazy(click.Group):
             formatter.write_dl([(name, text) for name, (_, text) in _COMMANDS.items()])
 
 
+def _say_version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    if value:
+        from terratool.cli.version import say_version
+
+        say_version(ctx, param, value)
+
+
 @click.command(
     cls=_Lazy,
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Example: terratool validate samples/paper-example.json",
 )
-@click.version_option(__version__, prog_name="terratool")
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_say_version,
+    help="Say what is installed, in which versions.",
+)
 def cli() -> None:
     """Robot terrains from a small JSON text.
 
@@ -114,6 +147,10 @@ def main() -> None:
     os.environ.setdefault("PROJ_DEBUG", "0")  # it would print what GDAL says again
     if "--allow-remote" not in sys.argv:
         os.environ["GDAL_SKIP"] = f"{os.environ.get('GDAL_SKIP', '')} {_REMOTE}"
+    if os.environ.get(COMPLETE):
+        from terratool.cli.completing import register
+
+        register()
     code = _run()
     if sys.stdout is not None:  # as it is where it was closed
         try:
@@ -125,7 +162,7 @@ def main() -> None:
 
 def _run() -> int:
     try:
-        code = cli(standalone_mode=False)
+        code = cli(standalone_mode=False, complete_var=COMPLETE)
         return code if isinstance(code, int) else 0
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.ctx.get_help() if error.ctx else "", err=True)

@@ -284,6 +284,18 @@ def _refused(path: str) -> tuple[str, str] | None:
     return None
 
 
+def readable_library(folder: str, path: str, base: str) -> bool:
+    """Whether a library may be looked at without being asked for by name.
+
+    Args:
+        folder: of the file that uses it.
+        path: as it is written there.
+        base: the folder of the terrain.
+    """
+    real = real_path(str(Path(folder, path)))
+    return _refused(path) is None and any(_is_under(real, real_path(one)) for one in (base, "."))
+
+
 def _is_under(path: str, folder: str) -> bool:
     return path.startswith(folder if folder.endswith(os.sep) else folder + os.sep)
 

@@ -8,6 +8,7 @@ import numpy as np
 from msgspec import UNSET, to_builtins
 from numpy.typing import NDArray
 
+from terratool import __version__
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Roughness, ranges_of
 from terratool.field.terrain import Terrain, clip_bounds
@@ -23,14 +24,17 @@ _PLASTIC = 1.32471795724474602596
 def summarise(terrain: Terrain) -> dict[str, Any]:
     """Size, levels, elements by primitive and surface, heights and memory, ready for JSON.
 
+    `schemas/info.schema.json` describes it. Every key is there; what is not known is None.
+
     The range of heights is that of the points looked at: an even grid, nine points in the cell of
     each element, corners and edges included, and the ends and the middle of each segment of tracks.
     Where there are too many elements for that, they are left out.
     """
     low, high, points = height_range(terrain)
     bounds = terrain.bounds
-    summary = {
+    return {
         "format_version": 1,
+        "tool": {"name": "terratool", "version": __version__},
         "descr": terrain.descr,
         "size": list(terrain.size),
         "origin": [bounds[0], bounds[1]],
@@ -47,17 +51,15 @@ def summarise(terrain: Terrain) -> dict[str, Any]:
             "length": float(track_lengths(terrain.arrays.tracks).sum()),
         },
         "height": {"low": low, "high": high, "points": points},
-        "bytes": terrain.nbytes,
-    }
-    if terrain.is_rough:
-        summary["roughness"] = [
+        "roughness": [
             {"surface": name, **_roughness(surface.roughness)}
             for name, surface in terrain.surface_types.items()
-            if surface.roughness is not UNSET and surface.void is not True
-        ]
-    if ranges := ranges_of(terrain.surface_types):
-        summary["ranges"] = [one._asdict() for one in ranges]
-    return summary
+            if terrain.is_rough and surface.roughness is not UNSET and surface.void is not True
+        ],
+        "ranges": [one._asdict() for one in ranges_of(terrain.surface_types)],
+        "libraries": list(terrain.libraries),
+        "bytes": terrain.nbytes,
+    }
 
 
 def _roughness(roughness: Roughness) -> dict[str, float]:

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import re
 import subprocess
 import sys
+import tomllib
+from collections.abc import Iterator
+from importlib import metadata
 from itertools import product
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
+import rasterio
 
-from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE, YARD, run
+import terratool
+from terratool import kernels
+from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE, YARD, call, run
 
 COMMANDS = [
     "validate", "format", "info", "query", "export-dem", "export-mesh", "export-obj",
@@ -93,10 +101,51 @@ def test_a_command_interrupted_while_it_loads_is_stopped() -> None:
 
 
 def test_version() -> None:
-    """The version stands on standard output."""
-    import terratool
+    """The first line is what scripts look for; then comes what is installed, one a line."""
+    ran = run("--version")
+    assert (ran.code, ran.err) == (0, "")
+    first, *lines = ran.out.splitlines()
+    assert first == f"terratool, version {terratool.__version__}"
+    said = {line[:14].strip(): line[15:] for line in lines}
+    assert said["python"].startswith(f"{platform.python_version()} (")
+    assert said["kernels"] == kernels.variant
+    for name in ("click", "msgspec", "numpy", "rasterio", "trimesh"):
+        assert said[name] == metadata.version(name)
+    assert said["GDAL"] == rasterio.__gdal_version__
+    assert said["PROJ"] == rasterio.__proj_version__
 
-    assert run("--version").out == f"terratool, version {terratool.__version__}\n"
+
+def test_version_has_every_extra_of_the_project() -> None:
+    """Installed or not; those for work on terratool itself are left out."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    out = call("--version").out
+    for extra, needs in project["optional-dependencies"].items():
+        if extra in ("test", "dev", "bench", "docs"):
+            assert f"[{extra}]" not in out
+            continue
+        (line,) = (line for line in out.splitlines() if line.startswith(f"[{extra}] "))
+        for name in (re.split("[>=]", need)[0] for need in needs):
+            try:
+                assert f"{name} {metadata.version(name)}" in line
+            except metadata.PackageNotFoundError:
+                assert f"{name} not installed" in line
+
+
+def test_version_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It answers where nothing is installed, and where the kernels cannot be."""
+
+    def absent(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "version", absent)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    out = call("--version").out
+    assert re.search(r"^numpy +not installed$", out, re.MULTILINE)
+    assert re.search(r"^\[usd\] +usd-core not installed$", out, re.MULTILINE)
+    assert re.search(r"^GDAL +unknown$", out, re.MULTILINE)
+    assert (
+        run("--version", TERRATOOL_CPU="none").out.splitlines()[2].startswith("kernels        none")
+    )
 
 
 # Exit codes
@@ -314,6 +363,68 @@ def test_info_as_json(yard: Path) -> None:
     assert (report["height"]["low"], report["height"]["high"]) == (2, 12)
 
 
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "samples").glob("*.json")), ids=lambda path: path.stem
+)
+def test_info_of_samples_is_as_the_schema_says(path: Path) -> None:
+    """Every key is there, whatever the terrain has; libraries are files that are there."""
+    report = json.loads(call("info", path, "--json").out)
+    schema = terratool.schema("info")
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(report, schema)
+    assert [*report] == [*schema["properties"]] == schema["required"]
+    used = json.loads(path.read_text("utf-8")).get("use", [])
+    assert {str(path.parent / use) for use in used} <= {*report["libraries"]}
+    assert all(Path(library).is_file() for library in report["libraries"])
+
+
+def described(properties: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Keys of a schema, those in objects and lists included, with what it says of each."""
+    for key, value in properties.items():
+        yield prefix + key, value["description"]
+        yield from described(value.get("properties", {}), f"{prefix}{key}.")
+        inner = value.get("items", {})
+        yield from described(inner.get("properties", {}), f"{prefix}{key}[].")
+
+
+def test_the_page_has_the_keys_of_the_schema() -> None:
+    page = (ROOT / "docs" / "info.md").read_text("utf-8")
+    rows = re.findall(r"^\| `([\w.\[\]]+)` \| [^|]+ \| (.*) \|$", page, re.MULTILINE)
+    assert rows == [*described(terratool.schema("info")["properties"])]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("format_version", 2), ("crs", []), ("libraries", None), ("height", {}), ("size", [1]),
+        ("x", 1),
+    ],
+)  # fmt: skip
+def test_the_schema_of_info_refuses_what_it_does_not_say(key: str, value: object) -> None:
+    report = json.loads(call("info", SAMPLE, "--json").out)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(report | {key: value}, terratool.schema("info"))
+
+
+def test_info_as_json_of_what_few_terrains_have(yard: Path) -> None:
+    """Relief, ranges, tracks and a reference system; without them the lists are empty."""
+    plain = json.loads(call("info", yard, "--json").out)
+    assert (plain["roughness"], plain["ranges"], plain["libraries"]) == ([], [], [])
+    assert plain["crs"] is None
+    soil = {"fricAngle": [20, 30], "roughness": {"rms": 0.01, "correlation": 0.2}}
+    track = {"path": [[-4, -4], [-1, 0]], "width": 0.5, "depth": 0.1}
+    rich = YARD | {"crs": 32633, "surfTypes": YARD["surfTypes"] | {"sand": soil}, "tracks": [track]}
+    yard.write_text(json.dumps(rich))
+    report = json.loads(call("info", yard, "--json").out)
+    jsonschema.validate(report, terratool.schema("info"))
+    assert report["crs"] == 32633
+    assert report["roughness"] == [{"seed": 0, "rms": 0.01, "correlation": 0.2, "surface": "sand"}]
+    assert report["ranges"] == [{"surface": "sand", "key": "fricAngle", "low": 20, "high": 30}]
+    assert report["tracks"] == {"count": 1, "segments": 1, "length": 5}
+    smooth = json.loads(call("info", yard, "--json", "--no-roughness").out)
+    assert smooth["roughness"] == []
+
+
 def test_info_of_a_void(yard: Path) -> None:
     """A terrain without any ground has no heights, and JSON no NaN."""
     hollow = {**YARD, "elemTree": {"type": "flat", "surface": "hole"}}
@@ -322,6 +433,7 @@ def test_info_of_a_void(yard: Path) -> None:
     out = run("info", yard, "--json").out
     height: dict[str, Any] = json.loads(out, parse_constant=lambda word: word)["height"]
     assert (height["low"], height["high"]) == (None, None)
+    jsonschema.validate(json.loads(out), terratool.schema("info"))
 
 
 def test_rules() -> None:
@@ -343,13 +455,18 @@ def test_rules() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("--help",), ("validate", SAMPLE), ("rules",), ("query", "--help")], ids=" ".join
-)
+    "arguments",
+    [
+        ("--help",), ("--version",), ("validate", SAMPLE), ("rules",), ("query", "--help"),
+        ("new",), ("new", "rough", "--help"), ("new", "stairs", "-"), ("completion", "bash"),
+    ],
+    ids=" ".join,
+)  # fmt: skip
 def test_quick_commands_load_nothing_heavy(arguments: tuple[str, ...]) -> None:
     """Help, validation and the rules start without the numeric libraries."""
     done = subprocess.run(
         [COMMAND[0], "-X", "importtime", *COMMAND[1:], *arguments],
-        capture_output=True, text=True, cwd=ROOT, env=ENVIRONMENT, check=True,
+        capture_output=True, text=True, cwd=ROOT, env=ENVIRONMENT, check=len(arguments) > 1,
     )  # fmt: skip
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert "terratool.cli.main" in loaded
