@@ -131,9 +131,9 @@ def _strewn(count: int, sizes: tuple[float, float], draw: Draw, which: int) -> M
 
 _FALL = 0.65
 """Rise per metre of a slip face: 33 degrees, the angle of repose of dry sand."""
-_LONG, _WIDE = 12.5, 10.0
+_LONG, _WIDE = 12.0, 10.0
 """Heights that a barchan is long and wide (a tenth as high as wide: Hesp and Hastings 1998)."""
-_COLUMNS, _ROWS = 625, 24
+_COLUMNS, _ROWS = 600, 32
 """Cells of its grid along and across the wind."""
 _LEAST = 0.35
 """The height of the smallest dunes, of that of the largest."""
@@ -145,13 +145,13 @@ _BELL = "4.5*t**2 - 13.5*max(0, t - 1/3)**2 + 13.5*max(0, t - 2/3)**2"
 def _barchan(surface: str) -> Members:
     """A dune with horns, 1 m high: strips along the wind, of which three overlap everywhere.
 
-    With s from -1 to 1 across the wind, its toe lies at 6 s², its brink at 7 + 6 s² and is 1 - s²
+    With s from -1 to 1 across the wind, its toe lies at 5 s², its brink at 7 + 5 s² and is 1 - s²
     high: the lower, the farther downwind, so that the sides are horns.
     """
     strips: list[Members] = []
     for row in range(_ROWS - 2):
         s = 2 * (row + 1.5) / _ROWS - 1
-        toe, brink, tall = 6 * s * s, 7 + 6 * s * s, 1 - s * s
+        toe, brink, tall = 5 * s * s, 7 + 5 * s * s, 1 - s * s
         first, crest, end = (
             round(x / _LONG * _COLUMNS) for x in (toe, brink, brink + tall / _FALL)
         )
