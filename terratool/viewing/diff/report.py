@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -237,9 +236,9 @@ def as_json(comparison: Comparison, most: int) -> str:  # noqa: ARG001, as other
         "format_version": FORMAT_VERSION,
         "same": comparison.same,
         "summary": {status: comparison.count(status) for status in statuses},  # type: ignore[arg-type]
-        "files": msgspec.to_builtins(comparison.files),
+        "files": comparison.files,
     }
-    return json.dumps(document, indent=2, ensure_ascii=False)
+    return msgspec.json.format(msgspec.json.encode(document), indent=2).decode()
 
 
 def as_markdown(comparison: Comparison, most: int) -> str:
