@@ -24,6 +24,8 @@ from terratool.viewing.diff.results import GroundChange, LargestChange, PixelGri
 
 SIDE = 128
 """Of a window, in pixels."""
+MOST_WINDOWS = 1 << 22
+"""So many windows may a grid have, with those that are left out."""
 FIRST_PIXELS = 1 << 20
 """A grid that nobody asked for begins with so many pixels at most, of those that may differ …"""
 MOST_PIXELS = 1 << 22
@@ -88,10 +90,19 @@ class Both:
         return np.array(old), np.array([0, *(index[name] for name in self.new.surfaces)])
 
     def windows(self, grid: Grid) -> list[Window]:
-        """The windows of a grid in which anything may differ."""
+        """The windows of a grid in which anything may differ.
+
+        Raises:
+            RequestError: the grid has too many.
+        """
+        rows, columns = -(-grid.height // SIDE), -(-grid.width // SIDE)
+        if rows * columns > MOST_WINDOWS:
+            raise RequestError(
+                f"{grid.width:,} × {grid.height:,} pixels are more than can be compared.",
+                "Give a coarser resolution, or smaller bounds.",
+            )
         if self.regions is None:
             return list(grid.windows(SIDE, SIDE))
-        rows, columns = -(-grid.height // SIDE), -(-grid.width // SIDE)
         west, south, east, north = np.array(self.regions or np.empty((0, 4))).reshape(-1, 4).T
         left, right = _spans(west - grid.west, east - grid.west, grid.resolution, columns)
         top = grid.bounds[3]
