@@ -104,6 +104,15 @@ def test_a_rib_of_a_millimetre() -> None:
     assert_walls(found, [17.2995, 17.3005, 17.3015, 17.3025], [1, -1, 1, -1])
 
 
+def test_steps_that_are_too_near_to_each_other_to_be_seen() -> None:
+    """Both, though no place that is looked at lies between them."""
+    near = {"x": [[0, 0], [0.4567, 0], [0.4567, 1], [0.456701, 1], [0.456701, 3], [1, 3]]}
+    terrain = terrain_of(
+        {"size": [40, 12], "elemTypes": {"near": near}, "elemTree": {"type": "near", "vScale": 1}}
+    )
+    assert_walls(section(terrain, (0, 5, 40, 5)), [18.268, 18.26804], [1, 2])
+
+
 def test_void_is_a_gap() -> None:
     """Ground begins where the void ends, at 4, and no line leads there."""
     found = section(terrain_of(PLATE), (100, 202, 140, 202))
