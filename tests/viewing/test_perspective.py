@@ -213,3 +213,5 @@ def test_too_many_elements_are_drawn_from_a_grid(
     rows, columns = (min(one, two) for one, two in zip(by_mesh.shape, by_grid.shape, strict=True))
     both = by_mesh[:rows, :columns] & by_grid[:rows, :columns]
     assert both.sum() > 0.8 * max(by_mesh.sum(), by_grid.sum())
+    heights = picture(tmp_path, azimuth=200.0, layer="height")
+    assert ((heights[..., 0] > 180) & (heights[..., 2] < 110)).sum() > 500  # the top of the box

@@ -126,6 +126,26 @@ def test_void_is_a_gap() -> None:
     assert outside.distance[known][[0, -1]] == pytest.approx([10, 50], abs=1e-9)
 
 
+def test_a_round_hole_ends_where_it_does() -> None:
+    """A void disc of radius 3 around 20, 6, passed by at half of that: a gap from rim to rim."""
+    hole = {"at": [20, 6], "extent": 6, "type": "disc", "surface": "hole"}
+    terrain = terrain_of(
+        {
+            "size": [40, 12], "surfTypes": {"hole": {"void": True}},
+            "elemTypes": {"flat": {"x": [1]}, "disc": {"x": [1, 1], "combine": "radial"}},
+            "elemTree": {"type": "flat", "children": [hole]},
+        }
+    )  # fmt: skip
+    found = section(terrain, (0, 7.5, 40, 7.5))
+    gap = found.distance[np.isnan(found.height)]
+    half = math.sqrt(3**2 - 1.5**2)
+    assert gap.min() >= 20 - half - 2e-8 and gap.max() <= 20 + half + 2e-8
+    known = found.distance[np.isfinite(found.height)]
+    assert known[known < 20].max() == pytest.approx(20 - half, abs=2e-8)
+    assert known[known > 20].min() == pytest.approx(20 + half, abs=2e-8)
+    assert len(found.walls) == 0
+
+
 def test_surfaces_change_where_they_do() -> None:
     """The box is red from 32 on; its place is that of its wall."""
     terrain = terrain_of(PLATE)
