@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import zipfile
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -231,12 +232,19 @@ def test_a_page_names_nothing_outside_of_itself_and_is_the_same_again() -> None:
     assert "connect-src &#39;self&#39;" in page_of("a.json", live=True)
 
 
-def test_a_trimesh_without_three_js_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trimesh import resources
-
-    monkeypatch.setattr(resources, "get_bytes", lambda name: b"no archive")
+@pytest.mark.parametrize("viewer", ["", "no archive", "<script>/** @license Three.js */</script>"])
+def test_a_trimesh_without_three_js_is_said(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, viewer: str
+) -> None:
+    place = tmp_path / "resources/templates/viewer.zip"
+    place.parent.mkdir(parents=True)
+    if "script" in viewer:
+        with zipfile.ZipFile(place, "w") as archive:
+            archive.writestr("viewer.html.template", viewer)
+    elif viewer:
+        place.write_text(viewer)
+    monkeypatch.setattr(pages, "_folder_of_trimesh", lambda: tmp_path)
     pages.three.cache_clear()
     with pytest.raises(ReadError, match=r"three\.js was not found in trimesh \d") as caught:
         pages.three()
     assert "pip install" in caught.value.hint
-    pages.three.cache_clear()
