@@ -37,7 +37,7 @@ _COARSE = 0.01
 """The first mesh has an error of this part of the relief …"""
 _STRIDES = 0.1, 0.5
 """… and each after it one that is smaller by a factor in here, …"""
-_AIM, _ENOUGH = 0.7, 0.4
+_AIM, _ENOUGH = 0.8, 0.5
 """… so that it has about the one part of the faces; the other is enough."""
 
 _INWARD = 1.0 / 256.0
@@ -60,7 +60,7 @@ Attempt = Callable[[float, float], BudgetedMesh]
 
 
 @dataclass(frozen=True, slots=True)
-class SceneOptions:
+class PageOptions:
     """What is wanted of the mesh of a page.
 
     Attributes:
@@ -86,7 +86,7 @@ class SceneOptions:
 # --- a mesh of as many faces as a page takes ------------------------------------------------------
 
 
-def fitted_mesh(terrain: Terrain, options: SceneOptions, progress: Progress) -> BudgetedMesh:
+def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> BudgetedMesh:
     """A mesh whose error is as small as is wanted, or as its faces allow.
 
     Raises:

@@ -23,9 +23,9 @@ from terratool.traversability.results import COLORS, GroundClass, Route, Travers
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.mesh import (
     Ints,
+    PageOptions,
     Progress,
     Rounding,
-    SceneOptions,
     faces_of,
     fitted_mesh,
     slope_error,
@@ -84,7 +84,7 @@ class Scene:
 
 def scene_of(
     site: Site,
-    options: SceneOptions | None = None,
+    options: PageOptions | None = None,
     report: TraversabilityReport | None = None,
     progress: Progress = lambda _: None,
 ) -> Scene:
@@ -99,7 +99,7 @@ def scene_of(
     Raises:
         RequestError: there is no ground, or more faces than allowed whatever is left out.
     """
-    terrain, options = site.terrain, options or SceneOptions()
+    terrain, options = site.terrain, options or PageOptions()
     fit = fitted_mesh(terrain, options, progress)
     mesh = fit.built.mesh
     progress(f"asking the field about {counted(len(mesh.faces), 'face')}")

@@ -15,7 +15,7 @@ import pytest
 
 from terratool.errors import ReadError, RequestError
 from terratool.viewing import pages
-from terratool.viewing.mesh import SceneOptions
+from terratool.viewing.mesh import PageOptions
 from terratool.viewing.pages import page_of
 from terratool.viewing.places import Place, Places, read_site, shortened
 from terratool.viewing.scene import scene_of
@@ -94,7 +94,7 @@ def test_faces_are_what_the_field_has_there(name: str) -> None:
     """At the middle of each face: height within the error, surface, element, and slope; walls
     stand upright and belong to the higher side."""
     found = read_site(str(ROOT / f"samples/{name}.json"))
-    told, arrays = read_scene(scene_of(found, SceneOptions(max_error=0.02)).to_bytes())
+    told, arrays = read_scene(scene_of(found, PageOptions(max_error=0.02)).to_bytes())
     points = arrays["positions"] * told["steps"]
     corners = arrays["corners"].reshape(-1, 3)
     ground = told["ground_faces"]
@@ -133,7 +133,7 @@ def test_faces_are_what_the_field_has_there(name: str) -> None:
 def test_rounding_is_of_powers_of_two_that_float32_holds() -> None:
     """Far from the origin of the world, too: coordinates of the page are near zero."""
     found = read_site(str(ROOT / "samples/nested-site.json"))
-    scene = scene_of(found, SceneOptions(max_error=0.5))
+    scene = scene_of(found, PageOptions(max_error=0.5))
     steps = np.array(scene.told["steps"])
     assert (np.log2(steps) == np.rint(np.log2(steps))).all()
     local = scene.arrays["positions"] * steps
@@ -146,7 +146,7 @@ def test_rounding_is_of_powers_of_two_that_float32_holds() -> None:
 
 def test_faces_beyond_the_most_are_left_out_and_it_is_said() -> None:
     found = read_site(str(ROOT / "samples/obstacle-course.json"))
-    scene = scene_of(found, SceneOptions(max_faces=1500))
+    scene = scene_of(found, PageOptions(max_faces=1500))
     assert len(scene.arrays["elements"]) <= 1500
     assert scene.told["left_out"] > 0
     assert scene.told["error"] > 0.05
@@ -155,9 +155,9 @@ def test_faces_beyond_the_most_are_left_out_and_it_is_said() -> None:
 
 def test_an_error_that_is_asked_for_is_kept_and_live_pages_are_lighter() -> None:
     found = read_site(str(ROOT / "samples/lunar-craters.json"))
-    coarse = scene_of(found, SceneOptions(max_error=0.3))
+    coarse = scene_of(found, PageOptions(max_error=0.3))
     assert coarse.told["error"] <= 0.301
-    live = scene_of(found, SceneOptions(live=True))
+    live = scene_of(found, PageOptions(live=True))
     assert len(coarse.arrays["elements"]) < len(live.arrays["elements"]) < 80_000
     assert live.told["error"] < 0.1
 
@@ -180,7 +180,7 @@ def test_ranges_and_presets_of_soils_are_said() -> None:
 
 def test_tracks_lie_on_their_ground() -> None:
     found = read_site(str(ROOT / "samples/wheel-tracks.json"))
-    told = scene_of(found, SceneOptions(max_error=0.05)).told
+    told = scene_of(found, PageOptions(max_error=0.05)).told
     assert len(told["tracks"]) == found.terrain.tracks > 0
     assert told["tracks"][0]["name"] == "/tracks/0"
     for one in told["tracks"]:
