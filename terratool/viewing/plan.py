@@ -173,7 +173,7 @@ def draw_plan(
     grid, notes = picture.grid, list(picture.notes)
     west, south, east, north = grid.bounds
     axes.imshow(
-        _shaded(picture, options.dpi, factor), extent=(west, east, south, north), aspect="auto",
+        shaded(picture, options.dpi, factor), extent=(west, east, south, north), aspect="auto",
         interpolation="none", origin="upper",
     )  # fmt: skip
     axes.set_xlim(west, east)
@@ -188,8 +188,8 @@ def draw_plan(
     if options.bare:
         axes.set_axis_off()
     else:
-        _draw_frame(sheet, axes, places, unit)
-        _draw_margins(sheet, places, picture, unit, captions)
+        draw_frame(sheet, axes, places, unit)
+        draw_margins(sheet, places, picture, unit, captions)
     if title:
         left = places.ground.left
         sheet.title(title, left, places.width - left - sheet.pixels(6.0))
@@ -224,7 +224,7 @@ def _painted(
     return picture, min(exaggeration(picture.heights, grid.resolution), picture.light.steeper)
 
 
-def _shaded(picture: LayerPicture, dpi: float, factor: float) -> NDArray[np.uint8]:
+def shaded(picture: LayerPicture, dpi: float, factor: float) -> NDArray[np.uint8]:
     """The picture with light on it, at its own pixels: each the mean of the finer ones."""
     light = np.ones(picture.heights.shape)
     if (how := picture.light) is not None:
@@ -304,7 +304,7 @@ def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Shee
     return list(found.notes)
 
 
-def _draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
+def draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
     """Draw the axes, in the units of the file."""
     per_tick = sheet.pixels(54.0)
     set_ticks(axes, "x", max(1, places.ground.width // per_tick))
@@ -318,7 +318,7 @@ def _draw_frame(sheet: Sheet, axes: Axes, places: Layout, unit: str) -> None:
     )
 
 
-def _draw_margins(
+def draw_margins(
     sheet: Sheet, places: Layout, picture: LayerPicture, unit: str, captions: list[str]
 ) -> None:
     """Draw what stands below the ground: scale bar, arrow, captions."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
@@ -163,6 +165,35 @@ def test_the_map_is_new_less_old(pair: tuple[Path, Path], tmp_path: Path) -> Non
         assert (change != 0).sum() * 0.25 == 6 == (surface == 1).sum() * 0.25
     assert call("diff", *pair, "--map", out).code == 3
     assert call("diff", *pair, "--map", tmp_path / "x.png").code == 2
+
+
+def test_the_picture_is_red_where_it_was_cut(pair: tuple[Path, Path], tmp_path: Path) -> None:
+    """The crate left the west of its place, and came to the east; all else is grey."""
+    pytest.importorskip("matplotlib")
+    import rasterio
+
+    out, again = tmp_path / "change.png", tmp_path / "again.png"
+    for name in (out, again):
+        assert call("diff", *pair, "--picture", name).code == 0
+    assert out.read_bytes() == again.read_bytes()
+    with warnings.catch_warnings(action="ignore"), rasterio.open(out) as file:
+        red, green, blue = file.read([1, 2, 3]).astype(int)
+    rows, columns = np.nonzero((red - blue > 60) & (red - green > 60))
+    filled = np.nonzero((blue - red > 60) & (blue - green > 20))
+    # the legend has both colours, too, but to the east of all ground
+    ground = columns < 0.78 * red.shape[1]
+    cut_x, fill_x = columns[ground], filled[1][filled[1] < 0.78 * red.shape[1]]
+    fill_y = filled[0][filled[1] < 0.78 * red.shape[1]]
+    # 1.5 m of 4 to the west and to the east, with the 2.5 m between that stayed
+    assert cut_x.max() < fill_x.min()
+    width = np.ptp(cut_x) + 1
+    assert np.ptp(fill_x) + 1 == pytest.approx(width, abs=2)
+    assert fill_x.min() - cut_x.max() == pytest.approx(2.5 / 1.5 * width, abs=3)
+    assert np.ptp(rows[ground]) + 1 == pytest.approx(2.0 / 1.5 * width, abs=3)
+    # the middle of the crate, 10 of 30 m from the south: below the middle of the picture
+    assert fill_y.mean() > 0.5 * red.shape[0]
+    ran = call("diff", *pair, "--picture", tmp_path / "a.gif")
+    assert (ran.code, ".png" in ran.err) == (2, True)
 
 
 def test_a_place_that_is_spoilt_changes_verdicts(tmp_path: Path) -> None:
