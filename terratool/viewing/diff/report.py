@@ -173,9 +173,10 @@ def _ground(ground: GroundChange) -> Iterator[str]:
     if ground.is_same:
         yield f"ground: no difference at the centres of {_pixels(ground)}"
         return
-    about = (
-        f" (each ± {ground.error:.2g})" if ground.error > 1e-9 * (ground.cut + ground.fill) else ""
-    )
+    about = ""
+    if ground.error > 1e-9 * (ground.cut + ground.fill):
+        each = "each " * (ground.cut > 0.0 and ground.fill > 0.0)
+        about = f" ({each}± {ground.error:.2g})"
     yield f"ground: cut {ground.cut:.6g} m³, fill {ground.fill:.6g} m³{about}"
     if ground.changed:
         assert ground.around is not None
