@@ -92,8 +92,8 @@ def setup(app: Any) -> None:
         if signature is None:
             return None
         for pattern, by in (
-            (r"~?\b(?:[a-z_]\w*\.)+(\w+)", r"\1"),
-            (r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]", r"NDArray[\1]"),
+            (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[", "NDArray[["),
+            (r"NDArray\[\[(~?[\w.]+)\]\]", r"NDArray[\1]"),
             (r"<f(actory|unction .*?>)>", "..."),
         ):
             signature = re.sub(pattern, by, signature)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from string import ascii_uppercase
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ from terratool.traversability.map import default_resolution
 from terratool.traversability.report.drawing import SHADING, hatch
 from terratool.traversability.results import COLORS, GroundClass
 from terratool.viewing.sheet import Key, Scale, Swatch
+from terratool.viewing.vision import look_alike
 
 NAMES = ("height", "slope", "surface", "friction", "traversability")
 """What can be shown."""
@@ -100,6 +102,8 @@ class LayerPicture:
         light: how light falls on the colours; None where it would hide what they stand for.
         classes: (height, width) uint8 `GroundClass` of verdicts; None for other layers.
         notes: sentences on what cannot be seen of the picture.
+        letters: of the key, with the numbers in `surfaces` that they stand for; none where anybody
+            can tell the colours apart.
     """
 
     grid: Grid
@@ -110,6 +114,7 @@ class LayerPicture:
     light: Light | None
     classes: NDArray[np.uint8] | None = None
     notes: tuple[str, ...] = ()
+    letters: tuple[tuple[str, int], ...] = ()
 
 
 def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
@@ -196,11 +201,16 @@ def _surfaces(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
     assert planes.surfaces is not None
     colors, without = surface_colors(terrain)
     seen = np.bincount(planes.surfaces[~np.isnan(planes.heights)].ravel(), minlength=len(colors))
+    drawn_ids = [*filter(seen.__getitem__, range(1, len(colors))), *[0] * bool(seen[0])]
+    letters = [""] * len(drawn_ids)
+    if len(drawn_ids) <= len(ascii_uppercase) and look_alike(colors[drawn_ids]):
+        letters = list(ascii_uppercase[: len(drawn_ids)])
+    names = ["no surface", *terrain.surfaces]
     swatches = [
-        Swatch(name, _rgb(colors[id_])) for id_, name in enumerate(terrain.surfaces, 1) if seen[id_]
+        Swatch(names[id_], _rgb(colors[id_]), letter=letter)
+        for id_, letter in zip(drawn_ids, letters, strict=True)
     ]
-    if seen[0]:
-        swatches.append(Swatch("no surface", NO_COLOR))
+    pairs = tuple(pair for pair in zip(letters, drawn_ids, strict=True) if pair[0])
     drawn = [name for name in without if seen[terrain.surfaces.index(name) + 1]]
     notes = []
     if drawn:
@@ -212,7 +222,7 @@ def _surfaces(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
     return LayerPicture(
         grid, planes.heights, planes.surfaces, colors.astype(np.float64)[planes.surfaces],
         Key("surface", (*swatches, *void_swatch(planes.heights))), _ON_SURFACES,
-        notes=tuple(notes),
+        notes=tuple(notes), letters=pairs,
     )  # fmt: skip
 
 

@@ -16,7 +16,6 @@ from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import grid_over
 from terratool.raster.shading import contour_interval, exaggeration, hillshade
 from terratool.simulators.judge import Judge
-from terratool.text.display import length
 from terratool.viewing.cells import LABEL, cell_lines
 from terratool.viewing.layers import LayerPicture, layer_picture, level_light, light_on
 from terratool.viewing.options import RenderOptions
@@ -31,6 +30,7 @@ from terratool.viewing.sheet import (
     set_ticks,
     width_of,
 )
+from terratool.viewing.vision import roomiest_places
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,7 +117,7 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: Margins)
     height = round(sides[1] / per_pixel)
     if min(width, height) < _LEAST_MAP:
         raise RequestError(
-            f"The ground is {length(sides[0])} by {length(sides[1])}: in the picture it would be "
+            f"The ground is {sides[0]:.4g} by {sides[1]:.4g} units: in the picture it would be "
             f"{max(width, 1)} by {max(height, 1)} pixels.",
             "Look at a part of it with --bounds W S E N.",
         )
@@ -183,6 +183,8 @@ def draw_plan(
         captions.append(_light_caption(factor))
     if options.contours is not None:
         captions.append(_draw_contours(axes, picture, options.contours))
+    if options.keyed:
+        _draw_letters(axes, picture, options.dpi)
     if options.grid:
         notes += _draw_cells(axes, terrain, picture, sheet)
     if options.bare:
@@ -283,6 +285,25 @@ def _draw_contours(axes: Axes, picture: LayerPicture, wanted: Any) -> str:
         if which:
             axes.clabel(drawn, fontsize=LABEL, fmt=number, inline_spacing=2)
     return caption
+
+
+def _draw_letters(axes: Axes, picture: LayerPicture, dpi: float) -> None:
+    """Draw a letter on each surface, where there is room, if its colour does not tell enough."""
+    ground = np.where(np.isnan(picture.heights), -1, picture.surfaces.astype(np.int64))
+    places = roomiest_places(ground, [id_ for _, id_ in picture.letters])
+    grid = picture.grid
+    for letter, id_ in picture.letters:
+        row, column, room = places.get(id_, (0, 0, 0))
+        if room / FINER < 0.6 * LABEL * dpi / 72.0:
+            continue
+        x = grid.west + (column + 0.5) * grid.resolution
+        y = grid.bounds[3] - (row + 0.5) * grid.resolution
+        axes.text(
+            x, y, letter, fontsize=LABEL + 1.0, fontweight="bold", ha="center",
+            va="center_baseline", color=INK,
+            bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0.0,
+                  "boxstyle": "circle,pad=0.12"},
+        )  # fmt: skip
 
 
 def _draw_cells(axes: Axes, terrain: Terrain, picture: LayerPicture, sheet: Sheet) -> list[str]:
