@@ -109,8 +109,8 @@ def _craters(wanted: Wanted) -> Members:
             }
         )
     return {
-        "descr": f"{sides_text(size)} with {count + 1:,} craters of {m(smallest)} to {m(largest)} m "
-        f"from rim to rim, seed {draw.seed}",
+        "descr": f"{sides_text(size)} with {count + 1:,} craters of {m(smallest)} to {m(largest)} "
+        f"m from rim to rim, seed {draw.seed}",
         "size": [m(side) for side in size],
         "surfTypes": ground,
         "elemTypes": types,
