@@ -286,4 +286,7 @@ def test_outputs_are_refused_before_any_work(pair: tuple[Path, Path], tmp_path: 
     assert call("diff", old, new, "--format", "json", "--format", "text").code == 2
     assert call("diff", old, new, "--bounds", 0, 0, 1, 1).code == 2
     assert call("diff", old, new, "--resolution", -1).code == 2
+    ran = call("diff", old, new, "--resolution", 1e-6)
+    assert (ran.code, "coarser resolution" in ran.err) == (2, True)
+    assert call("diff", "-", "-").code == 2
     assert call("diff", old, new, "--tolerance", "nan").code == 2

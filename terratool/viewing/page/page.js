@@ -257,7 +257,7 @@
       }
       renderer.render(stage, place());
       furnish();
-      document.body.dataset.drawn = String(Number(document.body.dataset.drawn || 0) + 1);
+      if (told) document.body.dataset.shown = "yes";
     });
   }
 
