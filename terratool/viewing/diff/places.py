@@ -65,6 +65,10 @@ def reach_of(tree: Tree, index: int, at: Placed) -> Bounds:
     cos, sin = abs(math.cos(angle)) / 2, abs(math.sin(angle)) / 2
     wide, tall = east - west, north - south
     across, up = cos * wide + sin * tall, sin * wide + cos * tall
+    begin, end = tree.brood(index)
+    if begin < end or tree.value("part", index) is not UNSET:
+        # what stands in it may be in the cell as it is written
+        across, up = max(across, wide / 2), max(up, tall / 2)
     return x - across, y - up, x + across, y + up
 
 
