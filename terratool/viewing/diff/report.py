@@ -310,7 +310,8 @@ def as_github(comparison: Comparison, most: int) -> str:
         name, line = file.file, 1
         if found is not None:
             name = found.new
-            line = next((one.new.line for one in found.elements if one.new is not None), 1) or 1
+            places = (one.new for one in (*found.elements, *found.tracks) if one.new is not None)
+            line = next((place.line for place in places if place.file == found.new), 1) or 1
         lines.append(annotation(level, {"file": name, "line": line, "title": title}, text))
     return "\n".join([*lines, _summed_up(comparison)])
 
