@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
@@ -64,7 +64,7 @@ _HATCHES = {
 }
 """Those of `hatch`, as Matplotlib calls them."""
 
-Colors = NDArray[np.float64]
+Colors = NDArray[np.uint8] | NDArray[np.float64]
 
 
 class Light(NamedTuple):
@@ -96,7 +96,7 @@ class LayerPicture:
         grid: the pixels.
         heights: (height, width) float64, rows from the north; NaN where there is no ground.
         surfaces: (height, width) index of the surface and one, 0 for none.
-        colors: (height, width, 3) float64 from 0 to 255, without light; undefined where there is no
+        colors: (height, width, 3) from 0 to 255, without light; undefined where there is no
             ground.
         key: what the colours mean.
         light: how light falls on the colours; None where it would hide what they stand for.
@@ -115,6 +115,17 @@ class LayerPicture:
     classes: NDArray[np.uint8] | None = None
     notes: tuple[str, ...] = ()
     letters: tuple[tuple[str, int], ...] = ()
+
+    def rows(self, start: int, stop: int) -> LayerPicture:
+        """The pixels of some rows; the grid is still that of all."""
+        part = slice(start, stop)
+        return replace(
+            self,
+            heights=self.heights[part],
+            surfaces=self.surfaces[part],
+            colors=self.colors[part],
+            classes=None if self.classes is None else self.classes[part],
+        )
 
 
 def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
@@ -220,7 +231,7 @@ def _surfaces(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture:
             "the legend were chosen here."
         )
     return LayerPicture(
-        grid, planes.heights, planes.surfaces, colors.astype(np.float64)[planes.surfaces],
+        grid, planes.heights, planes.surfaces, colors[planes.surfaces],
         Key("surface", (*swatches, *void_swatch(planes.heights))), _ON_SURFACES,
         notes=tuple(notes), letters=pairs,
     )  # fmt: skip
@@ -240,7 +251,7 @@ def _numbers(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> LayerP
         low, high = low - 0.5 * (layer != "slope"), high + 0.5
     scale = Scale(_TITLES[layer], low, high, _COLORS[layer])
     part = np.where(known, (values - low) / (high - low), 0.0)
-    colors = colormaps[scale.colors](part)[..., :3] * 255.0
+    colors = colormaps[scale.colors](part, bytes=True)[..., :3]
     swatches = []
     if (unknown := ground & ~known).any():
         colors[unknown] = NO_COLOR
@@ -264,7 +275,7 @@ def _verdicts(
     rows = np.floor((own.bounds[3] - grid.rows(grid.whole)) / own.resolution).astype(np.int64)
     at = np.ix_(np.clip(rows, 0, own.height - 1), np.clip(columns, 0, own.width - 1))
     classes = verdict.classes[at]
-    palette = np.array([COLORS[code] for code in sorted(COLORS)], np.float64)
+    palette = np.array([COLORS[code] for code in sorted(COLORS)], np.uint8)
     ground = ~np.isnan(planes.heights)
     seen = np.bincount(classes[ground], minlength=len(GroundClass))
     order = (

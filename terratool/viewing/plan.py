@@ -36,9 +36,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FINER = 2
-"""So many pixels along each side are painted for one of the picture, which is their mean …"""
-_MOST_PAINTED = 1 << 24
-"""… unless these would be more."""
+"""So many pixels along each side are painted for one of the picture, which is their mean."""
+_BAND = 512
+"""Rows of these that get their light at a time, about."""
+_SAMPLED = 4000
+"""How steep ground is is looked at on so many pixels of the longer side at most."""
 _HATCH = 6.0
 """Points from one line of hatching to the next."""
 _MOST_CONTOURS = 200
@@ -223,18 +225,38 @@ def _painted(
     picture = layer_picture(terrain, grid, options.layer, judge, progress)
     if picture.light is None:
         return picture, 1.0
-    return picture, min(exaggeration(picture.heights, grid.resolution), picture.light.steeper)
+    stride = 1 + max(picture.heights.shape) // _SAMPLED
+    some = picture.heights[::stride, ::stride]
+    return picture, min(exaggeration(some, grid.resolution * stride), picture.light.steeper)
 
 
 def shaded(picture: LayerPicture, dpi: float, factor: float) -> NDArray[np.uint8]:
     """The picture with light on it, at its own pixels: each the mean of the finer ones."""
-    light = np.ones(picture.heights.shape)
-    if (how := picture.light) is not None:
-        shade = hillshade(picture.heights, picture.grid.resolution, factor)
-        light = np.clip(1.0 + how.contrast * (shade - level_light()), how.shade, how.glare)
-    fine = light_on(picture, light, FINER * max(4, round(_HATCH * dpi / 72.0)))
+    step = FINER * max(4, round(_HATCH * dpi / 72.0))
+    band = step * max(1, _BAND // step)  # bands of rows need less memory, and hatching goes on
+    parts = [
+        _means(light_on(picture.rows(start, start + band), light, step))
+        for start in range(0, picture.grid.height, band)
+        for light in (_light(picture, start, start + band, factor),)
+    ]
+    return np.concatenate(parts)
+
+
+def _light(picture: LayerPicture, start: int, stop: int, factor: float) -> NDArray[np.float64]:
+    """Factors on the colours of some rows."""
+    heights = picture.heights[max(start - 1, 0) : stop + 1]  # with neighbours
+    first = min(start, 1)
+    rows = min(stop, picture.grid.height) - start
+    if (how := picture.light) is None:
+        return np.ones((rows, picture.grid.width))
+    shade = hillshade(heights, picture.grid.resolution, factor)[first : first + rows]
+    return np.asarray(np.clip(1.0 + how.contrast * (shade - level_light()), how.shade, how.glare))
+
+
+def _means(fine: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The means of blocks of pixels; those at the ends are filled up."""
     rows, columns = (-side % FINER for side in fine.shape[:2])
-    fine = np.pad(fine, ((rows, 0), (0, columns), (0, 0)), mode="edge")
+    fine = np.pad(fine, ((0, rows), (0, columns), (0, 0)), mode="edge")
     blocks = fine.reshape(fine.shape[0] // FINER, FINER, fine.shape[1] // FINER, FINER, 3)
     return np.asarray(np.rint(blocks.mean(axis=(1, 3))), np.uint8)
 
