@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from sphinx.domains.python import PyObject
+
 from terratool import __version__
 
 project = "terratool"
@@ -45,6 +47,8 @@ add_module_names = False
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
+napoleon_attr_annotations = False  # the signature has them
+autodoc_type_aliases = {"ArrayLike": "ArrayLike"}
 
 copybutton_prompt_text = "$ "
 copybutton_here_doc_delimiter = "EOF"
@@ -58,6 +62,9 @@ PAGES = {"README": "index", "CONTRIBUTING": "contributing", "CHANGELOG": "change
 
 def setup(app: Any) -> None:
     """Have the pages read well on GitHub and in the site, by what is replaced in their text."""
+    for field in PyObject.doc_field_types:
+        if field.name == "variable":
+            field.label = "Attributes"
     top = "|".join(PAGES)
     replacements: tuple[tuple[str, Any], ...] = (
         # links to files of the top folder lead to their pages
@@ -76,10 +83,24 @@ def setup(app: Any) -> None:
         lines[:] = [re.sub(r"([*`|\\])", r"\\\1", line) for line in lines]
 
     def as_command(app: Any, command: Any, lines: list[str]) -> None:
-        text = re.sub(r"[\s|]+", " ", " ".join(lines))
-        examples = re.findall(r"terratool (?:(?!terratool ).)+", text)
+        text = re.sub(r"[\s|]+", " ", " ".join(lines)).strip()
+        examples = re.split(r" (?=terratool )", re.sub("^Examples?: ", "", text))
         lines[:] = ["", ".. code-block:: console", "", *(f"   $ {one}" for one in examples), ""]
 
+    def shortened(app: Any, *described: Any) -> tuple[str | None, str | None] | None:
+        signature, returned = described[-2:]
+        if signature is None:
+            return None
+        for pattern, by in (
+            (r"~?\b(?:[a-z_]\w*\.)+(\w+)", r"\1"),
+            (r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]", r"NDArray[\1]"),
+            (r"<f(actory|unction .*?>)>", "..."),
+        ):
+            signature = re.sub(pattern, by, signature)
+            returned = re.sub(pattern, by, returned or "") or None
+        return signature, returned
+
+    app.connect("autodoc-process-signature", shortened)
     app.connect("source-read", replaced)
     app.connect("sphinx-click-process-description", as_text)
     app.connect("sphinx-click-process-epilog", as_command)

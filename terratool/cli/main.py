@@ -25,6 +25,7 @@ _COMMANDS = {
     "export-vrml": ("export_mesh:vrml", "Write a mesh, or a grid of heights, as VRML97."),
     "export-sim": ("export_sim", "Write for simulators: MuJoCo, Gazebo, PyBullet, USD, Nav2, …."),
     "render": ("render", "Draw a plan, a section or a perspective: PNG, SVG, PDF."),
+    "view": ("view", "Write a page to turn a terrain about in a browser, or follow a file."),
     "import-primitive": ("import_primitive", "Make a primitive of a patch of a DEM or a mesh."),
     "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
     "deform": ("deform", "Drive a vehicle along a path and write the ruts of its wheels."),

@@ -34,6 +34,8 @@ NAMES = ("height", "slope", "surface", "friction", "traversability")
 
 VOID = (255, 255, 255)
 """Where there is no ground, below lines that slant."""
+NO_GROUND = "void, no ground"
+"""What a legend calls that."""
 _VOID_LINE = (170, 170, 170)
 
 PALETTE = (
@@ -305,7 +307,7 @@ def _ids(planes: Planes) -> NDArray[Any]:
 
 def void_swatch(heights: NDArray[Any]) -> tuple[Swatch, ...]:
     """The line of the legend that says where there is no ground, if there is any such place."""
-    return (Swatch("void, no ground", VOID, "///"),) if np.isnan(heights).any() else ()
+    return (Swatch(NO_GROUND, VOID, "///"),) if np.isnan(heights).any() else ()
 
 
 def _rgb(color: NDArray[np.uint8]) -> tuple[int, int, int]:

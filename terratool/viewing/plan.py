@@ -74,6 +74,10 @@ class Margins(NamedTuple):
     top: float
 
 
+NO_MARGINS = Margins(1.0, 1.0, 1.0, 1.0)
+"""Of pictures without letters."""
+
+
 class Drawn(NamedTuple):
     """A sheet, what it shows, and what is to be said of it."""
 
@@ -117,7 +121,7 @@ def layout(sides: tuple[float, float], options: RenderOptions, margins: Margins)
             f"{max(width, 1)} by {max(height, 1)} pixels.",
             "Look at a part of it with --bounds W S E N.",
         )
-    least = min(options.size, math.ceil(150.0 * per_point))
+    least = 0 if options.bare else min(options.size, math.ceil(150.0 * per_point))
     tall = max(height + bottom + top, least)
     wide = max(width + left + right, least)
     ground = Rectangle(left, tall - top - height, width, height)
@@ -144,18 +148,22 @@ def draw_plan(
     part = clip_bounds(terrain, options.bounds)
     sides = part[2] - part[0], part[3] - part[1]
     # the legend is known only when the ground is painted, and that takes its place from the legend
-    room = (150.0 if options.layer == "surface" else 110.0) if options.legend else 0.0
-    if options.legend and options.layer == "surface":
+    room = (150.0 if options.layer == "surface" else 110.0) if options.keyed else 0.0
+    if options.keyed and options.layer == "surface":
         from terratool.viewing.sheet import Swatch
 
         names = [Swatch(name, (0, 0, 0)) for name in (*terrain.surfaces, "void, no ground")]
         room = key_width(Key("", tuple(names)))
-    title = terrain.descr if options.title is None else options.title
-    margins = Margins(
-        left=width_of(_labels(part[1], part[3])) + 26.0,
-        bottom=76.0,
-        right=room + 20.0 if options.legend else 14.0,
-        top=26.0 if title else 10.0,
+    title = options.title_of(terrain.descr)
+    margins = (
+        NO_MARGINS
+        if options.bare
+        else Margins(
+            left=width_of(_labels(part[1], part[3])) + 26.0,
+            bottom=76.0,
+            right=room + 20.0 if options.keyed else 14.0,
+            top=26.0 if title else 10.0,
+        )
     )
     places = layout(sides, options, margins)
     picture, factor = _painted(terrain, places, part, options, judge, progress)
@@ -177,12 +185,15 @@ def draw_plan(
         captions.append(_draw_contours(axes, picture, options.contours))
     if options.grid:
         notes += _draw_cells(axes, terrain, picture, sheet)
-    _draw_frame(sheet, axes, places, unit)
-    _draw_margins(sheet, places, picture, unit, captions)
+    if options.bare:
+        axes.set_axis_off()
+    else:
+        _draw_frame(sheet, axes, places, unit)
+        _draw_margins(sheet, places, picture, unit, captions)
     if title:
         left = places.ground.left
         sheet.title(title, left, places.width - left - sheet.pixels(6.0))
-    if options.legend:
+    if options.keyed:
         sheet.key(picture.key, places.key)
     known = picture.heights[np.isfinite(picture.heights)]
     what = (
