@@ -6,6 +6,7 @@ Each curve and each way to combine two is a primitive of its own, on a plate.
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,6 +38,8 @@ COMBINES: dict[str, dict[str, Any]] = {
 SMALL = RenderOptions(perspective=True, bare=True, size=300, azimuth=200, elevation=28,
                       exaggeration=1.0, max_error=0.01)  # fmt: skip
 README = RenderOptions(perspective=True, title="", size=1200)
+SAMPLE = RenderOptions(perspective=True, bare=True, size=480)
+TUTORIAL = RenderOptions(perspective=True, title="", size=900, dpi=100)
 
 
 class Picture(NamedTuple):
@@ -75,9 +78,25 @@ def pictures() -> Iterator[Picture]:
     yield Picture("readme.png", load(ROOT / "samples/stairs-and-kerbs.json"), README)
 
 
+def gallery() -> Iterator[Picture]:
+    """Those of docs/samples.md, and of the tutorial: its last yard."""
+    shapes = json.loads((ROOT / "samples/kit/shapes.json").read_text("utf-8"))["elemTypes"]
+    for name, shape in shapes.items():
+        if name != "group":  # which is nothing by itself
+            yield Picture(f"shape-{name}.png", primitive(shape, 2.0), SMALL)
+    for path in sorted((ROOT / "samples").glob("*.json")):
+        # what is too fine for so small a picture would only take time
+        terrain = load(path, roughness=False)
+        yield Picture(f"sample-{path.stem}.png", terrain, SAMPLE)
+    page = (ROOT / "docs/tutorial.md").read_text("utf-8")
+    *_, yard = re.findall(r"^```json\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    text = Source(str(ROOT / "samples/yard.json"), yard.encode())
+    yield Picture("tutorial.png", Terrain(check(text)), TUTORIAL)
+
+
 def main(folder: Path = IMAGES) -> None:
     """Draw them into a folder."""
-    for picture in pictures():
+    for picture in (*pictures(), *gallery()):
         render(picture.terrain, folder / picture.name, picture.options, overwrite=True)
 
 

@@ -30,6 +30,7 @@ _COMMANDS = {
     "import-terrain": ("import_terrain", "Make a definition of a DEM or mesh, within an error."),
     "deform": ("deform", "Drive a vehicle along a path and write the ruts of its wheels."),
     "traversability": ("traversability", "Say whether a vehicle can drive, where not, and why."),
+    "diff": ("diff", "Say what an edit did to a terrain, and to its verdicts."),
     "curriculum": ("curriculum", "Make a grid of training tiles, from a spec."),
     "bundle": ("bundle", "Write a terrain and what it needs of its libraries into one file."),
     "rules": ("rules", "List the validator's rules, or explain one."),

@@ -249,13 +249,18 @@ def load_checked(path: str | Path, library_roots: tuple[str, ...] = ()) -> Check
     source = read_source(path)
     checked = check(source, CheckOptions(warnings=False, library_roots=library_roots))
     if checked.terrain is None:
-        kind = document_kind(source.data)
-        if kind in _NO_TERRAIN:
-            raise DefinitionError(
-                f"{source.name}: is a {kind}, where a terrain is wanted.", _NO_TERRAIN[kind]
-            )
-        raise refusal(checked)
+        raise no_terrain(source, checked)
     return checked
+
+
+def no_terrain(source: Source, checked: Checked) -> DefinitionError:
+    """The error of a text that was read as a terrain, and is none, or is broken."""
+    kind = document_kind(source.data)
+    if kind in _NO_TERRAIN:
+        return DefinitionError(
+            f"{source.name}: is a {kind}, where a terrain is wanted.", _NO_TERRAIN[kind]
+        )
+    return refusal(checked)
 
 
 def load_definition(path: str | Path) -> Definition:

@@ -21,6 +21,8 @@ assert _spec is not None and _spec.loader is not None
 draw = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(draw)
 PICTURES = [picture for picture in draw.pictures() if picture.name != "readme.png"]
+GALLERY = [*draw.gallery()]
+SLOW = "sample-planetary-site.png"
 
 
 def test_the_format_shows_every_curve_and_combination() -> None:
@@ -33,7 +35,18 @@ def test_the_format_shows_every_curve_and_combination() -> None:
     assert sorted(shown) == sorted(wanted) == sorted(picture.name for picture in PICTURES)
 
 
-@pytest.mark.parametrize("picture", PICTURES, ids=lambda picture: picture.name)
+def test_there_is_a_picture_of_every_sample() -> None:
+    """And of the shapes that libraries share."""
+    shown = re.findall(r"images/([\w-]+\.png)", (ROOT / "docs/samples.md").read_text("utf-8"))
+    assert sorted([*shown, "tutorial.png"]) == sorted(picture.name for picture in GALLERY)
+    samples = {f"sample-{path.stem}.png" for path in (ROOT / "samples").glob("*.json")}
+    assert samples < {*shown}
+
+
+DRAWN = [picture for picture in (*PICTURES, *GALLERY) if picture.name != SLOW]
+
+
+@pytest.mark.parametrize("picture", DRAWN, ids=lambda picture: picture.name)
 def test_pictures_are_as_they_are_drawn(picture: draw.Picture, tmp_path: Path) -> None:  # type: ignore[name-defined]
     """But for a few pixels, as releases of Matplotlib may differ by those."""
     path = tmp_path / picture.name
@@ -47,4 +60,6 @@ def test_pictures_are_small() -> None:
     """A clone and a page are not to grow by them."""
     for picture in PICTURES:
         assert (IMAGES / picture.name).stat().st_size < 30_000
+    for picture in GALLERY:
+        assert (IMAGES / picture.name).stat().st_size < 120_000
     assert (IMAGES / "readme.png").stat().st_size < 200_000
