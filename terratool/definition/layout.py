@@ -1,4 +1,4 @@
-"""The canonical layout of terrains, libraries, vehicles, sensors and curricula: keys in order, lines."""
+"""The canonical layout of terrains, libraries, vehicles, sensors, curricula: order and lines."""
 
 from __future__ import annotations
 

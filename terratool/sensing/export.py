@@ -176,5 +176,3 @@ def refuse_strange(path: Path, overwrite: bool) -> None:
         raise WriteError(f"{path}: exists already.", "Choose another name, or add --overwrite.")
     if not (path / _MARK).is_file():
         raise WriteError(f"{path}: is a folder that is no bag.", "Choose another name.")
-
-

@@ -1,8 +1,8 @@
 """Where a sensor is: poses, from numbers or a CSV file, between them, and over the ground.
 
-Axes are those of ROS REP 103: x ahead, y to the left, z up. Roll, pitch and yaw turn about the fixed
-axes x, y and z, in this order, so that R = Rz(yaw) · Ry(pitch) · Rx(roll): a positive yaw turns to
-the left, a positive pitch looks down, a positive roll lets the right side down.
+Axes are those of ROS REP 103: x ahead, y to the left, z up. Roll, pitch and yaw turn about the
+fixed axes x, y and z, in this order, so that R = Rz(yaw) · Ry(pitch) · Rx(roll): a positive yaw
+turns to the left, a positive pitch looks down, a positive roll lets the right side down.
 """
 
 from __future__ import annotations

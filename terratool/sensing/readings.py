@@ -1,4 +1,4 @@
-"""What a sensor reads at once, ray by ray: of a lidar's turn, a camera's picture, a sonar's ping."""
+"""What a sensor reads at once, ray by ray: a lidar's turn, a camera's picture, a sonar's ping."""
 
 from __future__ import annotations
 
@@ -80,13 +80,14 @@ class Frame:
 
     @property
     def time(self) -> float:
-        """s."""
+        """S."""
         return float(self.poses.times[0])
 
     @property
     def returns(self) -> NDArray[np.bool_]:
         """(n,) which rays have a reading."""
-        return self.status == Status.RETURN
+        returns: NDArray[np.bool_] = self.status == Status.RETURN
+        return returns
 
     @property
     def origins(self) -> Floats:
@@ -147,9 +148,9 @@ def read(terrain: Terrain, sensor: Sensor, rays: Rays, poses: Poses, number: int
     if missed.any():
         status[missed] = passed(terrain, origins[missed], ways[missed])
     none = status != Status.RETURN
-    local = rays.directions * hits.distance[:, None]
-    local[none], points = np.nan, hits.point.copy()
-    points[none], range_[none] = np.nan, np.nan
+    range_[none] = np.nan
+    local = rays.directions * (range_ / rays.along)[:, None]
+    points = np.where(none[:, None], np.nan, hits.point)
     return Frame(
         number=number,
         poses=poses,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from terratool.definition.keys import document_kind
@@ -205,7 +205,7 @@ def _lidar(text: LidarText, rate: float) -> Lidar:
     assert text.elevations is not UNSET and text.azimuth_step is not UNSET
     elevations = np.array(text.elevations)
     if text.beams is not UNSET:
-        elevations = np.linspace(*text.elevations, text.beams)
+        elevations = np.linspace(elevations[0], elevations[1], text.beams)
     steps = np.arange(text.columns) * text.azimuth_step
     first, last = text.span
     azimuths = last - steps if text.clockwise is True else first + steps
@@ -236,8 +236,8 @@ def _camera(text: CameraText) -> Camera:
 def _sonar(text: SonarText) -> Sonar:
     assert text.beam_width is not UNSET and text.threshold is not UNSET
 
-    def of(value: float, default: float) -> float:
-        return default if value is UNSET else value  # type: ignore[comparison-overlap]
+    def of(value: float | UnsetType, default: float) -> float:
+        return default if isinstance(value, UnsetType) else value
 
     half_power, uniform = math.radians(text.beam_width) / 2.0, text.pattern == "uniform"
     if uniform:

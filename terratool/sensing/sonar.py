@@ -192,9 +192,12 @@ def _heard(
         heard = strength * cosine * law * spread * pattern(sonar, -to @ matrix)
         parts.append(
             Echoes(
-                half[seen], heard[seen], surface[seen], hits.element[met][seen],
+                half[seen],
+                heard[seen],
+                surface[seen],
+                hits.element[met][seen],
                 hits.wall[met][seen],
-            )  # fmt: skip
+            )
         )
         strength = strength * (1.0 - sonar.diffuse)
         starts, ways = beyond, mirrored / np.linalg.norm(mirrored, axis=-1, keepdims=True)

@@ -15,8 +15,8 @@ from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Document, Names, known_names
 from terratool.definition.model import Definition, Primitive, Surface
 from terratool.definition.part_sizes import PartSizes, sizes_of_places
-from terratool.definition.summaries import ShapeSummary, summarise_shape
 from terratool.definition.sensor import SensorText
+from terratool.definition.summaries import ShapeSummary, summarise_shape
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses
 from terratool.definition.vehicle import AxleText, VehicleText, WheelsText, WheelText

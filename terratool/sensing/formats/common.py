@@ -105,9 +105,7 @@ class Spool:
             shutil.copyfileobj(source, file, 1 << 20)
 
 
-def write_after(
-    path: Path, batches: Iterator[NDArray[Any]], header: Any
-) -> int:
+def write_after(path: Path, batches: Iterator[NDArray[Any]], header: Any) -> int:
     """Write rows behind a header that says how many they are.
 
     Args:

@@ -45,7 +45,7 @@ def write_tiff(path: Path, frames: Iterator[Frame], record: Record) -> None:
     """
     beside = _Beside(path, record, "metres; NaN is none")
     for frame in frames:
-        layers = [frame.range, frame.surface, frame.element, frame.status]
+        layers: list[NDArray[Any]] = [frame.range, frame.surface, frame.element, frame.status]
         bands = np.stack([layer.reshape(record.sensor.shape) for layer in layers])
         options = {"compress": "deflate", "predictor": 3, "nodata": np.nan}
         _write(beside.named(frame), "GTiff", bands.astype(np.float32), _BANDS, **options)

@@ -62,5 +62,3 @@ def write_ply(path: Path, frames: Iterator[Frame], record: Record) -> None:
         return "".join(f"{line}\n" for line in lines).encode()
 
     write_after(path, batches(), header)
-
-

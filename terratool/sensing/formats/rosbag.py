@@ -220,5 +220,3 @@ def _qos(topic: str) -> list[Any]:
             never, QosLiveliness.AUTOMATIC, never, False,
         )
     ]  # fmt: skip
-
-
