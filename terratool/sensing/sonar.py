@@ -98,8 +98,9 @@ def bessel_over(x: Floats) -> Floats:
 def ping(terrain: Terrain, sensor: Sensor, pose: Poses, number: int) -> Frame:
     """What a sonar hears of one ping, exactly.
 
-    The reading is the first range at which the amplitudes of a pulse come to the threshold; its
-    surface and element are those of the strongest of them.
+    The reading is the first range at which the amplitudes of a pulse come to the threshold. Its
+    intensity is the largest that they come to within a pulse from there; its surface and element
+    are those of the strongest ray until then.
     """
     sonar = sensor.head
     assert isinstance(sonar, Sonar)
@@ -115,8 +116,9 @@ def ping(terrain: Terrain, sensor: Sensor, pose: Poses, number: int) -> Frame:
     surface, element, wall = -1, -1, False
     if len(loud):
         index = int(loud[0])
-        range_, amplitude = float(ranges[index]), float(heard[index])
-        strongest = int(begins[index] + np.argmax(amplitudes[begins[index] : index + 1]))
+        end = int(np.searchsorted(ranges, ranges[index] + sonar.pulse_length, "right"))
+        range_, amplitude = float(ranges[index]), float(heard[index:end].max())
+        strongest = int(begins[index] + np.argmax(amplitudes[begins[index] : end]))
         of = np.flatnonzero(within)[strongest]
         surface, element = int(echoes.surface[of]), int(echoes.element[of])
         wall = bool(echoes.wall[of])
