@@ -57,7 +57,7 @@ def test_points_lie_on_what_is_seen() -> None:
 
 
 def test_range_limits_are_of_depth() -> None:
-    """A face in 18 m is seen to its corners by a camera that reads 18 m, though they are farther."""
+    """A face in 18 m is seen to its corners by one that reads 18 m, though they are farther."""
     for most, seen in ((18.001, True), (17.999, False)):
         got = frame(sensor(camera=PLAIN, range=[0.1, most]))
         assert ((got.surface == BRICK).sum() > 200) == seen

@@ -12,8 +12,8 @@ from terratool.sensing.sensor import Sensor, sensor_of
 from terratool.text.source import Source
 from tests.conftest import terrain_of, text_of
 
-# Ground at 0.5 from (100, 200) to (140, 224). A brick block, 3 high, whose west face is x = 128 for y
-# from 205 to 211; one of steel, 2 high, whose south face is y = 219 for x from 107 to 113; a hole
+# Ground at 0.5 from (100, 200) to (140, 224). A brick block, 3 high, whose west face is x = 128 for
+# y from 205 to 211; one of steel, 2 high, whose south face is y = 219 for x from 107 to 113; a hole
 # from (131, 218) to (137, 222).
 YARD: dict[str, Any] = {
     "size": [40, 24],
@@ -43,7 +43,7 @@ LEVEL: dict[str, Any] = {"elevations": [0], "azimuthStep": 90}
 
 
 def sensor(**keys: Any) -> Sensor:
-    """A sensor of a text with these keys, valid, that reads from 0.1 to 100 m if nothing is said."""
+    """A sensor of a valid text with these keys, that reads from 0.1 to 100 m if not said."""
     text = {"range": [0.1, 100], **keys}
     checked = check(Source("sensor.json", text_of(text).encode()), kind="sensor")
     assert checked.sensor is not None, checked.findings

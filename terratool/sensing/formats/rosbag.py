@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,8 @@ class _Bag:
     def __init__(self, writer: Any, record: Record) -> None:
         from rosbags.typesys import Stores, get_typestore
 
-        self._writer, self._record = writer, record
+        # /tf says where the sensor's axes are
+        self._writer, self._record = writer, replace(record, world=False)
         self._store = get_typestore(Stores.ROS2_HUMBLE)
         self._topics: dict[str, Any] = {}
         self._kind = record.sensor.kind
