@@ -272,7 +272,7 @@ def test_bag_of_a_lidar(misses: bool, tmp_path: Path) -> None:
 
 def test_bag_of_a_level_lidar(tmp_path: Path) -> None:
     """A LaserScan: angles, and ranges with +inf for what is nowhere."""
-    frames, _ = scanned(PLANAR, tmp_path / "a.bag")
+    scanned(PLANAR, tmp_path / "a.bag")
     found = messages(tmp_path / "a.bag")
     assert sorted(found) == ["/scan", "/tf"]
     scan = found["/scan"][0]
@@ -412,8 +412,8 @@ def test_a_folder_that_is_no_bag_is_kept(tmp_path: Path) -> None:
 
 def test_times_that_no_message_can_have(tmp_path: Path) -> None:
     """A path before time 0 is refused, and nothing is left."""
-    poses = Poses(np.array([-1.0, 1.0]), np.array([HERE, HERE]), quaternions([0] * 2, [0] * 2,
-                                                                           [0] * 2), True)  # fmt: skip
+    turns = quaternions([0] * 2, [0] * 2, [0] * 2)
+    poses = Poses(np.array([-1.0, 1.0]), np.array([HERE, HERE]), turns, True)
     with pytest.raises(RequestError, match="-1 s is none"):
         export_scan(TERRAIN, Scan(LIDAR, poses), ScanOutput(tmp_path / "a.bag"))
     assert list(tmp_path.iterdir()) == []
